@@ -97,7 +97,7 @@ class Exo(Device):
     def doctor(self, *, count: int = 100) -> list[Row]:
         """Check this computer, the link and the device."""
     def read(self, address: Value, count: int) -> list[Row]:
-        """Read COUNT bytes (1 to 252) from any ADDRESS. Documented registers are decoded."""
+        """Read COUNT bytes (1 to 252) from any ADDRESS. Registers from the manual are decoded."""
     def write(
         self,
         address: Value,
@@ -107,8 +107,7 @@ class Exo(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Write bytes at ADDRESS, low byte first, and read them back. They are checked against the manual. Asks
-        first."""
+        """Write bytes to ADDRESS, low byte first, and read them back. Asks first."""
     def raw(
         self,
         *data: str,
@@ -117,7 +116,7 @@ class Exo(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Send exactly these bytes and show the answer, decoded. Everything except a read asks first."""
+        """Send exactly these bytes and show the decoded reply. Everything except a read asks first."""
     def id(self, new: int | None = None, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Show the id, or give the hand a NEW one (1 to 254)."""
     def baud(
@@ -129,9 +128,9 @@ class Exo(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Show the speed code, or write a new RATE: 115200, 57600 or 19200 bit/s."""
+        """Show the baud rate code, or set a new RATE: 115200, 57600 or 19200 bit/s."""
     def clear_errors(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Clear actuator errors and show which remain. Asks first where a finger may go on to its target then."""
+        """Clear actuator errors and show which remain. Asks first if a finger may move."""
     def save(
         self,
         *,
@@ -139,7 +138,7 @@ class Exo(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Save the present parameters to flash and wait for the result (about 1 s)."""
+        """Save the present settings to flash and wait for the result (about 1 s)."""
     def factory_reset(
         self,
         *,
@@ -149,16 +148,16 @@ class Exo(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Restore the factory defaults. A snapshot is written first. The manual gives no address for this."""
+        """Restore the factory defaults, after a snapshot of the present settings."""
     def calibrate(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Run the calibration of forces and positions, guided step by step."""
+        """Calibrate forces and positions, guided step by step."""
     def force(
         self,
         *values: Value | Mapping[str, Value],
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Command forces from -1000 to 1000. A positive force opens the hand, a negative force closes it."""
+        """Command forces from -1000 (closes the hand) to 1000 (opens it). Asks first."""
     def position(
         self,
         *values: Value | Mapping[str, Value],
@@ -167,7 +166,7 @@ class Exo(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Command positions from 0 (bent) to 1000 (open)."""
+        """Command positions from 0 (bent) to 1000 (open). Asks first."""
 
 class Wrist(Device):
     """Inspire wrist module of the dexterous hand (RS-232, RS-485, CAN)."""
@@ -237,9 +236,9 @@ class Wrist(Device):
     def doctor(self, *, count: int = 100) -> list[Row]:
         """Check this computer, the link and the device."""
     def read(self, address: Value, count: int) -> list[Row]:
-        """Read COUNT bytes from ADDRESS of the wrist's registers. Documented ones are decoded."""
+        """Read COUNT bytes (1 to 252) from ADDRESS in the wrist. Registers from the manual are decoded."""
     def hand_read(self, address: Value, count: int) -> list[Row]:
-        """Read COUNT bytes from ADDRESS of the hand that carries the wrist. Shown raw (flag 11, on CAN 0)."""
+        """Read COUNT bytes (1 to 252) from ADDRESS in the wrist's hand, undecoded."""
     def move(
         self,
         *,
@@ -251,7 +250,7 @@ class Wrist(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Move to angles in degrees and wait until the wrist stands still."""
+        """Move to angles in degrees and wait until the wrist has stopped moving."""
     def center(
         self,
         *,
@@ -260,9 +259,9 @@ class Wrist(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Move both axes to 0 degrees and wait until they stand still."""
+        """Move both axes to 0 degrees and wait until they have stopped moving."""
     def write(self, address: Value, data: Value, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Write 2, 4 or 6 bytes at 1038 to 1043, low byte first, and read them back. The wrist moves."""
+        """Write 2, 4 or 6 bytes to addresses 1038 to 1043 and read them back."""
     def hand_write(
         self,
         address: Value,
@@ -272,7 +271,7 @@ class Wrist(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Write bytes to registers of the hand that carries the wrist. They are not documented here. Asks first."""
+        """Write bytes to registers of the wrist's hand. Asks first."""
     def raw(
         self,
         *data: str,
@@ -281,7 +280,7 @@ class Wrist(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show the answer."""
+        """Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show the decoded reply."""
 
 class Barrett(Device):
     """BarrettHand BH8 series (RS-232)."""
@@ -833,7 +832,7 @@ class Hand(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Write quantities by name and read them back. For example `speed_set.index=300 force_limit.index=500`."""
+        """Write quantities by name and read them back."""
     def angle(
         self,
         *values: Value | Mapping[str, Value],
@@ -858,15 +857,14 @@ class Hand(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Set the force limit in grams. Asks first where a finger may go on to its target with it."""
+        """Set the force limit in grams. Asks first if a finger may move."""
     def speed(
         self,
         *values: Value | Mapping[str, Value],
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Set the speed of the next movement from 0 to 1000. Asks first where a finger stopped on the way to its
-        target."""
+        """Set the speed of the next movement, 0 to 1000. Asks first if a finger may move."""
     def calibrate(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Calibrate the force sensors. The whole hand moves for about 6 s."""
     def id(self, new: int | None = None, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
@@ -880,11 +878,11 @@ class Hand(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Show the speed code, or write a new RATE: 115200, 57600, 19200, on some hands 921600 bit/s."""
+        """Show the baud rate code, or set a new RATE in bit/s."""
     def clear_errors(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Clear actuator errors and show which remain. Asks first where a finger may go on to its target then."""
+        """Clear actuator errors and show which remain. Asks first if a finger may move."""
     def save(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Save the present parameters to flash and wait for the result (about 1 s)."""
+        """Save the present settings to flash and wait for the result (about 1 s)."""
     def factory_reset(
         self,
         *,
@@ -892,9 +890,9 @@ class Hand(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Restore the factory defaults. A snapshot is written first."""
+        """Restore the factory defaults, after a snapshot of the present settings."""
     def read(self, address: Value, count: int) -> list[Row]:
-        """Read COUNT bytes (1 to 252) from any ADDRESS. Documented registers are decoded."""
+        """Read COUNT bytes (1 to 252) from any ADDRESS. Registers from the manual are decoded."""
     def write(
         self,
         address: Value,
@@ -904,8 +902,7 @@ class Hand(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Write bytes at ADDRESS, low byte first, and read them back. They are checked against the map. Asks
-        first."""
+        """Write bytes to ADDRESS, low byte first, and read them back. Asks first."""
     def raw(
         self,
         *data: str,
@@ -914,8 +911,7 @@ class Hand(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Send exactly these bytes, EB90 or Modbus, and show the answer, decoded. Everything except a read asks
-        first."""
+        """Send exactly these EB90 or Modbus bytes and show the decoded reply."""
     def network(
         self,
         address: Value | None = None,
@@ -944,7 +940,7 @@ class Hand(Device):
         count: int | None = None,
         duration: Number | None = None,
     ) -> list[Row]:
-        """Show the tactile sensors of an RH56DFTP: 17 zones, 1062 values of 0 to 4095. Only reads."""
+        """Show the tactile sensors of an RH56DFTP. Only reads."""
 
 @overload
 def connect(

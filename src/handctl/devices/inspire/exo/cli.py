@@ -49,7 +49,7 @@ cli = Group(
     family=Family("exo", open_exo, 115200, explain_silence, ids=True, speeds=tuple(BAUD_RATES.values())),
     first=("position", "force", "clear-errors", "calibrate", "scan"),
     help="Inspire EH55BF1 exoskeleton hand, over RS-232 or a Bluetooth serial port. A person may be wearing it. "
-    "Commands that move it, or change it permanently, ask first.",
+    "Commands that move it or change it permanently ask first.",
 )
 
 
@@ -69,7 +69,7 @@ add_map_verbs(
 @click.argument("address")
 @click.argument("count", type=int)
 def read(run: Run, address: str, count: int) -> Table:
-    """Read COUNT bytes (1 to 252) from any ADDRESS. Documented registers are decoded."""
+    """Read COUNT bytes (1 to 252) from any ADDRESS. Registers from the manual are decoded."""
     from handctl.devices.inspire.exo import raw as exo_raw
 
     place = address_in(address)
@@ -83,9 +83,11 @@ def read(run: Run, address: str, count: int) -> Table:
 @cli.verb("write", "Service", writes=True)
 @click.argument("address")
 @click.argument("data", metavar="HEX")
-@click.option("--undocumented", is_flag=True, help="Allow an address that the manual does not document.")
+@click.option("--undocumented", is_flag=True, help="Allow an address that is not in the manual.")
 def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
-    """Write bytes at ADDRESS, low byte first, and read them back. They are checked against the manual. Asks first."""
+    """Write bytes to ADDRESS, low byte first, and read them back. Asks first.
+
+    The values are checked against the manual before anything is sent."""
     from handctl.devices.inspire.exo import raw as exo_raw
 
     place = address_in(address)
@@ -109,10 +111,10 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
 @click.option(
     "--force-ambiguous",
     is_flag=True,
-    help="Send also a frame that another device of this maker reads differently, or a value out of range.",
+    help="Also send a frame that means something else to another Inspire device, or that has a value out of range.",
 )
 def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Table:
-    """Send exactly these bytes and show the answer, decoded. Everything except a read asks first."""
+    """Send exactly these bytes and show the decoded reply. Everything except a read asks first."""
     from handctl.devices.inspire.exo import raw as exo_raw
 
     frame = exo_raw.parse_hex(" ".join(data))
@@ -131,7 +133,7 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
 def id_(run: Run, new: int | None) -> Table:
     """Show the id, or give the hand a NEW one (1 to 254).
 
-    A new id acts at once, and `save` keeps it. Only one hand may be on the line.
+    A new id is active at once, and `save` makes it permanent. Connect only one hand.
     """
     from handctl.devices.inspire import procedures
 
@@ -154,15 +156,17 @@ def id_(run: Run, new: int | None) -> Table:
     "--save",
     "save_too",
     is_flag=True,
-    help="Save to flash afterwards. The new speed acts only after that and a power-cycle.",
+    help="Then save to flash. The new baud rate takes effect only after a save and a power-cycle.",
 )
 @click.option(
-    "--verify", is_flag=True, help="Wait for the power-cycle (up to 120 s), then look for the hand at the new speed."
+    "--verify",
+    is_flag=True,
+    help="Wait up to 120 s for the power-cycle, then check that the hand replies at the new baud rate.",
 )
 def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
-    """Show the speed code, or write a new RATE: 115200, 57600 or 19200 bit/s.
+    """Show the baud rate code, or set a new RATE: 115200, 57600 or 19200 bit/s.
 
-    The new speed acts after `save` and a power-cycle.
+    The new baud rate takes effect after `save` and a power-cycle.
     """
     from handctl.devices.inspire import flash, procedures
 
@@ -238,9 +242,10 @@ def _only_reads(run: Run, name: str) -> None:
 
 @cli.verb("clear-errors", "Service", writes=True)
 def clear_errors(run: Run) -> Table:
-    """Clear actuator errors and show which remain. Asks first where a finger may go on to its target then.
+    """Clear actuator errors and show which remain. Asks first if a finger may move.
 
-    Over-temperature cannot be cleared. It ends by cooling.
+    A finger that an error stopped may then go on to its target.
+    An over-temperature error cannot be cleared. It goes away once the actuator has cooled down.
     """
     from handctl.devices.inspire import flash
 
@@ -252,15 +257,13 @@ def clear_errors(run: Run) -> Table:
     return flash.clear_errors(hand)
 
 
-SKIP_IDENTITY = click.option(
-    "--skip-identity-check", is_flag=True, help="Skip the check that the registers look like those of an EH55BF1."
-)
+SKIP_IDENTITY = click.option("--skip-identity-check", is_flag=True, help="Skip the check that this is an EH55BF1.")
 
 
 @cli.verb("save", "Settings", writes=True)
 @SKIP_IDENTITY
 def save(run: Run, skip_identity_check: bool) -> Table:
-    """Save the present parameters to flash and wait for the result (about 1 s)."""
+    """Save the present settings to flash and wait for the result (about 1 s)."""
     from handctl.devices.inspire import flash
 
     steps = [run.planner().trigger_step("save", "save to flash")]
@@ -277,17 +280,19 @@ def save(run: Run, skip_identity_check: bool) -> Table:
 @click.option(
     "--undocumented-address",
     is_flag=True,
-    help="Write to address 1006, which is the RH56 hand's. The manual of this hand gives none.",
+    help="Write to address 1006, known from the RH56 hand. The manual of this hand gives no address.",
 )
 @click.option(
     "--backup",
     metavar="FILE",
     type=OutFile(),
-    help="Snapshot to write first (default: exo-before-reset.json). An existing file is never overwritten.",
+    help="Write the snapshot to FILE (default: exo-before-reset.json). An existing file is never overwritten.",
 )
 @SKIP_IDENTITY
 def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip_identity_check: bool) -> Table:
-    """Restore the factory defaults. A snapshot is written first. The manual gives no address for this."""
+    """Restore the factory defaults, after a snapshot of the present settings.
+
+    The manual gives no address for this: see --undocumented-address."""
     import os
 
     from handctl.devices.inspire import flash

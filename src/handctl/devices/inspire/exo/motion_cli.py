@@ -19,10 +19,10 @@ def add_movements(group: Group) -> None:
 
     @group.verb("calibrate", "Service", writes=True)
     def calibrate(run: Run) -> Table:
-        """Run the calibration of forces and positions, guided step by step.
+        """Calibrate forces and positions, guided step by step.
 
         Ctrl-C does not stop the hand. To stop it, switch its power off.
-        The hand must be worn, and it moves the wearer's fingers.
+        Someone has to wear the hand, and it moves the wearer's fingers.
         """
         from handctl.devices.inspire.exo import motion
 
@@ -39,10 +39,11 @@ def add_movements(group: Group) -> None:
     @group.verb("force", "Move", writes=True)
     @click.argument("values", nargs=-1, required=True, metavar=FIVE)
     def force(run: Run, values: tuple[str, ...]) -> Table:
-        """Command forces from -1000 to 1000. A positive force opens the hand, a negative force closes it.
+        """Command forces from -1000 (closes the hand) to 1000 (opens it). Asks first.
 
-        All five in order, or single fingers: `force ring=100`. Shows the positions in the answer, of single fingers their forces.
-        A force stays until another is commanded. `force 0 0 0 0 0` releases the hand.
+        Give all five in order, or name single fingers: `force ring=100`.
+        A force stays in effect until you command another one. `force 0 0 0 0 0` releases the hand.
+        The result shows the positions from the reply, or the forces if you named single fingers.
         """
         return _command(run, "force", values)
 
@@ -52,14 +53,14 @@ def add_movements(group: Group) -> None:
         "--wait",
         type=Seconds(),
         metavar="S",
-        help="Watch for up to S seconds until the fingers stand still. Ctrl-C holds them where they are.",
+        help="Wait up to S seconds for the fingers to stop moving. Ctrl-C makes them hold their position.",
     )
     @expect
     def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Table:
-        """Command positions from 0 (bent) to 1000 (open).
+        """Command positions from 0 (bent) to 1000 (open). Asks first.
 
-        All five in order, -1 leaves a finger as it is, or single fingers: `position ring=900 index=100`.
-        Shows the forces in the answer, of single fingers their targets. With --wait it shows the positions that were reached.
+        Give all five in order, where -1 leaves a finger as it is, or name single fingers: `position ring=900 index=100`.
+        The result shows the forces from the reply, or the targets if you named single fingers. With --wait it shows the positions reached.
         """
         return _command(run, "position", values, wait, expect)
 

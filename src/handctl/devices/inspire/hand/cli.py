@@ -98,8 +98,8 @@ cli = Group(
         speeds=tuple(SPEEDS.values()),
     ),
     first=("angle", "position", "speed", "force", "clear-errors", "calibrate", "scan"),
-    help="Inspire RH56 dexterous hands, over RS-232, RS-485, CAN or Modbus. For Modbus TCP give -p tcp://HOST. "
-    "A hand closes within a second. Commands that move it, or change it permanently, ask first.",
+    help="Inspire RH56 dexterous hands, over RS-232, RS-485, CAN or Modbus. For Modbus TCP use -p tcp://HOST. "
+    "A hand closes in less than a second. Commands that move it or change it permanently ask first.",
 )
 
 add_map_verbs(
@@ -114,7 +114,9 @@ add_map_verbs(
 @cli.verb("set", "Settings", writes=True)
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME[.FINGER]=VALUE...")
 def set_(run: Run, assignments: tuple[str, ...]) -> Table:
-    """Write quantities by name and read them back. For example `speed_set.index=300 force_limit.index=500`."""
+    """Write quantities by name and read them back.
+
+    For example `speed_set.index=300 force_limit.index=500`."""
     return write_asked(run, map_of(run.settings).assignments(assignments))
 
 

@@ -28,7 +28,7 @@ WAIT = click.option(
     "--wait",
     type=Seconds(),
     metavar="S",
-    help="Watch for up to S seconds until the fingers stand still. Ctrl-C sets the speed to 0.",
+    help="Wait up to S seconds for the fingers to stop moving. Ctrl-C sets their speed to 0.",
 )
 
 
@@ -42,8 +42,8 @@ def add_movements(group: Group) -> None:
     def angle(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Table:
         """Command angles from 0 (closed) to 1000 (open). Asks first.
 
-        -1 leaves a finger as it is. Or name single fingers: `angle ring=500 index=300`.
-        The question shows the speed and the force limit that are set. `speed` and `force` change them.
+        Give a value for every finger, where -1 leaves it as it is, or name single fingers: `angle ring=500 index=300`.
+        The question shows the present speed and force limit. Change them with `speed` and `force`.
         """
         return write_asked(run, _changes(run, "angle_set", values), wait, expect)
 
@@ -54,26 +54,30 @@ def add_movements(group: Group) -> None:
     def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Table:
         """Command strokes from 0 (open) to 2000 (closed). Asks first.
 
-        -1 leaves a finger as it is. Or name single fingers: `position ring=900`.
-        The maker advises `angle` instead.
+        Give a value for every finger, where -1 leaves it as it is, or name single fingers: `position ring=900`.
+        The manufacturer recommends `angle` instead.
         """
         return write_asked(run, _changes(run, "stroke_set", values), wait, expect)
 
     @group.verb("force", "Move", writes=True)
     @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
     def force(run: Run, values: tuple[str, ...]) -> Table:
-        """Set the force limit in grams. Asks first where a finger may go on to its target with it.
+        """Set the force limit in grams. Asks first if a finger may move.
 
-        -1 leaves a finger as it is. Or name single fingers: `force index=300`. A closing finger stops at this threshold. It does not hold that force. It counts from the next movement on.
+        Give a value for every finger, where -1 leaves it as it is, or name single fingers: `force index=300`.
+        A closing finger stops when it reaches the limit. It does not hold that force.
+        The limit applies from the next movement on. With a higher limit, a finger that stopped may go on to its target.
         """
         return write_asked(run, _changes(run, "force_limit", values))
 
     @group.verb("speed", "Move", writes=True)
     @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
     def speed(run: Run, values: tuple[str, ...]) -> Table:
-        """Set the speed of the next movement from 0 to 1000. Asks first where a finger stopped on the way to its target.
+        """Set the speed of the next movement, 0 to 1000. Asks first if a finger may move.
 
-        -1 leaves a finger as it is. Or name single fingers: `speed index=300`. At 1000 a finger closes in less than a second. Speed 0 stops a finger, with some run-on.
+        Give a value for every finger, where -1 leaves it as it is, or name single fingers: `speed index=300`.
+        At 1000 a finger closes in less than a second. Speed 0 stops a finger, which runs on a little.
+        With a new speed, a finger that stopped on its way goes on to its target.
         """
         changes = _changes(run, "speed_set", values)
         table = write_asked(run, changes)
@@ -90,7 +94,7 @@ def add_movements(group: Group) -> None:
         """Calibrate the force sensors. The whole hand moves for about 6 s.
 
         Ctrl-C does not stop the hand. To stop it, switch its power off.
-        The hand must be open and empty, and nothing may touch it.
+        The hand must be open and empty, with nothing touching it.
         """
         from handctl.devices.inspire.hand import calibration, motion
 

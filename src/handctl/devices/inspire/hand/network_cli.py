@@ -23,8 +23,8 @@ def add_network(group: Group) -> None:
     def network(run: Run, address: str | None) -> Table:
         """Show the IP address of a tactile hand, or give it a new ADDRESS.
 
-        The new address is saved, and acts after a power-cycle. Then this computer needs an address in the same network.
-        Only one hand with the old address may be on. Asks for the new address as confirmation.
+        First switch off every other hand that has the old address. handctl asks you to type the new one to confirm.
+        The new address is saved and takes effect after a power-cycle. This computer then needs an address in the same network.
         """
         from handctl.devices.inspire.hand import place
 

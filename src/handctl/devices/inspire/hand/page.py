@@ -1,6 +1,6 @@
 """What the manual page says beside the commands (see `docgen.texts`). Data only."""
 
-FILES = (("hand-before-reset.json", "The snapshot that `factory-reset` writes first. `--backup` names another file."),)
+FILES = (("hand-before-reset.json", "The snapshot that `factory-reset` writes first. `--backup` changes its name."),)
 EXCEPTIONS = (
     (
         "other-family",
@@ -18,20 +18,20 @@ EXAMPLES = (
     ("handctl hand angle 1000 1000 1000 1000 1000 1000 --wait 5 -p /dev/ttyUSB0", "Open the hand. Asks first."),
     (
         "handctl hand angle index=300 -n --fake",
-        "Show the bytes that move the index finger only. Send nothing.",
+        "Show the bytes that move the index finger only, and send nothing.",
     ),
     ("handctl hand position -1 -1 -1 500 -1 -1 -n --fake", "Show the bytes and send nothing."),
-    ("handctl hand speed 100 100 100 100 100 100 --fake", "Let the next movement be slow."),
-    ("handctl hand force 200 200 200 200 200 200 --fake", "Let a closing finger stop at 200 g."),
+    ("handctl hand speed 100 100 100 100 100 100 --fake", "Make the next movement slow."),
+    ("handctl hand force 200 200 200 200 200 200 --fake", "Make a closing finger stop at 200 g."),
     ("handctl hand set speed_set.index=300 -n --fake", "Show the bytes and send nothing."),
     ("handctl hand id --fake", "Show the id of the hand."),
     ("handctl hand id 2 -p /dev/ttyUSB0", "Give the hand another id. Asks first."),
-    ("handctl hand baud --fake", "Show the speed code of the hand."),
+    ("handctl hand baud --fake", "Show the baud rate code of the hand."),
     (
         "handctl hand baud 921600 --save --verify -p /dev/ttyUSB0",
-        "Change the speed, save it, and look for the hand there.",
+        "Change the baud rate, save it, and check the hand after a power-cycle.",
     ),
-    ("handctl hand save -p /dev/ttyUSB0", "Save the present parameters. Asks first."),
+    ("handctl hand save -p /dev/ttyUSB0", "Save the present settings. Asks first."),
     ("handctl hand save -n --fake", "Show the bytes and send nothing."),
     (
         "handctl hand factory-reset --backup before-reset.json -p /dev/ttyUSB0",
@@ -40,21 +40,27 @@ EXAMPLES = (
     ("handctl hand clear-errors -p /dev/ttyUSB0", "Clear the errors and show which remain."),
     ("handctl hand clear-errors -n --fake", "Show the bytes and send nothing."),
     ("handctl hand calibrate -p /dev/ttyUSB0", "Calibrate the force sensors. The hand must be open and empty."),
-    ("handctl hand scan -p /dev/ttyUSB0", "Find the id, the speed and the protocol of the hand."),
-    ("handctl hand scan --ids 1-10 --baud 115200 -p /dev/ttyUSB0", "Ask ten ids at one speed."),
-    ("handctl hand network --fake", "Show the IP address of a tactile hand, and what this computer needs."),
+    ("handctl hand scan -p /dev/ttyUSB0", "Find the id, the baud rate and the protocol of the hand."),
+    ("handctl hand scan --ids 1-10 --baud 115200 -p /dev/ttyUSB0", "Try ten ids at one baud rate."),
+    ("handctl hand network --fake", "Show the IP address of a tactile hand, and the one this computer needs."),
     ("handctl hand network 192.168.11.211 -n --fake", "Show the bytes and send nothing."),
     (
         "handctl hand network 192.168.11.211 -p tcp://192.168.11.210",
-        "Give a hand another IP address. You type it once more to confirm.",
+        "Change the IP address of a hand. You type it again to confirm.",
     ),
     ("handctl hand tactile --fake --modbus-tcp", "Draw all 17 tactile zones."),
     ("handctl hand tactile index palm --fake --csv", "Print the values of the index finger and the palm."),
-    ("handctl hand tactile --watch --count 2 --rate 0 --fake --json", "Take two samples of the whole skin."),
+    ("handctl hand tactile --watch --count 2 --rate 0 --fake --json", "Take two samples of all zones."),
     ("handctl hand tactile index --watch -p tcp://192.168.11.210", "Watch one finger while it touches something."),
-    ("handctl hand pair -p /dev/ttyUSB0", "Tell two hands on one bus apart, and name both."),
-    ("handctl hand pair /dev/ttyUSB0 /dev/ttyUSB1", "Tell two hands on two ports apart, and name both."),
-    ("handctl hand pair tcp://192.168.11.210", "Give one of two hands with one IP address another, and name both."),
+    ("handctl hand pair -p /dev/ttyUSB0", "Find out which of two hands on one bus is left and right, and name both."),
+    (
+        "handctl hand pair /dev/ttyUSB0 /dev/ttyUSB1",
+        "Find out which of two hands on two ports is left and right, and name both.",
+    ),
+    (
+        "handctl hand pair tcp://192.168.11.210",
+        "Name two hands that have the same IP address, and give one a new address.",
+    ),
     ("handctl hand read 1546 12 --fake", "Read twelve bytes from address 1546."),
     ("handctl hand write 1528 2C01 -n --fake", "Show the bytes and send nothing."),
     ('handctl hand raw -n "EB 90 01 04 11 0A 06 0C 32"', "Explain an EB90 frame and send nothing."),

@@ -36,21 +36,23 @@ def add_pairing(group: Group) -> None:
 
     @group.verb("pair", "Settings", writes=True)
     @click.argument("links", nargs=-1, metavar="[LINK] [LINK]")
-    @click.option("--first", type=click.Choice(SIDES), help="Which side the first hand is. Then nothing moves.")
     @click.option(
-        "--address", metavar="ADDRESS", help="The new IP address where two hands have one (default: the next one)."
+        "--first", type=click.Choice(SIDES), help="The side of the first hand. With this option nothing moves."
+    )
+    @click.option(
+        "--address", metavar="ADDRESS", help="New IP address if both hands have the same one (default: the next one)."
     )
     @click.option("--left", default="left", show_default=True, metavar="NAME", help="Name of the left hand.")
     @click.option("--right", default="right", show_default=True, metavar="NAME", help="Name of the right hand.")
-    @click.option("--force", is_flag=True, help="Replace devices that have these names now.")
+    @click.option("--force", is_flag=True, help="Replace devices that already have these names.")
     def pair(
         run: Run, links: tuple[str, ...], first: str | None, address: str | None, left: str, right: str, force: bool
     ) -> Table:
         """Find out which of two hands is left and which is right, and name both.
 
-        Each hand moves its index finger a little, after a question. You say which hand moved. Two LINKs are two ports or
-        two IP addresses. With one LINK both hands are on one bus, or have one IP address. Where both have one id or
-        address, one hand gets another, step by step. Ctrl-C stops the movement, and no hand is named.
+        After you confirm, each hand moves its index finger a little, and you say which hand moved. Give two LINKs for two
+        ports or two IP addresses. Give one LINK if both hands are on one bus or have the same IP address. If they share an
+        id or an address, handctl takes you through changing it for one hand. Ctrl-C stops the movement, and no hand is named.
         """
         from handctl.devices.inspire.hand import pairing, place
 

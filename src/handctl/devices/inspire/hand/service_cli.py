@@ -25,9 +25,9 @@ def add_service(group: Group) -> None:
     @click.argument("address")
     @click.argument("count", type=int)
     def read(run: Run, address: str, count: int) -> Table:
-        """Read COUNT bytes (1 to 252) from any ADDRESS. Documented registers are decoded.
+        """Read COUNT bytes (1 to 252) from any ADDRESS. Registers from the manual are decoded.
 
-        An RH56F1 or RH5DG2 counts words: each of their addresses has two bytes.
+        On an RH56F1 or RH5DG2 each address holds a word of two bytes.
         """
         from handctl.devices.inspire import eb90
         from handctl.devices.inspire.exo import raw as exo_raw
@@ -41,9 +41,11 @@ def add_service(group: Group) -> None:
     @group.verb("write", "Service", writes=True)
     @click.argument("address")
     @click.argument("data", metavar="HEX")
-    @click.option("--undocumented", is_flag=True, help="Allow an address that is not documented.")
+    @click.option("--undocumented", is_flag=True, help="Allow an address that is not in the manual.")
     def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
-        """Write bytes at ADDRESS, low byte first, and read them back. They are checked against the map. Asks first."""
+        """Write bytes to ADDRESS, low byte first, and read them back. Asks first.
+
+        The values are checked against the documented ranges before anything is sent."""
         from handctl.devices.inspire.exo import raw as exo_raw
         from handctl.devices.inspire.hand import motion
         from handctl.devices.inspire.hand import raw as hand_raw
@@ -78,10 +80,12 @@ def add_service(group: Group) -> None:
     @click.option(
         "--force-ambiguous",
         is_flag=True,
-        help="Send also a frame that resets, starts a stored movement, or has a value out of range.",
+        help="Also send a frame that resets the hand, starts a stored movement or has a value out of range.",
     )
     def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Table:
-        """Send exactly these bytes, EB90 or Modbus, and show the answer, decoded. Everything except a read asks first."""
+        """Send exactly these EB90 or Modbus bytes and show the decoded reply.
+
+        Everything except a read asks first."""
         from handctl.devices.inspire.exo import raw as exo_raw
         from handctl.devices.inspire.hand import raw as hand_raw
 

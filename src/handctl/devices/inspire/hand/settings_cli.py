@@ -40,7 +40,7 @@ def add_settings(group: Group) -> None:
     def id_(run: Run, new: int | None) -> Table:
         """Show the id, or give the hand a NEW one (1 to 254).
 
-        A new id acts at once, and `save` keeps it. Only one hand may be on the line. Modbus calls the id unit.
+        A new id is active at once, and `save` makes it permanent. Connect only one hand. Modbus calls the id the unit.
         """
         if new is None:
             _only_reads(run, "id")
@@ -53,17 +53,18 @@ def add_settings(group: Group) -> None:
         "--save",
         "save_too",
         is_flag=True,
-        help="Save to flash afterwards. The new speed acts only after that and a power-cycle.",
+        help="Then save to flash. The new baud rate takes effect only after a save and a power-cycle.",
     )
     @click.option(
         "--verify",
         is_flag=True,
-        help="Wait for the power-cycle (up to 120 s), then look for the hand at the new speed.",
+        help="Wait up to 120 s for the power-cycle, then check that the hand replies at the new baud rate.",
     )
     def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
-        """Show the speed code, or write a new RATE: 115200, 57600, 19200, on some hands 921600 bit/s.
+        """Show the baud rate code, or set a new RATE in bit/s.
 
-        The new speed acts after `save` and a power-cycle. On CAN the rates are 1000000 and 500000 bit/s.
+        A serial hand takes 115200, 57600 or 19200, and some take 921600. On CAN it is 1000000 or 500000.
+        The new rate takes effect after `save` and a power-cycle.
         """
         from handctl.devices.inspire.hand import place
 
@@ -76,9 +77,10 @@ def add_settings(group: Group) -> None:
 
     @group.verb("clear-errors", "Service", writes=True)
     def clear_errors(run: Run) -> Table:
-        """Clear actuator errors and show which remain. Asks first where a finger may go on to its target then.
+        """Clear actuator errors and show which remain. Asks first if a finger may move.
 
-        Over-temperature cannot be cleared. It ends by cooling.
+        A finger that an error stopped may then go on to its target.
+        An over-temperature error cannot be cleared. It goes away once the actuator has cooled down.
         """
         from handctl.devices.inspire import flash
 
@@ -92,7 +94,7 @@ def add_settings(group: Group) -> None:
 
     @group.verb("save", "Settings", writes=True)
     def save(run: Run) -> Table:
-        """Save the present parameters to flash and wait for the result (about 1 s)."""
+        """Save the present settings to flash and wait for the result (about 1 s)."""
         from handctl.devices.inspire import flash
 
         steps = [run.planner().trigger_step("save", "save to flash")]
@@ -106,12 +108,12 @@ def add_settings(group: Group) -> None:
         "--backup",
         metavar="FILE",
         type=OutFile(),
-        help=f"Snapshot to write first (default: {BACKUP}). An existing file is never overwritten.",
+        help=f"Write the snapshot to FILE (default: {BACKUP}). An existing file is never overwritten.",
     )
     def factory_reset(run: Run, backup: str | None) -> Table:
-        """Restore the factory defaults. A snapshot is written first.
+        """Restore the factory defaults, after a snapshot of the present settings.
 
-        The id may be 1 afterwards, the speed 115200 bit/s, and the network address 192.168.11.210.
+        This may set the id to 1, the baud rate to 115200 bit/s and the network address to 192.168.11.210.
         """
         from handctl.devices.inspire import flash
 

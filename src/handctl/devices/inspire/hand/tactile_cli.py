@@ -21,16 +21,16 @@ def add_tactile(group: Group) -> None:
     @group.verb("tactile", "Look")
     @click.argument("zones", nargs=-1, metavar="[ZONE]...")
     @click.option(
-        "--watch", "live", is_flag=True, help="Go on: a live picture on a terminal, a stream of rows elsewhere."
+        "--watch", "live", is_flag=True, help="Keep reading: a live picture on a terminal, otherwise a stream of rows."
     )
     @streaming(5.0)
     def tactile(
         run: Run, zones: tuple[str, ...], live: bool, rate: float, count: int | None, duration: float | None
     ) -> Table:
-        """Show the tactile sensors of an RH56DFTP: 17 zones, 1062 values of 0 to 4095. Only reads.
+        """Show the tactile sensors of an RH56DFTP. Only reads.
 
-        A picture on a terminal, a row for each value elsewhere. ZONE is one such as `index_tip`, or a finger, or `palm`.
-        `--watch -o FILE.csv` makes a log.
+        It has 17 zones with 1062 values from 0 to 4095. ZONE is a zone such as `index_tip`, a finger, or `palm`.
+        On a terminal this draws a picture, otherwise it prints a row for each value. `--watch -o FILE.csv` records a log.
         """
         from handctl.devices.inspire.hand import tactile as skin
 

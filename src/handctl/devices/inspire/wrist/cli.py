@@ -47,12 +47,14 @@ cli = Group(
     "wrist",
     family=Family("wrist", open_wrist, 115200, wires=("serial", "can"), ids=True, speeds=tuple(BAUD_RATES.values())),
     first=("scan", "read"),
-    help="Inspire wrist module of the dexterous hand, over RS-232, RS-485 or CAN. For CAN give -p can:INTERFACE:CHANNEL. "
+    help="Inspire wrist module of the dexterous hand, over RS-232, RS-485 or CAN. For CAN use -p can:INTERFACE:CHANNEL. "
     "Movements of the wrist do not ask first.",
 )
 
 FORCE = click.option(
-    "--force-ambiguous", is_flag=True, help="Send also a frame that another device or register space reads differently."
+    "--force-ambiguous",
+    is_flag=True,
+    help="Also send a frame that means something else to another device or to the hand's registers.",
 )
 
 
@@ -66,7 +68,7 @@ add_map_verbs(cli, WRIST, example="pitch_actual yaw_actual", setting="yaw_set=10
 @click.argument("address")
 @click.argument("count", type=int)
 def read(run: Run, address: str, count: int) -> Table:
-    """Read COUNT bytes from ADDRESS of the wrist's registers. Documented ones are decoded."""
+    """Read COUNT bytes (1 to 252) from ADDRESS in the wrist. Registers from the manual are decoded."""
     from handctl.devices.inspire import eb90
     from handctl.devices.inspire.exo import raw as exo_raw
 
@@ -79,7 +81,9 @@ def read(run: Run, address: str, count: int) -> Table:
 @click.argument("address")
 @click.argument("count", type=int)
 def hand_read(run: Run, address: str, count: int) -> Table:
-    """Read COUNT bytes from ADDRESS of the hand that carries the wrist. Shown raw (flag 11, on CAN 0)."""
+    """Read COUNT bytes (1 to 252) from ADDRESS in the wrist's hand, undecoded.
+
+    Uses flag 11, on CAN flag 0."""
     from handctl.devices.inspire import eb90
     from handctl.devices.inspire.wrist import hand as wrist_hand
 
@@ -94,15 +98,15 @@ def hand_read(run: Run, address: str, count: int) -> Table:
 @cli.verb("move", "Move", writes=True)
 @click.option("--pitch", metavar="DEG", help="Pitch from -22.66 to 22.12 degrees, two decimals.")
 @click.option("--yaw", metavar="DEG", help="Yaw from -25.50 to 25.50 degrees, two decimals.")
-@click.option("--time", metavar="MS", help="Movement time in ms. Default: the time set in the wrist.")
-@click.option("--wait", type=Seconds(), metavar="S", help="Longest wait for the arrival, in seconds.")
+@click.option("--time", metavar="MS", help="Movement time in ms (default: the time set in the wrist).")
+@click.option("--wait", type=Seconds(), metavar="S", help="Wait at most S seconds for the wrist to arrive.")
 @expect
 def move(
     run: Run, pitch: str | None, yaw: str | None, time: str | None, wait: float | None, expect: str | None
 ) -> Table:
-    """Move to angles in degrees and wait until the wrist stands still.
+    """Move to angles in degrees and wait until the wrist has stopped moving.
 
-    Shows the angles that were reached. Ctrl-C holds the wrist where it is.
+    Shows the angles it reached. Ctrl-C makes the wrist hold its position.
     """
     wanted = {"yaw_set": yaw, "pitch_set": pitch, "move_time": time}
     values = {name: WRIST[name].parse(text, name) for name, text in wanted.items() if text is not None}
@@ -110,10 +114,10 @@ def move(
 
 
 @cli.verb("center", "Move", writes=True)
-@click.option("--time", metavar="MS", help="Movement time in ms. Default: the time set in the wrist.")
+@click.option("--time", metavar="MS", help="Movement time in ms (default: the time set in the wrist).")
 @expect
 def center(run: Run, time: str | None, expect: str | None) -> Table:
-    """Move both axes to 0 degrees and wait until they stand still."""
+    """Move both axes to 0 degrees and wait until they have stopped moving."""
     values = {"yaw_set": 0.0, "pitch_set": 0.0}
     if time is not None:
         values["move_time"] = WRIST["move_time"].parse(time, "move_time")
@@ -134,7 +138,9 @@ def _move(run: Run, values: dict[str, Any], wait: float | None, expect: str | No
 @click.argument("address")
 @click.argument("data", metavar="HEX")
 def write(run: Run, address: str, data: str) -> Table:
-    """Write 2, 4 or 6 bytes at 1038 to 1043, low byte first, and read them back. The wrist moves."""
+    """Write 2, 4 or 6 bytes to addresses 1038 to 1043 and read them back.
+
+    Low byte first. This moves the wrist."""
     from handctl.devices.inspire.exo import raw as exo_raw
     from handctl.devices.inspire.wrist import raw as wrist_raw
 
@@ -150,7 +156,9 @@ def write(run: Run, address: str, data: str) -> Table:
 @click.argument("data", metavar="HEX")
 @FORCE
 def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Table:
-    """Write bytes to registers of the hand that carries the wrist. They are not documented here. Asks first."""
+    """Write bytes to registers of the wrist's hand. Asks first.
+
+    The wrist manual does not document these registers."""
     from handctl.devices.inspire.exo import raw as exo_raw
     from handctl.devices.inspire.wrist import hand as wrist_hand
 
@@ -170,13 +178,13 @@ def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Tabl
     default=0.5,
     show_default=True,
     metavar="S",
-    help="Listen for S seconds.",
+    help="Listen for S seconds after the last byte.",
 )
 @FORCE
 def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Table:
-    """Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show the answer.
+    """Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show the decoded reply.
 
-    Everything except a read asks first. With -n it only explains the frame, also the examples that the manual misprints.
+    Everything except a read asks first. With -n it only explains the frame, even if it is an example that the manual misprints.
     """
     from handctl.devices.inspire.canbus import CanBus
     from handctl.devices.inspire.exo import raw as exo_raw
