@@ -18,7 +18,7 @@ from tests.support.cli import Result, run, spying
 WORDS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("silent", "deaf", "reboot"), ("no answer",)),
     **dict.fromkeys(("late", "wrong-id"), ("msgID",)), "wrong-command": ("instead of",),
-    "truncate": ("cut off", "do not form a frame"), "short-body": ("body", "CRC"), "loopback": ("echo", "our own bytes"),
+    "truncate": ("cut off", "instead of a valid frame"), "short-body": ("body", "CRC"), "loopback": ("echo", "our own bytes"),
     **dict.fromkeys(("bad-checksum", "twin-id"), ("CRC", "checksum")), "acknowledge": ("acknowledged without data",),
     "disconnect": ("hung up",),
 }  # fmt: skip

@@ -18,7 +18,7 @@ from handctl import __version__
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
 from handctl.families import COMMANDS, LISTED
 from handctl.frame.family import Family
-from handctl.frame.numbers import Hertz, Seconds
+from handctl.frame.numbers import Hertz, Seconds, WholeRange
 from handctl.frame.options import COMMAND_LINE, STOPPING, Settings, SharedOption, config_path, read_config, words_of
 from handctl.frame.usage import (
     HEADINGS,
@@ -238,7 +238,7 @@ def streaming(rate: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]
     def decorate(body: Callable[..., Any]) -> Callable[..., Any]:
         for option in (
             click.option("--duration", type=Seconds(), metavar="S", help="End after S seconds."),
-            click.option("--count", type=click.IntRange(min=1), metavar="N", help="End after N samples."),
+            click.option("--count", type=WholeRange(min=1), metavar="N", help="End after N samples."),
             click.option(
                 "--rate",
                 type=Hertz(),
@@ -257,7 +257,7 @@ def streaming(rate: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]
 stream_options = streaming(10.0)
 reads_option = click.option(
     "--count",
-    type=click.IntRange(1, 10000),
+    type=WholeRange(1, 10000),
     default=100,
     show_default=True,
     metavar="N",

@@ -16,7 +16,7 @@ import click
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, WIRES, OwnOption
 from handctl.frame.filetypes import OutFile
-from handctl.frame.numbers import Seconds
+from handctl.frame.numbers import Seconds, WholeRange
 
 if TYPE_CHECKING:
     from handctl.frame.config import Check, Config
@@ -178,10 +178,10 @@ def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOp
         SharedOption(["-d", "--device"], connect, metavar="NAME", help="A device of the configuration file, see `handctl devices`. A,B or '*' names several."),
         *(_own_option(option, connect) for option in own),
         SharedOption(["--id"], connect, type=int, metavar="N", help="Device id."),
-        SharedOption(["--baud"], connect, type=click.IntRange(min=1), metavar="N", help="Speed of the serial port in bit/s."),
+        SharedOption(["--baud"], connect, type=WholeRange(min=1), metavar="N", help="Speed of the serial port in bit/s."),
         SharedOption(["--timeout"], connect, type=number, metavar="S", help="Seconds to wait for an answer."),
         SharedOption(["--deadline"], connect, type=number, metavar="S", help="Seconds for the whole command."),
-        SharedOption(["--retries"], connect, type=click.IntRange(min=0, max=100), metavar="N", help="Repeat a read without a valid answer N times. Writes are never repeated."),
+        SharedOption(["--retries"], connect, type=WholeRange(min=0, max=100), metavar="N", help="Repeat a read without a valid answer N times. Writes are never repeated."),
         SharedOption(["--trace"], connect, type=OutFile(), metavar="FILE", help="Record every byte with its time. -p replay:FILE plays it back."),
         SharedOption(["--format"], output, type=click.Choice(FORMATS), help="How results are written (default: table)."),
         SharedOption(["--json"], output, key="format", fixed="json", is_flag=True, help="Same as --format json. A stream prints one row a line."),

@@ -17,6 +17,7 @@ from handctl.devices.barrett.gcl.meet import comes_back
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.result import Journal, Row, hex_bytes
+from handctl.sentence import plural
 
 FAMILY = "barrett"
 WIRES = ("serial", "tcp")
@@ -53,7 +54,7 @@ def probe(
         raise _monitor(link, "the question came back, and no prompt")
     if not has_prompt(came):
         raise ProtocolError(
-            f"{link.name}: no prompt, but {len(came)} bytes: {hex_bytes(came[:24])}",
+            f"{link.name}: no prompt, but {plural(len(came), 'byte')}: {hex_bytes(came[:24])}",
             hint="check the port and the speed: another device, an echo or a wrong speed",
             code="echo" if seen == connecting.ECHO else "garbage",
             came=came,

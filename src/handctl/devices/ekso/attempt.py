@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from handctl.devices.ekso.frames import OVERHEAD, Command, Frame, name_of
 from handctl.errors import ProtocolError
 from handctl.model.result import hex_bytes
+from handctl.sentence import plural
 
 
 class Attempt:
@@ -44,10 +45,10 @@ class Attempt:
         for at in _places(self.received[2:], self.request[2:4]):
             command = self.received[at]
             if command == self.request[0]:
-                return "cut-short", f"the answer to {name} was cut off after {len(self.received)} bytes"
+                return "cut-short", f"the answer to {name} was cut off after {plural(len(self.received), 'byte')}"
             if command in tuple(Command):
                 return "wrong-command", f"an answer to {name_of(command)} came instead of {name}"
-        return "garbage", f"{len(self.received)} bytes came that do not form a frame"
+        return "garbage", f"received {plural(len(self.received), 'byte')} instead of a valid frame"
 
 
 def key_of(request: bytes) -> tuple[int, int]:

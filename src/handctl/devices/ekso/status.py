@@ -15,6 +15,7 @@ from handctl.errors import CheckFailed, HandctlError, LinkError
 from handctl.model.clocks import Moment, Span
 from handctl.model.param import Reading
 from handctl.model.result import Cell, Grid, Row, Table
+from handctl.sentence import plural
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.device import Ekso
@@ -54,7 +55,7 @@ def status(ekso: Ekso, check: bool) -> Table:
         ekso.journal.warn("unhealthy", text)
     if check and findings and table.failure is None:
         table.failure = CheckFailed(
-            f"{ekso.link.name}: {len(findings)} findings: {'; '.join(findings)}", code="unhealthy"
+            f"{ekso.link.name}: {plural(len(findings), 'finding')}: {'; '.join(findings)}", code="unhealthy"
         )
     return table
 

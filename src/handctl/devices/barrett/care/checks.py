@@ -15,6 +15,7 @@ from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.meet import look_for_motion
 from handctl.devices.barrett.map import BARRETT, MOTORS, all_elements, standard
 from handctl.errors import HandctlError
+from handctl.sentence import plural
 
 FINGERS = MOTORS[:3]
 DEFAULTS_MATTER = ("OT", "IVEL", "IOFF", "IHIT")
@@ -116,7 +117,7 @@ def parameters(patient: Patient) -> list[Finding]:
         and value != param.default_of(MOTORS.index(motor) if motor else 0)
     ]
     more = f" and {len(changed) - 12} more" if len(changed) > 12 else ""
-    shown = f"{len(changed)} settings differ from the factory values: {', '.join(changed[:12])}{more}"
+    shown = f"{plural(len(changed), 'setting')} changed from the factory values: {', '.join(changed[:12])}{more}"
     usual = [
         Finding(
             "parameters",
@@ -183,8 +184,13 @@ def repeatable(patient: Patient) -> list[Finding]:
         if value != patient.values[name, motor]
     ]
     if differ:
-        return [doubtful("repeatable", f"read twice, {len(differ)} settings differ: {', '.join(differ[:4])}")]
-    return [Finding("repeatable", OK, f"{len(again)} settings read twice, all alike", source="barrett §8")]
+        return [
+            doubtful(
+                "repeatable",
+                f"read twice, with different values in {plural(len(differ), 'setting')}: {', '.join(differ[:4])}",
+            )
+        ]
+    return [Finding("repeatable", OK, f"{plural(len(again), 'setting')} read twice, all alike", source="barrett §8")]
 
 
 def strain_limits(patient: Patient) -> list[Finding]:

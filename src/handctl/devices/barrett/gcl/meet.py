@@ -10,6 +10,7 @@ from handctl.devices.barrett.gcl import lastspeed
 from handctl.devices.barrett.gcl.language import ABORT, CR, MOTORS, has_prompt, values
 from handctl.devices.barrett.map import SPEEDS
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.sentence import plural
 
 if TYPE_CHECKING:
     from handctl.devices.barrett.gcl.line import GclLine
@@ -239,7 +240,7 @@ class Meeting:
             monitor = " or the boot monitor of a hand without firmware" if echo and not link.can_set_baud else ""
             lacking = "no prompt" if b"=>" not in came else "no answer to the question"
             return ProtocolError(
-                f"{link.name}: {lacking} {tried}, but {len(came)} bytes came: {shown}",
+                f"{link.name}: {lacking} {tried}, but received {plural(len(came), 'byte')}: {shown}",
                 hint=f"check the wiring: this is an echo (TX and RX joined){monitor}. Unplug the hand: bytes that still come back come from a wire"
                 if echo
                 else "check the port and the cable, then power-cycle the hand: another device, or a disturbed line",

@@ -12,6 +12,7 @@ from handctl.errors import UsageError
 from handctl.files import is_pipe, read_text
 from handctl.frame.clikit import Group, streaming, suspendable
 from handctl.frame.filetypes import InFile
+from handctl.frame.numbers import WholeRange
 from handctl.frame.run import Run
 from handctl.model.result import Column, Table
 
@@ -60,9 +61,7 @@ def add_realtime(group: Group) -> None:
         type=InFile(),
         help="Control values as CSV or JSON lines (t, velocity.F1 …). - is stdin. Live lines (without t) hold for 1 s, then velocity is 0.",
     )
-    @click.option(
-        "--measure", type=click.IntRange(min=2), metavar="N", help="Exchange N blocks and show only the timing."
-    )
+    @click.option("--measure", type=WholeRange(min=2), metavar="N", help="Exchange N blocks and show only the timing.")
     @click.option(
         "--sequential/--overlapped",
         default=None,
@@ -79,7 +78,7 @@ def add_realtime(group: Group) -> None:
     @click.option("--force", is_flag=True, help="The same as --no-guard opening. It may deform the clutch permanently.")
     @click.option(
         "--delta-unit",
-        type=click.IntRange(1, 255),
+        type=WholeRange(1, 255),
         metavar="N",
         help="Counts of one unit of delta (LFDPC). Default: the hand's own, or more where velocity and rate need it.",
     )
