@@ -156,7 +156,7 @@ class Group(Described, click.Group):
                 formatter.write_dl([record for option in mine if (record := option.get_help_record(ctx)) is not None])
         formatter.write_paragraph()
         formatter.write_text(
-            f"`{ctx.command_path} COMMAND -h` shows one command with examples. `handctl help options` shows the common options, `handctl help` lists the guides."
+            f"Run `{ctx.command_path} COMMAND -h` for one command with examples, `handctl help options` for the common options, `handctl help` for the guides."
         )
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
@@ -245,7 +245,7 @@ def streaming(rate: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]
                 default=rate,
                 show_default=True,
                 metavar="HZ",
-                help="Samples per second (0: as fast as the device answers).",
+                help="Samples per second (0: as fast as the device replies).",
             ),
         ):
             body = option(body)
@@ -261,7 +261,7 @@ reads_option = click.option(
     default=100,
     show_default=True,
     metavar="N",
-    help="Read the device N times for the error rate.",
+    help="Read the device N times to measure the error rate.",
 )
 """Of `handctl doctor`, and of a family's."""
 suspendable = click.option(
@@ -318,7 +318,7 @@ class Root(Group):
 
 root = Root(
     "handctl",
-    help="Diagnostics and configuration of hand and exoskeleton devices.",
+    help="Diagnose and configure hand and exoskeleton devices.",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
 
