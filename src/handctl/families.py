@@ -109,7 +109,7 @@ FAMILIES: dict[str, FamilyRow] = {
         options=(
             OwnOption(
                 "interrupt",
-                "Let a reading command end a movement that it meets (^C). Without it the hand goes on moving.",
+                "Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.",
                 flag=True,
                 implied=True,
             ),
@@ -124,10 +124,10 @@ FAMILIES: dict[str, FamilyRow] = {
         scan=1,
         tell=5,
         options=(
-            OwnOption("operator", "Who does it, for the audit log. Needed with --yes.", metavar="NAME", asked=True),
+            OwnOption("operator", "Your name, for the audit log. Required with --yes.", metavar="NAME", asked=True),
             OwnOption(
                 "length-mode",
-                "What the length byte of requests counts: body (default), n-4, n-2, frame, or auto to try them.",
+                "How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.",
                 metavar="MODE",
                 asked=True,
             ),
@@ -142,19 +142,19 @@ FAMILIES: dict[str, FamilyRow] = {
         options=(
             OwnOption(
                 "exchange",
-                "Who speaks first: found out (auto, the default), the hand unasked, the hand when asked, the hand after a command only.",
+                "When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.",
                 choices=("auto", "stream", "poll", "command"),
                 named=True,
             ),
             OwnOption(
                 "poll-json",
-                "The JSON object that asks for feedback (default: {}). Never one that commands.",
+                "The JSON object that requests feedback (default: {}). It must not be a command.",
                 metavar="TEXT",
                 named=True,
             ),
             OwnOption(
                 "tx-terminator",
-                "What follows each object that is sent (default: newline).",
+                "The terminator sent after each object (default: newline).",
                 choices=("newline", "none", "nul", "crlf"),
                 named=True,
             ),
@@ -169,16 +169,16 @@ FAMILIES: dict[str, FamilyRow] = {
         options=(
             OwnOption(
                 "model",
-                "Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it the hand is looked at.",
+                "Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.",
                 metavar="MODEL",
                 named=True,
             ),
             OwnOption(
-                "side", "Which hand it is. The hand itself does not know it.", choices=("left", "right"), named=True
+                "side", "Left or right hand. The hand itself cannot report it.", choices=("left", "right"), named=True
             ),
             OwnOption(
                 "protocol",
-                "What is spoken on a serial line (default: auto, which asks in EB90, then in Modbus RTU).",
+                "The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).",
                 choices=("auto", "eb90", "modbus"),
                 named=True,
             ),
@@ -189,12 +189,12 @@ FAMILIES: dict[str, FamilyRow] = {
 
 TOOLS: dict[str, dict[str, tuple[str, str]]] = {
     "Find and diagnose": {
-        "ports": ("handctl.tools.ports", "list serial ports and CAN interfaces, and what holds them"),
-        "scan": ("handctl.tools.scan", "find which device answers on a port: family, speed, id"),
-        "doctor": ("handctl.tools.doctor", "check this computer and one link, with a remedy for each problem"),
+        "ports": ("handctl.tools.ports", "list serial ports and CAN interfaces, and the programs that use them"),
+        "scan": ("handctl.tools.scan", "detect the device on a port: family, baud rate, id"),
+        "doctor": ("handctl.tools.doctor", "check this computer and the link, with a remedy for each problem"),
     },
     "Act": {
-        "stop": ("handctl.tools.stop", "stop a device at once, also while another handctl command has it"),
+        "stop": ("handctl.tools.stop", "stop a device at once, even while another handctl command is using it"),
         "shell": ("handctl.tools.shell", "type commands at a prompt, on one open link"),
         "batch": ("handctl.tools.batch", "run many commands on one open link, from a script or stdin"),
     },

@@ -185,7 +185,7 @@ def why_unwritable(path: str) -> str:
     if os.path.exists(path) and not os.path.isfile(path):  # a terminal, a pipe: written to as it is
         return ""
     if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
-        return f"{folder} is not a folder that can be written to"
+        return f"{folder} is not a folder that you can write to"
     return ""
 
 

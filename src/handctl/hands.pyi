@@ -33,13 +33,13 @@ class Exo(Device):
     """Inspire EH55BF1 exoskeleton hand (RS-232, Bluetooth serial)."""
 
     def scan(self, *, ids: str | None = None, all: bool = False) -> list[Row]:
-        """Look for devices of this family: speed, id."""
+        """Search for devices of this family: baud rate and id."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Stop the device at once, also while another handctl command has it."""
+        """Stop the device at once, even while another handctl command is using it."""
     def status(self, *, check: bool = False) -> list[Row]:
-        """Show a health summary: values per finger or motor, errors decoded."""
+        """Show a health summary: values of each finger or motor, with errors decoded."""
     def dump(self) -> list[Row]:
-        """Show every documented quantity that can be read."""
+        """Read every documented quantity."""
     def get(self, *names: str) -> list[Row]:
         """Read quantities by name, such as `position_actual.index temperature`."""
     def set(
@@ -51,7 +51,7 @@ class Exo(Device):
     ) -> list[Row]:
         """Write quantities by name and read them back. For example `position_set.index=300 force_set=0,0,0,0,0`."""
     def describe(self, *names: str) -> list[Row]:
-        """List every quantity with place, type, range, access and manual section."""
+        """List every quantity with address, type, range, access and manual section."""
     def watch(
         self,
         *names: str,
@@ -71,9 +71,9 @@ class Exo(Device):
         silence: Number = 60.0,
         force: bool = False,
     ) -> list[Row]:
-        """Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
+        """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def snapshot(self, file: Path) -> list[Row]:
-        """Write the settings and set-points of the device to FILE."""
+        """Save the settings and set points of the device to FILE."""
     def diff(self, a: Path, b: Path | None = None, *, setpoints: bool = False) -> list[Row]:
         """Compare the settings of two snapshots, or of snapshot A with the device."""
     def restore(
@@ -172,13 +172,13 @@ class Wrist(Device):
     """Inspire wrist module of the dexterous hand (RS-232, RS-485, CAN)."""
 
     def scan(self, *, ids: str | None = None, all: bool = False) -> list[Row]:
-        """Look for devices of this family: speed, id."""
+        """Search for devices of this family: baud rate and id."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Stop the device at once, also while another handctl command has it."""
+        """Stop the device at once, even while another handctl command is using it."""
     def status(self, *, check: bool = False) -> list[Row]:
-        """Show a health summary: values per finger or motor, errors decoded."""
+        """Show a health summary: values of each finger or motor, with errors decoded."""
     def dump(self) -> list[Row]:
-        """Show every documented quantity that can be read."""
+        """Read every documented quantity."""
     def get(self, *names: str) -> list[Row]:
         """Read quantities by name, such as `pitch_actual yaw_actual`."""
     def set(
@@ -190,7 +190,7 @@ class Wrist(Device):
     ) -> list[Row]:
         """Write quantities by name and read them back. For example `yaw_set=10 pitch_set=-10 move_time=1000`."""
     def describe(self, *names: str) -> list[Row]:
-        """List every quantity with place, type, range, access and manual section."""
+        """List every quantity with address, type, range, access and manual section."""
     def watch(
         self,
         *names: str,
@@ -210,9 +210,9 @@ class Wrist(Device):
         silence: Number = 60.0,
         force: bool = False,
     ) -> list[Row]:
-        """Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
+        """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def snapshot(self, file: Path) -> list[Row]:
-        """Write the settings and set-points of the device to FILE."""
+        """Save the settings and set points of the device to FILE."""
     def diff(self, a: Path, b: Path | None = None, *, setpoints: bool = False) -> list[Row]:
         """Compare the settings of two snapshots, or of snapshot A with the device."""
     def restore(
@@ -286,13 +286,13 @@ class Barrett(Device):
     """BarrettHand BH8 series (RS-232)."""
 
     def scan(self, *, ids: str | None = None, all: bool = False) -> list[Row]:
-        """Look for devices of this family: speed, id."""
+        """Search for devices of this family: baud rate and id."""
     def stop(self, *, motors: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Stop the hand immediately, even while another handctl is using it."""
     def status(self, *, check: bool = False, include_ids: bool = False) -> list[Row]:
-        """Show a health summary: values per finger or motor, errors decoded."""
+        """Show a health summary: values of each finger or motor, with errors decoded."""
     def dump(self, *, include_ids: bool = False) -> list[Row]:
-        """Show every documented quantity that can be read."""
+        """Read every documented quantity."""
     def get(self, *names: str) -> list[Row]:
         """Read quantities by name, such as `P SG.F1 temperature`."""
     def watch(
@@ -314,9 +314,9 @@ class Barrett(Device):
         silence: Number = 60.0,
         force: bool = False,
     ) -> list[Row]:
-        """Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
+        """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def snapshot(self, file: Path) -> list[Row]:
-        """Write the settings and set-points of the device to FILE."""
+        """Save the settings and set points of the device to FILE."""
     def diff(self, a: Path, b: Path | None = None) -> list[Row]:
         """Compare the settings of two snapshots, or of snapshot A with the device."""
     def report(
@@ -569,13 +569,13 @@ class Ekso(Device):
     """EksoNR DataPort (serial over USB)."""
 
     def scan(self, *, ids: str | None = None, all: bool = False, length_mode: str | None = None) -> list[Row]:
-        """Look for devices of this family: speed, id."""
+        """Search for devices of this family: baud rate and id."""
     def stop(self, *, length_mode: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Stop the device at once, also while another handctl command has it."""
+        """Stop the device at once, even while another handctl command is using it."""
     def status(self, *, check: bool = False, length_mode: str | None = None) -> list[Row]:
-        """Show a health summary: values per finger or motor, errors decoded."""
+        """Show a health summary: values of each finger or motor, with errors decoded."""
     def dump(self, *, length_mode: str | None = None) -> list[Row]:
-        """Show every documented quantity that can be read."""
+        """Read every documented quantity."""
     def get(self, *names: str, length_mode: str | None = None) -> list[Row]:
         """Read quantities by name, such as `step_length left_knee_angle 216`."""
     def watch(
@@ -588,7 +588,7 @@ class Ekso(Device):
     ) -> Iterator[list[Row]]:
         """Show values as they change."""
     def snapshot(self, file: Path, *, length_mode: str | None = None) -> list[Row]:
-        """Write the settings and set-points of the device to FILE."""
+        """Save the settings and set points of the device to FILE."""
     def diff(self, a: Path, b: Path | None = None, *, length_mode: str | None = None) -> list[Row]:
         """Compare the settings of two snapshots, or of snapshot A with the device."""
     def report(
@@ -683,17 +683,17 @@ class Aidin(Device):
     """AIDIN-hand (TCP, JSON)."""
 
     def scan(self, *, ids: str | None = None, all: bool = False) -> list[Row]:
-        """Look for devices of this family: speed, id."""
+        """Search for devices of this family: baud rate and id."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Stop the device at once, also while another handctl command has it."""
+        """Stop the device at once, even while another handctl command is using it."""
     def status(self, *, check: bool = False) -> list[Row]:
-        """Show a health summary: values per finger or motor, errors decoded."""
+        """Show a health summary: values of each finger or motor, with errors decoded."""
     def dump(self) -> list[Row]:
-        """Show every documented quantity that can be read."""
+        """Read every documented quantity."""
     def get(self, *names: str) -> list[Row]:
         """Read quantities by name, such as `joint_pos.index sensor_state.fz`."""
     def describe(self, *names: str) -> list[Row]:
-        """List every quantity with place, type, range, access and manual section."""
+        """List every quantity with address, type, range, access and manual section."""
     def log(
         self,
         file: Path,
@@ -705,7 +705,7 @@ class Aidin(Device):
         silence: Number = 60.0,
         force: bool = False,
     ) -> list[Row]:
-        """Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
+        """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def report(
         self,
         file: Path,
@@ -777,17 +777,17 @@ class Hand(Device):
     """Inspire RH56 dexterous hands (RS-232, RS-485, CAN, Modbus RTU, Modbus TCP)."""
 
     def scan(self, *, ids: str | None = None, all: bool = False) -> list[Row]:
-        """Look for devices of this family: speed, id."""
+        """Search for devices of this family: baud rate and id."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Stop the device at once, also while another handctl command has it."""
+        """Stop the device at once, even while another handctl command is using it."""
     def status(self, *, check: bool = False) -> list[Row]:
-        """Show a health summary: values per finger or motor, errors decoded."""
+        """Show a health summary: values of each finger or motor, with errors decoded."""
     def dump(self) -> list[Row]:
-        """Show every documented quantity that can be read."""
+        """Read every documented quantity."""
     def get(self, *names: str) -> list[Row]:
         """Read quantities by name, such as `angle_actual.index temperature`."""
     def describe(self, *names: str) -> list[Row]:
-        """List every quantity with place, type, range, access and manual section."""
+        """List every quantity with address, type, range, access and manual section."""
     def watch(
         self,
         *names: str,
@@ -807,9 +807,9 @@ class Hand(Device):
         silence: Number = 60.0,
         force: bool = False,
     ) -> list[Row]:
-        """Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
+        """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def snapshot(self, file: Path) -> list[Row]:
-        """Write the settings and set-points of the device to FILE."""
+        """Save the settings and set points of the device to FILE."""
     def diff(self, a: Path, b: Path | None = None) -> list[Row]:
         """Compare the settings of two snapshots, or of snapshot A with the device."""
     def restore(self, file: Path, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:

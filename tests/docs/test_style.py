@@ -39,7 +39,7 @@ ERRORS = {
     "NotConfirmed",
     "SimError",
 }
-VERBATIM = ("Cntl-C abort command received",)
+VERBATIM = ("Cntl-C abort command received", "LFV in counts per sample (default) or per 10 ms: sample, 10ms")
 """The manuals' own words, and what a program prints that is none of ours."""
 
 
@@ -53,28 +53,49 @@ def column(heading: str, number: int) -> list[str]:
     return [row.split("|")[number].partition(" (")[0].strip() for row in rows[1:]]
 
 
-WORDS = column("## Not this, but that", 1)
-BANNED = re.compile(rf"(?<![\w`-])(?<!there )({'|'.join(map(re.escape, WORDS))})(?!\w)", re.IGNORECASE)
+NEVER = [word for cell in column("## One thing, one word", 3) for word in cell.split(", ") if word]
+WORDS = column("## Not this, but that", 1) + NEVER
+BANNED = re.compile(rf"(?<![\w`-])({'|'.join(map(re.escape, WORDS))})(?!\w)", re.IGNORECASE)
+SPELT = re.compile(rf"\b(?:{'|'.join(map(re.escape, column('## Spelling', 1)))})(?:s|d|ed|ing)?\b", re.IGNORECASE)
+ONE = re.compile(
+    r"(?<![\w.,:^+×*/-])1 (?!is\b|was\b|has\b|does\b|less\b|ms\b|as\b|bus\b|us\b|afterwards\b)[a-z]+(?<!s)s\b(?! \d)"
+)
+"""The plural of one."""
+UNIT = re.compile(r"(?<![\w.#-])\d+(?:\.\d+)?(?:ms|mm|bit/s|Hz|kHz|mA|°C|bytes?|kB|MB)\b")
+"""A number without a space before its unit."""
 
 
 class Module(NamedTuple):
-    """What is read of one: its strings without the docstrings, where what is filled in is `{}`, and its unhelpful errors."""
+    """Its strings without the docstrings, with `{}` for values, its errors without a hint, and its plurals after a `len`."""
 
     literals: list[tuple[int, str]]
     hintless: list[tuple[int, str]]
+    counts: list[tuple[int, str]]
 
 
 @cache
 def module(path: Path) -> Module:
-    found = Module([], [])
-    tree, inner = ast.parse(path.read_text(encoding="utf-8")), set[int]()
+    found = Module([], [], [])
+    tree, inner, guarded = ast.parse(path.read_text(encoding="utf-8")), set[int](), set[int]()
     for node in ast.walk(tree):  # what is around something comes before it
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             inner.add(id(node.value))
+        elif isinstance(node, ast.IfExp):
+            guarded.update(id(part) for part in ast.walk(node))
         elif isinstance(node, ast.JoinedStr) and id(node) not in inner:
             inner.update(id(part) for part in ast.walk(node) if part is not node)
             text = "".join(str(part.value) if isinstance(part, ast.Constant) else "{}" for part in node.values)
             found.literals.append((node.lineno, text))
+            counted = "".join(
+                str(part.value)
+                if isinstance(part, ast.Constant)
+                else "{len}"
+                if ast.unparse(part).lstrip("f'\"").startswith("{len(")
+                else "{}"
+                for part in node.values
+            )
+            if id(node) not in guarded and re.search(r"(?<!of )\{len\} (?:more )?[a-z]+(?<!s)s\b", counted):
+                found.counts.append((node.lineno, text))
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in inner:
             found.literals.append((node.lineno, node.value))
         elif isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
@@ -108,7 +129,13 @@ def faults(text: str) -> Iterator[str]:
     """What a text has against the rules."""
     plain = re.sub(r"`[^`]*`|\"[^\"]*\"", "QUOTED", text)
     for found in BANNED.finditer(plain):
-        yield f"{found[0]!r} is not a word of ours"
+        yield f"{found[0]!r}: see the tables of tests/STYLE.md"
+    for found in SPELT.finditer(plain):
+        yield f"{found[0]!r}: spelling"
+    for found in ONE.finditer(plain):
+        yield f"{found[0]!r}: the plural of one"
+    for found in UNIT.finditer(plain):
+        yield f"{found[0]!r}: a unit without a space"
 
 
 @pytest.mark.parametrize("room", ROOMS)
@@ -165,7 +192,20 @@ def test_readme_and_guides(name: str) -> None:
 
 def test_the_rules_find_what_they_name() -> None:
     for bad in (
-        "1 is no number of a finger", "nobody answers", "handctl tells the speed",
+        "handctl tells the speed", "1 bytes arrived", "wait 10ms", "the baudrate is wrong", "the behavior of the hand",
     ):  # fmt: skip
         assert list(faults(bad)), bad
-    assert not list(faults('The hand did not answer within 0.3 s. Run `handctl exo scan; true` and read "no; nobody".'))
+    assert not list(
+        faults('The hand did not answer within 0.3 s; finger 1 is blocked. Run `x 1 bytes` and read "anew".')
+    )
+
+
+def test_no_message_counts_one_in_the_plural() -> None:
+    """`plural` does it. Of a number that is never one, say so here."""
+    found = [
+        f"{place}:{number}: {text[:120]!r}"
+        for room in ROOMS
+        for place, one in modules(room)
+        for number, text in one.counts
+    ]
+    assert found == []

@@ -24,48 +24,46 @@ LINKS = (
 )
 
 OUTPUT = (
-    "Standard output carries data only, everything else goes to standard error. A table is drawn on a terminal; on a "
-    "pipe the same columns are aligned. `--format plain` gives bare values, one row a line, separated by tabs.",
-    "`--json` gives one object, also when the command fails: the rows, the messages, the exit code and the counters of "
-    "the line. For a stream it is one row a line, and the last line is the object without rows under the key `end`. "
-    "JSON is always UTF-8 and holds every character as it came.",
-    "Everywhere else a control character, a bidi mark or a byte that is not UTF-8 is spelled out, such as `\\x1b` for "
-    "Escape: what a device says cannot act on the terminal. Where standard output or standard error cannot show a "
-    "character, a substitute stands for it: `deg C`, `...`, `sec.`, `#` for a bar, otherwise its number. In CSV "
-    "`--no-formulas` puts ' before a text that begins with = + - or @ and is not a number.",
+    "Data goes to standard output, everything else to standard error. On a terminal the result is a table with lines; on a "
+    "pipe the same columns are aligned with spaces. `--format plain` prints bare values separated by tabs, one row per line.",
+    "`--json` prints one object, even if the command fails: the rows, the messages, the exit code and the counters of "
+    "the line. A stream prints one row per line, then a last line with the object, without rows, under the key `end`. "
+    "JSON is always UTF-8 and contains every character unchanged.",
+    "In all other formats, control characters, bidi marks and bytes that are not UTF-8 are escaped, such as `\\x1b` for "
+    "Escape, so a device cannot control your terminal. If standard output or standard error cannot show a character, handctl "
+    "replaces it: `deg C`, `...`, `sec.`, `#` for a bar, otherwise its number. In CSV, `--no-formulas` puts ' before any "
+    "text that begins with = + - or @ and is not a number.",
 )
 
 SAFETY = (
-    "Reading is the default. What moves a device that may be worn, or changes it for good, asks first; without a "
-    "terminal it needs `--yes`. `--dry-run` prints the exact bytes and sends nothing. A value outside the documented "
-    "range is refused, never clamped. Writes are read back and never repeated. Ctrl-C stops a movement as far as the "
-    "device's protocol can.",
-    "A command that drives a device is guarded by a second process, which holds the link. When handctl is killed, that "
-    "process sends the device's stop three times. Nothing can help where everything is killed at once: a container or a "
-    "service that ends, the machine, its power. On Windows, and on CAN adapters behind a vendor's library, there is no "
-    "second process, and a warning says so. A command that is only suspended is not dead: send `stop`.",
+    "Most commands only read. A command that moves a device someone may be wearing, or that changes it permanently, asks "
+    "first; without a terminal it needs `--yes`. `--dry-run` prints the exact bytes and sends nothing. Values outside the "
+    "documented range are refused, never clamped. Writes are read back and never retried. Ctrl-C stops a movement as far as "
+    "the device's protocol allows.",
+    "While a command drives a device, a second process keeps the link open. If handctl is killed, that process sends the "
+    "device's stop three times. It cannot help if everything dies at once: the container, the service, the computer, its "
+    "power. On Windows, and on CAN adapters that use a vendor's library, there is no second process, and handctl warns you. "
+    "A command that is only suspended is still alive: run `stop`.",
 )
 
 FILES: dict[str, tuple[tuple[str, str], ...]] = {
     "devices": (
         (
             "$XDG_CONFIG_HOME/handctl/config.toml",
-            "Options by their long names, with _ for -, and the named devices; by default below ~/.config, on Windows below %APPDATA%.",
+            "Options by their long names, with _ for -, and the named devices; by default in ~/.config, on Windows in %APPDATA%.",
         ),
     ),
-    "shell": (
-        ("$XDG_STATE_HOME/handctl/shell-history", "The lines typed at the prompt; by default below ~/.local/state."),
-    ),
+    "shell": (("$XDG_STATE_HOME/handctl/shell-history", "The history of the prompt; by default in ~/.local/state."),),
     "sim": (
         (
             "$XDG_RUNTIME_DIR/handctl/sim-FAMILY.json",
-            "What plain --fake keeps of a simulated device; without that variable below /run/user or the temporary folder.",
+            "The state of a device simulated with plain --fake; without that variable in /run/user or the temporary folder.",
         ),
     ),
     "completion": (
-        ("$XDG_DATA_HOME/bash-completion/completions/handctl", "Installed for bash; by default below ~/.local/share."),
-        ("$XDG_DATA_HOME/zsh/site-functions/_handctl", "Installed for zsh; by default below ~/.local/share."),
-        ("$XDG_CONFIG_HOME/fish/completions/handctl.fish", "Installed for fish; by default below ~/.config."),
+        ("$XDG_DATA_HOME/bash-completion/completions/handctl", "Installed for bash; by default in ~/.local/share."),
+        ("$XDG_DATA_HOME/zsh/site-functions/_handctl", "Installed for zsh; by default in ~/.local/share."),
+        ("$XDG_CONFIG_HOME/fish/completions/handctl.fish", "Installed for fish; by default in ~/.config."),
         ("%LOCALAPPDATA%\\handctl\\handctl.ps1", "Installed for PowerShell on Windows."),
     ),
 }

@@ -83,7 +83,7 @@ def _lines(text: str, context: click.Context) -> Iterator[Line]:
             continue
         if len(typed) > LONGEST:
             raise UsageError(
-                f"line {number} has {len(typed)} characters: not a command", hint="write one command a line"
+                f"line {number} has {plural(len(typed), 'character')}: not a command", hint="write one command a line"
             )
         try:
             if typed in known:
@@ -139,7 +139,7 @@ def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Plan]) -> list[L
         for step in plan.steps[:SHOWN]:
             run.guide.say(f"  {step.meaning}: {step.wire}")
         if len(plan.steps) > SHOWN:
-            run.guide.say(f"  and {len(plan.steps) - SHOWN} more steps. -n shows them")
+            run.guide.say(f"  and {plural(len(plan.steps) - SHOWN, 'more step')}. -n shows them")
     first, plan = open_[0]
     if not run.guide.interactive:
         where = f"line {first.number} ({first.command}): {plan.question}"

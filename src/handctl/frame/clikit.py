@@ -18,7 +18,7 @@ from handctl import __version__
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
 from handctl.families import COMMANDS, LISTED
 from handctl.frame.family import Family
-from handctl.frame.numbers import Hertz, Seconds
+from handctl.frame.numbers import Hertz, Seconds, WholeRange
 from handctl.frame.options import COMMAND_LINE, STOPPING, Settings, SharedOption, config_path, read_config, words_of
 from handctl.frame.usage import (
     HEADINGS,
@@ -156,7 +156,7 @@ class Group(Described, click.Group):
                 formatter.write_dl([record for option in mine if (record := option.get_help_record(ctx)) is not None])
         formatter.write_paragraph()
         formatter.write_text(
-            f"`{ctx.command_path} COMMAND -h` shows one command with examples. `handctl help options` shows the common options, `handctl help` lists the guides."
+            f"Run `{ctx.command_path} COMMAND -h` for one command with examples, `handctl help options` for the common options, `handctl help` for the guides."
         )
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
@@ -238,14 +238,14 @@ def streaming(rate: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]
     def decorate(body: Callable[..., Any]) -> Callable[..., Any]:
         for option in (
             click.option("--duration", type=Seconds(), metavar="S", help="End after S seconds."),
-            click.option("--count", type=click.IntRange(min=1), metavar="N", help="End after N samples."),
+            click.option("--count", type=WholeRange(min=1), metavar="N", help="End after N samples."),
             click.option(
                 "--rate",
                 type=Hertz(),
                 default=rate,
                 show_default=True,
                 metavar="HZ",
-                help="Samples per second (0: as fast as the device answers).",
+                help="Samples per second (0: as fast as the device replies).",
             ),
         ):
             body = option(body)
@@ -257,11 +257,11 @@ def streaming(rate: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]
 stream_options = streaming(10.0)
 reads_option = click.option(
     "--count",
-    type=click.IntRange(1, 10000),
+    type=WholeRange(1, 10000),
     default=100,
     show_default=True,
     metavar="N",
-    help="Read the device N times for the error rate.",
+    help="Read the device N times to measure the error rate.",
 )
 """Of `handctl doctor`, and of a family's."""
 suspendable = click.option(
@@ -318,7 +318,7 @@ class Root(Group):
 
 root = Root(
     "handctl",
-    help="Diagnostics and configuration of hand and exoskeleton devices.",
+    help="Diagnose and configure hand and exoskeleton devices.",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
 

@@ -11,8 +11,8 @@ expect = click.option(
     "--expect",
     type=click.Choice(EXPECTED),
     default=None,
-    help="How the movement must end, else exit 7: every axis at its target (reached, the default), stopped by an object "
-    "(contact), or either of these or short of the target (any).",
+    help="How the movement must end; otherwise the exit code is 7. reached (default): every axis at its target. "
+    "contact: stopped by an object. any: either of these, or short of the target.",
 )
 
 

@@ -30,10 +30,10 @@ NAMES = "[NAME]..."
 SETPOINTS = click.option(
     "--setpoints",
     is_flag=True,
-    help="Include commanded positions and forces. For forces there is a separate question.",
+    help="Include set points: commanded positions and forces. Forces need a separate confirmation.",
 )
 """Offered where a map has quantities whose writing commands something."""
-IDS = click.option("--include-ids", is_flag=True, help="Show the serial number in `device` of the JSON too.")
+IDS = click.option("--include-ids", is_flag=True, help="Include the serial number in `device` of the JSON.")
 """Offered where a device reports one."""
 
 
@@ -67,16 +67,16 @@ def add_map_verbs(
     def with_ids(body: Callable[..., Table]) -> Callable[..., Table]:
         return IDS(body) if any(param.tells == "serial" for param in params) else body
 
-    @click.option("--check", is_flag=True, help="Exit 7 when anything is unhealthy.")
+    @click.option("--check", is_flag=True, help="Exit with code 7 if anything is unhealthy.")
     @with_ids
     def status(run: Run, check: bool, include_ids: bool = False) -> Table:
-        """Show a health summary: values per finger or motor, errors decoded."""
+        """Show a health summary: values of each finger or motor, with errors decoded."""
         run.meta[INCLUDE_IDS] = include_ids
         return run.device().status(check)  # type: ignore[no-any-return]
 
     @with_ids
     def dump(run: Run, include_ids: bool = False) -> Table:
-        """Show every documented quantity that can be read."""
+        """Read every documented quantity."""
         run.meta[INCLUDE_IDS] = include_ids
         return run.device().dump()  # type: ignore[no-any-return]
 
@@ -94,9 +94,9 @@ def add_map_verbs(
 
     @click.argument("names", nargs=-1, metavar=NAMES)
     def describe(run: Run, names: tuple[str, ...]) -> Table:
-        """List every quantity with place, type, range, access and manual section.
+        """List every quantity with address, type, range, access and manual section.
 
-        Needs no device.
+        Works without a device.
         """
         return verbs.describe(mapped(run), names)
 
@@ -105,7 +105,7 @@ def add_map_verbs(
     def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None) -> Table:
         """Show values as they change.
 
-        A live view on a terminal, a stream of rows elsewhere. Without names, the quantities that change on their own.
+        A live view on a terminal, otherwise a stream of rows. Without names: everything that changes by itself.
         """
         seen = run.settings.format == "table" and not run.settings.output and is_terminal(sys.stdout)
         seen = seen and columns() >= verbs.BESIDE_COLUMNS
@@ -114,19 +114,19 @@ def add_map_verbs(
     @log_options
     @click.argument("names", nargs=-1, metavar=NAMES)
     def log(run: Run, file: str, names: tuple[str, ...], **wishes: Any) -> Table:
-        """Record values into FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.
+        """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.
 
-        FILE may be a directory. On a terminal any letter or space sets a mark.
-        Without names, the quantities that change on their own.
+        FILE can be a directory. On a terminal, press any letter or the space bar to set a mark.
+        Without names: everything that changes by itself.
         """
         return recorder.log(run, file, recorder.Wishes(**wishes), lambda again: recorder.of_map(run, names, again))
 
     @click.argument("file", type=OutFile())
     def snapshot(run: Run, file: str) -> Table:
-        """Write the settings and set-points of the device to FILE.
+        """Save the settings and set points of the device to FILE.
 
-        FILE also has device identity, tool version, time and checksum. Only an older snapshot is replaced.
-        `diff` and `restore` use the settings in it, and with --setpoints the set-points too.
+        FILE also contains the device's identity, the handctl version, the time and a checksum. It replaces only another snapshot.
+        `diff` and `restore` use its settings, and with --setpoints its set points too.
         """
         return stored.snapshot(run, file)
 
@@ -145,7 +145,7 @@ def add_map_verbs(
     def restore(run: Run, file: str, setpoints: bool = False) -> Table:
         """Write the settings that differ from a snapshot, and read them back.
 
-        The plan is shown first. After an interruption it is safe to run the command again.
+        Shows the plan first. If it is interrupted, you can safely run it again.
         """
         return stored.restore(run, mapped(run), file, setpoints=setpoints)
 
@@ -156,10 +156,12 @@ def add_map_verbs(
         default=3.0,
         show_default=True,
         metavar="S",
-        help="Seconds of curves (0: none).",
+        help="Record curves for S seconds (0: none).",
     )
-    @click.option("--include-ids", is_flag=True, help="Keep serial numbers, pilot ids, and the answers that hold them.")
-    @click.option("--force", is_flag=True, help="Replace FILE.html.")
+    @click.option(
+        "--include-ids", is_flag=True, help="Include serial numbers, pilot ids, and the replies that contain them."
+    )
+    @click.option("--force", is_flag=True, help="Replace FILE.html if it exists.")
     def report(run: Run, file: str, watch: float, include_ids: bool, force: bool) -> Table:
         """Write one page for a service ticket: status, dump, findings, curves, bytes.
 
@@ -174,16 +176,16 @@ def add_map_verbs(
     def doctor(run: Run, count: int) -> Table:
         """Check this computer, the link and the device.
 
-        Each row has its evidence and its remedy. Read-only. `handctl doctor -p LINK` does the same for whatever device it finds there. Exit code 7 means a warning or a failure.
+        Each row shows the evidence and a remedy. Read-only. If you do not know the family, use `handctl doctor -p LINK`. Exit code 7 means a warning or a failure.
         """
         from handctl.tools.doctor import checked
 
         return checked(run, params.kind, count)
 
     def stop(run: Run) -> Table:
-        """Stop the device at once, also while another handctl command has it.
+        """Stop the device at once, even while another handctl command is using it.
 
-        Asks no question. Shows the bytes that were sent and the answer.
+        Never asks. Shows the bytes sent and the reply.
         """
         from handctl.stop import command
 

@@ -16,7 +16,7 @@ import click
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, WIRES, OwnOption
 from handctl.frame.filetypes import OutFile
-from handctl.frame.numbers import Seconds
+from handctl.frame.numbers import Seconds, WholeRange
 
 if TYPE_CHECKING:
     from handctl.frame.config import Check, Config
@@ -172,31 +172,31 @@ def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOp
     connect, output, safety = CONNECTION, OUTPUT, WRITING
     number = Seconds()
     return [
-        SharedOption(["-p", "--port"], connect, metavar="LINK", help="Where the device is: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL."),
-        SharedOption(["--fake"], connect, is_flag=True, help="Talk to the built-in simulator of this device."),
-        *(SharedOption([f"--{wire}"], connect, key="wire", fixed=wire, family=True, is_flag=True, help=f"With --fake or --dry-run: the {wire} wire (default: {wires[0]}).") for wire in wires),
-        SharedOption(["-d", "--device"], connect, metavar="NAME", help="A device of the configuration file, see `handctl devices`. A,B or '*' names several."),
+        SharedOption(["-p", "--port"], connect, metavar="LINK", help="The link to the device: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL."),
+        SharedOption(["--fake"], connect, is_flag=True, help="Use the built-in simulator of this device."),
+        *(SharedOption([f"--{wire}"], connect, key="wire", fixed=wire, family=True, is_flag=True, help=f"Simulate the {wire} wire, with --fake or --dry-run (default: {wires[0]}).") for wire in wires),
+        SharedOption(["-d", "--device"], connect, metavar="NAME", help="A named device from the configuration file (see `handctl devices`). A,B or '*' selects several."),
         *(_own_option(option, connect) for option in own),
         SharedOption(["--id"], connect, type=int, metavar="N", help="Device id."),
-        SharedOption(["--baud"], connect, type=click.IntRange(min=1), metavar="N", help="Speed of the serial port in bit/s."),
-        SharedOption(["--timeout"], connect, type=number, metavar="S", help="Seconds to wait for an answer."),
-        SharedOption(["--deadline"], connect, type=number, metavar="S", help="Seconds for the whole command."),
-        SharedOption(["--retries"], connect, type=click.IntRange(min=0, max=100), metavar="N", help="Repeat a read without a valid answer N times. Writes are never repeated."),
-        SharedOption(["--trace"], connect, type=OutFile(), metavar="FILE", help="Record every byte with its time. -p replay:FILE plays it back."),
-        SharedOption(["--format"], output, type=click.Choice(FORMATS), help="How results are written (default: table)."),
-        SharedOption(["--json"], output, key="format", fixed="json", is_flag=True, help="Same as --format json. A stream prints one row a line."),
+        SharedOption(["--baud"], connect, type=WholeRange(min=1), metavar="N", help="Baud rate of the serial port in bit/s."),
+        SharedOption(["--timeout"], connect, type=number, metavar="S", help="Seconds to wait for a reply."),
+        SharedOption(["--deadline"], connect, type=number, metavar="S", help="Time limit for the whole command, in seconds."),
+        SharedOption(["--retries"], connect, type=WholeRange(min=0, max=100), metavar="N", help="Retry a read up to N times if there is no valid reply. Writes are never retried."),
+        SharedOption(["--trace"], connect, type=OutFile(), metavar="FILE", help="Record every byte with its time to FILE. -p replay:FILE plays it back."),
+        SharedOption(["--format"], output, type=click.Choice(FORMATS), help="Output format (default: table)."),
+        SharedOption(["--json"], output, key="format", fixed="json", is_flag=True, help="Same as --format json. A stream prints one row per line."),
         SharedOption(["--csv"], output, key="format", fixed="csv", is_flag=True, help="Same as --format csv."),
         SharedOption(["-o", "--output"], output, type=OutFile(), metavar="FILE", help="Write output to FILE instead of stdout. FILE is replaced only when complete."),
-        SharedOption(["--no-formulas"], output, is_flag=True, help="In CSV, put ' before a text that a spreadsheet would calculate."),
-        SharedOption(["--wide"], output, key="wide", fixed=True, is_flag=True, help="In CSV, write one row a sample, with a column for each quantity."),
-        SharedOption(["--long", "--no-wide"], output, key="wide", fixed=False, is_flag=True, help="In CSV, write one row a value (default, but for realtime and watch -o FILE.csv)."),
-        SharedOption(["--color"], output, type=click.Choice(["auto", "always", "never"]), help="Use colour (default: auto, which honours NO_COLOR)."),
-        SharedOption(["-q", "--quiet"], output, is_flag=True, help="Print only errors on stderr."),
-        SharedOption(["-v", "--verbose"], output, is_flag=True, help="Show every byte on stderr, as --trace records it."),
+        SharedOption(["--no-formulas"], output, is_flag=True, help="In CSV, put ' before any text that a spreadsheet would take for a formula."),
+        SharedOption(["--wide"], output, key="wide", fixed=True, is_flag=True, help="In CSV, write one row per sample, with a column for each quantity."),
+        SharedOption(["--long", "--no-wide"], output, key="wide", fixed=False, is_flag=True, help="In CSV, write one row per value (the default, except for realtime and watch -o FILE.csv)."),
+        SharedOption(["--color"], output, type=click.Choice(["auto", "always", "never"]), help="When to use colour (default: auto, which respects NO_COLOR)."),
+        SharedOption(["-q", "--quiet"], output, is_flag=True, help="Print only errors to stderr."),
+        SharedOption(["-v", "--verbose"], output, is_flag=True, help="Print every byte to stderr, in the form that --trace records."),
         SharedOption(["--debug"], output, is_flag=True, help="Show tracebacks."),
         SharedOption(["-n", "--dry-run"], safety, is_flag=True, help="Print the exact bytes that would be written, and send nothing."),
-        SharedOption(["-y", "--yes"], safety, is_flag=True, help="Confirm without asking."),
-        SharedOption(["--assume-identity"], safety, typed=True, is_flag=True, help="Go on without checking which device answers. Only accepted on the command line."),
+        SharedOption(["-y", "--yes"], safety, is_flag=True, help="Answer yes to all confirmations."),
+        SharedOption(["--assume-identity"], safety, typed=True, is_flag=True, help="Skip the check of the device's identity. Only accepted on the command line."),
     ]  # fmt: skip
 
 

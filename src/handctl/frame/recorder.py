@@ -58,14 +58,14 @@ def log_options(body: Callable[..., Any]) -> Callable[..., Any]:
     options = (
         click.argument("file", type=OutFile(beside=(".json",))),
         streaming(0.0),
-        click.option("--mark", metavar="TEXT", default="", help="Mark the first row."),
+        click.option("--mark", metavar="TEXT", default="", help="Mark the first row with TEXT."),
         click.option(
             "--silence",
             type=Seconds(),
             default=60.0,
             show_default=True,
             metavar="S",
-            help="End after S seconds without a valid answer. A lost port is waited for as long.",
+            help="End after S seconds without a valid reply. handctl also waits this long for a lost port to come back.",
         ),
         click.option("--force", is_flag=True, help="Overwrite FILE."),
     )

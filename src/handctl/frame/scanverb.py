@@ -23,12 +23,12 @@ def scan_options(body: Callable[..., Any]) -> Callable[..., Any]:
             "--all",
             "find_all",
             is_flag=True,
-            help="Go on behind the first device, and ask a silent line again with more patience.",
+            help="Keep searching after the first device, and search a silent line again with longer timeouts.",
         ),
         click.option(
             "--ids",
             metavar="FROM-TO",
-            help="Ids to ask for where devices have one, such as 1-20 (default: --id, or all, the usual one first).",
+            help="Ids to try, such as 1-20 (default: --id, or all, the usual one first).",
         ),
     ):
         body = option(body)
@@ -40,9 +40,9 @@ def add_scan(group: Group) -> None:
 
     @scan_options
     def scan(run: Run, ids: str | None, find_all: bool) -> Table:
-        """Look for devices of this family: speed, id.
+        """Search for devices of this family: baud rate and id.
 
-        Only reads. The usual id is asked at each speed first, then all ids. It says what it did not ask.
+        Read-only. It tries the usual id at each baud rate first, then all ids, and reports anything it skipped.
         """
         assert run.family is not None
         found: Table = import_module(COMMANDS[NAME][0]).scan_family(run, ids, find_all)

@@ -17,6 +17,7 @@ from handctl.errors import LinkError, UsageError
 from handctl.link import urls
 from handctl.link.base import ByteLink, Deadline, Outlet
 from handctl.link.owners import busy, group_of, group_remedy, holders, refuse_held
+from handctl.sentence import plural
 from handctl.system import clock, ports
 from handctl.system.waits import readable, writable
 
@@ -103,7 +104,7 @@ def find_usb(link: str) -> Any:
     if len(ports) > 1:
         names = ", ".join(f"{port.device} (serial number {port.serial_number or 'none'})" for port in ports)
         raise LinkError(
-            f"{link}: {len(ports)} ports match: {names}",
+            f"{link}: {plural(len(ports), 'port')} match: {names}",
             hint="add the serial number, or give the path",
             code="ambiguous",
         )
@@ -311,7 +312,7 @@ def _cannot_open(link: str, device: str, exc: Exception) -> LinkError | UsageErr
     if number == errno.EACCES:
         return LinkError(f"{link}: not permitted", hint=_permission_hint(device), code="not-permitted")
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
-        return LinkError(f"{link}: no such port", hint=_ports_hint(), code="not-found")
+        return LinkError(f"{link}: no such port", hint=_ports_hint(link), code="not-found")
     if number in (errno.EAGAIN, errno.EBUSY):
         return busy(link, holders(device) if "://" not in device else [])
     if number == errno.ETIMEDOUT:
@@ -327,7 +328,7 @@ def _cannot_open(link: str, device: str, exc: Exception) -> LinkError | UsageErr
             code="cannot-open",
         )
     if number in (errno.ENOTTY, errno.EINVAL, errno.EISDIR):
-        return LinkError(f"{link}: this is not a serial port", hint=_ports_hint(), code="not-a-port")
+        return LinkError(f"{link}: this is not a serial port", hint=_ports_hint(link), code="not-a-port")
     return LinkError(
         f"{link}: cannot open: {exc}",
         hint="check the port with `handctl ports` and `handctl doctor`",
@@ -343,10 +344,15 @@ def _permission_hint(device: str) -> str:
     return f"{hint}. `handctl ports` shows a rule that lasts, if there is one" if group[0] == 0 else hint
 
 
-def _ports_hint() -> str:
+def _ports_hint(link: str) -> str:
+    scheme, _, rest = link.partition(":")
+    if scheme.lower() in ("tcp", "socket") and rest and "://" not in link:
+        return f"write {scheme.lower()}://HOST:PORT, such as tcp://{rest.lstrip('/') if ':' in rest else '192.168.1.20:8000'}"
     present = ports.present(listed_ports)
+    if ports.foreign_name(link):
+        return f"{link} is a name from another system. `handctl ports` lists the serial ports of this computer"
     return (
         f"use one of {', '.join(present)}"
         if present
-        else "plug in the adapter: no serial port is there. `--fake` needs none"
+        else "plug in the adapter: this computer has no serial port. `--fake` needs none"
     )

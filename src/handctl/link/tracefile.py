@@ -6,7 +6,7 @@ import contextlib
 import sys
 
 from handctl import ending
-from handctl.errors import OutputError, UsageError
+from handctl.errors import OutputError
 from handctl.files import at_once
 
 READER_SECONDS = 0.3
@@ -17,7 +17,7 @@ class TraceFile:
     """A transcript that is being written. `failure` says why it ends early; what is on the line goes on all the same."""
 
     def __init__(self, path: str | None, header: str, verbose: bool) -> None:
-        """Begin with a line of comment. Raises UsageError, OutputError: nothing has been sent yet, better not to begin."""
+        """Begin with a line of comment. Raises OutputError: nothing has been sent yet."""
         self.failure: OutputError | None = None
         self._path = path
         self._verbose = verbose
@@ -30,8 +30,9 @@ class TraceFile:
                     path, "w", encoding="utf-8", newline="\n", buffering=1, opener=at_once
                 )
             except OSError as exc:
-                raise UsageError(
-                    f"{path}: the trace cannot be written: {exc.strerror or exc}", hint="give --trace another file"
+                raise OutputError(
+                    f"{path}: the trace cannot be written: {exc.strerror or exc}",
+                    hint="give --trace another file. Nothing was sent.",
                 ) from exc
             self._waits = ending.watch(self._file, result=False)
             try:

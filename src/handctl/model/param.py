@@ -13,7 +13,7 @@ from typing import Generic, NamedTuple, TypeVar
 from handctl.digits import number_in
 from handctl.errors import HandctlError, UsageError
 from handctl.model.units import Scale, bit_names, exact_decimal, scale_of
-from handctl.sentence import near
+from handctl.sentence import near, plural
 
 Number = int | float
 
@@ -305,7 +305,7 @@ class ParamMap(Generic[P]):
             values = value.split(",") if len(elements) > 1 else [value]
             if len(values) != len(elements):
                 raise UsageError(
-                    f"{name} has {len(elements)} elements, {len(values)} value given",
+                    f"{name} has {plural(len(elements), 'element')}, {plural(len(values), 'value')} given",
                     hint=f"give {','.join(e.part or '' for e in elements)}, or name one: {elements[0].full_name}=VALUE",
                 )
             for element, single in zip(elements, values, strict=True):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from handctl.errors import UsageError
+from handctl.sentence import plural
 
 PAIR = "="
 SHOWN = 6
@@ -69,7 +70,7 @@ def _whole(
             return dict(zip(places, texts, strict=True))
     counts = " or ".join(str(len(places)) for places in orders)
     raise UsageError(
-        f"{len(texts)} values given, {what} takes {counts}",
+        f"{plural(len(texts), 'value')} given, {what} takes {counts}",
         hint=f"in order: {_some(names)}. Or name single {noun}s, such as {names[orders[-1][-1]]}=VALUE{more}",
         code="wrong-count",
     )

@@ -261,7 +261,7 @@ def refuse_existing(path: str, force: bool) -> None:
     for taken in (path, f"{path}.json"):
         if os.path.exists(taken) and not os.path.isfile(taken):
             raise UsageError(
-                f"{taken} is not a file: a log is a file with its sidecar beside it",
+                f"{taken} is not a file: a log is a file with its sidecar next to it",
                 hint="give the name of a new file, or a directory",
                 code="log-file",
             )
@@ -272,13 +272,13 @@ def refuse_existing(path: str, force: bool) -> None:
 
 
 def open_new(path: str, force: bool) -> int:
-    """A new file, descriptor for writing. Never touches an existing one unless `force`. Raises UsageError."""
+    """A new file, descriptor for writing. Never touches an existing one unless `force`. Raises UsageError and OutputError."""
     refuse_existing(path, force)
     try:
         return os.open(path, os.O_WRONLY | os.O_CREAT | disk.BINARY | (os.O_TRUNC if force else os.O_EXCL), 0o666)
     except OSError as exc:
-        raise UsageError(
-            f"{path}: cannot be written: {exc.strerror or exc}", hint="name another file", code="log-file"
+        raise OutputError(
+            f"{path}: cannot be written: {exc.strerror or exc}", hint="choose another file", code="log-file"
         ) from exc
 
 

@@ -28,6 +28,7 @@ from handctl.report.private import REDACTED, Privacy
 from handctl.report.svg import curves
 from handctl.report.transcript import explained, shortened
 from handctl.screen.render import default_view
+from handctl.sentence import plural
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
@@ -197,7 +198,7 @@ def _watch(run: Run, params: ParamMap[Any], content: Report, seconds: float, vis
     content.seconds = samples[-1].t if samples else 0.0
     stream = table.summary()["stream"] if table.summary is not None else {}
     rate = f", true rate {stream['rate_hz']:g} Hz" if stream.get("rate_hz") else ""
-    content.watched = f"{len(samples)} samples in {content.seconds:.1f} s{rate}."
+    content.watched = f"{plural(len(samples), 'sample')} in {content.seconds:.1f} s{rate}."
 
 
 def _conclude(run: Run, visit: _Visit, content: Report, privacy: Privacy) -> None:
@@ -244,7 +245,7 @@ def _told(grid: Grid, privacy: Privacy) -> Grid:
 
 
 def _refuse(path: str, force: bool) -> None:
-    """Raise UsageError for a file that is not to be replaced and for a place where none can be."""
+    """Raise UsageError for a file that is not to be replaced, and OutputError for a folder that takes none."""
     if os.path.exists(path) and not os.path.isfile(path):
         raise UsageError(f"{path} is not a file", hint="give the name of a page, such as report.html", code="no-file")
     if os.path.exists(path) and not force:
@@ -255,9 +256,9 @@ def _refuse(path: str, force: bool) -> None:
         )
     folder = os.path.dirname(path) or "."
     if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
-        raise UsageError(
-            f"{path}: no file can be made in {folder}",
-            hint="name a file in a folder of your own. Nothing was sent.",
+        raise OutputError(
+            f"{path}: cannot be written: {folder} is not a folder that you can write to",
+            hint="choose another folder. Nothing was sent.",
             code="no-folder",
         )
 

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from handctl.errors import HandctlError
+from handctl.families import FAMILIES
 from handctl.model.result import Cell, Grid, Message
 from handctl.report.svg import Curve, draw, escape
 from handctl.sentence import sentence
@@ -92,7 +93,7 @@ h2,h3,caption{break-after:avoid}tr{break-inside:avoid}table{font-size:8.5pt}pre{
 
 def page(report: Report) -> str:
     """The whole page."""
-    title = f"{report.kind} service report, {report.made}"
+    title = f"{_name(report.kind)}: service report, {report.made}"
     bodies = (
         _findings(report),
         _grids(report.status, report, "Status"),
@@ -119,12 +120,15 @@ def page(report: Report) -> str:
     )
 
 
+def _name(kind: str) -> str:
+    """The device, without its wires: ``Inspire EH55BF1 exoskeleton hand``."""
+    return FAMILIES[kind].help.partition(" (")[0]
+
+
 def _header(report: Report) -> str:
     mark = '<p class="mark">Simulated: no device behind these values</p>\n' if report.simulated else ""
     facts = [*report.facts, ("made", report.made), ("tool", f"handctl {report.version} ({report.command})")]
-    return (
-        f"<header>\n{mark}<h1>{escape(report.kind)} service report</h1>\n{_facts(facts)}{_problems(report)}</header>\n"
-    )
+    return f"<header>\n{mark}<h1>{escape(_name(report.kind))}: service report</h1>\n{_facts(facts)}{_problems(report)}</header>\n"
 
 
 def _problems(report: Report) -> str:

@@ -28,13 +28,13 @@ COMMANDS = "give `help` as COMMAND to list what this simulator takes"
 
 @click.group("sim", context_settings={"help_option_names": ["-h", "--help"]})
 def cli() -> None:
-    """Serve a simulated device, to which any client can talk.
+    """Serve a simulated device to any client.
 
-    It is served on a pseudo terminal or a TCP port. CAN is served there through an slcan adapter. Results with a simulator
-    prove nothing about a real device.
+    Serves on a pseudo terminal or a TCP port, CAN through a simulated slcan adapter. Results with a simulator prove nothing
+    about a real device.
 
-    When it is ready, a simulator prints one JSON line: {"ready": true, "link": LINK}. It ends at SIGTERM or SIGINT.
-    SIGUSR1 switches its power off and on. On Windows, Ctrl-C ends it, and `handctl sim control` switches its power.
+    When it is ready, a simulator prints one JSON line: {"ready": true, "link": LINK}. SIGTERM or SIGINT ends it, and
+    SIGUSR1 power-cycles it. On Windows, end it with Ctrl-C and power-cycle it with `handctl sim control`.
     """
 
 
@@ -129,7 +129,7 @@ def _pty_option(function: Callable[..., None]) -> Callable[..., None]:
         "--by-id",
         metavar="PATH",
         callback=_some,
-        help="Make PATH a link to the pseudo terminal. It stays the name of the port when that is unplugged and comes back.",
+        help="Make PATH a symbolic link to the pseudo terminal. It stays valid when the port is unplugged and replugged.",
     )
     return click.option("--pty", "on_pty", is_flag=True, help="Serve on a new pseudo terminal.")(by_id(function))
 
@@ -140,13 +140,13 @@ def _modbus_options(function: Callable[..., None]) -> Callable[..., None]:
         "--modbus-tcp",
         metavar="HOST:PORT",
         callback=_address,
-        help="Serve Modbus TCP, to several clients. It may stand beside another place: one device has both.",
+        help="Serve Modbus TCP to several clients. Can be combined with a serial port of the same device.",
     )
     return pty(tcp(function))
 
 
 def _model_option(models: tuple[str, ...]) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    return click.option("--model", type=click.Choice(models), help="Which one of them.") if models else _no_options
+    return click.option("--model", type=click.Choice(models), help="The model to simulate.") if models else _no_options
 
 
 def _server(kind: str) -> click.Command:
@@ -168,12 +168,14 @@ def _server(kind: str) -> click.Command:
     @_model_option(getattr(folder, "MODELS", ()))
     @click.option("--seed", metavar="N", help="Seed of the random generator.")
     @click.option(
-        "--fault", metavar="NAME[,NAME]", multiple=True, help="Faults and states, listed below. May be repeated."
+        "--fault", metavar="NAME[,NAME]", multiple=True, help="Faults and states, listed below. Can be repeated."
     )
-    @click.option("--after", metavar="N", help="Leave the first N requests healthy.")
-    @click.option("--every", metavar="N", help="Hit only each N-th of the later requests.")
+    @click.option("--after", metavar="N", help="Answer the first N requests without the fault.")
+    @click.option("--every", metavar="N", help="Apply the fault only to every N-th request after that.")
     @click.option(
-        "--wire", metavar="BAUD", help="Take the transmission time of this speed in bit/s (auto: the device's speed)."
+        "--wire",
+        metavar="BAUD",
+        help="Simulate the transmission time of this baud rate in bit/s (auto: the device's baud rate).",
     )
     @click.option("--state", metavar="FILE", callback=_some, help="Keep memory, flash and positions in this file.")
     @click.option(
@@ -184,14 +186,14 @@ def _server(kind: str) -> click.Command:
         help="Stop after S seconds.",
     )
     @click.option(
-        "--control", metavar="PATH", callback=_some, help="Open a socket of this machine for `handctl sim control`."
+        "--control", metavar="PATH", callback=_some, help="Open a local socket at PATH for `handctl sim control`."
     )
     @click.option(
         "--set",
         "settings",
         metavar="KEY=VALUE",
         multiple=True,
-        help="Set a further option, listed below. May be repeated.",
+        help="Set a further option, listed below. Can be repeated.",
     )
     def command(
         tcp: tuple[str, int] | None,
@@ -236,7 +238,7 @@ def _server(kind: str) -> click.Command:
         except (ServeError, OSError) as exc:
             raise SimError(str(exc), hint=SERVING) from exc
 
-    command.help = f"Serve a simulated {summary}\n\nIt prints one JSON line when it is ready, and serves until SIGTERM, SIGINT or --duration."
+    command.help = f"Serve a simulated {summary}\n\nPrints one JSON line when it is ready, and serves until SIGTERM, SIGINT or --duration."
     return command
 
 
@@ -273,7 +275,7 @@ class _BusCommand(click.Command):
     "--duration", metavar="S", type=click.FloatRange(0.0, 1e9), callback=_number, help="Stop after S seconds."
 )
 @click.option(
-    "--control", metavar="PATH", callback=_some, help="Open a socket of this machine for `handctl sim control`."
+    "--control", metavar="PATH", callback=_some, help="Open a local socket at PATH for `handctl sim control`."
 )
 def bus(
     file: str,
@@ -288,11 +290,10 @@ def bus(
 ) -> None:
     """Serve several simulated devices on one RS-485, RS-232 or CAN bus.
 
-    FILE (TOML) describes the line, its devices and other masters. --tcp and --slcan-tcp take several clients, and several
-    places may be given: each client gets what the line carries. A LINK fake://bus?file=FILE needs no server.
+    FILE (TOML) describes the line, its devices and other masters. --tcp and --slcan-tcp take several clients, and you can
+    combine the options: each client receives everything on the line. The LINK fake://bus?file=FILE works without a server.
 
-    It prints one JSON line when it is ready, and serves until SIGTERM, SIGINT or --duration. Several places stand in
-    "links".
+    Prints one JSON line when it is ready, with several links under "links", and serves until SIGTERM, SIGINT or --duration.
     """
     on_line, on_can = on_pty or tcp is not None, slcan_pty or slcan_tcp is not None
     if not on_line and not on_can:
@@ -348,17 +349,17 @@ def _crowd(plan: Any) -> tuple[Any, Any]:
 def control(path: str, command: tuple[str, ...]) -> None:
     """Send COMMAND to a running simulator and print its answer.
 
-    PATH is the socket that it was started with (--control PATH).
+    PATH is the --control PATH that the simulator was started with.
 
     \b
     power-cycle            Switch off and on.
     power off | power on   Switch off, or on.
     fault NAME[,NAME]      Set these faults from now on. `fault none` ends them.
-    unplug [SECONDS]       Unplug the port, for SECONDS or until `replug`. Of a bus: the adapters of all clients.
-    `replug`               Bring the port back.
+    unplug [SECONDS]       Unplug the port, for SECONDS or until `replug`. On a bus: the adapters of all clients.
+    `replug`               Plug the port in again.
     requests               Count the requests that the device understood.
-    heard                  Show what clients sent since the last time, with times.
-    help                   Show these commands and those of the device.
+    heard                  Show the data that clients have sent since the last `heard`, with times.
+    help                   List these commands and those of the device.
     """
     from handctl.sim.engine import serve
 

@@ -33,6 +33,13 @@ def place(path: str) -> str:
     return os.path.realpath(path)
 
 
+def foreign_name(path: str) -> bool:
+    """Whether only another system names its serial ports so: COM3 here, or /dev/ttyUSB0 on Windows."""
+    if sys.platform == "win32":
+        return path.startswith("/dev/")
+    return path[:3].upper() == "COM" and path[3:].isdigit()
+
+
 def one_of_two(path: str) -> str:
     """One name for the two of a port on macOS: /dev/cu.x for /dev/tty.x too."""
     return path.replace("/dev/tty.", "/dev/cu.", 1)

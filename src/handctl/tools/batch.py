@@ -15,15 +15,15 @@ from handctl.model.result import Table
 @click.option(
     "--keep-going",
     is_flag=True,
-    help="Continue after a line that failed. The exit code is still that of the first one.",
+    help="Continue after a line that failed. The exit code is still that of the first failure.",
 )
 @click.pass_context
 def cli(context: click.Context, file: str, keep_going: bool) -> Table | None:
     """Run many commands on one open link, from FILE or stdin.
 
-    A line is a command as you type it, without `handctl`. `#` begins a comment. Options such as -p, -d, --yes and --json
-    hold for every line that does not have its own. handctl reads and checks all lines before it sends anything. Where
-    lines need a confirmation, it shows them and asks once. The exit code is that of the first line that failed.
+    Write each command on its own line, without `handctl`. `#` starts a comment. Options such as -p, -d, --yes and --json
+    apply to every line that does not set its own. handctl checks all lines before it sends anything. If some lines
+    need confirmation, it lists them and asks once. The exit code is that of the first line that failed.
     """
     from handctl.frame.batch import batch
 

@@ -22,11 +22,11 @@ SHELLS = ("bash", "zsh", "fish", "powershell")
 
 @click.command("completion", cls=Command, writes=True, offline=True)
 @click.argument("shell", type=click.Choice(SHELLS))
-@click.option("--install", is_flag=True, help="Write it into your own completion directory instead of to stdout.")
+@click.option("--install", is_flag=True, help="Install it in your own completion directory instead of printing it.")
 def cli(shell: str, install: bool) -> Table:
     """Print the completion of a shell, or install it for this user.
 
-    Pressing TAB then starts no program: commands, options, choices and the names of quantities are in the script.
+    TAB then works without starting handctl: commands, options, choices and the names of quantities are in the script.
     """
     from handctl.docgen import completion
 

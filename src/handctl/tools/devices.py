@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
 cli = Group(
     "devices",
-    help="Names for devices, kept in the configuration file. `handctl -d NAME FAMILY …` then knows the port, the id "
-    "and the speed. HANDCTL_CONFIG names another file.",
+    help="Name devices in the configuration file. `handctl -d NAME FAMILY …` then knows the port, the id and the baud "
+    "rate. To use another file, set HANDCTL_CONFIG.",
 )
 
 COLUMNS = (
@@ -73,13 +73,13 @@ def list_devices(run: Run) -> Table:
 @click.argument("name")
 @click.argument("family", type=click.Choice(list(FAMILIES)), metavar=f"[{'|'.join(FAMILIES)}]", required=False)
 @click.option(
-    "--from-scan", "scanned", metavar="FILE", type=InFile(), help="Take family, link, id and speed from the output of `handctl scan --json` (-: stdin)."
+    "--from-scan", "scanned", metavar="FILE", type=InFile(), help="Take family, link, id and baud rate from the output of `handctl scan --json` (-: stdin)."
 )  # fmt: skip
-@click.option("--force", is_flag=True, help="Replace the device that has this name now.")
+@click.option("--force", is_flag=True, help="Replace the device that already has this name.")
 def add(run: Run, name: str, family: str | None, scanned: str | None, force: bool) -> Table:
     """Give a device a name in the configuration file.
 
-    The name keeps the family and, where given, --port, --id, --baud, --timeout, --deadline and --retries. The device is not asked.
+    Saves the family and, if given, --port, --id, --baud, --timeout, --deadline and --retries. Does not contact the device.
     """
     from handctl.frame import devicefile
     from handctl.frame.config import NAME_HELP, is_name
@@ -126,7 +126,7 @@ DONE = (Column("file", "File"), Column("result", "Result"))
 @cli.verb("remove", writes=True, offline=True)
 @click.argument("name")
 def remove(run: Run, name: str) -> Table:
-    """Delete a name from the configuration file. Everything else in the file stays."""
+    """Delete a name from the configuration file. The rest of the file is unchanged."""
     from handctl.frame import devicefile
 
     path = config_path()
@@ -147,10 +147,10 @@ def remove(run: Run, name: str) -> Table:
 @cli.verb("show")
 @click.argument("name", required=False)
 def show(run: Run, name: str | None) -> Table:
-    """Show every setting that `-d NAME` gives, and where each comes from.
+    """Show every setting that `-d NAME` selects, and its source.
 
-    Without NAME, show the settings of a command without -d. Origins are the command line, the environment, the named
-    device, the configuration file (with the line) and the default.
+    Without NAME, show the settings of a command without -d. The source is the command line, the environment, the named
+    device, the configuration file (with the line) or the default.
     """
     ctx = click.get_current_context()
     settings = resolve(ctx, WIRES, name or "")

@@ -46,14 +46,14 @@ TONES = {"ok": "good", "warning": "warn", "fail": "bad", "skipped": "dim"}
 @click.option(
     "--family",
     type=click.Choice(list(FAMILIES)),
-    help="The family of the device on the link. Without it, and without -d NAME, handctl finds out who is there.",
+    help="The family of the device on the link. Without it, and without -d NAME, handctl detects the device.",
 )
 @reads_option
 def cli(family: str | None, count: int) -> Table:
     """Check this computer, and with -p LINK that link and its device.
 
-    Each row has its evidence and its remedy: permissions, other programs, delays, speed, echo, error rate.
-    Without --family it finds out which device is there, as `handctl scan` does. The device is only read.
+    Checks permissions, other programs, delays, baud rate, echo and error rate. Each row shows the evidence and a remedy.
+    Without --family it detects the device first, as `handctl scan` does. Read-only.
     Exit code 7 means a warning or a failure.
     """
     return checked(click.get_current_context().obj, family, count)

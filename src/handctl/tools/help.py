@@ -21,11 +21,11 @@ from handctl.sentence import near
 
 OPTIONS = "options"
 HOW = (
-    "The common options may stand anywhere in the line: `handctl -p PORT exo status` is `handctl exo status -p PORT`. "
-    "When one is given twice, the one nearest the verb wins.\n\n"
+    "Common options can go anywhere on the line: `handctl -p PORT exo status` is the same as `handctl exo status -p PORT`. "
+    "If you give one twice, the one nearest the verb wins.\n\n"
     "Each has an environment variable, such as HANDCTL_PORT for --port, and a key in the configuration file. The command "
-    "line goes before the environment, then what a named device says, then the file. Only --assume-identity must be typed.\n\n"
-    "A command offers the options that it accepts: `-h` lists them. A command that only reads has no --dry-run."
+    "line comes first, then the environment, then the named device, then the file. Only --assume-identity must be typed.\n\n"
+    "Each command accepts only the options listed by its `-h`. For example, a command that only reads has no --dry-run."
 )  # fmt: skip
 
 
@@ -35,7 +35,7 @@ HOW = (
 def cli(run: Run, topic: tuple[str, ...]) -> Table | None:
     """Show a page of the manual, a guide, or the help of one command. Without TOPIC: list them all.
 
-    A page longer than the screen opens in the pager of the system. On a pipe it is plain text.
+    A page longer than the screen opens in your pager. On a pipe it is plain text.
     """
     words = re.sub(r"\(\d\)$", "", " ".join(topic).removeprefix("handctl-")).split()  # a page as it is named in print
     if not words:
@@ -123,5 +123,5 @@ def _options() -> str:
             formatter.write_dl([
                 record for option in options if option.section == title and (record := option.get_help_record(context))
             ])  # fmt: skip
-    formatter.write_text("Options that only one family has stand in `handctl FAMILY -h`.")
+    formatter.write_text("Options specific to one family are listed in `handctl FAMILY -h`.")
     return formatter.getvalue()

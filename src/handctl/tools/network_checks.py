@@ -11,6 +11,7 @@ from ipaddress import IPv4Address, ip_network
 from typing import Any
 
 from handctl.errors import HandctlError, LinkError
+from handctl.sentence import plural
 from handctl.tools.machine import Machine
 from handctl.tools.machine_checks import Check
 
@@ -85,11 +86,13 @@ def same_address(
         yield Check("same_address", "skipped", "the readings change: let the device rest, then run this again")
     elif any(_apart(pairs[0][0], one) for one, _ in pairs):
         others = {tuple(one) for one, _ in pairs}
-        text = f"{len(others)} devices answer at {host_in(link)}: connections read {' and '.join(map(_short, sorted(others)))}"
+        text = f"{plural(len(others), 'device')} answer at {host_in(link)}: connections read {' and '.join(map(_short, sorted(others)))}"
         remedy = "leave one of them powered and give it another address: `handctl hand network` or `handctl hand pair`"
         yield Check("same_address", "fail", text, remedy)
     else:
-        yield Check("same_address", "ok", f"{len(pairs)} connections read the same: one device has this address")
+        yield Check(
+            "same_address", "ok", f"{plural(len(pairs), 'connection')} read the same: one device has this address"
+        )
     yield from _second_client(device, fingerprint)
 
 

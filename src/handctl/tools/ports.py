@@ -50,7 +50,10 @@ class Problem(NamedTuple):
 
 @click.command("ports", cls=Command, offline=True)
 def cli() -> Table:
-    """List serial ports and CAN interfaces: what they are, who holds them, what to do about it. Opens none of them."""
+    """List serial ports and CAN interfaces.
+
+    Shows which program uses each one, and how to fix problems. Opens none of them.
+    """
     run: Run = click.get_current_context().obj
     return table(Machine(), run.journal)
 

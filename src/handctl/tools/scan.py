@@ -66,21 +66,21 @@ class _ScanCommand(Command):
     "links",
     multiple=True,
     metavar="LINK",
-    help="Where to look (default: all serial ports that are free and permitted). Can be repeated.",
+    help="The link to search (default: all serial ports that are free and accessible). Can be repeated.",
 )
 @click.option(
     "--family",
     "families",
     multiple=True,
     type=click.Choice(list(FAMILIES)),
-    help="Look for this family only. Can be repeated.",
+    help="Search for this family only. Can be repeated.",
 )
 @scan_options
 def cli(links: tuple[str, ...], families: tuple[str, ...], ids: str | None, find_all: bool) -> Table:
-    """Find out which device answers on a port: family, speed, id.
+    """Detect the device on a port: its family, baud rate and id.
 
-    Read-only. A port that is in use is left alone. Nothing that is sent starts or ends a movement, or triggers a boot monitor.
-    The usual ids are asked first, then all ids. It says what it did not ask.
+    Read-only. Skips ports that are in use. Nothing it sends starts or ends a movement, or triggers a boot monitor.
+    It tries the usual ids first, then all ids, and reports anything it skipped.
     """
     run: Run = click.get_current_context().obj
     settings = run.settings

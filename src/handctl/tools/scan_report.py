@@ -9,6 +9,7 @@ from typing import NamedTuple
 from handctl.errors import HandctlError, Interrupted, NoAnswer, ProtocolError, joined
 from handctl.model.profile import Profile
 from handctl.model.result import Column, Journal, Row, Table, hex_bytes
+from handctl.sentence import plural
 
 TALKATIVE = 16
 """So many bytes unasked are somebody who talks by himself."""
@@ -106,7 +107,9 @@ def report(searches: Sequence[Search], families: Sequence[str], journal: Journal
 def _none(errors: Sequence[HandctlError]) -> HandctlError:
     """Nothing on any of several links: the most telling of their errors decides the exit code."""
     worst = max(errors, key=lambda error: (error.exit_code == 5, error.exit_code))
-    return type(worst)(joined(f"no device on {len(errors)} links", worst.text), hint=worst.hint, code=worst.code)
+    return type(worst)(
+        joined(f"no device on {plural(len(errors), 'link')}", worst.text), hint=worst.hint, code=worst.code
+    )
 
 
 def _nothing(search: Search) -> HandctlError:
@@ -123,9 +126,7 @@ def _nothing(search: Search) -> HandctlError:
             text = f"{name}: another program or master speaks with {family} id {', '.join(map(str, ids))} on this line ({shown})"
             hint = f"end it for the search, or look beside it: `handctl {family} scan --all`. Nothing was sent."
             return ProtocolError(text, hint=hint, code="talks")
-        text = (
-            f"{name}: {len(unasked)} bytes arrived before anything was asked ({shown}). None of these devices does that"
-        )
+        text = f"{name}: {plural(len(unasked), 'byte')} arrived before anything was asked ({shown}). None of these devices does that"
         return ProtocolError(
             text, hint="check for another device, or a wrong speed (--baud). Nothing was sent.", code="talks"
         )

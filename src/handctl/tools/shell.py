@@ -15,8 +15,8 @@ from handctl.frame.run import Run
 def cli(context: click.Context, family: str | None) -> None:
     """Type commands at a prompt. The link stays open between them.
 
-    A line is a command without `handctl`. With FAMILY or -d the family may be left out too. TAB completes commands and
-    quantities, and the history is kept. A port that was lost is opened again by the next line. Ctrl-C stops a movement,
+    Type each command without `handctl`. If you give FAMILY or -d, leave out the family too. TAB completes commands and
+    quantities, and the history is kept. If the port was lost, the next line opens it again. Ctrl-C stops a movement,
     Ctrl-D ends the shell.
     """
     from handctl.frame.shell import shell

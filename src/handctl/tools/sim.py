@@ -11,14 +11,14 @@ from handctl.sim.cli import SimError, cli
 __all__ = ["cli"]
 
 
-@cli.command("forget", short_help="Begin afresh with --fake: remove what is kept of a simulated device.")
+@cli.command("forget", short_help="Reset the devices that --fake simulates.")
 @click.argument("family", type=click.Choice(list(FAMILIES)), metavar=f"[{'|'.join(FAMILIES)}]", required=False)
 def forget(family: str | None) -> None:
-    """Begin afresh with --fake: remove what is kept of FAMILY, or of all families.
+    """Reset the devices that --fake simulates: FAMILY, or all families.
 
-    A simulated device of plain --fake keeps its changes until you log out, so that `init` then `close` works. `watch` and
-    `report` show the device in use and change nothing. A LINK fake://... always begins afresh. The exit status is 0 also
-    where nothing was kept.
+    With plain --fake the simulated device keeps its state until you log out, so `init` then `close` works. `watch` and
+    `report` show the device in use and change nothing. A LINK fake://... always starts over. The exit code is 0 even if
+    there was nothing to reset.
     """
     for kind in [family] if family is not None else FAMILIES:
         try:

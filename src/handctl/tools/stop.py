@@ -15,11 +15,11 @@ from handctl.model.result import Table
 @click.command("stop", cls=Command, writes=True, stops=True)
 @click.pass_obj
 def cli(run: Run) -> Table:
-    """Stop a device at once, also while another handctl command has it.
+    """Stop a device at once, even while another handctl command is using it.
 
-    The family is known from the name, or from the handctl command that has the device or had it last.
-    Without these, handctl looks for a named device at this port, then asks for 0.5 s which device answers.
-    If that fails, use `handctl FAMILY stop`. The other handctl ends with exit code 130.
+    handctl takes the family from the device's name, or from the handctl command that is using the device or used it last.
+    Otherwise it looks for a named device on this port, then tries for 0.5 s to detect the device.
+    If that fails, use `handctl FAMILY stop`. The other handctl command ends with exit code 130.
     """
     from handctl.stop import command
 

@@ -32,7 +32,7 @@ cli = Group(
 family_option = click.option(
     "--family",
     type=click.Choice(list(FAMILIES)),
-    help="The family of the device (default: as the file says, else as the bytes look).",
+    help="The family of the device (default: taken from the file, otherwise guessed from the bytes).",
 )
 
 
@@ -40,15 +40,15 @@ family_option = click.option(
 @click.argument("file", type=InFile())
 @family_option
 @click.option(
-    "--only", type=click.Choice(["errors"]), help="Show only bad frames, refusals and requests without an answer."
+    "--only", type=click.Choice(["errors"]), help="Show only bad frames, refusals and requests without a reply."
 )
 @click.option(
-    "--grep", "pattern", metavar="REGEX", help="Show only rows whose meaning or bytes match, upper or lower case."
+    "--grep", "pattern", metavar="REGEX", help="Show only rows whose meaning or bytes match. Case is ignored."
 )
 def show(run: Run, file: str, family: str | None, only: str | None, pattern: str | None) -> Table | None:
     """Show every frame of FILE (-: stdin) in words, and statistics at the end.
 
-    A row has time, direction, bytes, meaning and round trip. `*` marks what is wrong. Bytes that belong to no frame are stray bytes.
+    Each row has time, direction, bytes, meaning and round-trip time. `*` marks errors. Stray bytes are those outside of any frame.
     """
     told = _Telling(file, family)
     matches = _matcher(only, pattern)
@@ -69,7 +69,7 @@ def show(run: Run, file: str, family: str | None, only: str | None, pattern: str
 def diff(run: Run, a: str, b: str, family: str | None) -> Table:
     """Compare the exchanges of two transcripts, A and B.
 
-    An exchange is a request with its answer. Times, pieces and message numbers do not count. `-` is stdin.
+    An exchange is a request with its reply. Times, message numbers and the way data was split are ignored. `-` is stdin.
     Exit code 7 means that they differ.
     """
     from handctl.model.result import Column, Table
@@ -105,12 +105,17 @@ def diff(run: Run, a: str, b: str, family: str | None) -> Table:
 @cli.verb("decode", offline=True)
 @click.argument("family", type=click.Choice(list(FAMILIES)))
 @click.argument("hex_bytes", metavar="HEX...", nargs=-1, required=True)
-@click.option("--from", "side", type=click.Choice(["host", "device"]), help="Who sent it (default: as the bytes look).")
+@click.option(
+    "--from",
+    "side",
+    type=click.Choice(["host", "device"]),
+    help="The sender of the frames (default: guessed from the bytes).",
+)
 def decode(run: Run, family: str, hex_bytes: tuple[str, ...], side: str | None) -> Table:
     """Explain frames field by field, for example from a manual or a scope.
 
-    Notations: EB 90, 0xEB,0x90, \\xEB\\x90, xxd, a line of a transcript, a CAN frame as 11000001#04. `-` reads stdin.
-    A wrong checksum is shown with the right one. Exit code 7 means that no frame is valid.
+    Accepts EB 90, 0xEB,0x90, \\xEB\\x90, xxd output, a line of a transcript, or a CAN frame such as 11000001#04. `-` reads stdin.
+    If a checksum is wrong, the correct one is shown too. Exit code 7 means that no frame is valid.
     """
     from handctl.model.result import Column, Table
     from handctl.tools.probes import probe_of

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from handctl.model.piece import HOST, SIDES
+from handctl.sentence import plural
 from handctl.tools.trace_read import Stamp, Statistics, Told, wire
 
 NARROW = 72
@@ -49,7 +50,7 @@ def _elided(data: str, width: int) -> str:
         return data
     head, bracket, rest = data.rpartition("] ")
     words = rest.split()
-    tail = f" … ({len(words)} bytes)"
+    tail = f" … ({plural(len(words), 'byte')})"
     room = max(0, (width - len(head + bracket) - len(tail) + 1) // 3)
     return f"{head}{bracket}{' '.join(words[:room])}{tail}"
 

@@ -9,6 +9,7 @@ from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, MODES, AidinPara
 from handctl.devices.aidin.messages import BETWEEN, Decoder, MalformedObject, numbers
 from handctl.errors import ProtocolError
 from handctl.model.piece import DEVICE, HOST, Part, Piece, Value, stray
+from handctl.sentence import plural
 
 KEYS = {param.key: param for param in AIDIN}
 FEEDBACK_KEYS = {param.key for param in FEEDBACK}
@@ -75,7 +76,7 @@ class AidinExplainer:
         for direction, stream in self._streams.items():
             raw = stream.restart()
             if raw:
-                pieces.append(stray(direction, raw, f"an object cut off after {len(raw)} bytes", "cut-short"))
+                pieces.append(stray(direction, raw, f"an object cut off after {plural(len(raw), 'byte')}", "cut-short"))
         return pieces
 
     def event(self, text: str) -> None:

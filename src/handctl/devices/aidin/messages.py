@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from math import inf, isfinite
 
 from handctl.errors import ProtocolError, UsageError
+from handctl.sentence import plural
 
 BYTES = "check the bytes with --trace FILE"
 LARGEST_OUT = 2047
@@ -140,7 +141,9 @@ class Decoder:
             place = rest.find(b"{")
             data = bytes(rest if place < 0 else rest[:place])
             del self._buffer[: len(data)]
-            raise MalformedObject(f"{len(data)} bytes that do not start a JSON object", data, stray=True)
+            raise MalformedObject(
+                f"{plural(len(data), 'byte')} without the beginning of a JSON object", data, stray=True
+            )
 
     def _scan(self) -> int | None:
         """Where the object ends that the buffer begins with, None when it is not closed yet."""
@@ -152,7 +155,7 @@ class Decoder:
             if found is None:
                 self._position = max(self._position, len(buffer))
                 if len(buffer) > LARGEST_IN:
-                    raise self._drop(f"an object without an end in {len(buffer)} bytes")
+                    raise self._drop(f"an object without an end in {plural(len(buffer), 'byte')}")
                 return None
             token, place, self._position = found[0], found.start(), found.end()
             if self._string >= 0:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from handctl.devices.aidin.map import AIDIN
 from handctl.devices.aidin.messages import LARGEST_OUT, LONGEST_END, NOTHING, TERMINATORS
 from handctl.errors import UsageError
+from handctl.sentence import plural
 
 if TYPE_CHECKING:
     from handctl.frame.options import Settings
@@ -82,7 +83,9 @@ def neutral(text: str) -> bytes:
             code="commanding-poll",
         )
     if len(data) + LONGEST_END > LARGEST_OUT:
-        raise UsageError(f"--poll-json: {len(data)} bytes, the hand's buffer has 2048", hint="use a shorter object")
+        raise UsageError(
+            f"--poll-json: {plural(len(data), 'byte')}, the hand's buffer has 2048", hint="a shorter object"
+        )
     return data
 
 

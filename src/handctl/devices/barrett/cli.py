@@ -21,6 +21,7 @@ from handctl.frame import verbs
 from handctl.frame.clikit import Group
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
+from handctl.frame.numbers import WholeRange
 from handctl.frame.run import Run
 from handctl.model.device import limits_of
 from handctl.model.result import Column, Table
@@ -112,7 +113,7 @@ def version(run: Run) -> Table:
 
 
 @cli.verb("errors", "Look", offline=True)
-@click.argument("code", required=False, type=click.IntRange(0, 1 << 32))
+@click.argument("code", required=False, type=WholeRange(0, 1 << 32))
 def errors(run: Run, code: int | None) -> Table:
     """Explain status codes as the manual does. CODE can be a sum. Needs no device."""
     from handctl.devices.barrett.gcl.language import ERRORS, explain_status, hint_for, split_status

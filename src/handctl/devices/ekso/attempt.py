@@ -51,7 +51,7 @@ class Attempt:
                 return "cut-short", f"the reply to {name} was cut off after {plural(len(self.received), 'byte')}"
             if command in tuple(Command):
                 return "wrong-command", f"a reply to {name_of(command)} arrived instead of {name}"
-        return "garbage", f"received {plural(len(self.received), 'byte')} without a valid frame"
+        return "garbage", f"received {plural(len(self.received), 'byte')} instead of a valid frame"
 
 
 def key_of(request: bytes) -> tuple[int, int]:

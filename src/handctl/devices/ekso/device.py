@@ -27,6 +27,7 @@ from handctl.errors import (
 from handctl.model.device import Device
 from handctl.model.param import Element, Number, Reading, Step, elements_of
 from handctl.model.result import Column, Row, Table
+from handctl.sentence import plural
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.change import Change
@@ -372,7 +373,7 @@ def one_setting(texts: Sequence[str]) -> tuple[Element, Number]:
     changes = EKSO.assignments(texts)
     if len(changes) != 1:
         raise gates.refusal(
-            gates.ONE, f"{len(changes)} settings at once", f"one `set` writes one setting. {NOTHING_SENT}"
+            gates.ONE, f"{plural(len(changes), 'setting')} at once", f"one `set` writes one setting. {NOTHING_SENT}"
         )
     return changes[0]
 

@@ -23,6 +23,7 @@ from handctl.devices.ekso.frames import (
 from handctl.devices.ekso.map import EKSO, MESSAGES, Word, boot_ms, boot_text
 from handctl.model.cutting import Cut, Cutter
 from handctl.model.piece import DEVICE, HOST, Later, Part, Piece, Value, stray
+from handctl.sentence import plural
 
 LONGEST = max(size for sizes in ANSWER_SIZES.values() for size in sizes) + OVERHEAD + max(LENGTH_MODES.values())
 ORDER = ("body", "n-4", "n-2", "frame")
@@ -93,7 +94,9 @@ class EksoExplainer(Cutter):
         if cut.problem == "stray":
             return stray(direction, raw)
         if cut.problem in ("cut-short", "waiting"):
-            return stray(direction, raw, f"the beginning of a frame, cut off after {len(raw)} bytes", "cut-short")
+            return stray(
+                direction, raw, f"the beginning of a frame, cut off after {plural(len(raw), 'byte')}", "cut-short"
+            )
         command, msg_id, body = raw[0], int.from_bytes(raw[2:4], "big"), raw[4:-2]
         words, values = _words(direction, command, body)
         problem, frame, extra = cut.problem, not cut.problem, ""

@@ -30,6 +30,7 @@ from handctl.errors import (
 from handctl.model.guide import Guide
 from handctl.model.param import Step
 from handctl.model.result import hex_bytes
+from handctl.sentence import plural
 
 BETWEEN_WRITES = 1.0
 """Seconds from one SetValue to the next."""
@@ -133,8 +134,8 @@ class Writer:
         text = change.text
         if len(stages) > 1:
             shown = ", ".join(param.typed(param.from_raw(raw)) for raw in stages)
-            text += f", in {len(stages)} steps ({shown}), about {WINDOW * (len(stages) - 1):.0f} s"
-        self._ask(f"Set {text}. A person may be standing in the device", param.typed(_value(change)))
+            text += f", in {plural(len(stages), 'step')} ({shown}), about {WINDOW * (len(stages) - 1):.0f} s"
+        self._ask(f"Set {text}. A person may stand in the device", param.typed(_value(change)))
         if needs_second_answer(change):
             self._ask(f"{change.text}: this changes how the device drives. Really", "yes")
 

@@ -16,6 +16,7 @@ from handctl.link import CanFrame, Deadline, FrameLink, Trouble
 from handctl.model.ledger import ACKNOWLEDGED
 from handctl.model.param import Step
 from handctl.model.result import Journal, hex_bytes
+from handctl.sentence import plural
 
 
 class CanBus(RegisterBus):
@@ -164,7 +165,7 @@ class CanBus(RegisterBus):
                     code="wrong-id",
                 )
             return ProtocolError(
-                f"{self.where}: the answer has {len(others[0].data)} bytes, not the number asked for: {others[0]} (sent {request})",
+                f"{self.where}: the answer has {plural(len(others[0].data), 'byte')}, not the number asked for: {others[0]} (sent {request})",
                 hint="check the bus: this is another kind of device, or there is a second master",
                 code="cut-short",
             )
@@ -256,4 +257,4 @@ def describe_frame(frame: CanFrame) -> str:
     access = canreg.parse_identifier(frame.can_id)
     kinds = {0: "read hand", 1: "write hand", 4: "read wrist", 5: "write wrist"}
     kind = kinds.get(access.flag, f"flag {access.flag}, which the manual does not have")
-    return f"{kind}, address {access.address}, id {access.hand_id}, {len(frame.data)} bytes {hex_bytes(frame.data)}".rstrip()
+    return f"{kind}, address {access.address}, id {access.hand_id}, {plural(len(frame.data), 'byte')} {hex_bytes(frame.data)}".rstrip()

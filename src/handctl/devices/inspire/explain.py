@@ -18,6 +18,7 @@ from handctl.devices.inspire.wrist.raw import CAN_MISPRINTS, MISPRINTS
 from handctl.model.cutting import Cut, Cutter
 from handctl.model.param import ParamMap
 from handctl.model.piece import DEVICE, HOST, Later, Part, Piece, Value, stray
+from handctl.sentence import plural
 
 CALIBRATION_END = 2
 """Address field of the frame that ends a calibration (RH56 ch. 3 ex. 5)."""
@@ -253,7 +254,7 @@ class InspireExplainer(Cutter):
         order = f"{FINGERS[0]} to {FINGERS[-1]}"
         if len(frame.payload) != 2 * len(parts):
             return (
-                f"{kind} command with {len(frame.payload)} bytes, {2 * len(parts)} expected: {text}, id {frame.id}",
+                f"{kind} command with {plural(len(frame.payload), 'byte')}, {2 * len(parts)} expected: {text}, id {frame.id}",
                 values,
             )
         if frame.from_device:

@@ -9,6 +9,7 @@ from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.errors import ProtocolError
 from handctl.model.frames import frames_in
 from handctl.model.result import hex_bytes
+from handctl.sentence import plural
 
 SILENCE_HINT = (
     "check in this order: --id 1 at 115200 bit/s, `handctl exo scan`, power (7 to 9 V), TX/RX and RS-232 wiring. "
@@ -82,8 +83,8 @@ def mishap(request: bytes, received: bytes) -> tuple[str, str]:
         return "stale", "a valid frame came, but not the answer to this request"
     # At a wrong speed 90 EB may come by chance: with the id behind it, or nothing, it is the beginning of an answer.
     if pending >= 2 and (rest.endswith(eb90.DEVICE) or eb90.DEVICE + request[2:3] in rest):
-        return "cut-short", f"the answer was cut off after {len(rest)} bytes"
-    return "garbage", f"{len(rest)} bytes came that form no frame"
+        return "cut-short", f"the answer was cut off after {plural(len(rest), 'byte')}"
+    return "garbage", f"received {plural(len(rest), 'byte')} instead of a valid frame"
 
 
 def others_speak(request: bytes, received: bytes) -> bool:

@@ -22,6 +22,7 @@ from functools import cache
 from typing import NamedTuple
 
 from handctl.errors import ProtocolError, UsageError
+from handctl.sentence import plural
 
 READ, WRITE_ONE, WRITE_MANY = 0x03, 0x06, 0x10
 FAILED = 0x80
@@ -115,7 +116,8 @@ def write_request(address: int, data: bytes) -> bytes:
     words, odd = divmod(len(data), 2)
     if odd:
         raise UsageError(
-            f"{len(data)} bytes do not fill whole registers", hint="give two bytes for each. Nothing was sent."
+            f"{plural(len(data), 'byte')}: not a whole number of registers",
+            hint="give two bytes for each. Nothing was sent.",
         )
     _check(address, words, MAX_WRITTEN)
     place = address.to_bytes(2, "big")

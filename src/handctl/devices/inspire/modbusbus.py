@@ -20,6 +20,7 @@ from handctl.link import ByteLink, CanFrame, Deadline
 from handctl.model.frames import frames_in
 from handctl.model.param import Step
 from handctl.model.result import Journal, hex_bytes
+from handctl.sentence import plural
 
 QUIET_SECONDS = 0.00175
 """Silence before each RTU frame at 19200 bit/s and more (rh56 §5)."""
@@ -354,7 +355,7 @@ class ModbusBus(RegisterBus):
         if not received:
             return self.unanswered(hex_bytes(request), self.timeout, since, SILENCE_HINT)
         came = f"(sent {hex_bytes(request)}, received {shorten(received)})"
-        code, text = "garbage", f"{len(received)} bytes came that form no Modbus answer"
+        code, text = "garbage", f"received {plural(len(received), 'byte')} instead of a valid Modbus reply"
         hint = OTHER_SERVICE_HINT if self.tcp else GARBAGE_HINT
         if received == request:
             code, text, hint = "echo", "only our own bytes came back", ECHO_HINT

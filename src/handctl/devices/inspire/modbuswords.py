@@ -21,6 +21,7 @@ from handctl.model.frames import frames_in
 from handctl.model.ledger import Frame
 from handctl.model.param import ParamMap
 from handctl.model.piece import DEVICE, HOST, Later, Part, Piece, Value, stray
+from handctl.sentence import plural
 
 RTU, TCP = "rtu", "tcp"
 FUNCTIONS = (modbus.READ, modbus.WRITE_ONE, modbus.WRITE_MANY)
@@ -204,7 +205,12 @@ class EitherExplainer(InspireExplainer):
             return f"accepted: write at {address} {span_name(self._map, address * self._per, 1)}", "", address, b""
         data = modbus.to_memory(pdu[2:])
         if asked is None:
-            return f"{len(data) // 2} registers, not asked for here: {data.hex(' ').upper()}", "others", None, b""
+            return (
+                f"{plural(len(data) // 2, 'register')}, not asked for here: {data.hex(' ').upper()}",
+                "others",
+                None,
+                b"",
+            )
         address = int.from_bytes(asked[1:3], "big")
         self._heard(address, data)
         text = describe(self._map, address * self._per, data)

@@ -11,6 +11,7 @@ from handctl.devices.inspire.quiet import Span
 from handctl.devices.inspire.registers import RegisterBus
 from handctl.errors import UsageError
 from handctl.model.param import ids_in
+from handctl.sentence import plural
 
 SPEEDS = (115200, 57600, 19200)
 """exo §2.3.2; the wrist's manual has 115200 only, its hand's the others too."""
@@ -55,7 +56,7 @@ def parse_ids(text: str, wire: str) -> list[int]:
     ids = ids_in(text, canreg.check_id if wire == "can" else eb90.check_id)
     if len(ids) > MOST:
         raise UsageError(
-            f"--ids {text}: these are {len(ids)} ids, but a scan asks 1 to {MOST}",
+            f"--ids {text}: these are {plural(len(ids), 'id')}, but a scan asks 1 to {MOST}",
             hint="scan in parts, such as --ids 1-254",
         )
     return ids

@@ -187,9 +187,12 @@ def repeatable(patient: Patient) -> list[Finding]:
     ]
     if differ:
         return [
-            doubtful("repeatable", f"read twice, {plural(len(differ), 'value')} not the same: {', '.join(differ[:4])}")
+            doubtful(
+                "repeatable",
+                f"read twice, with different values in {plural(len(differ), 'setting')}: {', '.join(differ[:4])}",
+            )
         ]
-    return [Finding("repeatable", OK, f"{len(again)} settings read twice, no difference", source="barrett §8")]
+    return [Finding("repeatable", OK, f"{plural(len(again), 'setting')} read twice, all alike", source="barrett §8")]
 
 
 def strain_limits(patient: Patient) -> list[Finding]:

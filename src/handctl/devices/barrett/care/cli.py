@@ -7,6 +7,7 @@ import click
 from handctl.devices.barrett.gcl.language import motor_prefix
 from handctl.errors import UsageError
 from handctl.frame.clikit import Group, stream_options
+from handctl.frame.numbers import WholeRange
 from handctl.frame.run import Run
 from handctl.model.result import Column, Table
 
@@ -128,7 +129,7 @@ def _add_fingertips(group: Group) -> None:
     @click.option(
         "--positions",
         nargs=4,
-        type=click.IntRange(0, 20000),
+        type=WholeRange(0, 20000),
         metavar="F1 F2 F3 SPREAD",
         help="Use these counts instead of the hand's. Needs no device.",
     )

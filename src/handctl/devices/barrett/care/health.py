@@ -8,6 +8,7 @@ from typing import NamedTuple
 from handctl.devices.barrett.gcl.language import explain_status, hint_for
 from handctl.devices.barrett.map import BARRETT, MOTORS, GclParam
 from handctl.model.result import Row
+from handctl.sentence import plural
 
 OK, WARNING, FAIL, SKIPPED = "ok", "warning", "fail", "skipped"
 TONES = {OK: "good", WARNING: "warn", FAIL: "bad", SKIPPED: "dim"}
@@ -106,7 +107,7 @@ def no_load(readings: Mapping[str, Sequence[int]], *, check: str = "strain") -> 
     for finger, values in readings.items():
         name, source = f"{check}.{finger}", "barrett §7.4"
         mean = sum(values) / len(values)
-        shown = f"mean {mean:.1f}, {min(values)} to {max(values)} in {len(values)} readings"
+        shown = f"mean {mean:.1f}, {min(values)} to {max(values)} in {plural(len(values), 'reading')}"
         adjust = "zero it at the balancing potentiometer: `handctl barrett strain --live`"
         if max(values) >= NO_GAUGE or min(values) <= 0:
             remedy = "check the gauge, its wires and contact pins, and the finger's seat, then ask the vendor"

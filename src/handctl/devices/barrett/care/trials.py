@@ -20,6 +20,7 @@ from handctl.model.moving import ANY, REACHED
 from handctl.model.param import Step
 from handctl.model.result import Row
 from handctl.model.stopping import by_ctrl_c
+from handctl.sentence import plural
 
 STEP_COUNTS, STEPS = 850, 20
 """The slow close of the strain curve: 20 steps of a twentieth of 17,000 counts."""
@@ -125,7 +126,7 @@ def strain_curve(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
         if not values or set(values) == {health.NO_GAUGE}:
             found.append(Finding(check, SKIPPED, "no strain gauge", source=source))
             continue
-        evidence = f"{min(values)} to {max(values)} in {len(values)} steps of {STEP_COUNTS} counts"
+        evidence = f"{min(values)} to {max(values)} in {plural(len(values), 'step')} of {STEP_COUNTS} counts"
         if max(values) - min(values) > width:
             remedy = "if nothing touched it, check the pretension (§7.1), the potentiometer (§7.4) and the idler pulley (Figure 18)"
             found.append(Finding(check, WARNING, f"{evidence}: more than {width} in free air", remedy, source))

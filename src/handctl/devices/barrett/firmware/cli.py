@@ -10,8 +10,10 @@ from handctl.errors import CheckFailed, UsageError
 from handctl.files import read
 from handctl.frame.clikit import Group
 from handctl.frame.filetypes import InFile
+from handctl.frame.numbers import WholeRange
 from handctl.frame.run import Run
 from handctl.model.result import Cell, Column, Grid, Row, Table
+from handctl.sentence import plural
 
 if TYPE_CHECKING:
     from handctl.devices.barrett.firmware.srecord import Firmware
@@ -55,7 +57,7 @@ def add_firmware(group: Group) -> None:
     )
     @click.option(
         "--window",
-        type=click.IntRange(1, 4),
+        type=WholeRange(1, 4),
         default=1,
         show_default=True,
         metavar="N",
@@ -124,7 +126,7 @@ def _problem(firmware: Firmware, force: bool) -> tuple[str, str] | None:
 
 def _summary(firmware: Firmware) -> str:
     return (
-        f"{len(firmware.records)} records, {firmware.size} bytes, {firmware.range_text}, "
+        f"{plural(len(firmware.records), 'record')}, {firmware.size} bytes, {firmware.range_text}, "
         f"about {max(1, round(firmware.seconds))} s"
     )
 
@@ -185,6 +187,10 @@ def _plan(run: Run, firmware: Firmware) -> Table:
             sent += out
             transfer.feed(out[-1:])
         steps.append(
-            Step(f"line {record.line}: {len(record.data)} bytes to {record.address:04X}h", bytes(sent), strands=True)
+            Step(
+                f"line {record.line}: {plural(len(record.data), 'byte')} to {record.address:04X}h",
+                bytes(sent),
+                strands=True,
+            )
         )
     return run.dry_run(steps)

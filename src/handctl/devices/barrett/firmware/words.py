@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import deque
 
 from handctl.model.piece import DEVICE, HOST, Part, Piece, stray
+from handctl.sentence import plural
 
 TRIGGER = 0xFF
 HEAD = 5
@@ -76,7 +77,9 @@ class MonitorWords:
         """What is not complete."""
         pieces = self._told()
         if self._out:
-            pieces.append(stray(HOST, bytes(self._out), f"an unfinished record: {len(self._out)} bytes", "cut-short"))
+            pieces.append(
+                stray(HOST, bytes(self._out), f"an unfinished record: {plural(len(self._out), 'byte')}", "cut-short")
+            )
         self._out.clear()
         self._awaited.clear()
         return pieces

@@ -12,6 +12,7 @@ from handctl.errors import UsageError
 from handctl.files import is_pipe, read_text
 from handctl.frame.clikit import Group, streaming, suspendable
 from handctl.frame.filetypes import InFile
+from handctl.frame.numbers import WholeRange
 from handctl.frame.run import Run
 from handctl.model.result import Column, Table
 
@@ -62,9 +63,7 @@ def add_realtime(group: Group) -> None:
         type=InFile(),
         help="Control values as CSV or JSON lines (t, velocity.F1 …). - is stdin. Live lines (without t) are valid for 1 s, then velocity is 0.",
     )
-    @click.option(
-        "--measure", type=click.IntRange(min=2), metavar="N", help="Exchange N blocks and show only their timing."
-    )
+    @click.option("--measure", type=WholeRange(min=2), metavar="N", help="Exchange N blocks and show only the timing.")
     @click.option(
         "--sequential/--overlapped",
         default=None,
@@ -81,7 +80,7 @@ def add_realtime(group: Group) -> None:
     @click.option("--force", is_flag=True, help="Same as --no-guard opening. This may deform the clutch permanently.")
     @click.option(
         "--delta-unit",
-        type=click.IntRange(1, 255),
+        type=WholeRange(1, 255),
         metavar="N",
         help="Counts per unit of delta (LFDPC). Default: the hand's own, or more if velocity and rate need it.",
     )

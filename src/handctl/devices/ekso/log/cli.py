@@ -13,7 +13,7 @@ from handctl import __version__
 from handctl.errors import UsageError
 from handctl.frame.clikit import Command, Group
 from handctl.frame.filetypes import InFile
-from handctl.frame.numbers import FiniteRange
+from handctl.frame.numbers import FiniteRange, WholeRange
 from handctl.frame.options import SharedOption
 from handctl.frame.recorder import Wishes, log_options
 from handctl.frame.recorder import log as record
@@ -84,9 +84,7 @@ def _own_format(group: Group, name: str, body: Callable[..., Table]) -> click.Co
     help="Output: mot (OpenSim motion file) or csv (the columns of the log). --format is the older name.",
 )
 @click.option("--si", is_flag=True, help="With csv: metres and radians instead of inches and degrees.")
-@click.option(
-    "--segment", type=click.IntRange(min=1), metavar="N", help="Only segment N. A motion file can hold only one."
-)
+@click.option("--segment", type=WholeRange(min=1), metavar="N", help="Only segment N. A motion file holds just one.")
 @click.option(
     "--knee-sign",
     type=click.Choice(["1", "-1"]),

@@ -20,6 +20,7 @@ from handctl.devices.ekso.log.format import NAMED, to_si
 from handctl.errors import UsageError
 from handctl.record.layout import MARK, clean, quoted
 from handctl.record.timeline import GAP_PERIODS, LEAST_PERIOD_MS
+from handctl.sentence import plural
 
 COORDINATES: tuple[tuple[str, str], ...] = (
     ("pelvis_tilt", "torso_pitch"),
@@ -59,7 +60,7 @@ def motion(log: LogFile, *, segment: int | None, knee_sign: int, rate: float | N
     moving = [point for i, point in enumerate(points) if i == 0 or point.t_ms > points[i - 1].t_ms]
     remarks = list(_remarks(log))
     if len(moving) < len(points):
-        remarks.append(f"{len(points) - len(moving)} rows were skipped because BootTime did not advance")
+        remarks.append(f"{plural(len(points) - len(moving), 'row')} left out: BootTime did not advance")
     if rate is None:
         lines = [(f"{p.t_ms / 1000:.3f}", *(f"{value / 100:.2f}" for value in p.values)) for p in moving]
     else:
@@ -97,7 +98,7 @@ def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[list[Poi
     known = ", ".join(f"{n}: {rows} rows, {(end - start) / 1000:.1f} s" for n, (start, end, rows) in spans.items())
     if segment is None and len(spans) > 1:
         raise UsageError(
-            f"{log.path} has {len(spans)} segments (the device restarted, its port was lost, or its clock and this computer's drifted apart), but a motion file holds only one",
+            f"{log.path} has {plural(len(spans), 'segment')} (the device was restarted, its port was lost, or its clock and that of the machine parted), a motion file holds one",
             hint=f"--segment N; {known}",
             code="segment",
         )

@@ -17,6 +17,7 @@ from handctl.errors import UsageError
 from handctl.files import NoFile, opened, read_text
 from handctl.record.layout import MARK
 from handctl.record.recording import schema
+from handctl.sentence import plural
 
 LONGEST_LINE = 65536
 UNTOUCHED = "the file was not changed"
@@ -112,7 +113,7 @@ class LogFile:
             raise damaged(self.path, number, f"not text in columns: {exc}") from exc
         names = self.layout.names
         if len(fields) != len(names):
-            raise damaged(self.path, number, f"{len(fields)} columns instead of {len(names)}")
+            raise damaged(self.path, number, f"{plural(len(fields), 'column')} instead of {len(names)}")
         cells = dict(zip(names, fields, strict=True))
         name = ""
         try:

@@ -15,6 +15,7 @@ from handctl.devices.inspire.blocks import BlockReader
 from handctl.devices.inspire.canbus import CanBus
 from handctl.devices.inspire.hand.generation import LABEL, Found, ModelGate, contradiction
 from handctl.devices.inspire.hand.map import (
+    BLOCKED,
     BYTE_MAP,
     DF,
     DG2,
@@ -306,7 +307,7 @@ class Hand(RegisterDevice):
 
 
 def unhealthy(readings: Sequence[Reading]) -> list[str]:
-    """What a technician must look at: error bits, status 5 to 7, heat, values outside the documented range."""
+    """Findings of `status`: error bits with the status that goes with them, heat, values outside the documented range."""
     at = {reading.element.full_name: reading.value for reading in readings}
     found = []
     for reading in readings:
@@ -317,8 +318,10 @@ def unhealthy(readings: Sequence[Reading]) -> list[str]:
             text = f"{part}: {param.label(value)} (0x{int(value):02X})"
             if int(value) & OVER_TEMPERATURE:
                 text += f", ends by cooling, now {at.get(f'temperature.{part}')} °C"
+            if at.get(f"status.{part}") in BLOCKED:
+                text += f", status {at[f'status.{part}']}"
             found.append(text)
-        elif param.name == "status" and value in (5, 6, 7, 8):
+        elif param.name == "status" and value in BLOCKED and not at.get(f"error.{part}"):
             found.append(f"{part}: status {value}, {param.label(value)}")
         elif param.name == "temperature" and value != 255 and value >= HOT:
             found.append(f"{part}: {value} °C")

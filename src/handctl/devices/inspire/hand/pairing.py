@@ -26,6 +26,7 @@ from handctl.model.guide import Guide
 from handctl.model.leaving import leaving
 from handctl.model.param import Step, elements_of
 from handctl.model.quest import Quest
+from handctl.sentence import plural
 
 LEFT, RIGHT = "left", "right"
 OTHER = {LEFT: RIGHT, RIGHT: LEFT}
@@ -173,7 +174,7 @@ def _one_line(bench: Bench) -> list[Hand]:
         )
     if len(ids) > 2:
         raise CheckFailed(
-            f"{hand.link.name}: {len(ids)} devices answer, with the ids {', '.join(map(str, ids))}",
+            f"{hand.link.name}: {plural(len(ids), 'device')} answer, with the ids {', '.join(map(str, ids))}",
             hint="leave only the two hands on the line. Nothing was written.",
             code="too-many",
         )

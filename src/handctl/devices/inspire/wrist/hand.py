@@ -13,6 +13,7 @@ from handctl.devices.inspire.wrist.raw import touches_shared
 from handctl.errors import CheckFailed, Left, NoAnswer, ProtocolError, UsageError
 from handctl.model.param import Step
 from handctl.model.result import Row, Table, hex_bytes
+from handctl.sentence import plural
 
 
 def hand_bus(wrist: Wrist) -> Bus | CanBus:
@@ -58,7 +59,7 @@ def plan_hand_writes(wrist: Wrist, address: int, data: bytes, force: bool) -> li
     alone = {register.address for register in EXO if register.trigger} | {EXO["id"].address}
     if len(pieces) > 1 and (found := sorted(alone & set(range(address, address + len(data))))):
         raise UsageError(
-            f"{found[0]} of the hand is its id or starts something. On CAN it is not written within {len(data)} bytes",
+            f"{found[0]} of the hand is its id or starts something. On CAN it is not written within {plural(len(data), 'byte')}",
             hint="write it with a command of its own. Nothing was sent.",
         )
     return [plan_hand_write(wrist, place, part, force) for place, part in pieces]
