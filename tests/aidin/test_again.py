@@ -30,9 +30,9 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning"),
 ]  # the server is a thread of this process
 
-LOST = "the connection was lost. Connected again"
-TRIED = "tried to connect again for 1 s"
-POWER = "the connection is lost, stop cannot be sent: switch the hand's power off if it still moves"
+LOST = "the connection was lost. handctl reconnected"
+TRIED = "tried to reconnect for 1 s"
+POWER = "the connection is lost, so stop cannot be sent. Switch the hand's power off if it still moves"
 
 
 class Server:
@@ -147,7 +147,7 @@ def test_a_hand_that_says_nothing_then_has_not_confirmed_it(serve: MakeServer) -
     server.end()
     assert result.code == 3 and only_stops(server)
     hint = result.error["hint"]
-    assert hint.startswith(f"{LOST[0].upper()}{LOST[1:]}") and "is not confirmed: the hand says nothing" in hint
+    assert hint.startswith(f"{LOST[0].upper()}{LOST[1:]}") and "is not confirmed: the hand sends nothing" in hint
 
 
 @each_row("name", ["currents", "encoders"])
@@ -217,7 +217,7 @@ def test_the_second_interrupt_ends_it_at_once(
         driven(server, TerminalGuide(quiet=True), body, link)
     assert link.tries == (2 if first is LinkError else 1)
     assert time.monotonic() - begin < PATIENCE
-    assert "interrupted while it was connecting again" in caught.value.hint
+    assert "interrupted while reconnecting" in caught.value.hint
     assert "power off" in caught.value.text + caught.value.hint and LOST not in caught.value.text + caught.value.hint
 
 

@@ -73,7 +73,7 @@ def test_interrupted_currents_go_back_to_0_where_that_was_asked_for(after: float
     assert told[-1] == 0 and steps(told) <= 8  # the object that was being sent may be left out
     assert 4 <= max(told) <= 100
     assert b'"hand_mode":41' in stopped_behind(link.sent)
-    assert any("Ctrl-C again stops at once" in text for text in guide.lines)
+    assert any("Press Ctrl-C again to stop" in text for text in guide.lines)
 
 
 def test_interrupted_currents_are_stopped_at_once() -> None:
@@ -139,7 +139,7 @@ COMMANDED = Way(exchange=ExchangeMode.COMMAND)
 
 def test_a_hand_that_answers_commands_needs_the_whole_vector() -> None:
     link = poller(STILL)
-    with pytest.raises(NoAnswer, match="not given are not known"):
+    with pytest.raises(NoAnswer, match="that you did not give are unknown"):
         currents(hand_on(link, way=COMMANDED), goal(), Guide(), seconds=0.1, cap=300)
     assert link.sent == []
     hand, recorded = simulated(start="homed", exchange="command")

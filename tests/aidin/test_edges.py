@@ -43,7 +43,7 @@ def test_three_damaged_objects_in_a_row_end_it_and_two_do_not(count: int) -> Non
         talk.connect()
         assert talk.feedback.complete()
     else:
-        with refused(ProtocolError, "bad-json", "3 objects") as caught:
+        with refused(ProtocolError, "bad-json", "3 damaged objects") as caught:
             talk.connect()
         assert caught.value.code == "bad-json"
     assert talk.journal.counters.bad_frames == count

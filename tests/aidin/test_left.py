@@ -66,7 +66,7 @@ def test_a_hand_that_falls_silent_at_the_stop_is_told_as_such(instead: bytes) ->
     """It told its currents once, perhaps before the stop: neither a confirmation nor "no currents"."""
     ended = stopped(Streamer(lambda t: line(CLOSED) if t < 0.04 else instead))
     assert ended.error is (ProtocolError if instead else NoAnswer), ended
-    assert ("what came since reports no currents" if instead else "has said nothing since") in ended.text
+    assert ("the feedback since then has no currents" if instead else "has sent nothing since") in ended.text
 
 
 # -- what stays in force -----------------------------------------------------------------------------------------------
@@ -89,7 +89,7 @@ class Closing(Streamer):
 
 
 CLOSED = feedback(motor_pos=[20000] * 15)
-GOES_ON = "no stop was sent, the hand is expected to go on"
+GOES_ON = "no stop was sent, so the hand probably continues"
 
 
 @pytest.mark.parametrize("silent", [False, True], ids=["closed", "silent"])
@@ -97,8 +97,8 @@ GOES_ON = "no stop was sent, the hand is expected to go on"
     ("act", "end", "told"),
     [
         (initial, 0.3, f"{GOES_ON} to its origin"),
-        (move, 0.3, f"{GOES_ON} to the last target"),
-        (max_torque, 0.1, "maxtorque 900 was sent and may be in force"),
+        (move, 0.3, f"{GOES_ON} to its last target"),
+        (max_torque, 0.1, "maxtorque 900 was sent and may be in effect"),
         (adjust.bias, 0.5, "the sensor bias was sent"),
     ],
 )
@@ -117,7 +117,7 @@ def test_homing_that_ends_unseen_says_what_the_hand_was_left_in(silent: bool) ->
     with pytest.raises((LinkError, NoAnswer)) as caught:
         homing.home(hand_on(link), Guide())
     assert len(link.sent) == len(whole.sent)
-    assert "the hand was left in homing mode, no stop was sent" in caught.value.hint
+    assert "the hand was left in homing mode, and no stop was sent" in caught.value.hint
 
 
 def test_homing_that_was_not_begun_stops_nobody() -> None:
@@ -149,7 +149,7 @@ def test_a_deadline_says_what_the_hand_has_got(act: Act, bound: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("act", "told"), [(initial, f"{GOES_ON} to its origin"), (move, f"{GOES_ON} to the last target")]
+    ("act", "told"), [(initial, f"{GOES_ON} to its origin"), (move, f"{GOES_ON} to its last target")]
 )
 def test_a_target_that_is_not_reached_is_still_driven_at(act: Act, told: str) -> None:
     link = streamer(CLOSED)
@@ -169,7 +169,7 @@ def test_homing_is_not_begun_when_the_deadline_would_cut_it_off() -> None:
 
 @pytest.mark.parametrize(
     ("act", "at", "told"),
-    [(max_torque, 0.1, "maxtorque 900 was sent and may be in force"), (adjust.bias, 0.45, "the sensor bias was sent")],
+    [(max_torque, 0.1, "maxtorque 900 was sent and may be in effect"), (adjust.bias, 0.45, "the sensor bias was sent")],
 )
 def test_an_interruption_says_what_the_hand_has_got(act: Act, at: float, told: str) -> None:
     link = streamer(AT_ORIGIN)
@@ -188,7 +188,7 @@ def test_before_anything_is_sent_nothing_is_said_to_have_been() -> None:
 def test_the_range_of_currents_is_not_said_to_be_the_manuals() -> None:
     with pytest.raises(UsageError) as caught:
         parse(CURRENTS, ["index.m1=1001"], cap=1000)
-    assert "-1000..1000 (handctl's own limits, the manual gives no range)" in caught.value.hint
+    assert "-1000..1000 (handctl's own limits, because the manual gives no range)" in caught.value.hint
 
 
 # -- where a ramp begins -----------------------------------------------------------------------------------------------
@@ -199,7 +199,7 @@ ALL = ["10", "5", "118", "-4", "5", "165", "0", "5", "165", "4", "5", "165", "8"
 @pytest.mark.parametrize("assume", [False, True])
 def test_a_ramp_does_not_begin_at_degrees_on_the_wire(assume: bool) -> None:
     hand, link = simulated(start="homed", fault="degrees")
-    with pytest.raises(CheckFailed, match=r"joint_pos is not an angle in radians.*cannot begin there") as caught:
+    with pytest.raises(CheckFailed, match=r"joint_pos is not an angle in radians.*cannot start there") as caught:
         motion.move(hand, parse(ANGLES, ALL), Guide(), assume_homed=assume)
     assert caught.value.code == "start-out-of-range" and link.sent == []
 
@@ -210,7 +210,7 @@ def test_a_ramp_begins_far_outside_only_when_that_is_wanted() -> None:
     link = streamer(feedback(joint_pos=angles))
     with refused(CheckFailed, "start-out-of-range", "index.q1 -63.0") as caught:
         motion.move(hand_on(link), parse(ANGLES, ALL), Guide(), assume_homed=False)
-    assert "--assume-homed begins at the limit" in caught.value.hint and link.sent == []
+    assert "--assume-homed starts at the limit" in caught.value.hint and link.sent == []
     assert motion.move(hand_on(link), parse(ANGLES, ALL), Guide(), assume_homed=True).failure is not None
     assert link.sent
     angles[4] = -0.82  # -47 deg: the figures of the ranges need not be that exact
@@ -267,9 +267,9 @@ BOUND = 1.2
 DRIVES: dict[str, tuple[Act, str, str]] = {
     "home": (lambda hand: homing.home(hand, Guide()), "motor_pos", "Stop was sent"),
     "initial": (initial, "motor_pos", f"{GOES_ON} to its origin"),
-    "encoders": (lambda hand: _moved(hand, ENCODERS, "index.m1=200000"), "motor_pos", f"{GOES_ON} to the last target"),
-    "joints": (lambda hand: _moved(hand, ANGLES, "index.q3=120"), "joint_pos", f"{GOES_ON} to the last target"),
-    "fingertips": (lambda hand: _moved(hand, TIPS, "index.z=10"), "task_space_pos", f"{GOES_ON} to the last target"),
+    "encoders": (lambda hand: _moved(hand, ENCODERS, "index.m1=200000"), "motor_pos", f"{GOES_ON} to its last target"),
+    "joints": (lambda hand: _moved(hand, ANGLES, "index.q3=120"), "joint_pos", f"{GOES_ON} to its last target"),
+    "fingertips": (lambda hand: _moved(hand, TIPS, "index.z=10"), "task_space_pos", f"{GOES_ON} to its last target"),
     "currents": (
         lambda hand: currents(hand, parse(CURRENTS, ["index.m1=200"], cap=300), Guide(), seconds=3, cap=300),
         "current_state", "Stop was sent",

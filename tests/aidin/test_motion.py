@@ -60,7 +60,7 @@ def test_homing_that_left_encoders_elsewhere_is_not_confirmed() -> None:
     table = homing.home(hand_on(streamer(feedback(motor_pos=[0] * 5 + [85000] + [0] * 9))), Guide())
     assert table.failure is not None and table.failure.code == "not-homed"
     assert table.rows[5]["verdict"] == "not at 0"
-    assert "left in homing mode, no stop was sent" in table.failure.hint
+    assert "left in homing mode, and no stop was sent" in table.failure.hint
 
 
 def test_a_hold_that_was_held_up_begins_again() -> None:

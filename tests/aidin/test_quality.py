@@ -134,7 +134,7 @@ def test_another_server_is_shown_with_what_it_says() -> None:
         with pytest.raises(ProtocolError) as caught:
             hand_on(link).dump()  # type: ignore[arg-type]
         assert "motor fault" in caught.value.text and "echo" not in caught.value.hint
-        assert "what the hand reports in its own words" in caught.value.hint
+        assert "a report from the hand itself" in caught.value.hint
         assert caught.value.came == said.strip()
 
 
@@ -150,6 +150,6 @@ def test_a_quantity_that_cannot_be_read_does_not_end_with_0() -> None:
 def test_a_hand_whose_every_object_is_damaged_is_told_what_is_wrong_with_it() -> None:
     twice = line(feedback()).replace(b'{"motor_pos"', b'{"motor_pos":[1],"motor_pos"', 1)
     with pytest.raises(
-        ProtocolError, match=r"no feedback of the hand came, but 7B 22 .*: an object in which 'motor_pos' stands twice$"
+        ProtocolError, match=r"no feedback from the hand, but 7B 22 .*: an object that contains 'motor_pos' twice$"
     ):
         hand_on(ScriptedLink(lambda _: [(0.01, twice)])).dump()

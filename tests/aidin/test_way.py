@@ -62,7 +62,7 @@ def test_a_stream_is_never_asked() -> None:
     assert hand_on(link, way=Way(ExchangeMode.STREAM)).dump().failure is None
     assert link.sent == []
     mute = ScriptedLink()
-    with pytest.raises(NoAnswer, match="--exchange stream asks nothing"):
+    with pytest.raises(NoAnswer, match="--exchange stream sends no request"):
         hand_on(mute, way=Way(ExchangeMode.STREAM)).dump()
     assert (mute.sent, mute.clock) == ([], pytest.approx(1.0))
 
@@ -105,7 +105,7 @@ def test_stop_says_when_feedback_proves_nothing() -> None:
     assert idle.error is None and "does not show that the motors are off" in idle.text
     left = iter([300, 250, 200, 150] + [0] * 1000)
     busy = stopped(poller(lambda _: feedback(current_state=[next(left)] * 15)))
-    assert busy.error is None and "the currents have gone" in busy.text
+    assert busy.error is None and "the currents stopped" in busy.text
 
 
 # -- the command line -------------------------------------------------------------------------------------------------

@@ -30,7 +30,7 @@ BROKEN: dict[str, tuple[tuple[str, ...], str, str, tuple[str, ...]]] = {
     "S4": ((record(0, b"", "4"), EXAMPLE, END), "types", "fail", ("line 1", "S4")),
     "S6": ((EXAMPLE, record(1, b"", "6"), END), "types", "fail", ("line 2", "S6")),
     "no end": ((HEADER, EXAMPLE), "end", "force", ("S9",)),
-    "data behind the end": ((EXAMPLE, END, record(0x3000, b"\x01")), "end", "fail", ("line 3", "line 2")),
+    "data after the end": ((EXAMPLE, END, record(0x3000, b"\x01")), "end", "fail", ("line 3", "line 2")),
     "lines missing": ((EXAMPLE, record(7, b"", "5"), END), "count", "fail", ("S5 says 7", "has 1")),
     "overlap with other bytes": (
         (EXAMPLE, record(0x2004, b"\x55\x67"), END), "overlaps", "fail", ("line 2", "2005", "line 1", "66", "67"),

@@ -122,7 +122,7 @@ def test_fingertips_of_the_hand_for_people() -> None:
     ]
     assert "before breakaway\n" in result.out and "(simulated)" in result.out
     assert max(map(len, result.lines[:4])) <= 80
-    assert "before breakaway assumed" in run("barrett", "fingertips", "-p", fake()).out
+    assert "assumed before breakaway" in run("barrett", "fingertips", "-p", fake()).out
 
 
 def test_fingertips_beyond_a_limit_are_marked() -> None:

@@ -166,13 +166,13 @@ def test_faults_name_the_address(good: Path, fault: str, place: str, code: int, 
     assert result.code == code, result
     assert (
         where in result.error["text"]
-        and ("nothing of the firmware was replaced" if place == "+2" else "incomplete") in result.error["hint"]
+        and ("the firmware has not changed" if place == "+2" else "incomplete") in result.error["hint"]
     )
 
 
 def test_a_wrong_echo_is_shown_with_both_bytes(good: Path) -> None:
     result = load(good, port=fake(fault="wrong-echo", download_at="0x2C40"))
-    assert f"sent {DATA[64]:02X}, got {DATA[64] ^ 64:02X}" in result.error["text"]
+    assert f"sent {DATA[64]:02X}, received {DATA[64] ^ 64:02X}" in result.error["text"]
 
 
 def test_a_silent_monitor(good: Path) -> None:

@@ -195,7 +195,7 @@ def test_repeatable() -> None:
     link.script["*"] = ["8"]
     (finding,) = checks.repeatable(body)
     assert finding.status == FAIL and "firmware download" in finding.remedy
-    assert f"{(len(settings) - 4) * 4 + 4} settings differ" in finding.evidence
+    assert f"{(len(settings) - 4) * 4 + 4} values" in finding.evidence
 
 
 @pytest.mark.parametrize(("query", "status"), [("firmware=4.33", SKIPPED), ("firmware=4.34", OK)])
@@ -247,7 +247,7 @@ def test_garbage_is_shown_per_speed() -> None:
     assert finding.status == FAIL
     assert (
         "9600:" in finding.evidence
-        and "no other speed because of --baud" in finding.evidence
+        and "no other baud rate, because of --baud" in finding.evidence
         and "FE" in finding.evidence
         and "38400" not in finding.evidence
     )

@@ -137,7 +137,7 @@ def test_a_wrong_echo_at_every_place(place: int, where: str, byte: int) -> None:
         transfer.feed(bytes([byte ^ 0x40]))
     text = caught.value.text
     assert (caught.value.code, caught.value.exit_code) == ("wrong-echo", 5)
-    assert where in text and f"sent {byte:02X}" in text and f"got {byte ^ 0x40:02X}" in text
+    assert where in text and f"sent {byte:02X}" in text and f"received {byte ^ 0x40:02X}" in text
     if place < 3:
         assert "2000h" in text, "the record is named"
 

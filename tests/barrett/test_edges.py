@@ -136,7 +136,7 @@ def test_after_the_last_power_cycle_nothing_is_sent_into_the_monitors_window() -
         on_at = 0.0
 
         def wait_for_enter(self, text: str) -> bool:
-            if "No firmware answers yet" not in text:
+            if "No firmware has replied yet" not in text:
                 return super().wait_for_enter(text)
             link.control("power off")
             link.sleep(5.0)
@@ -173,7 +173,7 @@ def test_the_old_firmware_that_started_is_told_once() -> None:
     link.inner.read = started  # type: ignore[method-assign]
     run = Load(link=link, guide=guide)
     assert run.failed[:2] == ("no-monitor", 4)
-    assert len([text for text in guide.said if "the moment was missed" in text]) == 1
+    assert len([text for text in guide.said if "too late for the download" in text]) == 1
 
 
 def test_the_first_record_goes_byte_by_byte_whatever_the_window() -> None:

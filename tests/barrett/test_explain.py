@@ -11,7 +11,7 @@ def test_a_download_is_recognised_behind_the_power_switch() -> None:
     explainer = BarrettExplainer()
     assert explainer.feed(HOST, b"X") == []
     (offer,) = explainer.flush()
-    assert (offer.meaning, offer.problem) == ("X: asks the boot monitor for a download", "")
+    assert (offer.meaning, offer.problem) == ("X: requests a download from the boot monitor", "")
     (ready,) = explainer.feed(DEVICE, b":")
     assert (ready.meaning, ready.problem) == ("the boot monitor is ready for a download", "")
     pieces = []
@@ -21,7 +21,7 @@ def test_a_download_is_recognised_behind_the_power_switch() -> None:
     assert [piece.meaning for piece in pieces] == [
         "the first trigger of a download",
         "download record: 8 bytes at 2000h",
-        "echo of the record at 2000h: 11 bytes, all right",
+        "echo of the record at 2000h: 11 bytes, all correct",
     ]
 
 
@@ -41,7 +41,7 @@ def test_a_change_of_speed_is_no_lost_answer() -> None:
     (asked,) = explainer.feed(HOST, b"PSET BAUD 384\r")
     explainer.feed(DEVICE, b"PSET BAUD 384")
     (echo,) = explainer.flush()
-    assert (echo.answers, echo.problem, "new speed" in echo.meaning) == (asked.asks, "", True)
+    assert (echo.answers, echo.problem, "new baud rate" in echo.meaning) == (asked.asks, "", True)
     explainer.feed(HOST, b"PSET LFT 1\r")
     explainer.feed(DEVICE, b"PSET LFT 1")
     (cut,) = explainer.flush()
@@ -51,11 +51,11 @@ def test_a_change_of_speed_is_no_lost_answer() -> None:
 def test_the_question_of_a_connect_is_no_mistake() -> None:
     """ERR 32 to it is how a hand says that it is there; ERR 2048 says that it was in RealTime."""
     for status, meaning, problem in (
-        (32, "prompt: the hand is there", ""),
+        (32, "prompt: the hand is connected", ""),
         (2048, "ERR 2048: Invalid RealTime control block header (2048)", "refused"),
     ):
         explainer = BarrettExplainer()
         (asked,) = explainer.feed(HOST, b"!\0\r")
-        assert (asked.meaning, asked.problem) == ("!: asks for the prompt, and is not a command", "")
+        assert (asked.meaning, asked.problem) == ("!: requests the prompt, and is not a command", "")
         (answer,) = explainer.feed(DEVICE, b"!\0\n\rERR %d\n\r=> " % status)
         assert (answer.meaning, answer.problem, answer.answers) == (meaning, problem, asked.asks)

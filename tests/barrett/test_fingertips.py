@@ -28,7 +28,7 @@ def test_old_firmware_is_asked_once_for_breakaway() -> None:
     tips = fingertips.Tips(hand)
     rows = tips.rows()
     assert of(rows, "tip_x") == [-52.7139, 52.7139, 0]
-    assert {row["state"] for row in rows} == {"before breakaway assumed"}
+    assert {row["state"] for row in rows} == {"assumed before breakaway"}
     assert codes(hand) == ["breakaway-unknown"]
     link.sent.clear()
     assert tips.rows() == rows

@@ -153,7 +153,7 @@ def test_the_moment_was_missed() -> None:
 
     link.inner.read = deaf  # type: ignore[method-assign]
     run = Run(link=link, guide=guide)
-    assert any("missed" in text for text in guide.said)
+    assert any("too late" in text for text in guide.said)
     assert run.error is not None and run.failed[:2] == ("no-monitor", 4)
     assert "Nothing was loaded" in str(run.error.hint) and "image valid" in run.image
 
@@ -169,7 +169,7 @@ def test_a_second_switching_after_the_missed_moment() -> None:
 
     link.inner.read = deaf  # type: ignore[method-assign]
     run = Run(link=link, guide=guide)
-    assert any("missed" in text for text in guide.said)
+    assert any("too late" in text for text in guide.said)
     assert run.error is None and sha(DATA) in run.image
 
 
@@ -251,7 +251,7 @@ def test_a_fault_at_every_kind_of_place(fault: str, place: str) -> None:
     else:
         assert named in text, text
     untouched = place in ("+1", "+2", "+3")  # address and count of the first record: no data byte has gone out
-    left = "nothing of the firmware was replaced" if untouched else "whole file again"
+    left = "the firmware has not changed" if untouched else "whole file again"
     assert run.error is not None and left in str(run.error.hint)
     assert ("incomplete" in str(run.error.hint)) is not untouched
     assert run.done is None and (sha(DATA) not in run.image or place == "0x2CC7")
@@ -273,7 +273,7 @@ def test_a_fault_with_a_window(fault: str, window: int) -> None:
     else:
         assert (exit_code, code) == FAULTS[fault], text
     if fault == "wrong-echo":
-        assert "2C45h" in text and f"sent {DATA[0x45]:02X}, got {DATA[0x45] ^ 0x40:02X}" in text
+        assert "2C45h" in text and f"sent {DATA[0x45]:02X}, received {DATA[0x45] ^ 0x40:02X}" in text
         assert run.error is not None and "Leave --window out" in str(run.error.hint)
 
 
@@ -315,7 +315,7 @@ def test_the_second_ctrl_c_stops_and_says_where() -> None:
     run = Run("wire=auto", file=firmware(bytes(1024)), guide=guide)
     _, exit_code, text = run.failed
     assert exit_code == 130 and "2C" in text and "of 1024 bytes" in text
-    assert "load the whole file again" in text and "leave the hand off" in text
+    assert "load the whole file again" in text and "leave it off" in text
     sent = int(text.split(" of 1024")[0].split()[-1])
     assert 0 < sent < 1024 and sent % 32 == 0
 
@@ -342,7 +342,7 @@ def test_the_operator_cycles_once_more() -> None:
     guide = Operator(link)
     run = Run(link=link, guide=guide)
     assert run.error is None and sha(DATA) in run.image
-    assert any("No firmware answers yet" in text for text in guide.said)
+    assert any("No firmware has replied yet" in text for text in guide.said)
 
 
 @pytest.mark.parametrize(
@@ -422,7 +422,7 @@ def test_a_restart_in_the_middle_of_a_download_is_named(at: int) -> None:
     run = Run(link=link)
     code, exit_code, text = run.failed
     assert (code, exit_code) == ("restarted", 5), text
-    assert "got 3A" in text and text.endswith("the hand restarted: power or cable")
+    assert "received 3A" in text and text.endswith("the hand restarted because of its power or its cable")
     assert run.error is not None and "incomplete" in run.error.hint
 
 

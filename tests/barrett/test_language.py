@@ -88,7 +88,7 @@ def test_status_codes(code: int, words: str) -> None:
     assert f"({code})" in text
     assert text == f"{words} ({code})", "the manual's wording, T3"
     assert language.hint_for(code)
-    assert "does not name" not in language.hint_for(code)
+    assert "does not list" not in language.hint_for(code)
 
 
 def test_exactly_the_codes_of_the_table() -> None:
@@ -123,8 +123,8 @@ def test_split_status_is_exact(code: int) -> None:
 
 
 def test_a_hint_for_unknown_codes() -> None:
-    assert "does not name" in language.hint_for(8)
-    assert "does not name" in language.hint_for(0)
+    assert "does not list" in language.hint_for(8)
+    assert "does not list" in language.hint_for(0)
     assert "init" in language.hint_for(8 | 4 | 16)
 
 

@@ -281,8 +281,8 @@ def test_that_the_motors_stand_is_said_where_the_prompt_came(dead: bool) -> None
         link.answer = lambda request: [(0.0, b"C")] if request == b"C\r" else []
     with pytest.raises(ProtocolError) as caught:
         hand.line.ask("C")
-    assert ("the motors should stand" in caught.value.hint) != dead
-    assert ("^C was sent and not answered: switch the supply off" in caught.value.hint) == dead
+    assert ("the motors should have stopped" in caught.value.hint) != dead
+    assert ("^C was sent, but the hand did not reply: switch the power supply off" in caught.value.hint) == dead
 
 
 @pytest.mark.parametrize("command", ["FGET", "PGET", "12FGET"])

@@ -350,7 +350,7 @@ def test_ctrl_c_on_a_hand_that_does_not_stop() -> None:
     with pytest.raises(NoAnswer) as caught:
         motion.move(hand, "1", "M", 16000, Guide())
     assert (caught.value.exit_code, caught.value.code) == (4, NOT_STOPPED)
-    assert "switch the supply off" in caught.value.hint
+    assert "switch the power supply off" in caught.value.hint
 
 
 def test_ctrl_c_and_silence() -> None:

@@ -237,7 +237,7 @@ CAREFUL = [
     ("MCV=40", "MCV=16", "may not move"),
     ("CT.F1=18000", "CT.F1=18001", "stop"),
     ("CT.S=3150", "CT.S=20000", "stop"),
-    ("CT=51", "CT=0", "no way"),
+    ("CT=51", "CT=0", "nowhere to go"),
     ("OT.F1=17800", "OT.F1=60000", "closes"),
     ("OT.S=3150", "OT.S=3151", "closes"),
     ("LCVC.F1=2", "LCVC.F1=8", "IVEL"),

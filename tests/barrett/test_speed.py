@@ -76,7 +76,7 @@ def test_a_hand_lost_by_its_speed() -> None:
     with pytest.raises(HandctlError) as caught:
         hand.write(changes("BAUD=384"))
     assert caught.value.exit_code == 4
-    assert "no prompt after PSET BAUD 384, at 38400 bit/s or any other speed" in caught.value.text
+    assert "no prompt after PSET BAUD 384, at 38400 bit/s or any other baud rate" in caught.value.text
     assert link.commands == ["PSET BAUD 384"]
 
 

@@ -239,12 +239,12 @@ def test_a_connect_at_the_remembered_speed_is_one_round_trip() -> None:
 
 
 SAID = {
-    "boot": ("restarted", "power or cable. HI is needed"),
+    "boot": ("restarted", "needs HI"),
     "loop": ("loop", "was in RealTime"),
     "loop-block": ("loop", "in a control block that was cut off"),
     "loop-moving": ("moving", "counts in 0.1 s"),
-    "moving": ("busy", "in the middle of a command"),
-    "saving": ("busy", "in the middle of a command"),
+    "moving": ("busy", "running an earlier command"),
+    "saving": ("busy", "running an earlier command"),
 }
 
 
@@ -349,6 +349,6 @@ def test_a_check_says_when_it_moves(command: tuple[str, ...]) -> None:
         "barrett", *command, "-p", "fake://barrett?clock=virtual&wire=auto&found=loop-moving&initialized=1", "--json"
     )
     assert moving.code == 7
-    assert "F1 " in moving.out and ("the hand moves: F1" in moving.out or "P changes: F1" in moving.out)
+    assert "F1 " in moving.out and ("the hand is moving: F1" in moving.out or "P changes: F1" in moving.out)
     stands = run("barrett", *command, "-p", "fake://barrett?clock=virtual&wire=auto&found=loop&initialized=1", "--json")
     assert "it moves" not in stands.out and "P changes" not in stands.out

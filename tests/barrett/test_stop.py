@@ -71,7 +71,7 @@ def test_a_hand_that_says_nothing_is_told_at_every_speed() -> None:
     result, _ = stop(9600, found="off")
     assert result.code == 4, result
     assert all(str(speed) in text(result) for speed in SPEEDS), result
-    assert "Switch the supply off" in result.error["hint"]
+    assert "witch the power supply off" in result.error["hint"]
     assert not [row for row in result.json["writes"] if row["state"] == "confirmed"]
 
 

@@ -48,7 +48,7 @@ def test_fingers_that_may_be_loaded() -> None:
     hand, _ = scripted({"123FGET P S OT SGFLIP": "0 251 9|4 0 0|0 0 0|0 0 1", "123FGET SG": "120 120 120"})
     table = strain.table(hand, check=False)
     assert codes(hand) == ["strain-flip", "not-open"]
-    assert "F1 is not initialized, F2 stands at 251" in hand.journal.messages[1].text
+    assert "F1 is not initialized, F2 is at 251" in hand.journal.messages[1].text
     assert {row["fingers_open"] for row in table.rows} == {False}
 
 

@@ -76,7 +76,7 @@ class Player:
             assert request == QUESTION
             self.position += 1
             return self._pieces(MET)
-        assert self.position < len(self.exchanges), f"never recorded: {hexed(request)}"
+        assert self.position < len(self.exchanges), f"never recorded, so {hexed(request)}"
         current = self.exchanges[self.position]
         assert hexed(request) == hexed(current.request)
         self.position += 1

@@ -74,7 +74,7 @@ def test_the_journal_is_kept_by_serial_number_and_name(tmp_path: Path) -> None:
 
 
 def test_serial_number_0_needs_a_name() -> None:
-    with pytest.raises(UsageError, match="serial number 0"):
+    with pytest.raises(UsageError, match="serial number is 0"):
         care(serial=0).grease(upkeep.chosen_points("all"))
     care(serial=0, name="left").grease(upkeep.chosen_points("all"))
     assert set(lubrication(care(serial=0, name="left")).values()) == {(0, OK)}

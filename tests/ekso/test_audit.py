@@ -240,7 +240,7 @@ def test_policy_tells_whether_the_log_is_as_it_was_written(log: Path, tmp_path: 
     assert "line 2 (" in edited.error["text"] and "intent n7) was edited" in edited.error["text"]
     log.write_text('{"event": "intent"}\n')
     old = run("ekso", "policy", "--audit", str(log), "--json")
-    assert old.code == 0 and "Entries of an older handctl, without a hash: 1." in old.json["messages"][0]["text"]
+    assert old.code == 0 and "Entries from an older handctl, without a hash: 1." in old.json["messages"][0]["text"]
     (tmp_path / "other").write_text("a: b\n")
     for place in ("/dev/zero", str(tmp_path), str(tmp_path / "none"), str(tmp_path / "other")):
         assert run("ekso", "policy", "--audit", place).code == 2

@@ -269,7 +269,7 @@ def test_a_wrong_speed_is_named(baud: int, code: int) -> None:
     assert result.code == code
     if code:
         assert result.error["code"] == "garbage"
-        assert "wrong speed" in result.error["hint"]
+        assert "heck the baud rate" in result.error["hint"]
 
 
 def test_dry_runs_print_the_exact_frame_and_open_nothing() -> None:
@@ -313,7 +313,7 @@ def test_cancel(tmp_path: Path) -> None:
         assert run("ekso", "cancel", "-n", "--word", word, "--format", "plain").out == "9C 02 00 01 00 01 A8 C5\n"
     for word in ("0x0", "0x10000", "0xyz", "65536", "-1"):
         assert do("cancel", "--word", word).code == 2
-    assert "look with `handctl ekso status`" in do("cancel", port=unit(fault="refuse")).error["hint"]
+    assert "heck with `handctl ekso status`" in do("cancel", port=unit(fault="refuse")).error["hint"]
     assert do("cancel", "--audit", "/dev/full").codes() == ["audit"], "stopping does not depend on a disk"
 
 

@@ -329,7 +329,7 @@ def test_a_full_disk_is_one_clear_error_and_the_rows_are_kept(tmp_path: Path) ->
         len(table(path)),
     )
     exported = export(path, "--format", "csv")
-    assert exported.code == 0 and "is not whole: log-file" in exported.err
+    assert exported.code == 0 and "is incomplete: log-file" in exported.err
 
 
 def test_a_clock_that_runs_ahead_makes_no_log_longer(tmp_path: Path) -> None:

@@ -198,9 +198,9 @@ def test_a_healthy_unit() -> None:
 
 
 SPOILT: dict[str, tuple[Any, str]] = {
-    "frozen": (lambda unit: setattr(unit, "boot_rate", 0.0), "BootTime stands still"),
+    "frozen": (lambda unit: setattr(unit, "boot_rate", 0.0), "BootTime does not advance"),
     "fast": (lambda unit: setattr(unit, "boot_rate", 3.0), "BootTime advanced by"),
-    "right hip": (lambda unit: unit.data.__setitem__(6, 20), "a sensor of that side"),
+    "right hip": (lambda unit: unit.data.__setitem__(6, 20), "the sensor on that side"),
     "legs": (lambda unit: unit.settings.__setitem__(0, 1400), "both hips are off"),
     "leg length": (lambda unit: unit.settings.__setitem__(1, 2600), "lower_leg_length 26.00 in is implausible"),
     "angle": (lambda unit: unit.data.__setitem__(17, 14000), "left_knee_angle 140.00 deg is implausible"),
@@ -228,7 +228,7 @@ def test_what_stands_out_is_no_fault() -> None:
     said = " ".join(message.text for message in ekso.journal.messages)
     for text in (
         "walk_mode is unknown (17), word 10",
-        "left_stance_support stands out: Full",
+        "left_stance_support is unusual: Full",
         "unknown (0x4440)",
         "swing_assist differs: left 50 %, right 60 %",
     ):
@@ -350,9 +350,9 @@ def test_ctrl_c_says_that_cancel_was_sent() -> None:
         unit.on = {CANCEL: silent, DATA: lambda _msg_id, _body: []}
         noted, error = cancelling(unit)
         assert isinstance(error, Interrupted)
-        assert error.text == "interrupted. CancelAction was sent and may have been taken"
+        assert error.text == "interrupted. CancelAction was sent and may have taken effect"
         assert noted[-1] == (
-            "cancel-result", {"answer": None, "verdict": "interrupted: its answer was not waited for"},
+            "cancel-result", {"answer": None, "verdict": "interrupted before its reply"},
         )  # fmt: skip
         assert unit.commands().count(CANCEL) == 1
 

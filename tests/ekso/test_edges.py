@@ -61,7 +61,7 @@ def test_a_write_whose_result_cannot_be_noted_is_told_as_written(
 
     monkeypatch.setattr(AuditLog, "record", full)
     with pytest.raises(
-        OutputError, match=r"was written and reads back. Only its entry is missing: .*No space"
+        OutputError, match=r"was written and read back. Only its audit log entry is missing: .*No space"
     ) as caught:
         ekso.write([one_setting(["step_length=16"])])
     assert (caught.value.code, len(unit.written())) == ("audit", 1)
@@ -126,7 +126,7 @@ def test_another_command_with_our_msgid_is_not_late() -> None:
     with pytest.raises(ProtocolError) as caught:
         port_on(unit, retries=0).read(Command.GET_TIME)
     assert caught.value.code == "wrong-command"
-    assert "GetDate with msgID 1 came, not GetTime with msgID 1" in caught.value.text
+    assert "GetDate with msgID 1 arrived instead of GetTime with msgID 1" in caught.value.text
 
 
 # -- recording --------------------------------------------------------------------------------------------------------

@@ -113,7 +113,7 @@ def test_rows_at_a_standstill_are_left_out_and_told(tmp_path: Path) -> None:
     path = make(tmp_path / "a.csv", [1001, 1001, 1021])
     found = motion(LogFile(str(path)), segment=None, knee_sign=1, rate=None, tool="x")
     assert [row["time"] for row in found.rows] == [0.0, 0.02]
-    assert found.remarks == ("1 rows left out: BootTime did not advance",)
+    assert found.remarks == ("1 rows were skipped because BootTime did not advance",)
 
 
 def test_resampling_is_linear_and_never_crosses_a_gap(tmp_path: Path) -> None:
@@ -202,8 +202,8 @@ def refusal(path: Path) -> UsageError:
 @each_row(
     ("line", "old", "new", "what"),
     [
-        (1, b"boot_ms", b"boot_s", "column 3 is 'boot_s', a log has 'boot_ms' there"),
-        (1, b",mark", b",mark,more", "the header goes on"),
+        (1, b"boot_ms", b"boot_s", "column 3 is 'boot_s', but in a log it is 'boot_ms'"),
+        (1, b",mark", b",mark,more", "the header continues"),
         (3, b",4.50,", b",4.5,", "torso_pitch_deg: '4.5' is not a number with 2 decimals"),
         (3, b",4.50,", b",444.50,", "torso_pitch_deg: '444.50' does not fit 16 bit"),
         (2, b",1021,", b",", "60 columns instead of 61"),
@@ -284,11 +284,14 @@ def test_noise_never_gives_another_error(tmp_path: Path) -> None:
 def test_a_log_that_was_killed_is_exported_up_to_its_last_whole_row(tmp_path: Path) -> None:
     path = make(tmp_path / "a.csv", [1021, 1041, 1061], complete=False)
     found = table(LogFile(str(path)), segment=None, si=False)
-    assert (found.length, found.remarks) == (3, (f"{path} was never closed (killed, or still running)",))
+    assert (found.length, found.remarks) == (
+        3,
+        (f"{path} was never closed, because handctl was killed or is still running",),
+    )
     path.write_bytes(path.read_bytes()[:-20])
     found = table(LogFile(str(path)), segment=None, si=False)
     assert found.length == 2
-    assert found.remarks[0].endswith("Its last row was unfinished and is left out")
+    assert found.remarks[0].endswith("Its last row was unfinished and was skipped")
     assert parsed_mot(exported_mot(path))[0]["nRows"] == "2"
 
 
@@ -296,5 +299,5 @@ def test_without_its_sidecar_a_log_is_taken_with_a_warning(tmp_path: Path) -> No
     path = make(tmp_path / "a.csv", [1021])
     Path(f"{path}.json").unlink()
     assert table(LogFile(str(path)), segment=None, si=False).remarks == (
-        f"{path}.json is missing: nothing vouches that the log is whole",
+        f"{path}.json is missing, so nothing shows that the log is complete",
     )

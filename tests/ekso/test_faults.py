@@ -18,14 +18,14 @@ from tests.support.cli import Result, run, spying
 WORDS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("silent", "deaf", "reboot"), ("no answer",)),
     **dict.fromkeys(("late", "wrong-id"), ("msgID",)), "wrong-command": ("instead of",),
-    "truncate": ("cut off", "do not form a frame"), "short-body": ("body", "CRC"), "loopback": ("echo", "our own bytes"),
+    "truncate": ("cut off", "without a valid frame"), "short-body": ("body", "CRC"), "loopback": ("echo", "our own bytes"),
     **dict.fromkeys(("bad-checksum", "twin-id"), ("CRC", "checksum")), "acknowledge": ("acknowledged without data",),
     "disconnect": ("hung up",),
 }  # fmt: skip
 ON_SET = {
     "refuse": "refused in the present state", "stands-up": "refused in the present state", "not-taken": "read-back differs",
     "neighbour": "read-back differs", "fidget": "deg/s", "unknown-state": "unknown (0x5040)",
-    "pendant": "settings changed meanwhile, nothing was written: target_sounds is Forward, expected Off",
+    "pendant": "settings changed in the meantime. Nothing was written: target_sounds is Forward, expected Off",
     "frozen-clock": "BootTime advanced by 0 ms", "clock-jump": "BootTime advanced by 51",
 }  # fmt: skip
 """What `set` says."""
@@ -37,7 +37,7 @@ SPECIAL = {
     ("unlisted-codes", "restore"): "walk_mode, injury_mode: only while sitting",
     ("refuse", "cancel"): "refused in the present state",
     ("hip-offset", "status-check"): "right hip is +3",
-    ("frozen-clock", "status-check"): "stands still",
+    ("frozen-clock", "status-check"): "does not advance",
     ("clock-jump", "status-check"): "advanced by 51",
 }
 
@@ -76,11 +76,11 @@ def test_a_write_that_may_have_been_taken_is_told(scratch: Path) -> None:
     """Behind it nothing answers: whether it was taken is not known, and the audit log has it."""
     for fault in ("silent", "truncate", "bad-checksum", "wrong-id", "disconnect"):
         cell = tried(scratch, "set", f"fault={fault}", "after=6")
-        assert "was sent and could not be read back" in cell.result.error["hint"], cell
+        assert "was sent but could not be read back" in cell.result.error["hint"], cell
         (scratch / "state/handctl/ekso-audit.jsonl").unlink()
         hit = tried(scratch, "cancel", f"fault={fault}", "after=1")
         assert hit.result.code == 3 or hit.result.error["hint"].startswith(
-            "It was sent and may have been taken. The state "
+            "It was sent and may have taken effect. The state "
         ), hit
     for fault in ("deaf", "reboot"):  # the next read shows that it was not
         cell = tried(scratch, "set", f"fault={fault}", "every=7")

@@ -29,7 +29,7 @@ REFUSED: dict[str, tuple[tuple[str, ...], str, str]] = {
     gates.READ_ONLY: (("swing_complete=1", *ME), "", "no ParameterID (ekso §6"),
     gates.NUMBER: (("step_length=long", *ME), "", "is not a number"),
     gates.AMBIGUOUS: (("216=50", *ME), "", "percent or a code"),
-    gates.EXACT: (("swing_time=0.295", *ME), "", "nothing is rounded"),
+    gates.EXACT: (("swing_time=0.295", *ME), "", "does not round"),
     gates.RANGE: (("forward_shift=327.68", *ME), "", "forward_shift"),
     gates.ONE: (("step_length=16", "step_height=2.1", *ME), "", "2 settings at once"),
     gates.OPERATOR: (("step_length=16", "--yes"), "", "--operator NAME"),
@@ -37,7 +37,7 @@ REFUSED: dict[str, tuple[tuple[str, ...], str, str]] = {
     gates.LOG: ((*STEP, "--audit", "/dev/full"), "", "audit log cannot be written"),
     gates.STEP: (("step_length=17", *ME), "", "policy (not the device's limit)"),
     gates.STILL: (STEP, "fault=frozen-clock", "not written"),
-    gates.SAME: (STEP, "fault=pendant", "settings changed meanwhile"),
+    gates.SAME: (STEP, "fault=pendant", "settings changed in the meantime"),
     gates.STATUS: (STEP, "fault=refuse", "(status 0x"),
     gates.READ_BACK: (STEP, "fault=not-taken", "the read-back differs"),
     gates.POSTURE: (STEP, "posture=walking", "neither sitting nor standing"),
@@ -144,7 +144,7 @@ def test_an_entry_that_does_not_reach_the_disk(
     result = set_(*STEP, "--audit", str(path), "--trace", str(trace))
     assert refused_by(result, name), result
     assert [data[0] for data in sent(trace)].count(SET) == (name == gates.RESULT)
-    assert ("Only its entry is missing" in result.error["text"]) == (name == gates.RESULT)
+    assert ("Only its audit log entry is missing" in result.error["text"]) == (name == gates.RESULT)
 
 
 def test_the_pace_holds_over_runs(tmp_path: Path) -> None:

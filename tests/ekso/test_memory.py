@@ -329,7 +329,7 @@ def test_a_step_that_fails_ends_it_and_says_where_it_stands(bench: Bench) -> Non
 
     bench.unit.on = {SET: second_fails}
     error = bench.failing(DeviceRefused, "step_length=15.5")
-    assert "step_length had come to 17.25 in on its way to 15.50 in" in error.hint
+    assert "step_length had reached 17.25 in on its way to 15.50 in" in error.hint
     assert [int.from_bytes(body[2:], "big") for body in bench.unit.written()] == [1725, 1625]
     assert len(bench.asked) == 1
 
@@ -338,7 +338,7 @@ def test_ctrl_c_in_a_wait_says_where_it_stands_and_the_next_run_goes_on(bench: B
     stepwise(bench)
     bench.unit.interrupt_at = bench.unit.clock + 5
     error = bench.failing(Interrupted, "step_length=15.5")
-    assert error.text == "interrupted. step_length stands at 17.25 in on its way to 15.50 in"
+    assert error.text == "interrupted. step_length is at 17.25 in on its way to 15.50 in"
     assert bench.unit.settings[2] == 1725 and len(bench.unit.written()) == 1
     again(bench, stepwise=True)
     assert bench.set("step_length=15.5") == [15.5]
@@ -363,7 +363,7 @@ def test_a_deadline_ends_the_waits(bench: Bench) -> None:
     stepwise(bench)
     bench.port.bound = bench.unit.deadline(5)
     error = bench.failing(NoAnswer, "step_length=15.5")
-    assert "step_length had come to 17.25 in" in error.hint
+    assert "step_length had reached 17.25 in" in error.hint
     assert len(bench.unit.written()) == 1
 
 
@@ -375,5 +375,5 @@ def test_a_wearer_who_moves_in_a_wait_ends_it(bench: Bench) -> None:
 
     bench.unit.on = {SET: then_moves}
     error = bench.failing(CheckFailed, "step_length=15.5")
-    assert error.code == "not-still" and "had come to 17.25 in" in error.hint
+    assert error.code == "not-still" and "had reached 17.25 in" in error.hint
     assert len(bench.unit.written()) == 1

@@ -62,7 +62,7 @@ def test_a_setting_is_written_once_and_everything_read_back(bench: Bench) -> Non
     assert bench.unit.commands() == [SETTINGS, DATA, DATA, SETTINGS, DATA, DATA, SET, SETTINGS]
     assert bench.unit.sent[6] == frame(SET, 7, pack([202, 1600]))
     assert bench.unit.settings[2] == 1600
-    assert bench.asked == [("Set step_length 15.50 in -> 16.00 in. A person may stand in the device", "16.00")]
+    assert bench.asked == [("Set step_length 15.50 in -> 16.00 in. A person may be standing in the device", "16.00")]
     looks = [at for at, request in zip(bench.unit.sent_at, bench.unit.sent, strict=True) if request[0] == DATA]
     assert looks[1] - looks[0] >= 0.1
     assert looks[3] - looks[2] >= 0.1
@@ -391,7 +391,7 @@ def test_the_way_back_can_be_pasted_into_a_shell(bench: Bench) -> None:
     error = bench.failing(CheckFailed, "left_swing_assist=60 %")
     (line,) = re.findall("`(handctl ekso set .*?)`", error.hint)
     assert shlex.split(line) == ["handctl", "ekso", "set", "left_swing_assist=50 %"]
-    assert error.hint.endswith("handctl cannot set back walk_mode")
+    assert error.hint.endswith("handctl cannot undo walk_mode")
 
 
 def lost(bench: Bench, *, taken: bool, replies: Callable[[int], list[Reply]] = lambda _msg_id: []) -> None:
@@ -446,7 +446,7 @@ def test_a_read_back_that_fails_says_that_the_value_was_sent(bench: Bench) -> No
 
     bench.unit.on = {SET: die}
     error = bench.failing(NoAnswer, "step_length=16")
-    assert "was sent and could not be read back" in error.hint
+    assert "was sent but could not be read back" in error.hint
     assert bench.entries[1]["verdict"].startswith("read-back failed")
 
 
@@ -543,7 +543,7 @@ def test_what_stops_in_between_says_what_is_done(bench: Bench) -> None:
             KeyboardInterrupt(),
             Interrupted,
             "interrupted. Already written: step_length",
-            "repeat the command: it goes on",
+            "repeat the command: it continues",
         ),
     ],
 )

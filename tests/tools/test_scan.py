@@ -67,7 +67,7 @@ def test_evidence_is_what_the_device_said() -> None:
     assert evidence["exo"] == "system_voltage reads 558, asked twice"
     assert evidence["wrist"] == "pitch_raw reads -345, asked twice"
     assert evidence["barrett"].startswith("prompt, serial number ")
-    assert evidence["ekso"].endswith("CRC and msgID fit")
+    assert evidence["ekso"].endswith("CRC and msgID are correct")
     assert evidence["aidin"] == "streams current_state, joint_pos, motor_pos, sensor_state, task_space_pos"
 
 
@@ -589,7 +589,7 @@ def test_a_trace_of_a_scan_is_told_family_by_family(tmp_path: Path) -> None:
     told = run("trace", "show", trace, "--json")
     assert (told.code, told.json["statistics"]["family"]) == (0, "ekso, wrist, exo")
     meanings = [row["meaning"] for row in told.rows if row["direction"] == "host" and row["kind"] == "frame"]
-    assert meanings[0] == "ask for GetTime"
+    assert meanings[0] == "request GetTime"
     assert "read current_1024: 2 bytes at 1024, id 1" in meanings
     assert "read system_voltage: 2 bytes at 1472, id 1" in meanings
     assert set(told.json["statistics"]["problems"]) == {"no-answer"}

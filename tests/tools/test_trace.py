@@ -69,10 +69,10 @@ FRAMES = [
     ("barrett", hex_of("GM 1000\n\rERR 4\n\r=> "), DEVICE, "ERR 4: Motor not initialized (4)"),
     ("barrett", hex_of("ERR 3\n\r1 No motor board found\n\r2 No motor found\n\r=> "), DEVICE, "ERR 3: 1 No motor board found | 2 No motor found"),
     ("barrett", "03", HOST, "^C: abort"),
-    ("barrett", "43 10 0A 10 0A 10 0A F0 0A", HOST, "C: F1 velocity 16 gain 10, F2 velocity 16 gain 10, F3 velocity 16 gain 10, SPREAD velocity -16 gain 10, asks for feedback"),
+    ("barrett", "43 10 0A 10 0A 10 0A F0 0A", HOST, "C: F1 velocity 16 gain 10, F2 velocity 16 gain 10, F3 velocity 16 gain 10, SPREAD velocity -16 gain 10, requests feedback"),
     ("barrett", "2A 01 78 21 34 0A 01 76 21 2A 09 01 7E 21 3E 0B FF FF 06 27 F6", DEVICE, "* F1 velocity 1 strain 120 position 8500 cts delta 10 cts, F2 velocity 1 strain 118 position 8490 cts delta 9 cts, F3 velocity 1 strain 126 position 8510 cts delta 11 cts, SPREAD velocity -1 strain 255 position 1575 cts delta -10 cts"),
     ("barrett", "FF 00 20 08 FF 11 22 33 44 55 66 FF 00", HOST, "download record: 8 bytes at 2000h"),
-    ("ekso", "99 00 00 CB D9 0F", HOST, "ask for GetData"),
+    ("ekso", "99 00 00 CB D9 0F", HOST, "request GetData"),
     ("ekso", "96 04 00 C8 0E 05 25 00 31 2A", DEVICE, "GetTime: 14:05:37"),
     ("ekso", "97 03 00 C9 1A 0B 14 F0 D6", DEVICE, "GetDate: 2026-11-20"),
     ("ekso", "9B 04 00 CD 00 CA 06 0E 5E FE", HOST, "SetValue: step_length = 15.50 in"),
@@ -145,7 +145,7 @@ def test_values_carry_names_and_units() -> None:
 
 def test_the_sender_of_ambiguous_bytes_can_be_said() -> None:
     acknowledged = "98 00 00 CA BF 9A"
-    assert decoded("ekso", acknowledged).meaning == "ask for GetSettings"
+    assert decoded("ekso", acknowledged).meaning == "request GetSettings"
     assert decoded("ekso", acknowledged, DEVICE).meaning == "GetSettings: acknowledged, without a body"
     assert decoded("wrist", "11010001 [1] 01", DEVICE).values == (("error_1", 1, None),)
 
@@ -222,14 +222,14 @@ def test_realtime_blocks_by_the_flags_that_were_set() -> None:
     assert [row.problem for row in rows] == [""] * len(rows)
     assert [row.meaning for row in rows[7:]] == [
         "in RealTime: control 3 bytes, feedback 8 bytes",
-        "C: F1 velocity 20, F2 velocity 127, asks for feedback",
-        "a: no control values, asks for acknowledgement",
+        "C: F1 velocity 20, F2 velocity 127, requests feedback",
+        "a: no control values, requests acknowledgement",
         "* F1 strain 120 delta 20 cts, F2 strain 120 delta 127 cts, SPREAD delta 0 cts, temperature 41.2 °C",
         "* acknowledgement",
-        "A: no control values, asks for feedback",
+        "A: no control values, requests feedback",
         "* F1 strain 120 delta 0 cts, F2 strain 120 delta 0 cts, SPREAD delta 0 cts, temperature -5.5 °C",
         "^C: leave RealTime",
-        "RealTime is over, prompt",
+        "RealTime has ended, prompt",
         "FGET P: read position of F1 F2 F3 SPREAD",
         "position 0 0 0 0 cts (F1 F2 F3 SPREAD)",
     ]
@@ -241,8 +241,8 @@ def test_a_wrong_header_ends_realtime() -> None:
     )[8:]
     assert [(row.problem, row.meaning) for row in rows] == [
         ("bad-block", "Z: not the start of a block. The hand leaves RealTime with ERR 2048"),
-        ("refused", "ERR 2048: Invalid RealTime control block header (2048). RealTime is over, prompt"),
-        ("", "an empty line: asks for the prompt"), ("", "prompt"),
+        ("refused", "ERR 2048: Invalid RealTime control block header (2048). RealTime has ended, prompt"),
+        ("", "an empty line: requests the prompt"), ("", "prompt"),
     ]  # fmt: skip
 
 
@@ -258,17 +258,17 @@ def download(wrong: str = "44") -> list[str]:
 
 def test_a_download_record_by_record() -> None:
     assert meanings("barrett", *download(), "> 0D", "< 0A 0D 3D 3E 20") == [
-        "X: asks the boot monitor for a download", "the boot monitor is ready for a download", "the first trigger of a download",
-        "download record: 8 bytes at 2000h", "echo of the record at 2000h: 11 bytes, all right",
-        "an empty line: asks for the prompt", "prompt",
+        "X: requests a download from the boot monitor", "the boot monitor is ready for a download", "the first trigger of a download",
+        "download record: 8 bytes at 2000h", "echo of the record at 2000h: 11 bytes, all correct",
+        "an empty line: requests the prompt", "prompt",
     ]  # fmt: skip
     wrong = [(row.problem, row.meaning) for row in told("barrett", *download("7F")) if row.problem]
-    assert ("wrong-echo", "wrong echo: sent 44, got 7F") in wrong
+    assert ("wrong-echo", "wrong echo: sent 44, received 7F") in wrong
 
 
 def test_an_abort_and_a_new_speed() -> None:
     assert meanings("barrett", "> 43 0D", "< 43", "> 03", "< 0A 0D 45 52 52 20 31 36 33 38 34 0A 0D 3D 3E 20") == [
-        "C: close to CT (spread: F1 and F2 go beside F3), for F1 F2 F3 SPREAD", "^C: abort", "ERR 16384: Cntl-C abort command received (16384)",
+        "C: close to CT (spread: F1 and F2 move next to F3), for F1 F2 F3 SPREAD", "^C: abort", "ERR 16384: Cntl-C abort command received (16384)",
     ]  # fmt: skip
 
 
@@ -474,9 +474,9 @@ def test_message_numbers_do_not_count() -> None:
     a = ["> 96 00 00 C8 3D 82", "< 96 03 00 C8 0E 05 25 A4 DD"]
     b = ["> 96 00 00 00 65 C6", "< 96 04 00 00 17 3B 3B 00 16 B7"]
     assert compared("ekso", a, b) == [
-        ("changed", "ask for GetTime -> GetTime: 14:05:37", "ask for GetTime -> GetTime: 23:59:59")
+        ("changed", "request GetTime -> GetTime: 14:05:37", "request GetTime -> GetTime: 23:59:59")
     ]
-    assert compared("ekso", a[:1], b[:1]) == [("same", "ask for GetTime -> no answer", "ask for GetTime -> no answer")]
+    assert compared("ekso", a[:1], b[:1]) == [("same", "request GetTime -> no answer", "request GetTime -> no answer")]
 
 
 def test_a_long_way_apart_is_walked_in_windows() -> None:

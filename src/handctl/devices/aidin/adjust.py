@@ -18,12 +18,12 @@ CONFIRM = 1.0
 NOISE = 4.0
 """A value so many times what it changes by itself is no noise."""
 SENSOR_STATE = AIDIN["sensor_state"]
-LEFT_HINT = "`handctl aidin joints …` commands a position again, `handctl aidin stop` frees the fingers"
+LEFT_HINT = "use `handctl aidin joints …` to hold a position again, or `handctl aidin stop` to free the fingers"
 
 
 def left_in(mode: Mode) -> str:
     """What the hand is left in by a mode that ended another one; the manual says nothing of it (dossier 5)."""
-    return f"the hand is left in mode {int(mode)}: whether it goes on holding a position is not documented"
+    return f"the hand is left in mode {int(mode)}. It is not documented whether it keeps holding its position"
 
 
 def bias(hand: AidinHand) -> Table:
@@ -38,13 +38,13 @@ def bias(hand: AidinHand) -> Table:
     restless = moving(first, second)
     if restless:
         raise CheckFailed(
-            f"{hand.link.name}: {named(MOTOR_POS, restless, second)} moves: a load would be taken for the offset",
-            hint="wait until the hand stands still and touches nothing. Nothing was sent.",
+            f"{hand.link.name}: {named(MOTOR_POS, restless, second)} is moving, so a load would be taken for the offset",
+            hint="wait until the hand has stopped and touches nothing. Nothing was sent.",
             code="moving",
         )
     ledger = hand.journal.ledger
     begun = ledger.mark
-    sent = "the sensor bias was sent: present values may be 0 from now on, whatever pressed on the fingertips"
+    sent = "the sensor bias was sent, so any load on the fingertips may read as 0 from now on"
     with in_force(f"{sent}; {left_in(Mode.BIAS)}", moving=False):
         data, end = object_of(Mode.BIAS), talk.deadline(BIAS)
         while not end.expired:
@@ -58,16 +58,17 @@ def bias(hand: AidinHand) -> Table:
     hand.journal.info("left", left_in(Mode.BIAS), LEFT_HINT)
     if worse and table.failure is None:
         table.failure = CheckFailed(
-            f"{hand.link.name}: sensor values did not come nearer to 0: {', '.join(worse[:4])}",
-            hint="take every load off the fingertips, then run `handctl aidin bias` again",
+            f"{hand.link.name}: sensor values did not get closer to 0: {', '.join(worse[:4])}",
+            hint="remove any load from the fingertips, then run `handctl aidin bias` again",
             code="not-biased",
         )
     nearer = any(abs(row["value"]) < abs(row["before"]) for row in table.rows if "value" in row)
     if table.failure is None and nearer:
-        ledger.confirm("the sensor values came nearer to 0", since=begun)
+        ledger.confirm("the sensor values got closer to 0", since=begun)
     elif table.failure is None:
         hand.journal.warn(
-            "unproven", "The bias was sent. No sensor value changed, so feedback does not show that the hand took it"
+            "unproven",
+            "The bias was sent, but no sensor value changed, so the feedback does not show that it took effect",
         )
     return table
 
@@ -94,7 +95,7 @@ def max_torque(hand: AidinHand, value: int) -> Table:
     """Mode 5 with `maxtorque`, for 0.2 s. No feedback shows it. Raises NoAnswer when the hand says nothing afterwards."""
     blind = connect_or_command(hand)
     data, end = object_of(Mode.MAXTORQUE, maxtorque=value), hand.talk.deadline(SHORT)
-    sent = f"maxtorque {value} was sent and may be in force, it cannot be read back"
+    sent = f"maxtorque {value} was sent and may be in effect, but it cannot be read back"
     with in_force(f"{sent}; {left_in(Mode.MAXTORQUE)}", moving=False):
         while not end.expired:
             hand.talk.tick(data, blind=blind)
@@ -104,8 +105,8 @@ def max_torque(hand: AidinHand, value: int) -> Table:
     hand.journal.info("left", left_in(Mode.MAXTORQUE), LEFT_HINT)
     if blind and not hand.talk.feedback.seen:
         raise NoAnswer(
-            f"{hand.link.name}: maxtorque {value} was sent, but the hand says nothing",
-            hint="check address and port (8000), and that no other client holds the hand",
+            f"{hand.link.name}: maxtorque {value} was sent, but the hand does not reply",
+            hint="check the address and the port (8000), and that no other client is connected to the hand",
         )
     hand.journal.info(
         "not-read-back", "The maximum torque was sent. The hand does not report it, so it cannot be read back"

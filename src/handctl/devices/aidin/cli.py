@@ -90,10 +90,10 @@ def home(run: Run) -> Table:
     """
     from handctl.devices.aidin import homing
 
-    steps = [_step(run, f"homing, every 20 ms for {homing.HOLD:g} s and nothing else in between", Mode.HOMING)]
+    steps = [_step(run, f"homing, every 20 ms for {homing.HOLD:g} s with nothing else in between", Mode.HOMING)]
     if (plan := run.planned(steps)) is not None:
         return plan
-    run.confirm(f"All fingers will OPEN for {homing.HOLD:g} s, a held object falls. Keep clear", steps)
+    run.confirm(f"All fingers will OPEN for {homing.HOLD:g} s and drop any held object. Keep clear", steps)
     return homing.home(run.device(), run.guide)
 
 
@@ -106,7 +106,7 @@ def initial(run: Run, assume_homed: bool) -> Table:
     steps = [_step(run, "initial position, every 20 ms until it is reached", Mode.INITIAL)]
     if (plan := run.planned(steps)) is not None:
         return plan
-    run.confirm("All fingers will move to their origin and OPEN, a held object falls", steps)
+    run.confirm("All fingers will OPEN to their origin and drop any held object", steps)
     return homing.initial(run.device(), run.guide, assume_homed=assume_homed)
 
 
@@ -136,7 +136,7 @@ def max_torque(run: Run, value: str) -> Table:
     if (plan := run.planned(steps)) is not None:
         return plan
     if number == 0:
-        run.confirm("Without torque the fingers do not move, and may not hold what they hold", steps)
+        run.confirm("Without torque the fingers do not move, and may drop a held object", steps)
     return adjust.max_torque(run.device(), number)
 
 
@@ -245,7 +245,9 @@ def currents(
     if run.settings.dry_run:
         return run.dry_run([first, *_plan(run, goal), last])
     if not any(goal.named.values()) and goal.names_all:
-        raise UsageError("all currents are 0: nothing would flow", hint="`handctl aidin stop` switches the motors off")
+        raise UsageError(
+            "all currents are 0, so there is nothing to do", hint="to switch the motors off, use `handctl aidin stop`"
+        )
     run.confirm(
         f"The motors will be driven by CURRENT for {duration:g} s: the fingers push without a position limit, "
         "and the maximum torque stays at 1000",

@@ -50,7 +50,7 @@ def currents(
                 if not ramp_down:
                     raise
                 with guide.counting() as presses:
-                    guide.say("Ctrl-C again stops at once. Interrupted: the currents return to 0.")
+                    guide.say("Interrupted. The currents return to 0. Press Ctrl-C again to stop immediately.")
                     drive.to(drive.zero, "Currents return to 0,", presses)
                 raise
         except HandctlError as exc:
@@ -72,10 +72,10 @@ def _tell_stop(hand: AidinHand, stopped: Stopped) -> None:
     if stopped.error is not None:
         hand.journal.warn("not-stopped", stopped.text, stopped.hint)
     elif stopped.evidence:
-        text = f"currents were taken back to 0 and stop was sent, no current flows. {free}"
+        text = f"the currents were ramped down to 0 and stop was sent. No current flows. {free}"
         hand.journal.info("stopped", text)
     else:
-        hand.journal.info("stopped", f"currents were taken back to 0. {stopped.text}. {free}")
+        hand.journal.info("stopped", f"the currents were ramped down to 0. {stopped.text}. {free}")
 
 
 def _values(hand: AidinHand, goal: Goal, cap: float, *, blind: bool) -> list[float]:
@@ -83,16 +83,16 @@ def _values(hand: AidinHand, goal: Goal, cap: float, *, blind: bool) -> list[flo
     if blind:
         if not goal.names_all:
             raise NoAnswer(
-                f"{hand.link.name}: the hand sends nothing unasked, so the currents that are not given are not known",
-                hint="give the whole vector of 15. Nothing was commanded.",
+                f"{hand.link.name}: the hand sends nothing without a request, so the currents that you did not give are unknown",
+                hint="give all 15 values. Nothing was commanded.",
             )
         return goal.complete(None)
     values = goal.complete(measured(hand, goal.target))
     beyond = [f"{goal.target.command.elements[i]} {value:g}" for i, value in enumerate(values) if abs(value) > cap]
     if beyond:
         raise CheckFailed(
-            f"{hand.link.name}: {', '.join(beyond)} would be kept, which is beyond the cap of {cap:g}",
-            hint="give a value for it too. Nothing was sent.",
+            f"{hand.link.name}: {', '.join(beyond)} would be kept, but the cap is {cap:g}",
+            hint="give a value for it as well. Nothing was sent.",
             code="beyond-cap",
         )
     return values

@@ -24,7 +24,7 @@ SLACK = 0.01
 LARGEST_RADIAN = 6.3
 MOST_ERRORS = 5
 """As many as there are keys: more of them are counted."""
-NO_ANGLE = "is not an angle in radians: degrees on the wire?"
+NO_ANGLE = "is not an angle in radians (possibly degrees)"
 SHORT = {"current_state": "current"}
 
 
@@ -94,14 +94,14 @@ class AidinHand(Device):
         """The same, looked at: values out of their range, how the hand speaks. With `check`, unhealthy is exit 7."""
         table = self.dump()
         self.talk.look_again()
-        how = "streams" if self.talk.exchange is ExchangeMode.STREAM else "answers when it is asked"
+        how = "streams" if self.talk.exchange is ExchangeMode.STREAM else "replies to requests"
         self.journal.info("exchange", f"the hand {how}")
         findings = unhealthy(table.rows)
         odd = all(NO_ANGLE in finding for finding in findings)
         hint = (
-            "look at its bytes with --trace FILE. Until then move with `encoders` only"
+            "check the bytes with --trace FILE. Until then, move only with `encoders`"
             if odd
-            else "`handctl aidin home` sets the origin of the encoders"
+            else "set the origin of the encoders with `handctl aidin home`"
         )
         return self.judge(table, findings, check, hint=hint)
 
@@ -167,7 +167,7 @@ def by_finger(rows: list[Row]) -> list[Grid]:
     if any(isinstance(single, Cell) and single.tone == "warn" for line in lines for single in line):
         notes.append("* out of its documented range")
     if any(row.get("reached") is False for row in rows):
-        notes.append("≠ target that was not reached")
+        notes.append("≠ target not reached")
     headings = ("", *(finger.capitalize() for finger in fingers), "Unit")
     return [Grid(headings, tuple(lines), right=frozenset(range(1, len(headings) - 1)), notes=tuple(notes))]
 

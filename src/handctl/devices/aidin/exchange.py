@@ -68,9 +68,8 @@ class Conversation(Reception):
         """
         if self.way.exchange is ExchangeMode.COMMAND:
             raise UsageError(
-                "--exchange command: a hand that only answers commands is not read, nothing is commanded just to look",
-                hint="`home`, `stop`, `max-torque`, `initial --assume-homed` and `currents` with the whole vector show its "
-                "answers. Other targets need to know where it is. Nothing was sent.",
+                "with --exchange command the hand only replies to commands, so handctl cannot read it",
+                hint="`home`, `stop`, `max-torque`, `initial --assume-homed` and `currents` with all 15 values show its replies. Other commands need its position. Nothing was sent.",
                 code="commands-only",
             )
         if self.exchange is not ExchangeMode.UNKNOWN:
@@ -230,7 +229,8 @@ class Conversation(Reception):
         if self._junk or self._decoder.pending:
             raise self._no_feedback()
         self.journal.info(
-            "not-asked", "--exchange command: nothing is asked first, that it is an AIDIN-hand is your word"
+            "not-asked",
+            "with --exchange command handctl cannot check that this is an AIDIN-hand, and trusts what you typed",
         )
 
     # -- one object a period --------------------------------------------------------------------------------------
@@ -275,7 +275,7 @@ class Conversation(Reception):
         missing = self._last - self._good.get(key, self._last) > (self.timeout or SILENCE)  # other keys still came
         if missing or self.feedback.wrong.get(key, 0) >= CYCLES:
             wrong = self.feedback.errors.get(key)
-            self.usable(param, wrong or ProtocolError("no longer in what the hand sends", code="missing-key"))
+            self.usable(param, wrong or ProtocolError("the hand no longer sends it", code="missing-key"))
 
     def check_answered(self) -> None:
         """Look again where the last object was not answered within its period. Raises as `refresh` does."""

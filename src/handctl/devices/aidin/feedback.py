@@ -78,7 +78,7 @@ class Feedback:
         if error is not None:
             return error
         value = self.values.get(key)
-        return value if value is not None else ProtocolError("missing in what the hand sends", code="missing-key")
+        return value if value is not None else ProtocolError("the hand does not send it", code="missing-key")
 
 
 def values_of(param: AidinParam, wire: Wire) -> list[Number]:

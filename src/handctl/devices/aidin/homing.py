@@ -32,8 +32,8 @@ WAY = (
     Column("rest", "Rest", right=True),
     Column("verdict", "Verdict"),
 )
-LEFT = "the hand was left in homing mode, no stop was sent"
-GOES_ON = "no stop was sent, the hand is expected to go on to its origin. `handctl aidin stop` frees it"
+LEFT = "the hand was left in homing mode, and no stop was sent"
+GOES_ON = "no stop was sent, so the hand probably continues to its origin. `handctl aidin stop` frees it"
 
 
 def connect_or_command(hand: AidinHand) -> bool:
@@ -49,7 +49,7 @@ def connect_or_command(hand: AidinHand) -> bool:
         hand.talk.connect()
     except NoAnswer:
         hand.talk.check_bound()
-        hand.journal.warn("unasked", "The hand sends nothing unless it is asked. Perhaps it answers commands only")
+        hand.journal.warn("unasked", "The hand sends nothing without a request. It may only reply to commands")
         return True
     return False
 
@@ -63,7 +63,7 @@ def home(hand: AidinHand, guide: Guide) -> Table:
     bound = hand.talk.bound
     if bound is not None and bound.remaining < HOLD:
         raise UsageError(
-            f"homing takes {HOLD:g} s, --deadline leaves less", hint="give a longer --deadline. Nothing was sent."
+            f"homing takes {HOLD:g} s, and --deadline is shorter", hint="use a longer --deadline. Nothing was sent."
         )
     blind = connect_or_command(hand)
     seen = Travel()
@@ -73,7 +73,7 @@ def home(hand: AidinHand, guide: Guide) -> Table:
     guide.say(f"Keep clear. Homing: all fingers open for {HOLD:g} s.")
     data = object_of(Mode.HOMING)
     mark = hand.journal.ledger.mark
-    with stopped_if_cut_short(hand, guide, "homing failed, the hand is not homed. "):
+    with stopped_if_cut_short(hand, guide, "homing failed, so the hand is not homed. "):
         try:
             begin = _hold(hand, data, guide, seen, blind=blind)
         except HandctlError as exc:
@@ -99,24 +99,20 @@ def _judged(hand: AidinHand, ways: list[Way], mark: int) -> Table:
     if against:
         table.failure = CheckFailed(
             f"{hand.link.name}: homing is not confirmed for {_count(against)}: {_told(against)}",
-            hint=f"{LEFT}. It set 0 where they rested, so each target of such a motor may be off by as much. Free any blocked "
-            "finger and home again",
+            hint=f"{LEFT}. It set these motors to 0 where they came to rest, so their targets may be off by that much. Free any blocked finger and home again",
             code="not-homed",
         )
     elif unproven:
         table.failure = CheckFailed(
-            f"{hand.link.name}: homing is not confirmed for {_count(unproven)}, as nothing shows that they rested at their "
-            f"open stop: {_told(unproven)}",
-            hint=f"{LEFT}. Check that all fingers are fully open: then it is homed. To have that confirmed, close the fingers "
-            "part of the way, for example with `handctl aidin encoders`, and home again. Each motor must rest at the same place",
+            f"{hand.link.name}: homing is not confirmed for {_count(unproven)}, because nothing shows that they came to rest at their open stop: {_told(unproven)}",
+            hint=f"{LEFT}. Check that all fingers are fully open; if they are, the hand is homed. To have that confirmed, close the fingers part of the way, for example with `handctl aidin encoders`, and home again. Each motor must come to rest at the same position",
             code="homing-unproven",
         )
     else:
-        hand.journal.ledger.confirm("each motor rested at its open stop and is at 0", since=mark)
+        hand.journal.ledger.confirm("each motor came to rest at its open stop and is at 0", since=mark)
         hand.journal.info(
             "homed",
-            "homed: each motor stood still at its open stop, where an earlier homing had set 0 or after its whole stroke, "
-            "and is at 0 now. The hand was left in homing mode, nothing more is sent",
+            "homed: each motor came to rest at its open stop, either at the 0 of an earlier homing or after its whole stroke, and is at 0 now. The hand was left in homing mode, and nothing more is sent",
         )
     return table
 
@@ -162,14 +158,14 @@ def _hold(hand: AidinHand, data: bytes, guide: Guide, seen: Travel, *, blind: bo
         if now - last > LARGEST_GAP:
             if holds == HOLDS:
                 raise CheckFailed(
-                    f"{link.name}: homing was delayed again and again, the last time for {now - last:.2f} s",
-                    hint="close other programs and home again: homing needs a command at least every 0.25 s",
+                    f"{link.name}: homing was delayed repeatedly, the last time by {now - last:.2f} s",
+                    hint="close other programs and home again, because homing needs a command at least every 0.25 s",
                     code="interrupted-hold",
                 )
             holds, begin = holds + 1, now
-            hand.journal.warn("interrupted-hold", f"homing was delayed for {now - last:.2f} s and begins again")
+            hand.journal.warn("interrupted-hold", f"homing was delayed by {now - last:.2f} s and starts again")
         last = now
-        guide.progress(f"Homing {min(HOLD, now - begin):.1f} of {HOLD:g} s, the fingers open.", CTRL_C)
+        guide.progress(f"Homing {min(HOLD, now - begin):.1f} of {HOLD:g} s, the fingers are opening.", CTRL_C)
     return begin
 
 
@@ -183,8 +179,8 @@ def _origin(hand: AidinHand, data: bytes, *, blind: bool) -> tuple[int, ...]:
         talk.tick(data, blind=True)
         if MOTOR_POS.key not in talk.feedback.seen:
             raise NoAnswer(
-                f"{hand.link.name}: homing was sent for {HOLD:g} s, but the hand says nothing: it is not confirmed",
-                hint="check address and port (8000), and that no other client holds the hand",
+                f"{hand.link.name}: homing was sent for {HOLD:g} s, but the hand does not reply, so homing is not confirmed",
+                hint="check the address and the port (8000), and that no other client is connected to the hand",
             )
         found = talk.feedback.result(MOTOR_POS.key)
     return tuple(int(number) for number in talk.usable(MOTOR_POS, found))
@@ -214,20 +210,21 @@ def check_homed(hand: AidinHand, *, assume: bool) -> None:
     wrong = [index for index, value in enumerate(encoders) if outside(MOTOR_POS, index, value)]
     if wrong and not assume:
         raise CheckFailed(
-            f"{hand.link.name}: encoders are out of their range, the hand was not homed since power-on: "
+            f"{hand.link.name}: encoders are out of range, so the hand has not been homed since power-on: "
             f"{named(MOTOR_POS, wrong, encoders)}",
-            hint="run `handctl aidin home` first. --assume-homed goes on without it. Nothing was sent.",
+            hint="run `handctl aidin home` first. --assume-homed continues without it. Nothing was sent.",
             code="not-homed",
         )
     if not any(encoders):
         hand.journal.warn(
             "homed-unknown",
-            "all encoders are exactly 0: as just after homing, and as just after power-on wherever the fingers are",
-            hint="run `handctl aidin home` first unless it was homed since power-on",
+            "all encoders are exactly 0. The hand has either just been homed, or just been switched on with the fingers anywhere",
+            hint="run `handctl aidin home` first, unless the hand has been homed since power-on",
         )
         return
     hand.journal.info(
-        "homed-unknown", "The hand does not report whether it was homed since power-on. This command needs a homed hand"
+        "homed-unknown",
+        "The hand does not report whether it has been homed since power-on. This command needs a homed hand",
     )
 
 
@@ -239,8 +236,8 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
         check_homed(hand, assume=assume_homed)
     elif not assume_homed:
         raise NoAnswer(
-            f"{hand.link.name}: the hand sends nothing unasked, so nothing shows that it is homed",
-            hint="run `handctl aidin home` first. --assume-homed goes on without it. Nothing was sent.",
+            f"{hand.link.name}: the hand sends nothing without a request, so nothing shows that it is homed",
+            hint="run `handctl aidin home` first. --assume-homed continues without it. Nothing was sent.",
         )
     data, end = object_of(Mode.INITIAL), talk.deadline(INITIAL)
     seen, ledger = Travel(), hand.journal.ledger
@@ -267,7 +264,7 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
     if _away(now):
         raise CheckFailed(
             f"{hand.link.name}: the initial position was not reached: {named(MOTOR_POS, _away(now), now)}",
-            hint=f"{GOES_ON}. A hand that was not homed ignores the command. A blocked finger or a low maximum torque stops it too",
+            hint=f"{GOES_ON}. A hand that has not been homed ignores the command. A blocked finger or a low maximum torque also stops it",
             code="not-reached",
         )
     if seen.moved:
@@ -275,8 +272,7 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
     else:
         hand.journal.warn(
             "nothing-moved",
-            "the encoders are at 0, but no motor moved: the fingers were there already, or the hand was not homed since "
-            "power-on and ignored it",
-            hint="look at the fingers, and run `handctl aidin home` if they are not open",
+            "the encoders are at 0, but no motor moved. Either the fingers were already there, or the hand has not been homed since power-on and ignored the command",
+            hint="check the fingers, and run `handctl aidin home` if they are not open",
         )
     return hand.table(hand.read(elements_of(MOTOR_POS))) if not blind else _last_known(hand)

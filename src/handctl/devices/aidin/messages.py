@@ -12,7 +12,7 @@ from math import inf, isfinite
 
 from handctl.errors import ProtocolError, UsageError
 
-BYTES = "look at the bytes with --trace FILE"
+BYTES = "check the bytes with --trace FILE"
 LARGEST_OUT = 2047
 """The hand's buffer has 2048 bytes; whose and of what is not said."""
 LONGEST_END = 2
@@ -140,7 +140,7 @@ class Decoder:
             place = rest.find(b"{")
             data = bytes(rest if place < 0 else rest[:place])
             del self._buffer[: len(data)]
-            raise MalformedObject(f"{len(data)} bytes that do not begin a JSON object", data, stray=True)
+            raise MalformedObject(f"{len(data)} bytes that do not start a JSON object", data, stray=True)
 
     def _scan(self) -> int | None:
         """Where the object ends that the buffer begins with, None when it is not closed yet."""
@@ -214,7 +214,7 @@ def _each_once(pairs: list[tuple[str, object]]) -> dict[str, object]:
     if len(content) != len(pairs):
         names = [name for name, _ in pairs]
         twice = next(name for name in names if names.count(name) > 1)
-        raise Twice(f"an object in which {_shown(twice)} stands twice")
+        raise Twice(f"an object that contains {_shown(twice)} twice")
     return content
 
 

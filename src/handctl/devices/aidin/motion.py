@@ -38,8 +38,8 @@ STILL = Stillness(samples=1, seconds=0.2, grace=ARRIVE, passes=True)
 """A target is reached when the element was near it for so long: one that passes by, or still comes nearer, is not there."""
 PUSHING = 200
 """Per mille of the rated current: a motor that stands and draws more pushes something. Ours, the manual has no figure."""
-GOES_ON = "no stop was sent, the hand is expected to go on to the last target it got. `handctl aidin stop` frees it"
-HOLDS = "reached. Nothing more is sent, the hand is expected to hold"
+GOES_ON = "no stop was sent, so the hand probably continues to its last target. `handctl aidin stop` frees it"
+HOLDS = "reached. Nothing more is sent, and the hand probably holds its position"
 CURRENT = AIDIN["current_state"]
 FAR = 0.1
 """Share of a range: a start that is farther outside is no start of a ramp."""
@@ -67,7 +67,7 @@ def plan(hand: AidinHand | None, goal: Goal, end: bytes) -> list[Step]:
 
 def last_step(goal: Goal, values: list[float], end: bytes) -> Step:
     """The object that ends a movement, as a step."""
-    meaning = f"mode {int(goal.target.mode)}, the last object of a ramp from where the hand is"
+    meaning = f"mode {int(goal.target.mode)}, the last object of a ramp from the hand's current position"
     return step_of(meaning, target_object(goal, values), end)
 
 
@@ -104,7 +104,7 @@ def move(hand: AidinHand, goal: Goal, guide: Guide, *, assume_homed: bool, expec
     if table.failure is not None:
         table.failure.leaves(Left(hint=GOES_ON))
     elif arrived:
-        ledger.confirm("arrived by its feedback", since=begun)
+        ledger.confirm("arrived, according to the feedback", since=begun)
         hand.journal.info("reached", HOLDS)
     return table
 
@@ -114,15 +114,15 @@ def _check_start(hand: AidinHand, target: Target, here: list[Number], *, assume:
     param, name = target.feedback, hand.link.name
     if param.angles and any(abs(value) > degrees(LARGEST_RADIAN) for value in here):
         raise CheckFailed(
-            f"{name}: {param.key} {NO_ANGLE} A ramp cannot begin there",
-            hint="look at `handctl aidin status`, and at its bytes with --trace FILE. Nothing was sent.",
+            f"{name}: {param.key} {NO_ANGLE}. A ramp cannot start there",
+            hint="check `handctl aidin status`, and its bytes with --trace FILE. Nothing was sent.",
             code="start-out-of-range",
         )
     far = [index for index, value in enumerate(here) if outside(param, index, value, FAR)]
     if far and not assume:
         raise CheckFailed(
-            f"{name}: a ramp cannot begin where the hand is, far out of range: {named(param, far, here)}",
-            hint="run `handctl aidin home` first. --assume-homed begins at the limit without it. Nothing was sent.",
+            f"{name}: a ramp cannot start at the current position, which is far out of range: {named(param, far, here)}",
+            hint="run `handctl aidin home` first. --assume-homed starts at the limit without it. Nothing was sent.",
             code="start-out-of-range",
         )
 
@@ -150,7 +150,7 @@ def _settle(hand: AidinHand, goal: Goal, values: list[float], seen: Watch, guide
     ended = False
     while not ended and not end.expired:
         talk.tick(data, by=param)
-        guide.progress("Waiting for the arrival.", CTRL_C)
+        guide.progress("Waiting for the hand to arrive.", CTRL_C)
         feedback, told = talk.feedback, {}
         if param.key in feedback.values and param.key not in feedback.errors:
             places = values_of(param, feedback.values[param.key])
@@ -196,7 +196,7 @@ def mark(
         hand.link.name,
         arrivals,
         expect,
-        hint="unreachable together with the others, blocked, the maximum torque is too low, or the hand is not homed",
+        hint="unreachable together with the others or blocked, or the maximum torque is too low, or the hand is not homed",
     )
 
 

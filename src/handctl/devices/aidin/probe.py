@@ -23,7 +23,7 @@ def probe(
     """A row with the evidence. Raises NoAnswer, ProtocolError for what came instead."""
     talk = Conversation(link, journal, timeout=timeout, retries=0, bound=deadline)
     talk.connect()
-    how = "streams" if talk.exchange is ExchangeMode.STREAM else "answers an empty object with"
+    how = "streams" if talk.exchange is ExchangeMode.STREAM else "replies to an empty object with"
     evidence = f"{how} {', '.join(sorted(talk.feedback.seen))}"
     return [{"baud": None, "evidence": evidence}]
 

@@ -123,7 +123,7 @@ class Reception(Line):
         if new:
             self._unknown.update(new)
             names = ", ".join(key[:LONGEST_NAME] for key in new)
-            self.journal.info("unknown-keys", f"keys that the manual does not have: {names}")
+            self.journal.info("unknown-keys", f"keys that are not in the manual: {names}")
 
     def _note_bad(self, exc: MalformedObject) -> None:
         counters = self.journal.counters
@@ -137,9 +137,9 @@ class Reception(Line):
         self._bad_in_a_row += 1
         if self._bad_in_a_row >= BAD_IN_A_ROW:
             raise ProtocolError(
-                f"{self.link.name}: {BAD_IN_A_ROW} objects in a row are damaged, the last one: {exc.text}; "
+                f"{self.link.name}: {BAD_IN_A_ROW} damaged objects in a row, the last one: {exc.text}; "
                 f"its bytes begin {hex_bytes(exc.data[:16])}",
-                hint="look at the connection with --trace FILE",
+                hint="check the connection with --trace FILE",
                 code="bad-json",
             )
 
@@ -182,7 +182,7 @@ class Reception(Line):
             return exc
         if self._junk:
             return self._no_feedback()
-        hint = "check address and port: it may be another server, or another client may hold the hand, which serves one"
+        hint = "check the address and the port: it may be another server, or another client may be connected to the hand, which serves only one"
         return LinkError(exc.text, hint=hint, code=exc.code)
 
     def _no_feedback(self) -> HandctlError:

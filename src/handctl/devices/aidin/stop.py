@@ -21,9 +21,9 @@ AGAIN = 1.0
 """Seconds in which a connection that was lost is opened again, all tries together."""
 TRY = 0.05
 """Seconds from one try to the next."""
-UNTOLD = "the connection is lost, stop cannot be sent: switch the hand's power off if it still moves"
-MENDS = "the connection was lost. This command is opening it again and sends the stop itself"
-MENDED = "the connection was lost. Connected again"
+UNTOLD = "the connection is lost, so stop cannot be sent. Switch the hand's power off if it still moves"
+MENDS = "the connection was lost. This command is reconnecting and will send the stop itself"
+MENDED = "the connection was lost. handctl reconnected"
 
 
 def object_of(mode: Mode, **data: Out) -> bytes:
@@ -107,16 +107,16 @@ def _stop_again(hand: AidinHand, guide: Guide, presses: int) -> tuple[Stopped | 
                     if not hand.talk.reconnect(end.remaining):
                         return None, ""
                 except LinkError as exc:
-                    told = f"tried to connect again for {AGAIN:g} s ({exc.text})"
+                    told = f"tried to reconnect for {AGAIN:g} s ({exc.text})"
                 else:
                     stopped = hand.stop()
                     if stopped.error is not LinkError:
                         return stopped, ""
-                    told = f"tried to connect again for {AGAIN:g} s ({stopped.text})"
+                    told = f"tried to reconnect for {AGAIN:g} s ({stopped.text})"
                 if end.expired:
                     return None, told
                 hand.link.sleep(min(TRY, end.remaining))
     except KeyboardInterrupt:
-        return None, "interrupted while it was connecting again to send the stop"
+        return None, "interrupted while reconnecting to send the stop"
     finally:
         guide.unstoppable = before

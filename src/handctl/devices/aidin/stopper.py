@@ -47,28 +47,28 @@ def stop_talk(aim: Aim) -> Talk:
             spoke, heard, told = told is not None, False, None  # what it said until now may be older than the stop
         elif count >= TIMES and told is not None and not flow(told):
             break
-    falls = "the fingers move freely, a held object falls"
+    falls = "the fingers move freely, and a held object falls"
     if told is None:
-        text = "stop was sent again and again and is not confirmed: "
+        text = "stop was sent repeatedly but is not confirmed: "
         since = (
-            ("what came since", "the hand has said nothing since") if spoke else ("what came", "the hand says nothing")
+            ("the feedback since then", "the hand has sent nothing since")
+            if spoke
+            else ("the feedback", "the hand sends nothing")
         )
-        text += f"{since[0]} reports no currents" if heard else since[1]
+        text += f"{since[0]} has no currents" if heard else since[1]
         return Stopped(text, HINT, ProtocolError if heard else NoAnswer)
     if flow(told):
-        return Stopped(f"stop was sent, but currents up to {max(map(abs, told))} flow", HINT, CheckFailed)
+        return Stopped(f"stop was sent, but currents up to {max(map(abs, told))} still flow", HINT, CheckFailed)
     since_then = _currents(decoder, (yield from silence())) or _currents(decoder, (yield say))
     if any(map(flow, since_then)):
         peak = max(max(map(abs, one)) for one in since_then)
-        return taken_over(Stopped("stop was sent, and the currents went"), f"currents up to {peak} flow again")
+        return taken_over(Stopped("stop was sent, and the currents stopped"), f"currents up to {peak} flow again")
     if not flowed:
-        text = (
-            "stop was sent. No current was seen to vanish, because none flowed when the hand was heard first: feedback "
-        )
-        return Stopped(f"{text}does not show that the motors are off", "if in doubt, switch the power off")
+        text = "stop was sent, but no current was flowing before, so the feedback "
+        return Stopped(f"{text}does not show that the motors are off", "if in doubt, switch the hand's power off")
     if not since_then:
-        return Stopped(f"stop was sent, and the currents went: {falls}. The hand has said nothing since", HINT)
-    return Stopped(f"stop was sent, and the currents have gone: {falls}", evidence="the currents have gone")
+        return Stopped(f"stop was sent, and the currents stopped: {falls}. The hand has sent nothing since", HINT)
+    return Stopped(f"stop was sent, and the currents stopped: {falls}", evidence="the currents stopped")
 
 
 def flow(currents: Sequence[float]) -> bool:

@@ -42,7 +42,7 @@ class Goal:
         param = self.target.command
         if measured is None and not self.names_all:
             raise UsageError(
-                "the elements that are not given keep their place, which is not known", hint="give the whole vector"
+                "the elements that you did not give keep their position, which is unknown", hint="give all values"
             )
         values = []
         for index in range(param.count):
@@ -70,8 +70,7 @@ def _kept(param: AidinParam, index: int, value: float) -> float:
     if not limit[0] - slack <= value <= limit[1] + slack:
         raise CheckFailed(
             f"{param.elements[index]} would be kept at {value:g}, which is outside {limit[0]:g}..{limit[1]:g}",
-            hint="give a value for it too, or `handctl aidin home` if the hand was not homed since power-on. "
-            "Nothing was sent.",
+            hint="give a value for it as well, or run `handctl aidin home` if the hand has not been homed since power-on. Nothing was sent.",
             code="kept-out-of-range",
         )
     return min(max(value, limit[0]), limit[1])
@@ -148,10 +147,10 @@ def _check(param: AidinParam, values: dict[int, float], *, rad: bool) -> None:
     more = f" and {len(named) - SHOWN} more" if len(named) > SHOWN else ""
     ranges = [f"{param.elements[index]} {limit[0]:g}..{limit[1]:g}{unit}" for index, _, limit in wrong[:SHOWN]]
     ours = param is CURRENTS.command or any(param.limit(index) is None for index, _, _ in wrong[:SHOWN])
-    source = "handctl's own limits, the manual gives no range" if ours else "aidin, Ranges"
+    source = "handctl's own limits, because the manual gives no range" if ours else "aidin, Ranges"
     hint = f"allowed: {', '.join(ranges)} ({source}). Nothing was sent."
     if param.angles and _fits(param, values, rad=rad):
-        hint = f"as {'degrees: leave --rad out' if rad else 'radians they would fit: --rad'}. {hint}"
+        hint = f"as {'degrees: leave --rad out' if rad else 'radians they would be in range: add --rad'}. {hint}"
     raise UsageError(
         f"{', '.join(named[:SHOWN])}{more} {'is' if len(named) == 1 else 'are'} out of range",
         hint=hint,
@@ -174,7 +173,7 @@ def _check_cap(param: AidinParam, values: dict[int, float], cap: float) -> None:
         if abs(value) > cap:
             raise UsageError(
                 f"{param.elements[index]} = {value:g} is beyond the cap of {cap:g}",
-                hint="--cap N allows more, up to 1000. Nothing was sent.",
+                hint="use --cap N to allow more, up to 1000. Nothing was sent.",
                 code="beyond-cap",
             )
 

@@ -17,23 +17,25 @@ def silent(name: str, way: Way, patience: float, *, asked: bool, stopped: bool) 
     if stopped:
         return NoAnswer(
             f"{name}: the hand has stopped sending feedback",
-            hint="look at the hand with `status` and check the network. A hand that sends less than once a second needs "
-            "--exchange stream --timeout S",
+            hint="check the hand with `status`, and check the network. A hand that sends less than once a second needs --exchange stream --timeout S",
         )
     if said is ExchangeMode.STREAM:
-        text = f"connected, the hand has said nothing for {patience:g} s, and --exchange stream asks nothing"
-        return NoAnswer(f"{name}: {text}", hint="leave --exchange out: then the hand is asked with an empty object")
+        text = f"connected, but the hand has sent nothing for {patience:g} s, and --exchange stream sends no request"
+        return NoAnswer(
+            f"{name}: {text}", hint="leave --exchange out, so that handctl sends an empty object as a request"
+        )
     if not asked:
         return NoAnswer(
-            f"{name}: connected, the hand sends nothing unasked, and a dry run asks nothing",
-            hint="give the whole vector: then nothing needs to be known",
+            f"{name}: connected, but the hand sends nothing without a request, and a dry run sends none",
+            hint="give all values, so that the current position is not needed",
         )
     poll = "an empty object" if way.poll == FIND_OUT.poll else way.poll.decode("ascii")[:60]
-    unasked = "sends nothing unasked and does not answer" if said is ExchangeMode.UNKNOWN else "does not answer"
+    unasked = (
+        "sends nothing without a request and does not answer" if said is ExchangeMode.UNKNOWN else "does not answer"
+    )
     return NoAnswer(
-        f"{name}: connected, the hand {unasked} {poll}",
-        hint="is it the hand's port (8000)? Another client may hold it. If it speaks otherwise: --exchange stream|poll, "
-        "--poll-json TEXT, --tx-terminator nul|none. One that answers commands only: --exchange command. `stop` is always sent",
+        f"{name}: connected, but the hand {unasked} {poll}",
+        hint="check the port (8000), and that no other client is connected. If the hand works differently, try --exchange stream|poll, --poll-json TEXT or --tx-terminator nul|none. If it only replies to commands, use --exchange command. `stop` is always sent",
     )
 
 
@@ -44,16 +46,16 @@ def no_feedback(name: str, seen: bytes, *, whole: bool, more: str = "", why: str
     """
     if not seen:
         return ProtocolError(
-            f"{name}: only our own object came back, no feedback",
-            hint="check address and port: this is an echo server, not the hand",
+            f"{name}: only our own object came back, and no feedback",
+            hint="check the address and the port: this is an echo server, not the hand",
             code="echo",
         )
     text = "".join(chr(byte) if 32 <= byte < 127 else "." for byte in seen)
-    hint = "check address and port: it is another server or another kind of hand. The AIDIN-hand speaks JSON on TCP port 8000"
+    hint = "check the address and the port: this is another server or another kind of hand. The AIDIN-hand sends JSON on TCP port 8000"
     if whole:
-        hint = f"a JSON object without any key of the manual: what the hand reports in its own words, or {hint}"
+        hint = f"this JSON object has no key from the manual: it may be a report from the hand itself. Otherwise {hint}"
     return ProtocolError(
-        f"{name}: no {more}feedback of the hand came, but {hex_bytes(seen)} ({text}){f': {why}' if why else ''}",
+        f"{name}: no {more}feedback from the hand, but {hex_bytes(seen)} ({text}){f': {why}' if why else ''}",
         hint=hint,
         code="garbage",
         came=seen,
@@ -80,4 +82,4 @@ def number_of(where: str, element: Element, param: AidinParam, found: Wire | Pro
 
 
 def _spelled(where: str, text: str, why: ProtocolError) -> ProtocolError:
-    return ProtocolError(f"{where}: {text}", hint="look at it with --trace FILE", code=why.code)
+    return ProtocolError(f"{where}: {text}", hint="check it with --trace FILE", code=why.code)

@@ -52,7 +52,7 @@ def way_of(settings: Settings) -> Way:
     text = settings.own.get("poll_json")
     if text is not None and exchange in (ExchangeMode.STREAM, ExchangeMode.COMMAND):
         raise UsageError(
-            f"--poll-json does not fit --exchange {exchange.value}: nothing is asked then",
+            f"--poll-json cannot be combined with --exchange {exchange.value}, which sends no request",
             hint="leave one of them out. Nothing was sent.",
         )
     poll = NOTHING if text is None else neutral(text)
@@ -71,18 +71,18 @@ def neutral(text: str) -> bytes:
         content = loads(text, parse_constant=_no_number)
         data = dumps(content, separators=(",", ":"), allow_nan=False).encode("ascii")
     except (ValueError, RecursionError) as exc:
-        raise UsageError(f"--poll-json {text[:40]!r} is no JSON: {exc}", hint='e.g. {"get":1}') from exc
+        raise UsageError(f"--poll-json {text[:40]!r} is not JSON: {exc}", hint='e.g. {"get":1}') from exc
     if not isinstance(content, dict):
         raise UsageError(f"--poll-json {text[:40]!r} is not a JSON object", hint='e.g. {"get":1}')
     commanding = sorted(_keys(content) & COMMANDS)
     if commanding:
         raise UsageError(
-            f"--poll-json: {', '.join(commanding)} would command the hand each time that it is asked",
-            hint="the poll object may hold no key of a command (aidin, Command keys). Nothing was sent.",
+            f"--poll-json: {', '.join(commanding)} would command the hand with each request",
+            hint="leave command keys out of the poll object (aidin, Command keys). Nothing was sent.",
             code="commanding-poll",
         )
     if len(data) + LONGEST_END > LARGEST_OUT:
-        raise UsageError(f"--poll-json: {len(data)} bytes, the hand's buffer has 2048", hint="a shorter object")
+        raise UsageError(f"--poll-json: {len(data)} bytes, the hand's buffer has 2048", hint="use a shorter object")
     return data
 
 
@@ -93,7 +93,7 @@ def _no_number(name: str) -> None:
 def _keys(content: object, depth: int = 0) -> set[str]:
     """All keys at any depth, in lower case and without what a careless parser might pass over."""
     if depth > DEEPEST:
-        raise UsageError("--poll-json: nested too deeply", hint="the hand's objects are flat")
+        raise UsageError("--poll-json: nested too deeply", hint="use a flat object, as the hand does")
     if isinstance(content, list):
         return set().union(*(_keys(single, depth + 1) for single in content))
     if not isinstance(content, dict):

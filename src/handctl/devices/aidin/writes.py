@@ -14,7 +14,7 @@ from handctl.model.ledger import Frame
 MODE = b'"hand_mode"'
 BLANKS = b" \t\r\n\0"
 NEXT: dict[int, str] = {
-    Mode.MAXTORQUE: "send it again: the maximum torque cannot be read back",
+    Mode.MAXTORQUE: "send it again, because the maximum torque cannot be read back",
     Mode.STOP: "`handctl aidin get current_state`, or switch the power off",
     Mode.BIAS: "`handctl aidin get sensor_state`",
 }

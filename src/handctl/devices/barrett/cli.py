@@ -192,23 +192,25 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table:
 
     if rate is None:
         if run.settings.dry_run:
-            raise UsageError("`handctl barrett baud` without a rate only reads", hint="run it without -n")
+            raise UsageError("`handctl barrett baud` without a baud rate only reads", hint="run it without -n")
         run.only_reads()
         return verbs.get(run, BARRETT, ["BAUD"])
     code = speed.code_of(rate)
     texts = [f"PSET BAUD {code}", *(["PSAVE"] if save_too else [])]
     if (plan := run.planned([step_of(text) for text in texts])) is not None:
         return plan
-    ask(run, texts, f"The hand changes to {rate} bit/s at once{' and starts with it from then on' if save_too else ''}")
+    ask(
+        run, texts, f"The hand switches to {rate} bit/s immediately{' and will also start with it' if save_too else ''}"
+    )
     hand: BarrettHand = run.device()
     ledger = eeprom.Ledger(hand, simulated=run.simulated) if save_too else None
     readings = hand.write([(BARRETT.find("BAUD")[1][0], code)])
     if ledger is not None:
         hand.do("PSAVE")
         ledger.count_common(baud_rate=code)
-        run.journal.info("saved", f"PSAVE was acknowledged: the hand starts at {rate} bit/s from now on")
+        run.journal.info("saved", f"PSAVE was acknowledged: from now on the hand starts at {rate} bit/s")
     else:
-        run.journal.info("volatile", "the new speed lasts until reset or power-off", hint="use --save to keep it")
+        run.journal.info("volatile", "the new baud rate lasts until reset or power-off", hint="use --save to keep it")
     return hand.table(readings)
 
 
@@ -251,7 +253,7 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
     if not wanted:
         raise UsageError(
             "no command given",
-            hint='name some, such as handctl barrett gcl "HI" "GC" "FGET P", or send a script on stdin',
+            hint='give some, such as handctl barrett gcl "HI" "GC" "FGET P", or send a script on stdin',
         )
     for text in wanted:
         passthrough.refuse(text)
@@ -275,7 +277,8 @@ def _prompt(run: Run) -> Table:
 
     if run.settings.dry_run:
         raise UsageError(
-            "the prompt has no dry run: it sends each line as typed", hint="give the commands as arguments"
+            "the prompt cannot do a dry run, because it sends each line as you type it",
+            hint="give the commands as arguments",
         )
     if run.settings.format != "table" or run.settings.output or not sys.stdout.isatty():
         raise UsageError(

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from handctl.devices.barrett.map import BARRETT
 from handctl.model.result import Journal, Row
 
-NOT_HOMED = "not initialized: P counts from where it was switched on, and means nothing before HI (barrett §5.2.1)"
+NOT_HOMED = "not initialized: P counts from the position at power-on and means nothing before HI (barrett §5.2.1)"
 NO_GAUGE = "no gauge (barrett §5.3.2)"
 FIRST = {"4.34": (4, 3, 4), "4.4": (4, 4, 0)}
 """Firmware that a parameter's `since` names, as numbers."""
@@ -29,7 +29,7 @@ def later_settings(firmware: str, journal: Journal) -> list[str]:
     known = re.search(r"(\d+)\.(\d)(\d?)", firmware.replace("_", "."))
     if known is None:
         names = " ".join(param.mnemonic for param in later)
-        journal.warn("later-firmware", f"the firmware reports no version, so it was not asked for {names}")
+        journal.warn("later-firmware", f"the firmware does not report its version, so {names} were not read")
         return []
     version = tuple(int(digit or 0) for digit in known.groups())
     return [param.name for param in later if version >= FIRST[param.since]]

@@ -39,7 +39,7 @@ class BarrettHand(Device):
     )
     view = staticmethod(parameters_view)
     not_covered = (
-        "the EEPROM: restored values are in RAM until `--save` or `handctl barrett save` keeps them",
+        "the EEPROM: restored values stay in RAM until `--save` or `handctl barrett save` saves them",
         "read-only values (odometer, temperatures, serial number)",
     )
 
@@ -59,7 +59,7 @@ class BarrettHand(Device):
         try:
             readings = self.read(all_elements([BARRETT.by_mnemonic("P")]))
         except HandctlError as exc:
-            return stopped._replace(text=f"{stopped.text}. Where they stand could not be read: {exc.text}")
+            return stopped._replace(text=f"{stopped.text}. Their positions could not be read: {exc.text}")
         places = ", ".join(f"{reading.element.part} {reading.value}" for reading in readings)
         return stopped._replace(text=f"{stopped.text}. Positions: {places}")
 
@@ -98,7 +98,7 @@ class BarrettHand(Device):
             came = answer.raw[-48:].hex(" ").upper()
             return ProtocolError(
                 f"{self.link.name}: {answer.command}: expected a prompt or ERR, got {answer.lines[0]!r} ({came})",
-                hint="`handctl barrett status`, then check the cable: whether the command took effect is not known",
+                hint="run `handctl barrett status`, then check the cable: it is not known whether the command took effect",
                 code="bad-line",
             )
         return None
@@ -290,7 +290,7 @@ class BarrettHand(Device):
         except (NoAnswer, ProtocolError) as exc:
             if self.journal.counters.sent == sent:
                 raise
-            self.journal.warn("answer-lost", f"no valid answer to {command} ({exc.text}), so handctl reads it back")
+            self.journal.warn("answer-lost", f"no valid reply to {command} ({exc.text}), so it is read back")
             self.line.resynchronise()
             if not last:
                 self._read_back(changes, [(command, changes)])
@@ -299,7 +299,7 @@ class BarrettHand(Device):
             error = self.name_heat(self.refusal(answer))
             names = list(dict.fromkeys(_gcl(element) for element, _ in changes))
             if len(names) > 1:  # the first wrong pair ends the line, those before it stay
-                error.leaves(Left(behind=f"perhaps set too: {', '.join(names[:-1])}: `handctl barrett get` shows it"))
+                error.leaves(Left(behind=f"perhaps also set: {', '.join(names[:-1])}. `handctl barrett get` shows it"))
             raise error
 
     def _read_back(
@@ -351,8 +351,8 @@ class BarrettHand(Device):
         later = " ".join(param.mnemonic for param in BARRETT if param.since)
         self.journal.info(
             "later-firmware",
-            f"not in a dump: {later}, which firmware 4.34 and 4.4 have",
-            hint=f"`handctl barrett get {later}` reads them. A snapshot holds the settings among them",
+            f"this dump does not include {later}, which firmware 4.34 and 4.4 have",
+            hint=f"read them with `handctl barrett get {later}`. A snapshot includes the settings among them",
         )
         return table
 
@@ -371,7 +371,7 @@ class BarrettHand(Device):
         if check:  # S says nothing of it: a hand that was left in RealTime is "ready" while it runs
             from handctl.devices.barrett.gcl.meet import look_for_motion
 
-            findings += [f"the hand moves: {motor}" for motor in look_for_motion(self.line)]
+            findings += [f"the hand is moving: {motor}" for motor in look_for_motion(self.line)]
         return self.judge(table, findings, check)
 
 

@@ -72,7 +72,7 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -
     if now == before and not force:
         raise UsageError(
             "nothing has changed since handctl's last save of this hand",
-            hint=f"use --force to save anyway. The EEPROM lasts {MOST_SAVES} saves. Nothing was written.",
+            hint=f"use --force to save anyway. The EEPROM is rated for {MOST_SAVES} saves. Nothing was written.",
         )
     changed = [name for name in now if now[name] != before.get(name)]
     halves = (
@@ -83,8 +83,8 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -
     if len(verbs) == 1 and not force and not prefix:
         hand.journal.info(
             "half",
-            f"only {verbs[0]} is sent: the rest is as handctl last saved it",
-            hint="use --force to write both halves: another program may have saved since",
+            f"only {verbs[0]} is sent, because the rest has not changed since handctl last saved it",
+            hint="use --force to write both halves, in case another program has saved since",
         )
     done: list[str] = []
     for verb in verbs:
@@ -119,9 +119,9 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -
 
 def _unsure(exc: HandctlError | KeyboardInterrupt, verb: str) -> HandctlError:
     """What is known of a save whose answer did not come."""
-    hint = "leave the power on for 15 s, then `handctl barrett dump`. The save was counted"
+    hint = "leave the power on for 15 s, then run `handctl barrett dump`. The save was counted"
     error = exc.retold(exc.text, hint="") if isinstance(exc, HandctlError) else Interrupted("interrupted")
-    error.leaves(Left(f"{verb} was sent and may be writing the EEPROM", hint))
+    error.leaves(Left(f"{verb} was sent, and the hand may be writing its EEPROM", hint))
     return error
 
 

@@ -20,7 +20,7 @@ from handctl.model.piece import DEVICE, HOST, Later, Part, Piece, stray
 
 CR, ABORT = 0x0D, 0x03
 OFFERS = (b"X", b"XX")
-OFFER = "X: asks the boot monitor for a download"
+OFFER = "X: requests a download from the boot monitor"
 LONGEST_COMMAND = 256
 LONGEST_ANSWER = 16384
 WAITING = 8
@@ -68,13 +68,13 @@ class BarrettExplainer:
                 pieces.append(_piece(HOST, raw, OFFER))
                 continue
             if direction == DEVICE and self._asked and _changes_speed(self._asked[0].command, raw):
-                meaning = f"echo of {self._asked[0].command}: the rest of the answer comes at the new speed"
+                meaning = f"echo of {self._asked[0].command}: the rest of the reply comes at the new baud rate"
                 pieces.append(_piece(DEVICE, raw, meaning, answers=self._asked[0].key))
                 continue
             block = loopwords.factory_block(direction, raw) if raw and b"=>" not in raw else []
             pieces += block  # a recording that begins inside RealTime
             if raw and not block:
-                what = "a command without its CR" if direction == HOST else "an answer without its prompt"
+                what = "a command without its CR" if direction == HOST else "a reply without its prompt"
                 pieces.append(stray(direction, raw, f"{what}: {gclwords.shown(raw)}", "cut-short"))
         self._asked.clear()
         self._decoders.clear()
@@ -157,7 +157,7 @@ class BarrettExplainer:
             meaning, _ = gclwords.command(gclwords.MARK)
             return _piece(HOST, raw, meaning, asks=self._expect(command.lstrip("\0")))
         if any(not 32 <= byte < 127 for byte in raw[:-1]):
-            return stray(HOST, raw, f"a line that is not a command: {gclwords.shown(raw)}")
+            return stray(HOST, raw, f"not a command: {gclwords.shown(raw)}")
         if not command and self._asked and self._came:
             return _piece(HOST, raw, "an empty line")  # to an answer that has already begun, e.g. behind a new speed
         fields = {"command": command}
@@ -231,13 +231,13 @@ class BarrettExplainer:
     def _unasked(self, came: bytes) -> Piece | None:
         """A prompt by itself: at power-on, behind a reset, or the blank that a prompt was cut off from."""
         if came == b" ":
-            return self._take(_piece(DEVICE, came, "the blank of the prompt"))
+            return self._take(_piece(DEVICE, came, "the space of the prompt"))
         end = came.find(b"=>")
         if end < 0 or (end and came[end - 1] not in (10, 13)):
             return None
         size = end + 3 if came[end + 2 : end + 3] == b" " else end + 2
         lines = gclwords.lines(came[:end])
-        text = f"prompt, behind {' | '.join(lines)}" if lines else "prompt"
+        text = f"prompt, after {' | '.join(lines)}" if lines else "prompt"
         return self._take(_piece(DEVICE, came[:size], text, parts=gclwords.line_parts(came[:size])))
 
     def _answer(self, asked: Asked, answer: Answer) -> Piece:
@@ -245,7 +245,7 @@ class BarrettExplainer:
         self._flags.note(asked.command, answer)
         meaning, values, problem = gclwords.answer(asked.command, answer)
         if asked.command.startswith(gclwords.MARK) and answer.status == gclwords.UNKNOWN_COMMAND:
-            meaning = "prompt: the hand is there"
+            meaning = "prompt: the hand is connected"
         elif answer.status:
             problem = "refused" if answer.status != 16384 else ""
             status = f"ERR {answer.status}: {explain_status(answer.status)}"
@@ -253,7 +253,7 @@ class BarrettExplainer:
         fields = {"command": asked.command, "status": answer.status}
         return _piece(
             DEVICE, raw, meaning, problem=problem, answers=asked.key, fields=fields, values=values,
-            title=f"answer to {asked.command}", parts=Later(lambda: gclwords.line_parts(raw)),
+            title=f"reply to {asked.command}", parts=Later(lambda: gclwords.line_parts(raw)),
         )  # fmt: skip
 
     def _entered(self, came: bytes, asked: Asked, place: int) -> list[Piece]:

@@ -18,7 +18,7 @@ MOST_BYTES = 4_000_000
 
 def load(path: Path, what: str, valid: Callable[[object], bool]) -> dict[str, Any]:
     """The object in `path`; empty when there is no file. Raises UsageError when an entry is not `valid`."""
-    hint = "move the file away to begin a new one"
+    hint = "move the file away to start a new one"
     try:
         content = json.loads(files.read_text(path, f"the {what}", MOST_BYTES, hint=hint))
     except files.NoFile:

@@ -86,7 +86,7 @@ def move(
                 f"{argument} is beyond the usual {usual} counts of {'the spread' if index == 3 else 'a finger'}",
             )
     goals, seconds = _before(hand, name, argument, motors, force)
-    guide.progress(f"{text}: moving. The hand sends nothing until it stands still.", CTRL_C)
+    guide.progress(f"{text}: moving. The hand sends nothing until it stops.", CTRL_C)
     with hand.driven(guide, powered=True):
         answer = hand.line.ask(text, at_least=3 * seconds)
     guide.done()
@@ -147,16 +147,15 @@ def refuse_harm(name: str, index: int, at: dict[str, int], goal: int | None) -> 
     opens = name in ("HI", "O", "TO") or (goal is not None and "P" in at and goal < at["P"])
     if opens and at.get(own, 0) > limit:
         raise UsageError(
-            f"{motor}: {own} {at[own]} opens at {at[own] / 16:.1f} counts a sample, IVEL allows {limit / 16:.2f}: "
-            "it may deform the clutch permanently",
-            hint=f"`handctl barrett set {own}.{motor}={BARRETT.by_mnemonic(own).default_of(index)}`, or use --force "
-            "to open so fast anyway (barrett §5.3.4 IVEL). Nothing moved.",
+            f"{motor}: {own} {at[own]} opens at {at[own] / 16:.1f} counts per sample, but IVEL allows only {limit / 16:.2f}: "
+            "this may deform the clutch permanently",
+            hint=f"`handctl barrett set {own}.{motor}={BARRETT.by_mnemonic(own).default_of(index)}`, or use --force to open that fast anyway (barrett §5.3.4 IVEL). Nothing moved.",
             code="opening-speed",
         )
     travel = USUAL["spread" if index == 3 else "finger"]
     if name in ("O", "C") and {"OT", "CT"} <= at.keys() and (at["OT"] >= at["CT"] or at["OT"] > travel):
         raise UsageError(
-            f"{motor}: OT {at['OT']} and CT {at['CT']} leave {name} no way to go, or reverse it",
+            f"{motor}: OT {at['OT']} and CT {at['CT']} leave {name} nowhere to go, or reverse it",
             hint=f"`handctl barrett set OT.{motor}=0 CT.{motor}={BARRETT.by_mnemonic('CT').default_of(index)}`, or use "
             "--force to send it anyway (barrett §5.3.4). Nothing moved.",
             code="targets",
@@ -256,10 +255,10 @@ def power_off(hand: BarrettHand, prefix: str) -> str:
     answer = hand.line.ask(f"{prefix}T")
     error = hand.objection(answer)
     if error is not None and (not answer.status or answer.status & ~5):
-        error.leaves(Left(hint="the motors may still have power. Switch the supply off if they must not"))
+        error.leaves(Left(hint="the motors may still have power. To be sure, switch the power supply off"))
         raise error
     if answer.status:
-        hand.journal.ledger.confirm("ERR 4: its power is off anyway", Step("T", encode(f"{prefix}T")))
+        hand.journal.ledger.confirm("ERR 4: its power is off", Step("T", encode(f"{prefix}T")))
     status = f" (status {answer.status}: {explain_status(answer.status)})" if answer.status else ""
     return f"the hand was found and ^C was sent. {prefix}T was acknowledged{status}: motor power is off"
 

@@ -17,10 +17,10 @@ from handctl.model.result import Table
 MOTORS_OPTION = click.option(
     "--motors", metavar="12S", help="Motors: digits 1 to 4, G for the fingers, S for the spread (default: all)."
 )
-SPEED = "The hand may change its speed at once"
+SPEED = "The hand may change its baud rate immediately"
 QUESTIONS = {
     **dict.fromkeys(("baud", "speed", "reset"), SPEED),
-    "save": "This writes the EEPROM, which lasts 5,000 saves",
+    "save": "This writes the EEPROM, which is rated for 5,000 saves",
 }
 """Kind of a GCL command (`commands`) -> what is asked before it."""
 FORCE = click.option("--force", is_flag=True, help="Write a value the manual warns about, or save unchanged values.")

@@ -17,6 +17,7 @@ from handctl.devices.barrett.gcl.meet import comes_back
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.result import Journal, Row, hex_bytes
+from handctl.sentence import plural
 
 FAMILY = "barrett"
 WIRES = ("serial", "tcp")
@@ -39,7 +40,7 @@ def probe(
     """A row with the evidence. Raises NoAnswer, ProtocolError for what came instead."""
     waiting = _until_prompt(link, link.deadline(0))
     if seen_in(waiting, b"") == connecting.COLON:
-        raise _monitor(link, "a ':' arrived unasked")
+        raise _monitor(link, "a ':' arrived without a request")
     wire = 16 * 10 / link.baud if link.baud else 0.0
     link.write(QUESTION, link.deadline(1.0).earlier(deadline))
     journal.counters.sent += 1
@@ -48,13 +49,13 @@ def probe(
         raise NoAnswer(f"{link.name}: no prompt", hint="check the hand's power and the cable")
     seen = seen_in(came)
     if seen == connecting.COLON:
-        raise _monitor(link, "':' came")
+        raise _monitor(link, "':' arrived")
     if seen == connecting.ECHO and link.can_set_baud and link.baud == MONITOR_SPEED and not comes_back(link):
-        raise _monitor(link, "the question came back, and no prompt")
+        raise _monitor(link, "the request came back, but no prompt")
     if not has_prompt(came):
         raise ProtocolError(
-            f"{link.name}: no prompt, but {len(came)} bytes: {hex_bytes(came[:24])}",
-            hint="check the port and the speed: another device, an echo or a wrong speed",
+            f"{link.name}: no prompt, but {plural(len(came), 'byte')}: {hex_bytes(came[:24])}",
+            hint="check the port and the baud rate: it may be another device, an echo or a wrong baud rate",
             code="echo" if seen == connecting.ECHO else "garbage",
             came=came,
         )
@@ -66,7 +67,7 @@ def probe(
 def _monitor(link: ByteLink, evidence: str) -> ProtocolError:
     return ProtocolError(
         f"{link.name}: {evidence}: a BarrettHand in its {MONITOR_TEXT}",
-        hint="scan again when its firmware runs. Without firmware: `handctl barrett firmware download FILE`",
+        hint="scan again when its firmware is running. If it has none: `handctl barrett firmware download FILE`",
         code="boot-monitor",
     )
 
@@ -91,8 +92,8 @@ def _identity(link: ByteLink, journal: Journal, deadline: Deadline, timeout: flo
         (numbers,) = values(answer, 1, 1)
     except (NoAnswer, ProtocolError) as exc:
         raise ProtocolError(
-            f"{link.name}: a prompt came, but no serial number: {exc.text}",
-            hint="check the port and the cable: another device with a prompt, or a disturbed line",
+            f"{link.name}: a prompt arrived, but no serial number: {exc.text}",
+            hint="check the port and the cable: it may be another device with a prompt, or a disturbed line",
             code="garbage",
         ) from exc
     return f"prompt, serial number {numbers[0]}"

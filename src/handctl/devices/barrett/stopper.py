@@ -30,7 +30,7 @@ ABORTED = 16384
 """Status of what ^C has ended (barrett §5.1.3, T3)."""
 HARMLESS = 1 | 4 | ABORTED
 """Statuses with which T works: a motor was never initialized (printed as 1 in §5.2.1), ^C was received."""
-OFF = "switch the supply off if the hand still moves"
+OFF = "switch the power supply off if the hand still moves"
 
 
 class Turn(NamedTuple):
@@ -56,7 +56,7 @@ def power_off(aim: Aim, prefix: str = "") -> Talk:
     stopped = yield from _power_off(aim, prefix)
     if stopped.error is None and (said := b"".join((yield from silence())).strip(b"=> \r\n")):  # late prompts are ours
         shown = said[:24].hex(" ").upper()
-        return taken_over(stopped, f"the hand says {shown}, which was not asked for here")
+        return taken_over(stopped, f"the hand sent {shown}, which this command did not request")
     return stopped
 
 
@@ -120,24 +120,24 @@ def _ending(command: str, turns: list[Turn]) -> Stopped:
         return _unanswered(turns)
     at = f" at {last.speed} bit/s" if last.speed is not None else ""
     before = f"no answer at {turns[0].speed} bit/s. " if last.speed != turns[0].speed else ""
-    ended = f"{before}^C{at} was answered with a prompt" if last.ended else f"{before}^C{at} was not answered"
+    ended = f"{before}^C{at} brought a prompt" if last.ended else f"{before}^C{at} had no reply"
     if answer.lines or answer.status & ~HARMLESS:
         told = f"{answer.status} ({explain_status(answer.status)})" if answer.status else repr(answer.lines[0])
-        text = f"{ended}. {command} was answered with {told}: the motors may still have power"
+        text = f"{ended}. The reply to {command} was {told}, so the motors may still have power"
         refused = DeviceRefused if answer.status else ProtocolError
-        return Stopped(text, "switch the supply off if they must not", refused)
+        return Stopped(text, "to be sure, switch the power supply off", refused)
     status = f" (status {answer.status}: {explain_status(answer.status)})" if answer.status else ""
     text = f"{ended}. {command} was acknowledged{status}: motor power is off"
-    return Stopped(text, evidence=f"{command} was answered{at}{status}" if len(turns) == 1 or status else "")
+    return Stopped(text, evidence=f"{command} was acknowledged{at}{status}" if len(turns) == 1 or status else "")
 
 
 def _unanswered(turns: list[Turn]) -> Stopped:
     sent = ", ".join(dict.fromkeys(turn.sent for turn in turns))
     seen = next((turn.seen for turn in turns if turn.seen), b"")
     if not seen:
-        return Stopped(f"{sent} went out. Nothing answered", OFF, NoAnswer)
+        return Stopped(f"{sent} was sent, but nothing replied", OFF, NoAnswer)
     shown = seen[-24:].hex(" ").upper()
-    return Stopped(f"{sent} went out. No prompt came, but {shown}", OFF, ProtocolError)
+    return Stopped(f"{sent} was sent. The hand replied with {shown} instead of a prompt", OFF, ProtocolError)
 
 
 def _ended_by(seen: bytes) -> str:

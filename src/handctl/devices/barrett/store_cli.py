@@ -120,7 +120,7 @@ def _refuse_to_keep(code: int, force: bool) -> None:
     """A BAUD other than the factory's is not saved by accident. Raises UsageError."""
     if code != 96 and not force:
         raise UsageError(
-            f"BAUD is {code}: once saved, the hand always starts at {code * 100} bit/s",
-            hint="`handctl barrett baud 9600` first, or use --force to save it anyway",
+            f"BAUD is {code}, so once saved the hand always starts at {code * 100} bit/s",
+            hint="run `handctl barrett baud 9600` first, or use --force to save it anyway",
             code="baud-not-default",
         )

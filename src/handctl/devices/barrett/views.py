@@ -33,7 +33,7 @@ def heat_hint(now: int, limit: int) -> str:
     if 0 < limit < SENSIBLE_LIMIT:
         meant = f". {limit} °C is OTEMP={limit * 10}" if limit * 10 <= LIMIT_TENTHS else ""
         return (
-            f"`handctl barrett set OTEMP=650`: it is the setting. OTEMP is {limit / 10:.1f} °C, and the board is at "
+            f"run `handctl barrett set OTEMP=650`, because the setting is wrong. OTEMP is {limit / 10:.1f} °C, and the board is at "
             f"{now / 10:.1f} °C. The unit of OTEMP is 0.1 °C{meant}"
         )
     return (
@@ -54,7 +54,7 @@ def audit(rows: Sequence[Row]) -> list[str]:
             found.append(f"{row['motor'] or 'whole hand'}: {objection}")
     by = {(row["parameter"], row["motor"]): row.get("value") for row in rows}
     found += [
-        f"{motor}: HSG {by[('HSG', motor)]} and MSG {by[('MSG', motor)]} differ, although they are one value"
+        f"{motor}: HSG {by[('HSG', motor)]} and MSG {by[('MSG', motor)]} differ, although they are the same value"
         for motor in MOTORS
         if ("HSG", motor) in by and by[("HSG", motor)] != by.get(("MSG", motor))
     ]
@@ -70,10 +70,10 @@ def unhealthy(rows: Sequence[Row]) -> list[str]:
         if status and int(status) & ~NEARLY_READY:
             found.append(f"{motor}: {explain_status(int(status))}")
         if at.get(("EN", motor)) == 0:
-            found.append(f"{motor} is disabled (EN 0): it does not move unless it is named (--motors)")
+            found.append(f"{motor} is disabled (EN 0): it moves only if it is named (--motors)")
     temperature, limit, peak = (at.get((name, None)) for name in ("TEMP", "OTEMP", "PTEMP"))
     if temperature is not None and temperature >= LIMIT_TENTHS:
-        found.append(f"temperature {temperature / 10:.1f} °C: never above 65 °C (barrett §2)")
+        found.append(f"temperature {temperature / 10:.1f} °C, which must never exceed 65 °C (barrett §2)")
     if limit and temperature is not None and temperature > limit:
         found.append(f"temperature {temperature / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C: motor commands fail")
     if peak is not None and peak >= LIMIT_TENTHS:

@@ -18,9 +18,9 @@ from handctl.model.ledger import Frame
 NEXT = {
     "motion": "`handctl barrett get P S`",
     "init": "`handctl barrett status`",
-    "save": "switch the hand off and on, then `handctl barrett dump`",
+    "save": "switch the hand off and on, then run `handctl barrett dump`",
     "reset": "`handctl barrett version`",
-    "speed": "`handctl barrett baud` looks at all speeds",
+    "speed": "run `handctl barrett baud`, which tries all baud rates",
 }
 LONGEST = 4096
 """Bytes that are kept of an answer."""

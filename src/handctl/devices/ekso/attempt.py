@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from handctl.devices.ekso.frames import OVERHEAD, Command, Frame, name_of
 from handctl.errors import ProtocolError
 from handctl.model.result import hex_bytes
+from handctl.sentence import plural
 
 
 class Attempt:
@@ -25,7 +26,7 @@ class Attempt:
         """(code, text) of why there is no answer; the codes are keys of HINTS."""
         name = name_of(self.request[0])
         if self.broken is not None:
-            return self.broken.code, f"the answer to {name} is broken: {self.broken.text}"
+            return self.broken.code, f"the reply to {name} is damaged: {self.broken.text}"
         if self.empty is not None and self.empty.data == self.request:
             reads = len(self.request) == OVERHEAD
             return (
@@ -40,14 +41,17 @@ class Attempt:
             code = "wrong-id" if frame.command in tuple(Command) else "unsolicited"
             if code == "wrong-id":
                 code = "wrong-command" if behind == 0 else "late" if behind <= self.sent_before else code
-            return code, f"{name_of(frame.command)} with msgID {frame.msg_id} came, not {name} with msgID {self.key[1]}"
+            return (
+                code,
+                f"{name_of(frame.command)} with msgID {frame.msg_id} arrived instead of {name} with msgID {self.key[1]}",
+            )
         for at in _places(self.received[2:], self.request[2:4]):
             command = self.received[at]
             if command == self.request[0]:
-                return "cut-short", f"the answer to {name} was cut off after {len(self.received)} bytes"
+                return "cut-short", f"the reply to {name} was cut off after {plural(len(self.received), 'byte')}"
             if command in tuple(Command):
-                return "wrong-command", f"an answer to {name_of(command)} came instead of {name}"
-        return "garbage", f"{len(self.received)} bytes came that do not form a frame"
+                return "wrong-command", f"a reply to {name_of(command)} arrived instead of {name}"
+        return "garbage", f"received {plural(len(self.received), 'byte')} without a valid frame"
 
 
 def key_of(request: bytes) -> tuple[int, int]:
@@ -68,17 +72,15 @@ def shorten(data: bytes, limit: int = 40) -> str:
 
 
 HINTS = {
-    "silence": "check that the device is on, the USB cable, and that no other program holds the port. If it is on, "
-    "another --length-mode may be needed (auto tries them with GetTime)",
-    "echo": "our own bytes come back: a loop in the cable or another kind of device. If the device answers elsewhere, "
-    "it acknowledges without data: report it",
-    "acknowledged": "an acknowledgement without a status is not a success: read the value back",
-    "bad-checksum": "check cable and hub, and that no other program reads the port: bytes were damaged on the way",
-    "bad-length": "another protocol version or damaged bytes: report the hex",
-    "wrong-id": "an answer to another request: a second program may use this port",
-    "late": "give a longer --timeout: answers take longer than the time allowed",
-    "unsolicited": "try again. The device sent something unasked and did not answer",
-    "wrong-command": "another protocol version or a second program on this port: report the hex",
-    "cut-short": "the answer was cut off: check the cable, and that no other program reads the port",
-    "garbage": "check for a wrong speed (115200 bit/s is usual) or another kind of device: the bytes hold no frame",
+    "silence": "check that the device is on, that the USB cable is connected, and that no other program uses the port. If it is on, it may need another --length-mode (auto tries them with GetTime)",
+    "echo": "check the cable for a loop, or whether this is another kind of device. If the device replies elsewhere, it acknowledges without data: report it",
+    "acknowledged": "read the value back: an acknowledgement without a status does not mean success",
+    "bad-checksum": "check the cable and the hub, and that no other program reads the port: bytes were damaged on the line",
+    "bad-length": "report the bytes shown: this may be another protocol version, or they may be damaged",
+    "wrong-id": "check whether a second program uses this port: this is the reply to another request",
+    "late": "use a longer --timeout: replies take longer than allowed",
+    "unsolicited": "try again. The device sent something without a request and did not reply",
+    "wrong-command": "report the bytes shown: this may be another protocol version, or a second program may use this port",
+    "cut-short": "check the cable, and that no other program reads the port: the reply was cut off",
+    "garbage": "check the baud rate (usually 115200 bit/s), and whether this is another kind of device: the data contains no valid frame",
 }

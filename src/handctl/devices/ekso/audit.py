@@ -26,8 +26,8 @@ TURN_SECONDS = 0.2
 """No longer is another writer waited for, who may be stopped in the middle: CancelAction waits for its entry."""
 TAIL = 65536
 """Bytes at the end of the log that are searched for the last write."""
-FILE_HINT = "without it no setting is written. --audit FILE names another place"
-OWN_HINT = "make it writable. handctl remembers there which settings it wrote last, and writes none without that memory"
+FILE_HINT = "make it writable, or choose another file with --audit FILE. Without this log no setting is written"
+OWN_HINT = "make it writable. handctl reads the last writes from this log, and writes no setting without it"
 
 
 def default_path() -> Path:
@@ -67,7 +67,7 @@ class AuditLog:
             self.memory.check()
         with self._opened() as file:
             if not stat.S_ISREG(os.fstat(file).st_mode):
-                raise OSError(errno.EINVAL, "not a regular file, and the policy must remember the last writes")
+                raise OSError(errno.EINVAL, "not a regular file, so the policy cannot read the last writes from it")
             _torn(file)
 
     @contextmanager
@@ -138,8 +138,8 @@ class AuditLog:
             except BlockingIOError as exc:
                 raise gates.refusal(
                     gates.FREE,
-                    f"{self.path}: another handctl writes a setting now",
-                    "wait until it ends, then repeat the command. Nothing was sent.",
+                    f"{self.path}: another handctl is writing a setting",
+                    "wait until it is done, then repeat the command. Nothing was sent.",
                 ) from exc
             yield
 

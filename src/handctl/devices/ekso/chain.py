@@ -64,7 +64,7 @@ def check(lines: Iterable[bytes], *, whole: bool = True) -> Checked:
             counts["chained"] += 1
             if before is not None and _digest(before.encode() + line[: found.start()] + b"}") != link:
                 findings.append(
-                    Finding(number, line[:ENTRY], "was edited, or an entry before it is missing or stands elsewhere")
+                    Finding(number, line[:ENTRY], "was edited, or an entry before it is missing or was moved")
                 )
         elif link is not None and not counts["chained"]:
             counts["unchained"] += 1  # of a handctl that knew no chain
@@ -72,7 +72,7 @@ def check(lines: Iterable[bytes], *, whole: bool = True) -> Checked:
             counts["torn"] += 1  # half a line of a killed writer
         else:
             findings.append(
-                Finding(number, line[:ENTRY], "has no hash: an older handctl wrote it, or it was put in by hand")
+                Finding(number, line[:ENTRY], "has no hash: an older handctl wrote it, or it was added by hand")
             )
         before = link if link is not None else before
     return Checked(**counts, findings=tuple(findings))

@@ -26,7 +26,7 @@ def check_code(change: Change) -> None:
     """Raise UsageError for a code that nobody knows."""
     if change.param.choices and change.new not in change.param.choices:
         raise gates.refusal(
-            gates.LISTED, f"{change.text}: this code is not documented. It is not written", NOTHING_SENT
+            gates.LISTED, f"{change.text}: this code is not documented, so handctl does not write it", NOTHING_SENT
         )
 
 
@@ -60,7 +60,9 @@ def check_step(change: Change, override: bool) -> None:
     if step is None or abs(change.new - change.old) <= step:
         return
     instead = (
-        "smaller steps only: no override for leg lengths" if param.firm else "smaller steps, or --override-step-limit"
+        "use smaller steps: there is no override for leg lengths"
+        if param.firm
+        else "use smaller steps, or --override-step-limit"
     )
     raise gates.refusal(
         gates.STEP,

@@ -196,7 +196,7 @@ def _with_writer(run: Run, file: str | None, *, override: bool, stepwise: bool =
     from handctl.devices.ekso.audit import logs
     from handctl.devices.ekso.settings import Writer
 
-    run.need_answer("This changes a setting of an exoskeleton that may be worn")
+    run.need_answer("This changes a setting of an exoskeleton that someone may be wearing")
     ekso: Ekso = run.device()
     run.guide.say(NOT_MEDICAL)
 
@@ -221,7 +221,7 @@ def _tell_edited(run: Run, audit: AuditLog) -> None:
         run.journal.warn(
             "audit-edited",
             f"{audit.path}: an entry {place.partition(') ')[2]}",
-            hint="`handctl ekso policy` shows where",
+            hint="run `handctl ekso policy` to see where",
         )
 
 
@@ -232,9 +232,9 @@ def _tell_unfinished(run: Run, audit: AuditLog) -> None:
     old, new = ((last.get(key) or {}).get("value") for key in ("old", "new"))
     run.journal.warn(
         "unfinished-write",
-        f"{audit.path} ends with a write that has no result: {last.get('name')} {old} -> {new} at {last.get('utc')} "
+        f"the last write in {audit.path} has no result: {last.get('name')} {old} -> {new} at {last.get('utc')} "
         f"on {last.get('port')}",
-        hint="handctl was killed or lost its log there: compare with `handctl ekso settings`",
+        hint="compare it with `handctl ekso settings`: handctl was killed or could no longer write its log",
     )
 
 
@@ -263,15 +263,14 @@ def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bo
         steps = run.planner().plan([change])
         run.journal.info(
             "dry-run-gates",
-            "step limit and stillness are checked against the device, when it is written. The message number (and with it the CRC) "
-            "counts the reads before it",
+            "the step limit and stillness are checked with the device, when the setting is written. The msgID, and so the CRC, depends on the reads before it",
         )
         return run.dry_run(steps)
     ekso = _with_writer(run, audit, override=override)
     before = ekso.words("settings")
     param = EKSO[change[0].param.name]
     if before[param.word] == param.to_raw(change[1]):
-        run.journal.info("equal", f"{param.name} is {param.shown(change[1])} already. Nothing was written")
+        run.journal.info("equal", f"{param.name} is already {param.shown(change[1])}. Nothing was written")
     else:
         run.ledger.plan(ekso.plan([change]))
     return written_table(ekso, before, ekso.write([change]))
@@ -295,7 +294,8 @@ def restore(run: Run, file: str, audit: str | None, override: bool) -> Table:
 
         return stored.restore(run, EKSO, file, check=check)
     run.journal.info(
-        "steps", "a far value is reached in permitted steps, one in 10 s. Their number is only known with the device"
+        "steps",
+        "a distant value is reached in permitted steps, one every 10 s. How many it takes depends on the device's current values",
     )
     return stored.restore(run, EKSO, file)
 

@@ -214,7 +214,7 @@ class DataPort(Line):
             return False
         if attempt.empty is not None and attempt.empty.data == attempt.request:
             self.journal.info(
-                "echo", f"{self.link.name}: our own bytes come back before the answers. They were dropped"
+                "echo", f"{self.link.name}: our own bytes come back before the replies. They were discarded"
             )
         return True
 
@@ -228,7 +228,7 @@ class DataPort(Line):
         if frame.mode != "body":
             self.journal.warn(
                 "length-convention",
-                f"{self.link.name}: the length byte of its answers counts more than the body: convention {frame.mode}",
+                f"{self.link.name}: the length byte in its replies counts more than the body: convention {frame.mode}",
             )
         return frame
 
@@ -276,15 +276,15 @@ class DataPort(Line):
         if not known:
             self.counts.unsolicited += 1
             self.journal.info(
-                "unsolicited", f"{self.link.name}: frames came in between that were not asked for. They were dropped"
+                "unsolicited", f"{self.link.name}: frames arrived that handctl did not request. They were discarded"
             )
         elif (frame.command, frame.msg_id) == self._last:
             self.counts.duplicates += 1
-            self.journal.info("duplicate", f"{self.link.name}: answers came twice. The second was dropped")
+            self.journal.info("duplicate", f"{self.link.name}: replies arrived twice. The second one was discarded")
         else:
             self.counts.late += 1
             self.journal.info(
-                "late", f"{self.link.name}: answers with another msgID or command came. They were dropped as late"
+                "late", f"{self.link.name}: replies with another msgID or command arrived. They were discarded as late"
             )
         counters = self.journal.counters
         counters.foreign_frames = (counters.foreign_frames or 0) + 1
@@ -317,5 +317,5 @@ class DataPort(Line):
             return self.unanswered(request, self.timeout, self.sent_at, HINTS["silence"])
         code, text = attempt.mishap()
         came = bytes(attempt.received)
-        text = f"{self.where}: {text}. {sent}, got {shorten(came)}"
+        text = f"{self.where}: {text}. {sent}, received {shorten(came)}"
         return ProtocolError(text, hint=HINTS[code], code=code, came=came)

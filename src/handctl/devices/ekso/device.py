@@ -94,7 +94,7 @@ class Ekso(Device):
         if self._find_length:
             self._find_length = False
             mode = find_mode(self._port)
-            self.journal.info("length-mode", f"{self.link.name}: requests are understood with --length-mode {mode}")
+            self.journal.info("length-mode", f"{self.link.name}: the device accepts requests with --length-mode {mode}")
         return self._port
 
     def identity(self) -> dict[str, object]:
@@ -262,7 +262,7 @@ class Ekso(Device):
                 steps += self._permitted(change)
                 continue
             if param.choices and raw not in param.choices:
-                self.journal.warn("unlisted", f"{meaning}: this code is not documented. It is never written")
+                self.journal.warn("unlisted", f"{meaning}: this code is not documented, so handctl never writes it")
                 continue
             body = set_value_body(param.id, raw)
             steps.append(Step(meaning, self._port.request(Command.SET_VALUE, body)))
@@ -305,7 +305,7 @@ class Ekso(Device):
         if self._find_length:
             self.journal.info(
                 "length-mode",
-                f"shown with --length-mode {self._port.mode}: which one is needed only the device can tell",
+                f"shown with --length-mode {self._port.mode}, because only a connected device shows which one it needs",
             )
 
     def cancel(self, word: int, record: Callable[[str, dict[str, object]], None]) -> Table:
@@ -323,10 +323,10 @@ class Ekso(Device):
         except KeyboardInterrupt:
             if self.journal.counters.sent == sent:
                 raise
-            record("cancel-result", {"answer": None, "verdict": "interrupted: its answer was not waited for"})
+            record("cancel-result", {"answer": None, "verdict": "interrupted before its reply"})
             raise Interrupted(
-                "interrupted. CancelAction was sent and may have been taken",
-                hint="look with `handctl ekso status`, and send it again with `handctl ekso cancel` if needed",
+                "interrupted. CancelAction was sent and may have taken effect",
+                hint="check with `handctl ekso status`, and send it again with `handctl ekso cancel` if needed",
             ) from None
         status = frame.words[0] & 0xFFFF
         text = status_text(status)
@@ -334,7 +334,7 @@ class Ekso(Device):
         if status & 0xFF:
             raise DeviceRefused(
                 f"{self.port.where}: CancelAction 0x{word:04X}: {text} (status 0x{status:04X})",
-                hint="the action may go on: look with `handctl ekso status`",
+                hint="check with `handctl ekso status`: the action may still be running",
             )
         row: Row = {"name": "cancel_action", "word": 0, "id": None, "value": 0, "raw": status, "unit": None}
         return Table(rows=[{**row, "label": text}], columns=self.columns)
@@ -348,14 +348,14 @@ class Ekso(Device):
             if self.journal.counters.sent > sent:
                 exc.leaves(Left(hint=self._state_now(), joint=" "))
             elif exc.code != "deadline":  # that one says by itself that nothing was sent
-                exc.leaves(Left(hint="It was not sent, or not wholly.", joint=" "))
+                exc.leaves(Left(hint="It was not sent, or only in part.", joint=" "))
             raise
 
     def _state_now(self) -> str:
         try:
-            return f"It was sent and may have been taken. The state is {DATA[18].label(self.words('data')[18])}."
+            return f"It was sent and may have taken effect. The state is {DATA[18].label(self.words('data')[18])}."
         except HandctlError:
-            return "It was sent and may have been taken. The state cannot be read."
+            return "It was sent and may have taken effect. The state cannot be read."
 
 
 def _word(element: Element) -> Word:

@@ -104,11 +104,11 @@ class EksoExplainer(Cutter):
             sizes = sorted(_sizes(command, direction))
             extra = f"{len(body)} body bytes, {' or '.join(map(str, sizes))} expected. CRC right: "
         elif direction == DEVICE and raw == self._asked:
-            problem, extra = "echo", "our own bytes came back, or an acknowledgement without a body: "
+            problem, extra = "echo", "our own bytes, or an acknowledgement without a body: "
         elif direction == DEVICE and status_of(command, body) not in (None, 0):
             problem = "refused"
         elif direction == DEVICE and not body and command in (Command.SET_VALUE, Command.CANCEL_ACTION):
-            problem, extra = "acknowledged", "no status, so no success: "
+            problem, extra = "acknowledged", "no status, so not a success: "
         if frame:
             self._mode = cut.mode
         if direction == HOST:
@@ -191,12 +191,12 @@ def _request(name: str, command: int, body: bytes) -> tuple[str, Sequence[Value]
         number, raw = int.from_bytes(body[:2], "big"), int.from_bytes(body[2:], "big")
         word = _parameter(number)
         if word is None:
-            return f"{name}: ParameterID {number}, which the manual does not have, = {raw}", ()
+            return f"{name}: ParameterID {number} (not in the manual) = {raw}", ()
         value = word.value_of(raw)
         return f"{name}: {word.name} = {word.shown(value)}", (Value(word.name, value, word.unit),)
     if command == Command.CANCEL_ACTION and len(body) == 2:
         return f"{name}: command word {body.hex().upper()}", ()
-    return f"ask for {name}" if not body else f"{name}: {body.hex(' ').upper()}", ()
+    return f"request {name}" if not body else f"{name}: {body.hex(' ').upper()}", ()
 
 
 def _parameter(number: int) -> Word | None:

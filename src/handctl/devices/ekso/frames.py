@@ -270,7 +270,7 @@ def _broken(view: bytes, fitting: list[tuple[str, int]]) -> ProtocolError:
     if not fitting:
         sizes = " or ".join(str(size) for size in ANSWER_SIZES[view[0]])
         return ProtocolError(
-            f"length byte {view[1]} fits no answer to {name} ({sizes} body bytes), in {shown.hex(' ').upper()}",
+            f"length byte {view[1]} does not match any reply to {name} ({sizes} body bytes), in {shown.hex(' ').upper()}",
             code="bad-length",
         )
     return ProtocolError(
@@ -284,4 +284,4 @@ def sign(data: bytes) -> str:
     decoder = Decoder()
     decoder.feed(data)
     found = [frame for frame in decoder.finish() if frame.body]
-    return f"the DataPort's answer to {name_of(found[0].command)}" if found else ""
+    return f"the DataPort's reply to {name_of(found[0].command)}" if found else ""

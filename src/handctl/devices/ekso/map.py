@@ -146,13 +146,13 @@ class Word(Param):
         if not (digits.isascii() and digits.isdecimal()):
             raise gates.refusal(
                 gates.NUMBER,
-                f"{where}: {text.strip()!r} is no label and no code",
+                f"{where}: {text.strip()!r} is neither a label nor a code",
                 f"allowed: {self.range_text}. {NOTHING_SENT}",
             )
         if self.choices is ASSIST and digits == text.strip():
             raise gates.refusal(
                 gates.AMBIGUOUS,
-                f"{where}: {digits} may mean percent or a code",
+                f"{where}: {digits} could be percent or a code",
                 f"write '{digits} %' (a multiple of 5), or code:N. {NOTHING_SENT}",
             )
         if int(digits) not in self.choices:
@@ -181,7 +181,7 @@ class Word(Param):
         if below != above:
             raise gates.refusal(
                 gates.EXACT,
-                f"{where} = {text}: the device knows steps of {step}, and nothing is rounded",
+                f"{where} = {text}: the device uses steps of {step}, and handctl does not round",
                 f"{below} or {above}. {NOTHING_SENT}",
             )
         number = float(value)
@@ -202,7 +202,7 @@ def state_text(state: int) -> str:
     return f"{posture}{', moving' if state & DRIVEN else ''} (0x{state:04X})"
 
 
-WORD_LIMITS = "the manual gives no range, this one is that of the 16-bit word"
+WORD_LIMITS = "the manual gives no range, so this is the range of the 16-bit word"
 
 
 def _setting(word: int, number: int | None, name: str, doc: str, *aliases: str, **more: Any) -> Word:

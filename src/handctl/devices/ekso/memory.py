@@ -108,14 +108,14 @@ def _age(entry: Mapping[str, Any], now: float, audit: AuditLog) -> float:
     if passed < 0:
         raise gates.refusal(
             gates.CLOCK,
-            f"{audit.path}: the last write was at {entry['utc']}, which is {-passed:.0f} s in the future: a clock was set back",
-            "set the clock of this machine, then repeat the command. Nothing was sent.",
+            f"{audit.path}: the last write was at {entry['utc']}, which is {-passed:.0f} s in the future, so a clock was set back",
+            "set the clock of this computer, then repeat the command. Nothing was sent.",
         )
     return min(bound, passed)
 
 
 WRONG = {
-    gates.EDITED: ("its last entries were edited or removed by hand", " `handctl ekso policy` shows the places."),
+    gates.EDITED: ("its last entries were edited or removed by hand", " `handctl ekso policy` shows which."),
     gates.DAMAGED: ("its end is damaged", ""),
 }
 
@@ -127,6 +127,6 @@ def _refuse(audit: AuditLog, gate: str) -> None:
     wrong, more = WRONG[gate]
     raise gates.refusal(
         gate,
-        f"{audit.path}: {wrong}: what was written last, and when, is not known",
-        f"repeat the command in {WINDOW:.0f} s: what it was is long past then.{more} Nothing was sent.",
+        f"{audit.path}: {wrong}, so handctl does not know what was written last, and when",
+        f"repeat the command in {WINDOW:.0f} s, when the last write no longer matters.{more} Nothing was sent.",
     )

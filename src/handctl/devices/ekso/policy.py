@@ -55,19 +55,18 @@ def look_through(audit: AuditLog, journal: Journal) -> CheckFailed | None:
             f"{audit.path}: not an audit log: {next(told(checked))}", hint="name the audit log with --audit FILE"
         )
     count = checked.unchained
-    older = f" Entries of an older handctl, without a hash: {count}. Nothing can be said of them." if count else ""
+    older = f" Entries from an older handctl, without a hash: {count}. These cannot be checked." if count else ""
     if not checked.findings:
         journal.info(
             "audit",
-            f"{audit.path}: {checked.chained} entries, none was edited, removed or moved since.{older} What was cut off at the "
-            "end would not show",
+            f"{audit.path}: {checked.chained} entries, none was edited, removed or moved.{older} Entries removed from the end would not be noticed",
         )
         return None
     places = list(told(checked))
     more = f", and {len(places) - MOST_TOLD} more" if len(places) > MOST_TOLD else ""
     return CheckFailed(
-        f"{audit.path}: the audit log is not as it was written: {'; '.join(places[:MOST_TOLD])}{more}.{older}",
-        hint="ask who has access to the file, and compare it with a backup. A log that is moved away begins again",
+        f"{audit.path}: the audit log was changed after it was written: {'; '.join(places[:MOST_TOLD])}{more}.{older}",
+        hint="find out who has access to the file, and compare it with a backup. If you move the log away, a new one starts",
         code="audit-edited",
     )
 

@@ -27,7 +27,7 @@ def probe(
     """
     port = DataPort(link, journal, timeout=timeout or TIMEOUT, retries=1, bound=deadline)
     hour, minute, second = port.read(Command.GET_TIME).body[:3]
-    return [{"evidence": f"GetTime says {hour:02}:{minute:02}:{second:02}, CRC and msgID fit"}]
+    return [{"evidence": f"GetTime reports {hour:02}:{minute:02}:{second:02}, CRC and msgID are correct"}]
 
 
 def ping(device: Ekso) -> None:

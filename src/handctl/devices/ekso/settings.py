@@ -35,7 +35,7 @@ BETWEEN_WRITES = 1.0
 """Seconds from one SetValue to the next."""
 SHORTEST_WAIT = 0.05
 """Seconds: two clocks that disagree by a rounding must not make a wait of nothing."""
-LOOK_AGAIN = "look with `handctl ekso settings` and start again"
+LOOK_AGAIN = "check with `handctl ekso settings` and start again"
 PERSONAL = "pilot_id"
 """Stays out of the log."""
 
@@ -103,14 +103,14 @@ class Writer:
                 if done or left:
                     if isinstance(exc, NotConfirmed):
                         exc.hint = ""
-                    exc.leaves(Left(behind=f"{_standing(done, left, 'had come to')}.", joint=". "))
+                    exc.leaves(Left(behind=f"{_standing(done, left, 'had reached')}.", joint=". "))
                 raise
             except KeyboardInterrupt:
                 if not done and not left:
                     raise
                 raise Interrupted(
-                    f"interrupted. {_standing(done, left, 'stands at')}",
-                    hint="repeat the command: it goes on where it stopped",
+                    f"interrupted. {_standing(done, left, 'is at')}",
+                    hint="repeat the command: it continues where it stopped",
                 ) from None
             done.append(change.param.name)
         return shown
@@ -134,7 +134,7 @@ class Writer:
         if len(stages) > 1:
             shown = ", ".join(param.typed(param.from_raw(raw)) for raw in stages)
             text += f", in {len(stages)} steps ({shown}), about {WINDOW * (len(stages) - 1):.0f} s"
-        self._ask(f"Set {text}. A person may stand in the device", param.typed(_value(change)))
+        self._ask(f"Set {text}. A person may be standing in the device", param.typed(_value(change)))
         if needs_second_answer(change):
             self._ask(f"{change.text}: this changes how the device drives. Really", "yes")
 
@@ -149,12 +149,11 @@ class Writer:
             if self.port.link.now() - begun > 3 * WINDOW:
                 raise gates.refusal(
                     gates.WAITED,
-                    f"{self.port.where}: {change.text} is not permitted after {3 * WINDOW:.0f} s: somebody else writes "
-                    f"{change.param.name} all the time",
-                    f"see the end of {self.audit.path}. {NOTHING_SENT}",
+                    f"{self.port.where}: {change.text} is not permitted after {3 * WINDOW:.0f} s: someone else keeps writing {change.param.name}",
+                    f"check the end of {self.audit.path}. {NOTHING_SENT}",
                 )
             self._guide.say(
-                f"waiting {seconds:.0f} s: one step in {WINDOW:.0f} s. {change.text} is next. Ctrl-C ends it here"
+                f"waiting {seconds:.0f} s, because one step is permitted every {WINDOW:.0f} s. {change.text} is next. Ctrl-C stops here"
             )
             self._sleep(seconds)
 
@@ -203,7 +202,7 @@ class Writer:
         if before != shown:
             raise gates.refusal(
                 gates.SAME,
-                f"{self.port.where}: settings changed meanwhile, nothing was written: {differences(shown, before)}",
+                f"{self.port.where}: the settings changed in the meantime. Nothing was written: {differences(shown, before)}",
                 LOOK_AGAIN,
             )
 
@@ -228,7 +227,7 @@ class Writer:
         except (NoAnswer, ProtocolError) as exc:
             lost = exc
         except LinkError as exc:  # nobody is left who could be asked
-            self._result(change, None, None, f"not known: {exc.text}")
+            self._result(change, None, None, f"unknown: {exc.text}")
             exc.leaves(_unread(change))
             raise
         bound, self.port.bound = self.port.bound, None  # a written setting is always read back, also beyond --deadline
@@ -241,7 +240,8 @@ class Writer:
         except KeyboardInterrupt as exc:
             self._result(change, answer, None, "not read back: interrupted twice")
             raise Interrupted(
-                f"interrupted again: {change.text} was sent and not read back", hint="look with `handctl ekso settings`"
+                f"interrupted again: {change.text} was sent and not read back",
+                hint="check with `handctl ekso settings`",
             ) from exc
         finally:
             self.port.bound = bound
@@ -259,14 +259,14 @@ class Writer:
         if unlogged is not None:
             raise gates.refusal(
                 gates.RESULT,
-                f"{change.text} was written and reads back. Only its entry is missing: {unlogged.text}",
-                "make room and note it by hand. Nothing else was sent",
+                f"{change.text} was written and read back. Only its audit log entry is missing: {unlogged.text}",
+                "free some disk space and note the change by hand. Nothing else was sent",
             )
         if self._interrupted:
             raise Interrupted(f"interrupted. {change.text} was written and read back", hint="nothing else was sent")
         if answer is None:
             self.port.journal.warn(
-                "answer-lost", f"{change.text}: applied, but its answer was lost ({lost.text if lost else ''})"
+                "answer-lost", f"{change.text}: applied, but its reply was lost ({lost.text if lost else ''})"
             )
         return after
 
@@ -286,7 +286,7 @@ class Writer:
         if self._last is not None and self._boot is not None and (self._boot - self._last) % 2**32 >= 2**31:
             raise gates.refusal(
                 gates.RESTARTED,
-                f"{self.port.where}: the device has restarted meanwhile. Nothing was written",
+                f"{self.port.where}: the device has restarted in the meantime. Nothing was written",
                 LOOK_AGAIN,
             )
 
@@ -337,7 +337,7 @@ def _standing(done: Sequence[str], left: Sequence[Change], verb: str) -> str:
 
 
 def _unread(change: Change) -> Left:
-    return Left(hint=f"{change.text} was sent and could not be read back: read it before writing again", joint=". ")
+    return Left(hint=f"{change.text} was sent but could not be read back: read it before you write again", joint=". ")
 
 
 def _body(change: Change) -> bytes:

@@ -15,6 +15,7 @@ from handctl.errors import CheckFailed, HandctlError, LinkError
 from handctl.model.clocks import Moment, Span
 from handctl.model.param import Reading
 from handctl.model.result import Cell, Grid, Row, Table
+from handctl.sentence import plural
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.device import Ekso
@@ -54,7 +55,7 @@ def status(ekso: Ekso, check: bool) -> Table:
         ekso.journal.warn("unhealthy", text)
     if check and findings and table.failure is None:
         table.failure = CheckFailed(
-            f"{ekso.link.name}: {len(findings)} findings: {'; '.join(findings)}", code="unhealthy"
+            f"{ekso.link.name}: {plural(len(findings), 'finding')}: {'; '.join(findings)}", code="unhealthy"
         )
     return table
 
@@ -80,7 +81,7 @@ def _boot(passed: int, span: Span, data: int, feedback: int) -> list[str]:
     """BootTime runs with the host, and both messages tell the same."""
     found = []
     if passed == 0:
-        found.append("BootTime stands still: the values are not fresh")
+        found.append("BootTime does not advance, so the values are not fresh")
     elif passed >= 2**31:
         found.append("BootTime went back: the device has restarted, or its words are swapped")
     elif not span.fits(passed):
@@ -97,20 +98,24 @@ def unfit(data: dict[str, float], settings: dict[str, float]) -> list[str]:
     for param in DATA:
         low, high = next((ANGLES[key] for key in ANGLES if param.name.endswith(key)), (None, None))
         if low is not None and high is not None and not low <= data[param.name] <= high:
-            found.append(f"{param.name} {param.shown(data[param.name])} is implausible (policy {low:g}..{high:g} deg)")
+            found.append(
+                f"{param.name} {param.shown(data[param.name])} is implausible (policy: {low:g} to {high:g} deg)"
+            )
     upper, lower = (settings[leg.name] for leg in LEGS)
     found += [
-        f"{leg.name} {leg.shown(settings[leg.name])} is implausible (policy 10..25 in)"
+        f"{leg.name} {leg.shown(settings[leg.name])} is implausible (policy: 10 to 25 in)"
         for leg in LEGS
         if not LEG_LENGTHS[0] <= settings[leg.name] <= LEG_LENGTHS[1]
     ]
     off = {side: (x, y) for side, (x, y) in residuals(data, upper, lower).items() if abs(x) > MOST_X or abs(y) > MOST_Y}
     for side, (x, y) in off.items():
-        found.append(f"the {side} hip is {x:+.2f}, {y:+.2f} in from where angles and leg lengths put it")
+        found.append(f"the {side} hip is {x:+.2f}, {y:+.2f} in away from the position given by angles and leg lengths")
     if len(off) == 2:
-        found.append("both hips are off: leg lengths that do not match the wearer's settings, or another foot offset")
+        found.append(
+            "both hips are off: the leg lengths do not match the wearer's settings, or the foot offset is different"
+        )
     elif off:
-        found.append("one hip only is off: a sensor of that side")
+        found.append("only one hip is off: check the sensor on that side")
     return found
 
 
@@ -125,10 +130,10 @@ def _remarks(data: list[Reading], settings: list[Reading]) -> list[str]:
         if reading.value not in param.choices:
             found.append(f"{param.name} is {param.label(reading.value)}, word {param.word}. Report it")
         elif param.choices[reading.value] in param.twice:
-            found.append(f"{param.name} stands out: {param.label(reading.value)}")
+            found.append(f"{param.name} is unusual: {param.label(reading.value)}")
     state = int(data[18].value or 0)
     if state >> 12 not in POSTURES:
-        found.append(f"the posture is {DATA[18].label(state)}: its meaning is not known. Report it")
+        found.append(f"the posture is {DATA[18].label(state)}: its meaning is unknown. Report it")
     values = _values(settings)
     for what in ("swing_assist", "stance_support"):
         if values[f"left_{what}"] != values[f"right_{what}"]:
@@ -159,7 +164,7 @@ def _clock(ekso: Ekso) -> list[Row]:
         ekso.journal.info(
             "clock",
             f"the device's clock is {span_text(abs(offset))} {way} this computer's",
-            hint="take the times of this computer: `handctl ekso log` records both",
+            hint="use the times of this computer: `handctl ekso log` records both",
         )
     return [*rows, _row("clock_offset", round(offset), None, "s", None)]
 

@@ -52,7 +52,7 @@ def _seated(seen: Seen) -> str | None:
     if not seen.sitting or seen.state >> 12 == SITTING:
         return None
     names = ", ".join(param.name for param in seen.sitting)
-    return f"{names}: only while sitting, the state is {state_text(seen.state)}"
+    return f"{names}: only while sitting, but the state is {state_text(seen.state)}"
 
 
 def _reboot(looks: Between) -> str | None:

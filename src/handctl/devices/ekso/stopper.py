@@ -11,10 +11,7 @@ from handctl.model.stopping import Aim, Pieces, Stopped, Talk, insist
 MSG_ID = 0xF000
 """Far from those that count up from 1: a late answer to somebody's read is not taken for ours. And no frame with it holds a
 byte upon which another device acts (`families.FamilyRow.trigger`), whatever the length byte counts: a stop goes out to who is there."""
-LIMIT = (
-    "the DataPort has no stop: CancelAction cancels a running action, and which ones is not documented. It takes no power "
-    "from the motors and does not hold the wearer"
-)
+LIMIT = "The DataPort has no stop. CancelAction cancels a running action, but it is not documented which ones. The motors keep their power, and the wearer is not held"
 HINT = "use the device's own controls, and stay with the wearer"
 
 
@@ -26,11 +23,15 @@ def stop_talk(aim: Aim) -> Talk:
     heard = yield from insist(aim, step, lambda came: _answer(request, came))
     frame, pieces = heard.found, heard.came
     if frame is None:
-        text = "CancelAction was sent and not answered" if not pieces else "CancelAction was sent. No valid answer came"
-        return Stopped(f"{text}; {LIMIT}", HINT, ProtocolError if pieces else NoAnswer)
+        text = (
+            "CancelAction was sent, but the device did not reply"
+            if not pieces
+            else "CancelAction was sent, but no valid reply arrived"
+        )
+        return Stopped(f"{text}. {LIMIT}", HINT, ProtocolError if pieces else NoAnswer)
     status = frame.words[0] & 0xFFFF
     if status & 0xFF:
-        return Stopped(f"CancelAction was not taken: {status_text(status)}. {LIMIT}", HINT, DeviceRefused)
+        return Stopped(f"CancelAction was not accepted: {status_text(status)}. {LIMIT}", HINT, DeviceRefused)
     return Stopped(f"CancelAction was accepted. {LIMIT}", HINT)
 
 

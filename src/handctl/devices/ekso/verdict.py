@@ -13,9 +13,9 @@ from handctl.errors import HandctlError, Interrupted
 Raws = tuple[int, ...]
 """The 22 settings as raw integers."""
 REFUSALS = {
-    1: "the device does not take it now: sit or stand still, then repeat",
-    2: "the device has limits of its own that are not documented: try a smaller step",
-    3: "the device does not allow this value or command",
+    1: "sit or stand still, then repeat: the device does not accept it now",
+    2: "try a smaller step: the device has its own limits, which are not documented",
+    3: "use another value: the device does not allow this value or command",
 }
 
 
@@ -30,8 +30,8 @@ def judge(
     if refused and status is not None and after == wanted:
         return gates.refusal(
             gates.READ_BACK,
-            f"{where}: {change.text}: {status_text(status)}, and yet the new value reads back",
-            "look with `handctl ekso settings` before anything else. Report it",
+            f"{where}: {change.text}: {status_text(status)}, but the new value reads back",
+            "check with `handctl ekso settings` before anything else. Report it",
         )
     if after != wanted and (after != before or (status is not None and not refused)):
         return gates.refusal(
@@ -44,7 +44,7 @@ def judge(
         return gates.refusal(
             gates.STATUS,
             f"{where}: {change.text}: {status_text(status)} (status 0x{status:04X})",
-            REFUSALS.get(status & 0xFF, "the device gave a status that is not documented. Report it"),
+            REFUSALS.get(status & 0xFF, "report it: this status is not documented"),
             status & 0xFF,
         )
     if after == before and status is None:
@@ -61,15 +61,15 @@ def _way_back(before: Raws, after: Raws) -> str:
     """What would set the settings that changed to what they were."""
     changed = [param for param in SETTINGS if after[param.word] != before[param.word]]
     if not changed:
-        return "the old value is still there: nothing needs to be set back. Look with `handctl ekso settings`"
+        return "check with `handctl ekso settings`. The old value is still set, so nothing needs to be undone"
     # a code that nobody knows is never written
     able = [p for p in changed if p.id is not None and (not p.choices or before[p.word] in p.choices)]
     ways = ", ".join(
         f"`handctl ekso set {shlex.quote(f'{p.name}={p.typed(p.from_raw(before[p.word]))}')}`" for p in able
     )
     left = ", ".join(p.name for p in changed if p not in able)
-    text = "look with `handctl ekso settings` first" + (f". Then {ways} sets back what changed" if ways else "")
-    return text + (f". handctl cannot set back {left}" if left else "")
+    text = "check with `handctl ekso settings` first" + (f". Then {ways} undoes the change" if ways else "")
+    return text + (f". handctl cannot undo {left}" if left else "")
 
 
 def differences(expected: Raws, found: Raws) -> str:

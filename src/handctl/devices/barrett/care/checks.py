@@ -15,6 +15,7 @@ from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.meet import look_for_motion
 from handctl.devices.barrett.map import BARRETT, MOTORS, all_elements, standard
 from handctl.errors import HandctlError
+from handctl.sentence import plural
 
 FINGERS = MOTORS[:3]
 DEFAULTS_MATTER = ("OT", "IVEL", "IOFF", "IHIT")
@@ -67,7 +68,7 @@ def firmware(patient: Patient) -> list[Finding]:
     text = patient.hand.version()
     if re.search(r"\d+\.\d+", text):
         return [Finding("firmware", OK, text, source="barrett §5.2.4")]
-    return [doubtful("firmware", f"VERS says {text!r}: no version number")]
+    return [doubtful("firmware", f"VERS reports {text!r}, which is not a version number")]
 
 
 def said(error: HandctlError) -> str:
@@ -77,7 +78,7 @@ def said(error: HandctlError) -> str:
 
 def doubtful(check: str, evidence: str) -> Finding:
     """A sign of decayed RAM."""
-    remedy = "RAM contents are doubtful: load the firmware again, `handctl barrett firmware download FILE`"
+    remedy = "load the firmware again with `handctl barrett firmware download FILE`: the RAM contents may be damaged"
     return Finding(check, FAIL, evidence, remedy, "barrett §3.7, §8")
 
 
@@ -116,7 +117,7 @@ def parameters(patient: Patient) -> list[Finding]:
         and value != param.default_of(MOTORS.index(motor) if motor else 0)
     ]
     more = f" and {len(changed) - 12} more" if len(changed) > 12 else ""
-    shown = f"{len(changed)} settings differ from the factory values: {', '.join(changed[:12])}{more}"
+    shown = f"{plural(len(changed), 'setting')} changed from the factory values: {', '.join(changed[:12])}{more}"
     usual = [
         Finding(
             "parameters",
@@ -126,7 +127,9 @@ def parameters(patient: Patient) -> list[Finding]:
         )
     ]
     unread = {said(error): error.hint for error in values.errors.values()}
-    failed = [Finding("parameters", FAIL, f"some could not be read: {text}", hint) for text, hint in unread.items()]
+    failed = [
+        Finding("parameters", FAIL, f"some settings could not be read: {text}", hint) for text, hint in unread.items()
+    ]
     return [*(failed or usual), *found]
 
 
@@ -183,8 +186,10 @@ def repeatable(patient: Patient) -> list[Finding]:
         if value != patient.values[name, motor]
     ]
     if differ:
-        return [doubtful("repeatable", f"read twice, {len(differ)} settings differ: {', '.join(differ[:4])}")]
-    return [Finding("repeatable", OK, f"{len(again)} settings read twice, all alike", source="barrett §8")]
+        return [
+            doubtful("repeatable", f"read twice, {plural(len(differ), 'value')} not the same: {', '.join(differ[:4])}")
+        ]
+    return [Finding("repeatable", OK, f"{len(again)} settings read twice, no difference", source="barrett §8")]
 
 
 def strain_limits(patient: Patient) -> list[Finding]:
@@ -195,10 +200,12 @@ def strain_limits(patient: Patient) -> list[Finding]:
         check, source = f"strain_limits.{finger}", "barrett §8, §5.5"
         off = f"`handctl barrett set HSG.{finger}=256 LSG.{finger}=256`"
         if sg == health.NO_GAUGE and (high < 255 or low < 255):
-            found.append(Finding(check, FAIL, f"no gauge, but limits {low} to {high}: it never moves", off, source))
+            found.append(
+                Finding(check, FAIL, f"no gauge, but limits {low} to {high} are set, so it never moves", off, source)
+            )
         elif (high < 255 and sg >= high) or (low < 255 and sg <= low):
-            remedy = f"zero the gauge (§7.4), or switch the limits off: {off}"
-            found.append(Finding(check, FAIL, f"SG {sg} is not within LSG {low} and HSG {high}", remedy, source))
+            remedy = f"zero the gauge (§7.4), or switch the limits off with {off}"
+            found.append(Finding(check, FAIL, f"SG {sg} is outside LSG {low} to HSG {high}", remedy, source))
         else:
             found.append(Finding(check, OK, f"SG {sg}, HSG {high}, LSG {low} (255 and 256 are off)", source=source))
     return found
@@ -237,15 +244,13 @@ def breakaway(patient: Patient) -> list[Finding]:
     now = patient.read("BD", "BP")
     if any(error.code == "err-64" for error in now.errors.values()):
         return [
-            Finding(
-                "breakaway", SKIPPED, "this firmware does not report it (4.34 and later does)", source="barrett §9.5"
-            )
+            Finding("breakaway", SKIPPED, "this firmware does not report it (4.34 and later do)", source="barrett §9.5")
         ]
     gone = [f"{finger} at {now['BP', finger]}" for finger in FINGERS if now["BD", finger]]
     if gone:
-        remedy = "open the finger: that resets its clutch"
-        return [Finding("breakaway", WARNING, f"clutch let go: {', '.join(gone)}", remedy, "barrett §9.5")]
-    return [Finding("breakaway", OK, "no clutch has let go", source="barrett §9.5")]
+        remedy = "open the finger, which resets its clutch"
+        return [Finding("breakaway", WARNING, f"clutch broke away: {', '.join(gone)}", remedy, "barrett §9.5")]
+    return [Finding("breakaway", OK, "no clutch has broken away", source="barrett §9.5")]
 
 
 def equal_fingers(patient: Patient) -> list[Finding]:
@@ -254,9 +259,9 @@ def equal_fingers(patient: Patient) -> list[Finding]:
     uneven = {name: [patient.values[name, finger] for finger in FINGERS] for name in names}
     differ = [f"{name} {'/'.join(map(str, values))}" for name, values in uneven.items() if len(set(values)) > 1]
     if differ:
-        remedy = "set them alike, unless they compensate friction"
+        remedy = "set them to the same value, unless they compensate for friction"
         return [Finding("equal_fingers", WARNING, f"fingers differ: {', '.join(differ)}", remedy, "barrett §8")]
-    return [Finding("equal_fingers", OK, f"{' '.join(names)} alike for all fingers", source="barrett §8")]
+    return [Finding("equal_fingers", OK, f"{' '.join(names)} are the same for all fingers", source="barrett §8")]
 
 
 def close_target(patient: Patient) -> list[Finding]:
@@ -285,7 +290,7 @@ def spread_greasing(patient: Patient) -> list[Finding]:
 def open_position(patient: Patient) -> list[Finding]:
     """Where the fingers stand when they should be open."""
     shown = ", ".join(f"{finger} {patient.values['P', finger]}" for finger in FINGERS)
-    return [Finding("open_position", OK, f"{shown}. Compare the tips with each other by eye", source="barrett §8")]
+    return [Finding("open_position", OK, f"{shown}. Compare the fingertips by eye", source="barrett §8")]
 
 
 CHECKS: dict[str, Check] = {

@@ -27,7 +27,7 @@ def add_care_commands(group: Group) -> None:
 def _live(run: Run, live: bool, count: int | None, duration: float | None) -> None:
     """Make this run a stream, or refuse a stream's options without --live. Raises UsageError."""
     if not live and (count is not None or duration is not None):
-        raise UsageError("--count and --duration need a stream", hint="add --live")
+        raise UsageError("--count and --duration work only with --live", hint="add --live")
     run.streams = live
 
 
@@ -160,7 +160,8 @@ def _add_fingertips(group: Group) -> None:
             return tips.offline(positions, tips.breakaways(breakaway))
         if breakaway:
             raise UsageError(
-                "--breakaway needs --positions", hint="leave it out: firmware 4.34 and later reports its own breakaway"
+                "--breakaway needs --positions",
+                hint="leave it out: firmware 4.34 and later report the breakaway themselves",
             )
         if live:
             return tips.stream(run.device(), rate=rate, count=count, duration=duration)
@@ -192,7 +193,7 @@ def _add_diagnose(group: Group) -> None:
         digits = motor_prefix(motors)
         if move and (not names or "4" in digits):
             raise UsageError(
-                "--move needs a symptom that has movements, and fingers to move",
+                "--move needs a symptom with test movements, and fingers to move",
                 hint="`handctl barrett diagnose --list` shows the symptoms. Fingers are 1, 2, 3 or G. Nothing was sent.",
             )
         steps = trials.steps(names, digits) if move else []

@@ -15,6 +15,7 @@ from handctl.devices.barrett.care.symptoms import SYMPTOMS, Symptom, like
 from handctl.devices.barrett.device import BarrettHand
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.model.result import Cell, Column, Grid, Row, Table
+from handctl.sentence import plural
 
 COLUMNS = (
     Column("check", "Check"),
@@ -45,19 +46,19 @@ def communication(hand: BarrettHand, speed: int | None) -> Finding:
         error = exc
     seen = []
     for baud, came in line.tried if error is not None else line.tried[:-1]:
-        what = f"{len(came)} bytes came: {came[:24].hex(' ').upper()}" if came else "silence"
+        what = f"{plural(len(came), 'byte')} arrived: {came[:24].hex(' ').upper()}" if came else "silence"
         seen.append(f"{baud}: {what}" if baud else what)
     if error is None:
         where = f"prompt at {line.link.baud} bit/s" if line.link.can_set_baud else "prompt"
         before = f" (before: {', '.join(seen)})" if seen else ""
         return Finding("communication", OK, where + before, source="barrett §5.1.1")
     if line.over:
-        seen.append("--deadline is over")
+        seen.append("--deadline has passed")
     if isinstance(error, DeviceRefused):
         evidence = f"{error.text}. Tried {', '.join(seen)}" if seen else error.text
         return Finding("communication", FAIL, evidence, error.hint, "barrett §3.7")
     if speed is not None:
-        seen.append("no other speed because of --baud")
+        seen.append("no other baud rate, because of --baud")
     evidence = f"{link.name}: no prompt ({', '.join(dict.fromkeys(seen))})"
     return Finding("communication", FAIL, evidence, error.hint, "barrett §8, §3.3")
 
@@ -132,7 +133,7 @@ def table_of(hand: BarrettHand, findings: list[Finding], symptom: str | None, fa
         names = ", ".join(finding.check for finding in bad)
         table.failure = CheckFailed(
             f"{hand.link.name}: {fails} failed, {warnings} warning{'' if warnings == 1 else 's'}: {names}",
-            hint=f"do what each row says{'. `handctl barrett diagnose --list` shows the symptoms' if symptom is None else ''}",
+            hint=f"follow the remedy in each row{'. `handctl barrett diagnose --list` shows the symptoms' if symptom is None else ''}",
             code="findings",
         )
     return table

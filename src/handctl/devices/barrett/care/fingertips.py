@@ -19,7 +19,7 @@ from handctl.model.sampling import Sampler
 FINGERS = MOTORS[:3]
 HIGHEST = 20000
 """Largest position that a GCL command takes (§5.2.1)."""
-BEFORE, AFTER, ASSUMED = "before breakaway", "after breakaway", "before breakaway assumed"
+BEFORE, AFTER, ASSUMED = "before breakaway", "after breakaway", "assumed before breakaway"
 COLUMNS = (
     Column("name", "Name"),
     Column("motor", "Motor"),
@@ -130,8 +130,8 @@ class Tips:
             if not self._tells:
                 self.hand.journal.info(
                     "breakaway-unknown",
-                    "this firmware does not report whether a clutch has let go: before breakaway is assumed",
-                    hint="open a finger that has met an object: until then its tip is not known (barrett §9.5)",
+                    "this firmware does not report whether a clutch has broken away, so handctl assumes that none has",
+                    hint="open any finger that has met an object: until then the position of its tip is unknown (barrett §9.5)",
                 )
         broken = {
             finger: at["BP"][finger] if at["BD"].get(finger) and finger in at["BP"] else None
@@ -145,7 +145,7 @@ class Tips:
         if lost:
             self.hand.journal.warn(
                 "not-initialized",
-                f"{', '.join(lost)} {NOT_HOMED}. The fingertips that follow from it mean nothing either",
+                f"{', '.join(lost)} {NOT_HOMED}. The fingertips calculated from it mean nothing either",
                 hint="`handctl barrett init` first. The fingers open fully",
             )
 
@@ -187,7 +187,9 @@ def _view(rows: list[Row]) -> list[Grid]:
     if any(row["doubt"] for row in rows):
         notes.append(f"? {NOT_HOMED}")
     if AFTER in states.values():
-        notes.append("after breakaway a tip is only right while its finger moves. Open it to reset the clutch (§9.5)")
+        notes.append(
+            "after breakaway, a tip is correct only while its finger moves. Open the finger to reset the clutch (§9.5)"
+        )
     outside = [f"{row['motor']} {row['name']}" for row in rows if row.get("beyond_limit")]
     if outside:
         notes.append(f"! beyond the joint's limit (§9.6): {', '.join(outside)}")

@@ -61,7 +61,7 @@ def _state(motor: str, at: At) -> list[Reason]:
         what = "motor board" if status & 1 else "motor"
         found.append(Reason(f"no {what} found (S {status})", "power-cycle the hand, then ask the vendor"))
     if at["EN", motor] == 0:
-        text = "EN 0: it moves only where it is named (--motors)"
+        text = "EN 0: it moves only if it is named (--motors)"
         found.append(Reason(text, _back(motor, "EN"), stands=False))
     return found
 
@@ -72,8 +72,8 @@ def _heat(at: At) -> list[Reason]:
         return []
     if limit < 300:
         meant = f", {limit}.0 °C is OTEMP={limit * 10}" if limit * 10 <= 650 else ""
-        return [Reason(f"OTEMP {limit / 10:.1f} °C, and it is {now / 10:.1f} °C: a setting, not heat{meant}", "`handctl barrett set OTEMP=650`")]  # fmt: skip
-    return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", "let it rest, and free the spread: `handctl barrett stop --motors S`")]  # fmt: skip
+        return [Reason(f"OTEMP {limit / 10:.1f} °C and the temperature {now / 10:.1f} °C: the setting is wrong, not the temperature{meant}", "`handctl barrett set OTEMP=650`")]  # fmt: skip
+    return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", "let it cool, and free the spread: `handctl barrett stop --motors S`")]  # fmt: skip
 
 
 def _strain(motor: str, at: At) -> list[Reason]:
@@ -92,18 +92,18 @@ def _drive(motor: str, at: At) -> list[Reason]:
     found = []
     slowest = min(at["MOV", motor], at["MCV", motor])
     if at["FPG", motor] == 0:
-        found.append(Reason("FPG 0: no gain, no torque", _back(motor, "FPG")))
+        found.append(Reason("FPG 0: no gain, so no torque", _back(motor, "FPG")))
     if at["ACCEL", motor] == 0:
-        found.append(Reason("ACCEL 0: it never gains speed", _back(motor, "ACCEL")))
+        found.append(Reason("ACCEL 0: it never accelerates", _back(motor, "ACCEL")))
     elif at["ACCEL", motor] >= 16 * slowest:  # 1/256 and 1/16 count: a ramp that is shorter than one sample
-        text = f"ACCEL {at['ACCEL', motor]} is full speed within one sample: the motor cannot follow"
+        text = f"ACCEL {at['ACCEL', motor]} reaches full speed within one sample, which the motor cannot follow"
         found.append(Reason(text, _back(motor, "ACCEL")))
     if slowest < LEAST_VELOCITY:
         name = "MOV" if at["MOV", motor] == slowest else "MCV"
         text = f"{name} {slowest}: below {LEAST_VELOCITY} it may not overcome its friction"
         found.append(Reason(text, _back(motor, name), stands=False))
     if at["TSTOP", motor] == 0:
-        found.append(Reason("TSTOP 0: it counts as stopped at once", _back(motor, "TSTOP"), stands=False))
+        found.append(Reason("TSTOP 0: it counts as stalled immediately", _back(motor, "TSTOP"), stands=False))
     return found
 
 
@@ -112,6 +112,6 @@ def _way(motor: str, at: At) -> list[Reason]:
     if opened >= closed:
         return [Reason(f"OT {opened} is not below CT {closed}: O closes, C opens", _back(motor, "OT", "CT"))]
     if closed - opened <= near:
-        text = f"OT {opened} and CT {closed} are within MPE {near}: no way to go"
+        text = f"OT {opened} and CT {closed} are within MPE {near}, so it has nowhere to go"
         return [Reason(text, _back(motor, "OT", "CT", "MPE"))]
     return []

@@ -49,7 +49,7 @@ class Finding(NamedTuple):
 
 def temperature(tenths: int) -> Finding:
     """The CPU board's temperature now."""
-    text, cool = f"{tenths / 10:.1f} °C", "let it rest, and free the spread: `handctl barrett stop --motors S`"
+    text, cool = f"{tenths / 10:.1f} °C", "let it cool, and free the spread: `handctl barrett stop --motors S`"
     if tenths > LIMIT_TENTHS:
         return Finding("temperature", FAIL, f"{text}: above 65 °C, the limit", cool, "barrett §2")
     if tenths > WARM_TENTHS:
@@ -60,9 +60,13 @@ def temperature(tenths: int) -> Finding:
 def peak(tenths: int) -> Finding:
     """The highest temperature of its life."""
     if tenths >= LIMIT_TENTHS:
-        remedy = "set OTEMP to 600 to 650 and TSTOP to at most 30, and let the spread idle"
+        remedy = "set OTEMP between 600 and 650 and TSTOP to at most 30, and let the spread idle"
         return Finding(
-            "peak_temperature", WARNING, f"{tenths / 10:.1f} °C once: 65 °C is the limit", remedy, "barrett §2"
+            "peak_temperature",
+            WARNING,
+            f"{tenths / 10:.1f} °C was reached once, and the limit is 65 °C",
+            remedy,
+            "barrett §2",
         )
     return Finding("peak_temperature", OK, f"{tenths / 10:.1f} °C, limit 65 °C", source="barrett §5.4.2")
 
@@ -72,7 +76,7 @@ def over_temperature_limit(tenths: int) -> Finding:
     check, source = "over_temperature_limit", "barrett §5.4.1"
     if tenths == 0:
         remedy = "`handctl barrett set OTEMP=650` stops movements at 65 °C"
-        return Finding(check, OK, "OTEMP is 0, the factory value: the hand does not protect itself", remedy, source)
+        return Finding(check, OK, "OTEMP is 0, the factory value, so the hand does not protect itself", remedy, source)
     if tenths < 300:
         meant = f". Did you mean {tenths}.0 °C ({tenths * 10})?" if tenths * 10 <= 1250 else ""
         remedy = "`handctl barrett set OTEMP=650`: the unit is 0.1 °C"
@@ -108,7 +112,7 @@ def no_load(readings: Mapping[str, Sequence[int]], *, check: str = "strain") -> 
             remedy = "check the gauge, its wires and contact pins, and the finger's seat, then ask the vendor"
             found.append(Finding(name, FAIL, f"{shown}: at the end of the scale", remedy, "barrett §7.3, §9.4"))
         elif not NO_LOAD[0] <= mean <= NO_LOAD[1]:
-            found.append(Finding(name, WARNING, f"{shown}: not within 100 to 140", adjust, source))
+            found.append(Finding(name, WARNING, f"{shown}: outside 100 to 140", adjust, source))
         else:
             found.append(Finding(name, OK, shown, source=source))
     return found
@@ -134,7 +138,7 @@ def settings(values: Mapping[tuple[str, str | None], int]) -> list[Finding]:
     for motor in MOTORS:
         high, alias = values.get(("HSG", motor)), values.get(("MSG", motor))
         if high is not None and alias is not None and high != alias:
-            evidence = f"HSG {high} and MSG {alias} differ: they are one value, so RAM contents are doubtful"
+            evidence = f"HSG {high} and MSG {alias} differ although they are the same value, so the RAM contents may be damaged"
             found.append(Finding(f"HSG.{motor}", FAIL, evidence, "reload the firmware", "barrett §5.3.1, §3.7"))
     return found
 
@@ -147,8 +151,8 @@ def _setting(param: GclParam, motor: str | None, index: int, value: int) -> Find
         back = "`handctl barrett baud 9600`, with --save when it was saved"
     source = param.source
     if not param.allowed(value):
-        evidence = f"{name} = {value} is outside its range {param.range_text}: RAM contents are doubtful"
-        return Finding(name, FAIL, evidence, f"{back}. If it comes again, reload the firmware (§3.7)", source)
+        evidence = f"{name} = {value} is outside its range {param.range_text}, so the RAM contents may be damaged"
+        return Finding(name, FAIL, evidence, f"{back}. If it happens again, reload the firmware (§3.7)", source)
     objection = param.objection(index, value)
     if objection is not None:
         harms = param.mnemonic in HARD or (param.mnemonic == "MOV" and value > LEAST_VELOCITY)
@@ -161,13 +165,13 @@ def _advice(mnemonic: str, motor: str | None, value: int, default: int | None) -
     """What is allowed and harmless, but explains a complaint."""
     match mnemonic:
         case "EN" if value == 0:
-            return "disabled: it does not move unless it is named (--motors)"
+            return "disabled: it moves only if it is named (--motors)"
         case "HOLD" if value == 1 and motor != "SPREAD":
-            return "HOLD 1: a finger cannot be driven back, so holding only heats it"
+            return "HOLD 1: a finger cannot be backdriven, so holding only heats it"
         case "FDZ" if value != 0:
-            return f"FDZ {value}: other than 0 is noisy"
+            return f"FDZ {value}: any value other than 0 is noisy"
         case "BAUD" if value != 96:
-            return f"{value * 100} bit/s is not the factory's 9600: programs that expect 9600 find no hand"
+            return f"{value * 100} bit/s is not the factory baud rate: programs that expect 9600 do not find the hand"
         case "IVEL" | "IHIT" | "IOFF" | "TSTOP" if value != default:
             return f"{mnemonic} {value}: within its limit, but changed from {default}"
     return None

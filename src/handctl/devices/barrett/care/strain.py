@@ -82,15 +82,15 @@ def loaded_fingers(hand: BarrettHand) -> list[str]:
     if flipped:
         hand.journal.warn(
             "strain-flip",
-            f"SGFLIP is 1 for {', '.join(flipped)}: its readings are inverted",
-            hint="`handctl barrett set SGFLIP=0` before anything is adjusted (barrett §5.3.4)",
+            f"SGFLIP is 1 for {', '.join(flipped)}, so the readings are inverted",
+            hint="run `handctl barrett set SGFLIP=0` before you adjust anything (barrett §5.3.4)",
         )
     found = []
     for finger in FINGERS:
         if at["S", finger] & 4:
             found.append(f"{finger} is not initialized")
         elif abs(at["P", finger] - at["OT", finger]) > OPEN_WITHIN:
-            found.append(f"{finger} stands at {at['P', finger]}")
+            found.append(f"{finger} is at {at['P', finger]}")
     return found
 
 
@@ -100,7 +100,7 @@ def warn_if_loaded(hand: BarrettHand) -> list[str]:
     if loaded:
         hand.journal.warn(
             "not-open",
-            f"the readings are without load only when the fingers are open: {', '.join(loaded)}",
+            f"the gauges are unloaded only when the fingers are open: {', '.join(loaded)}",
             hint="`handctl barrett strain --open` opens them first",
         )
     return loaded

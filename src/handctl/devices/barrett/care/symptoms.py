@@ -27,18 +27,21 @@ class Symptom(NamedTuple):
     steps: Steps = ()
 
 
-_VENDOR = ("if it persists: contact the vendor", "§8")
+_VENDOR = ("if the problem persists, contact the vendor", "§8")
 _RELOAD = ("load the firmware again: `handctl barrett firmware download FILE`", "§3.7")
 _PRETENSION = ("adjust the cable's pretension: `handctl barrett maintenance --steps pretension`", "§7.1")
 _ZERO = ("adjust the balancing potentiometer: `handctl barrett strain --live`", "§7.4")
 _PULLEY = ("check that the cable runs over both the top and the bottom of the idler pulley", "§8, Figure 18")
-_FREE = ("check that no object and no other finger is in its way", "§8")
-_CABLE = ("shroud off (Figure 16): is the finger's cable whole? Broken: vendor", "§8, Figure 16")
+_FREE = ("check that no object or other finger is in its way", "§8")
+_CABLE = (
+    "take the shroud off (Figure 16) and check the finger's cable. If it is broken, contact the vendor",
+    "§8, Figure 16",
+)
 
 SYMPTOMS: dict[str, Symptom] = {
     "erratic": Symptom(
         "erratic: obeys some commands, disobeys others", ("repeatable",),
-        steps=(("after more than a day or two without power, above all in humid weather, its RAM may be borderline", "§8, §3.7"), _RELOAD),
+        steps=(("after more than a day or two without power, especially in humid weather, its RAM contents may be damaged", "§8, §3.7"), _RELOAD),
     ),
     "no-communication": Symptom(
         "the host computer will not communicate",
@@ -71,32 +74,32 @@ SYMPTOMS: dict[str, Symptom] = {
     ),
     "wrong-direction": Symptom(
         "a finger moves against the command", trials=("direction", "initialize", "direction"),
-        steps=(_RELOAD, ("encoder feedback: when it comes again after `handctl barrett init`, service by the vendor", "§8")),
+        steps=(_RELOAD, ("encoder feedback: if it happens again after `handctl barrett init`, send the hand to the vendor for service", "§8")),
     ),
     "no-breakaway": Symptom(
         "the TorqueSwitch does not break away", ("breakaway", "velocities", "init_settings"), ("initialize",),
         (
-            ("by hand: 2-mm hex in the left drive hole, anticlockwise until the finger is fully open", "§8, Figures 19, 20"),
-            ("hold the inner link hard, leave the outer one free, and turn clockwise until the tip breaks free", "§8, Figure 19"),
-            ("wrench out, then `handctl barrett init`", "§8"),
+            ("by hand: put a 2-mm hex key in the left drive hole and turn it anticlockwise until the finger is fully open", "§8, Figures 19, 20"),
+            ("hold the inner link firmly, leave the outer link free, and turn clockwise until the tip breaks away", "§8, Figure 19"),
+            ("take the key out, then run `handctl barrett init`", "§8"),
             _VENDOR,
         ),
     ),
     "uneven-torque": Symptom(
         "GTO or GTC move the fingers at different speeds", ("equal_fingers",), ("torque_speed",),
-        (("some difference is natural: grease the stiff fingers", "§7.3"), ("or compensate by velocity or gain per finger", "§8"), _VENDOR),
+        (("some difference is normal: grease the stiff fingers", "§7.3"), ("or compensate with a different velocity or gain for each finger", "§8"), _VENDOR),
     ),
     "incomplete-close": Symptom(
         "fingers do not close completely", ("close_target", "strain_limits", "breakaway"), ("close",),
-        (_FREE, ("finger taken off lately: check its angle, set it again", "§7.3 steps 6 to 9"), _VENDOR),
+        (_FREE, ("if the finger was taken off recently, check its angle and set it again", "§7.3 steps 6 to 9"), _VENDOR),
     ),
     "spread-friction": Symptom(
         "the spread has much friction", ("spread_greasing",), ("spread_time",),
-        (("grease the spread's gears: `handctl barrett maintenance --steps lubrication`", "§7.3"), ("palm screws put back: all with the same torque, not too much", "§8"), _VENDOR),
+        (("grease the spread's gears: `handctl barrett maintenance --steps lubrication`", "§7.3"), ("if the palm screws were removed, tighten them all with the same torque, not too much", "§8"), _VENDOR),
     ),
     "locking-ring": Symptom(
         "the locking ring does not fit the base",
-        steps=(("ring damaged or warped: replacement from the vendor", "§8"), ("threads of the base damaged: service by the vendor", "§8")),
+        steps=(("if the ring is damaged or warped, order a replacement from the vendor", "§8"), ("if the threads of the base are damaged, send it to the vendor for service", "§8")),
     ),
     "tip-flops": Symptom("the fingertip flops back after an impact", steps=(_CABLE,)),
     "tip-backlash": Symptom(
@@ -106,14 +109,14 @@ SYMPTOMS: dict[str, Symptom] = {
     "tip-hyperextended": Symptom(
         "the fingertip stands beyond the open stop, but is not loose", ("open_position",), ("initialize",),
         (
-            ("spur gears not engaged when the finger was put back: seated fully and square? its screw in and tight?", "§8, §7.3"),
-            ("set the fingertip's angle again, reseat the finger, test", "§7.3 steps 6 to 9"),
-            ("if it persists: service by the vendor", "§8"),
+            ("the spur gears may not have engaged when the finger was put back: check that it is seated fully and square, with its screw in and tight", "§8, §7.3"),
+            ("set the fingertip's angle again, reseat the finger and test it", "§7.3 steps 6 to 9"),
+            ("if the problem persists, send the hand to the vendor for service", "§8"),
         ),
     ),
     "spread-uneven": Symptom(
         "F1 and F2 stand at different spread angles",
-        steps=(("one motor and one encoder turn both: only the eye sees it. A spread gear is damaged: vendor", "§8"),),
+        steps=(("one motor and one encoder serve both, so handctl cannot see this. A spread gear is damaged: contact the vendor", "§8"),),
     ),
 }  # fmt: skip
 

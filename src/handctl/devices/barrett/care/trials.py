@@ -98,10 +98,12 @@ def direction(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
         check, source = f"direction.{motor}", "barrett §8"
         evidence = f"closing {closed - start:+d}, opening {opened - closed:+d} of {DIRECTION_COUNTS}"
         if closed < start or opened > closed:
-            remedy = "`handctl barrett init` (encoder feedback). If it comes again, ask for service"
+            remedy = "`handctl barrett init` (encoder feedback). If it happens again, send the hand for service"
             found.append(Finding(check, FAIL, f"{evidence}: the wrong way", remedy, source))
         elif closed == start and opened == closed:
-            found.append(Finding(check, WARNING, f"{evidence}: it stands", "check that nothing is in its way", source))
+            found.append(
+                Finding(check, WARNING, f"{evidence}: it did not move", "check that nothing is in its way", source)
+            )
         else:
             found.append(Finding(check, OK, evidence, source=source))
     return found
@@ -125,7 +127,7 @@ def strain_curve(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
             continue
         evidence = f"{min(values)} to {max(values)} in {len(values)} steps of {STEP_COUNTS} counts"
         if max(values) - min(values) > width:
-            remedy = "if nothing touched it, check pretension (§7.1), potentiometer (§7.4) and idler pulley (Figure 18)"
+            remedy = "if nothing touched it, check the pretension (§7.1), the potentiometer (§7.4) and the idler pulley (Figure 18)"
             found.append(Finding(check, WARNING, f"{evidence}: more than {width} in free air", remedy, source))
         else:
             found.append(Finding(check, OK, evidence, source=source))
@@ -197,7 +199,9 @@ TRIALS: dict[str, Trial] = {
         lambda digits: [f"{digit}{name}" for digit in digits for name in ("O", "TC", "O")],
         torque_speed,
     ),
-    "spread_time": Trial("open, then move the spread to and fro", lambda _: ["123O", "4O", "4C", "4O"], spread_time),
+    "spread_time": Trial(
+        "open, then move the spread back and forth", lambda _: ["123O", "4O", "4C", "4O"], spread_time
+    ),
 }
 
 

@@ -18,9 +18,9 @@ from handctl.errors import CheckFailed, UsageError
 from handctl.files import state_path
 from handctl.model.result import Cell, Column, Grid, Row, Table
 
-FILE, WHAT = "barrett-greasing.json", "journal of greasing"
-NEVER = "never recorded: counted from 0"
-WHOSE = "serial number 0, journal not asked (--hand NAME): counted from 0"
+FILE, WHAT = "barrett-greasing.json", "greasing journal"
+NEVER = "never recorded, so counted from 0"
+WHOSE = "serial number 0, so the journal was not used (see --hand NAME): counted from 0"
 
 
 class GreasePoint(NamedTuple):
@@ -51,7 +51,7 @@ COLUMNS = (
 PERIODIC = (
     ("fastener_check", "monthly under heavy use: all external screws present and tight", "barrett §7.2"),
     ("cable_pretension", "when a fingertip has slack, after thousands of cycles", "barrett §7.1"),
-    ("strain_zero", "when a no-load reading leaves 100 to 140: `handctl barrett strain`", "barrett §7.4"),
+    ("strain_zero", "when a no-load reading is outside 100 to 140: `handctl barrett strain`", "barrett §7.4"),
     ("firmware", "load it again after two days without power", "barrett §3.7"),
 )
 
@@ -76,7 +76,7 @@ def chosen_points(text: str) -> list[tuple[GreasePoint, str]]:
             if part == "all" or (point.name == name and (not dot or place == finger))
         }
     if not wanted:
-        raise UsageError("no greasing point named", hint=f"use all, or some of {', '.join(known)}")
+        raise UsageError("no greasing point given", hint=f"use all, or some of {', '.join(known)}")
     return [(point, motor) for point in POINTS for motor in point.motors if (point.name, motor) in wanted]
 
 
@@ -106,7 +106,7 @@ class Care:
         """Record that `points` have been greased now. Raises UsageError for a serial number that many hands have."""
         if self.ambiguous:
             raise UsageError(
-                "serial number 0, as of every hand upgraded in the field: the hand is not identified",
+                "the serial number is 0, as on every hand upgraded in the field, so handctl cannot tell which hand this is",
                 hint="name the hand with --hand NAME. Nothing was recorded.",
                 code="which-hand",
             )
@@ -130,8 +130,7 @@ class Care:
                 if entry is not None and entry["odometer"] > self.at["OD", motor]:
                     self._hand.journal.warn(
                         "odometer-back",
-                        f"{point.name}.{motor}: greased at odometer {entry['odometer']}, which now reads "
-                        f"{self.at['OD', motor]}: another hand, or new electronics. Counted from 0",
+                        f"{point.name}.{motor}: greased at odometer {entry['odometer']}, which now reads {self.at['OD', motor]}, so this is another hand or has new electronics. Counted from 0",
                     )
                     entry = None
                 rows.append(self._point(point, motor, entry))
@@ -219,13 +218,13 @@ def table_of(hand: BarrettHand, care: Care, *, check: bool) -> Table:
     if care.ambiguous:
         hand.journal.warn(
             "which-hand",
-            "serial number 0, as of every hand upgraded in the field: the journal of greasing was not used",
+            "the serial number is 0, as on every hand upgraded in the field, so the greasing journal was not used",
             hint="name the hand with --hand NAME",
         )
     elif any(row.get("due_at") and row["greased"] is None for row in rows):
         hand.journal.info(
             "never-greased",
-            "no greasing is recorded for some points: counted from the first stroke of the hand's life",
+            "no greasing is recorded for some points, so they are counted from the hand's first stroke",
             hint="`handctl barrett maintenance --greased POINT` records the work",
         )
     table = Table(rows=rows, columns=COLUMNS, view=view)
@@ -233,7 +232,7 @@ def table_of(hand: BarrettHand, care: Care, *, check: bool) -> Table:
     if check and bad:
         names = ", ".join(".".join(filter(None, (row["name"], row["motor"]))) for row in bad)
         table.failure = CheckFailed(
-            f"{hand.link.name}: {len(bad)} need{'s' if len(bad) == 1 else ''} care: {names}",
+            f"{hand.link.name}: {len(bad)} need{'s' if len(bad) == 1 else ''} maintenance: {names}",
             hint="`handctl barrett maintenance --steps PROCEDURE` lists the work",
             code="care-due",
         )

@@ -80,14 +80,14 @@ def add_firmware(group: Group) -> None:
         if run.settings.deadline is not None and run.settings.deadline < needed:
             raise UsageError(
                 f"--deadline {run.settings.deadline:g} is too short: this download takes about {needed:.0f} s",
-                hint="use a longer one, or none. A download that is cut off leaves the hand without firmware. Nothing was sent.",
+                hint="use a longer one, or none. An interrupted download leaves the hand without firmware. Nothing was sent.",
             )
         if run.settings.dry_run:
             return _plan(run, found)
         run.confirm(
-            f"{_summary(found)}. This replaces the hand's firmware. A download that is cut off leaves the hand without any"
+            f"{_summary(found)}. This replaces the hand's firmware. An interrupted download leaves the hand without firmware"
         )
-        run.guide.say(f"Firmware file ok: {_summary(found)}")
+        run.guide.say(f"Firmware file OK: {_summary(found)}")
         loader = Loader(run.device(), run.guide, found, window=window, expect=version_in(expect) if expect else None)
         done = loader.run()
         return Table(
@@ -107,7 +107,7 @@ def _load(path: str) -> Firmware:
     from handctl.devices.barrett.firmware.srecord import parse
 
     content = read(
-        path, "a firmware file", 4_000_000, hint="use the vendor's .S19 file. One for 64 KiB has less than 300 kB"
+        path, "a firmware file", 4_000_000, hint="use the vendor's .S19 file. A file for 64 KiB is smaller than 300 kB"
     )
     return parse(path.replace("\\", "/").rpartition("/")[2], content)
 

@@ -32,19 +32,16 @@ OFF = (
     "Switch the hand's power supply OFF. Do not pull any cable. "
     "Press Enter when it has been off for 5 seconds (barrett §3.7)."
 )
-ON = "Now switch the power supply ON. The download then begins automatically."
+ON = "Now switch the power supply ON. The download then starts automatically."
 KEEP_ON = "Keep the power on."
 """Said first in every progress line of a download: half a firmware is none."""
 AGAIN = "check the cable, then run the download again"
 CYCLE = "Switch the power supply OFF, wait 5 seconds, switch it ON."
-MISSED = "The hand started its old firmware: the moment was missed. Switch it off and on again."
-HALF = "the firmware in the hand is incomplete: switch the hand off, do not move it, and load the whole file again"
-DOWNLOADS = "a firmware download is running: the boot monitor moves nothing, and would take a stop as firmware"
+MISSED = "The hand started its old firmware, so it was too late for the download. Switch it off and on again."
+HALF = "the firmware in the hand is incomplete. Switch the hand off, do not move it, and load the whole file again"
+DOWNLOADS = "a firmware download is running: the boot monitor moves nothing, and would read a stop as firmware"
 """Why nobody else can have the device stopped meanwhile."""
-WHOLE = (
-    "no data byte was sent, so nothing of the firmware was replaced: switch the hand off and on. "
-    "`handctl barrett version` shows whether it runs"
-)
+WHOLE = "no data was sent, so the firmware has not changed. Switch the hand off and on, and check it with `handctl barrett version`"
 
 
 class Download(NamedTuple):
@@ -96,7 +93,7 @@ class Loader:
                 exc.leaves(Left(hint=self._left))
                 self._guide.done()
                 self.hand.line.drain()
-                if not (self._guide.interactive and self._guide.ask(f"{exc.text}. Begin again from power off", "")):
+                if not (self._guide.interactive and self._guide.ask(f"{exc.text}. Start again with the power off", "")):
                     raise
         after = self._come_back()
         return self._verdict(before, after)
@@ -110,15 +107,13 @@ class Loader:
 
     def _version_before(self) -> str:
         """What the hand runs now; "" when nothing answers, as of a hand without firmware."""
-        self._guide.say("Looking for the firmware that runs now. Without one this takes a few seconds.")
+        self._guide.say("Checking the current firmware. If there is none, this takes a few seconds.")
         try:
             return self.hand.version()
         except HandctlError as exc:
             if exc.exit_code == 3:
                 raise
-            self.hand.journal.info(
-                "silent-before", "no firmware answers before the download, as from a hand without firmware"
-            )
+            self.hand.journal.info("silent-before", "no firmware replied before the download: the hand may have none")
             return ""
 
     def _power_on(self) -> None:
@@ -129,7 +124,7 @@ class Loader:
         if link.fake:
             link.write(SELECT, link.deadline(1.0))
             link.power_cycle()
-            self._guide.say("The simulated hand is switched off and on.")
+            self._guide.say("Switching the simulated hand off and on.")
         else:
             self._ask_for_power()
         self._await_monitor()
@@ -143,7 +138,7 @@ class Loader:
             link.write(SELECT, link.deadline(1.0))
             if not self._guide.interactive or SELECT not in self._listen(0.2):
                 break
-            self._guide.say("The hand still answers: its power is on.")
+            self._guide.say("The hand still replies, so its power is on.")
         self._guide.say(ON)
         link.event("power cycle for the download")
 
@@ -181,7 +176,7 @@ class Loader:
             f"{link.name}: no boot monitor (:) within {seconds:.0f} s{bound}{came}",
             hint=f"{MISSED} Nothing was loaded."
             if missed
-            else "switch the power supply off for 5 seconds and on again. Check the cable and the port. Nothing was loaded.",
+            else "check the cable and the port, then switch the power supply off for 5 seconds and on again. Nothing was loaded.",
             code="no-monitor",
         )
 
@@ -242,7 +237,7 @@ class Loader:
                 slower = "leave --window out, then run the download again" if self._window > 1 else AGAIN
                 text, code = exc.text, exc.code
                 if READY in came or BANNER in more.upper():
-                    text, code = f"{text}: the hand restarted: power or cable", "restarted"
+                    text, code = f"{text}: the hand restarted because of its power or its cable", "restarted"
                 raise ProtocolError(f"{link.name}: stopped {text}", hint=slower, code=code) from exc
         if number == 0:
             self._echo_seconds = (link.now() - begun - 2 * LISTEN_SECONDS) / (3 + len(self.firmware.records[0].data))
@@ -254,7 +249,7 @@ class Loader:
         came = self._listen(LISTEN_SECONDS)
         if came.strip(TRIGGER):
             raise ProtocolError(
-                f"{link.name}: stopped at {transfer.where}: {came[:16].hex(' ').upper()} came after the trigger FF",
+                f"{link.name}: stopped at {transfer.where}: {came[:16].hex(' ').upper()} arrived after the trigger FF",
                 hint=AGAIN,
                 code="extra-byte",
             )
@@ -273,12 +268,12 @@ class Loader:
         self._guide.done()
         if presses.count == 1:
             self._guide.say(
-                "Press Ctrl-C again to stop the download: the hand is then without firmware. Otherwise the download goes on."
+                "The download continues. Press Ctrl-C again to stop it, which leaves the hand without firmware."
             )
             return
-        warning = "The vendor warns of damage when a download is cut off: leave the hand off until one has finished"
+        warning = "The vendor warns that an interrupted download may damage the hand: leave it off until you can load the file"
         raise Interrupted(
-            f"interrupted behind {address:04X}h, {self._sent} of {self.firmware.size} bytes",
+            f"interrupted after {address:04X}h, {self._sent} of {self.firmware.size} bytes",
             left=Left(f"{HALF}. {warning}"),
         )
 
@@ -304,7 +299,7 @@ class Loader:
             total = self.firmware.seconds + extra * (self.firmware.size + 3 * len(self.firmware.records)) / self._window
             self.hand.journal.warn(
                 "slow-adapter",
-                f"each echo takes {extra * 1000:.0f} ms longer than the wire: about {total:.0f} s in all",
+                f"each echo takes {extra * 1000:.0f} ms longer than its bytes: about {total:.0f} s in all",
                 hint="set the latency timer of an FTDI adapter from 16 ms to 1 ms (/sys/bus/usb-serial/devices/ttyUSB0/latency_timer)",
             )
 
@@ -337,7 +332,7 @@ class Loader:
     def _cycle_again(self) -> None:
         line, link = self.hand.line, self.link
         if not link.power_cycle() and not self._guide.wait_for_enter(
-            f"No firmware answers yet. {CYCLE} Press Enter then."
+            f"No firmware has replied yet. {CYCLE} Then press Enter."
         ):
             self._guide.say(f"Waiting up to {READY_SECONDS:.0f} s.")
             deadline = line.deadline(READY_SECONDS)
@@ -348,8 +343,8 @@ class Loader:
         try:
             line.reconnect()
         except (NoAnswer, ProtocolError) as exc:
-            text = f"every byte was echoed, but no firmware answers after it: {exc.text}"
-            raise exc.retold(text, hint=f"{CYCLE} Then `handctl barrett version`", code="not-alive") from exc
+            text = f"every byte was echoed, but no firmware replies: {exc.text}"
+            raise exc.retold(text, hint=f"{CYCLE} Then run `handctl barrett version`", code="not-alive") from exc
 
     def _verdict(self, before: str, after: str) -> Download:
         readings = self.hand.read(all_elements([BARRETT.by_mnemonic(name) for name in ("S", "SN", "OTEMP", "BAUD")]))
@@ -369,14 +364,14 @@ class Loader:
             text = f"{self.link.name}: the hand reports {after!r}, expected version {wanted}"
             if self.expect is not None:
                 mismatch = CheckFailed(
-                    text, hint="check the file: it is the wrong one, or the old firmware is still there", code="version"
+                    text,
+                    hint="check the file: it may be the wrong one, or the hand still has its old firmware",
+                    code="version",
                 )
             else:
                 # The manual itself is not sure which file is which version (§1.1.2 against T1): a remark only.
-                self.hand.journal.warn(
-                    "version", f"{text} by the file's name", hint="use --expect to make this a check"
-                )
-        self.hand.journal.info("init", "the motors need `handctl barrett init` before any movement")
+                self.hand.journal.warn("version", f"{text} by the file's name", hint="use --expect to check this")
+        self.hand.journal.info("init", "run `handctl barrett init` before any movement")
         return Download(rows, mismatch)
 
 

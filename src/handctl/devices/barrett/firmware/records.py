@@ -96,9 +96,9 @@ class Transfer:
         """Check echoes. Raises EchoError naming the address, what was sent and what came."""
         for byte in data:
             if self._echoed >= self._sent:
-                raise EchoError(f"at {self.where}: {byte:02X} came although nothing was awaited", code="extra-byte")
+                raise EchoError(f"at {self.where}: {byte:02X} arrived although nothing was expected", code="extra-byte")
             if byte != self.awaited:
-                raise EchoError(f"at {self.where}: sent {self.awaited:02X}, got {byte:02X}", code="wrong-echo")
+                raise EchoError(f"at {self.where}: sent {self.awaited:02X}, received {byte:02X}", code="wrong-echo")
             self._echoed += 1
             if self._echoed == len(self._bytes) and self._groups:
                 self._in_data = True

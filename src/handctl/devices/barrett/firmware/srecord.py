@@ -130,7 +130,7 @@ class _Reader:
         elif len(digits) < 8:
             what = f"line {number} is too short: {text!r}"
         elif int(digits[:2], 16) != len(digits) // 2 - 1:
-            what = f"line {number}: its count says {int(digits[:2], 16)} bytes, {len(digits) // 2 - 1} are there"
+            what = f"line {number}: its count says {int(digits[:2], 16)} bytes, {len(digits) // 2 - 1} are present"
         else:
             found = int(digits[-2:], 16)
             right = ~sum(bytes.fromhex(digits[:-2])) & 0xFF
@@ -140,12 +140,16 @@ class _Reader:
     def _take(self, number: int, kind: str, address: int, size: int, data: bytes) -> None:
         # The type is not part of the checksum: one wrong bit makes a data record a header or an end record.
         if kind == "0" and (self.headers or self.s1):
-            self.note("types", f"line {number}: a header (S0) behind other records: a damaged data record?", DAMAGED)
+            self.note(
+                "types", f"line {number}: a header (S0) after other records, possibly a damaged data record", DAMAGED
+            )
         elif kind == "0":
             self.headers += 1
             self.header = "".join(chr(byte) for byte in data if 32 <= byte < 127).strip()
         elif kind in "59" and size:
-            self.note("types", f"line {number}: S{kind} with {size} data bytes: a damaged data record?", DAMAGED)
+            self.note(
+                "types", f"line {number}: S{kind} with {size} data bytes, possibly a damaged data record", DAMAGED
+            )
         elif kind == "5":
             self.counts.append((number, address))
         elif kind == "9":
@@ -154,7 +158,7 @@ class _Reader:
             self.s1 += 1
             if self.ended_at:
                 self.note(
-                    "end", f"line {number}: data behind the end record of line {self.ended_at}", "get the file again"
+                    "end", f"line {number}: data after the end record in line {self.ended_at}", "get the file again"
                 )
             if not size:
                 self.empty += 1
@@ -177,7 +181,7 @@ class _Reader:
                     "count", f"line {number}: S5 says {count} data records, the file has {self.s1}", "lines are missing"
                 )
         if not self.ended_at:
-            self.note("end", "no end record (S9): a file that was cut off looks the same", "get the file again", FORCE)
+            self.note("end", "no end record (S9), so the file may be incomplete", "get the file again", FORCE)
         self._overlaps()
         for first, last, what in ODD_AREAS:
             inside = [r for r in self.records if r.address <= last and r.address + len(r.data) > first]
@@ -185,7 +189,7 @@ class _Reader:
                 self.note(
                     "addresses",
                     f"line {inside[0].line}: data in {first:04X}-{last:04X}, the processor's default {what}",
-                    "the hand's real memory map is unknown: compare with the vendor's file",
+                    "the hand's actual memory map is unknown: compare the file with the vendor's",
                     WARNING,
                 )
 
@@ -203,18 +207,18 @@ class _Reader:
                     break
                 clash = clash or (WARNING, f"{where}, with the same bytes")
             if clash is not None:
-                self.note("overlaps", clash[1], "which bytes count is not defined: get the file again", clash[0])
+                self.note("overlaps", clash[1], "get the file again: it is not defined which bytes apply", clash[0])
 
 
-DAMAGED = "get the file again and never edit it: it is damaged"
+DAMAGED = "get the file again, and do not edit it: it is damaged"
 SIXTEEN_BIT = "BarrettHand firmware has 16-bit S1 records"
 GOOD = {
     "text": "every line is an S-record",
     "types": "16-bit records only",
-    "checksums": "every count and checksum fits",
+    "checksums": "every count and checksum is correct",
     "addresses": "all within 0000-FFFF",
     "overlaps": "none",
-    "count": "no S5 record, or it fits",
+    "count": "no S5 record, or a correct one",
     "end": "S9 is the last record",
     "data": "present",
 }
@@ -231,7 +235,7 @@ def parse(name: str, content: bytes) -> Firmware:
     firmware = Firmware(name, hashlib.sha256(content).hexdigest(), list(_split(reader.records)), reader.header)
     firmware.findings = [_finding(check, reader.bad[check]) for check in CHECKS]
     if reader.empty:
-        firmware.findings.append(Finding("empty", WARNING, f"{reader.empty} records without data", "they are left out"))
+        firmware.findings.append(Finding("empty", WARNING, f"{reader.empty} records without data", "they are skipped"))
     return firmware
 
 

@@ -114,11 +114,11 @@ class MonitorWords:
             while self._awaited and self._awaited[0][1] and not self._echoes:
                 self._awaited.popleft()
             if not self._awaited:
-                pieces += self._odd(byte, f"{byte:02X} came although nothing was awaited")
+                pieces += self._odd(byte, f"{byte:02X} arrived although nothing was expected")
                 continue
             sent, kind = self._awaited.popleft()
             if byte != sent:
-                pieces += self._odd(byte, f"wrong echo: sent {sent:02X}, got {byte:02X}")
+                pieces += self._odd(byte, f"wrong echo: sent {sent:02X}, received {byte:02X}")
             elif kind == "first":
                 pieces.append(Piece(direction=DEVICE, raw=bytes([byte]), meaning="echo of the first trigger"))
             else:
@@ -143,7 +143,7 @@ class MonitorWords:
         self._ends.popleft()
         raw = bytes(self._back[:size])
         del self._back[:size]
-        text = f"echo of the record at {address:04X}h: {size} bytes, all right"
+        text = f"echo of the record at {address:04X}h: {size} bytes, all correct"
         return [Piece(direction=DEVICE, raw=raw, meaning=text, answers=key)]
 
     def _odd(self, byte: int, text: str) -> list[Piece]:

@@ -25,7 +25,7 @@ _TRAVEL = (0, 20000)
 COMMANDS: dict[str, Command] = {
     command.name: command
     for command in (
-        Command("C", True, "motion", "close to CT (spread: F1 and F2 go beside F3)", "barrett §5.2.1"),
+        Command("C", True, "motion", "close to CT (spread: F1 and F2 move next to F3)", "barrett §5.2.1"),
         Command("HI", True, "init", "initialize: find the open stop (must be the first movement)", "barrett §5.2.1"),
         Command("HOME", True, "motion", "move to 0", "barrett §5.2.1"),
         Command("IC", True, "motion", "close by a distance (default: DS)", "barrett §5.2.1", _TRAVEL),

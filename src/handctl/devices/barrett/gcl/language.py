@@ -19,7 +19,7 @@ ABORT = b"\x03"
 PROMPT = b"=>"
 BANNER = b"BARRETTHAND FIRMWARE"
 """What a hand says when its firmware starts, in upper case; nothing else of its banner is known (dossier 1.2)."""
-DISTURBED = "run it again and check the cable: the line is disturbed"
+DISTURBED = "check the cable and run it again: data was damaged on the line"
 """The next step after bytes that cannot be an answer."""
 MAX_LINE = 70
 MAX_ARGUMENTS = 18
@@ -33,15 +33,15 @@ ERRORS: dict[int, tuple[str, str]] = {
     2: ("No motor found", "power-cycle the hand, then ask the vendor (electronics or cable)"),
     4: ("Motor not initialized", "run `handctl barrett init`. The fingers open fully: keep the space around them free"),
     16: ("Couldn't reach position", "look for an obstacle, a strain limit, or MPE: `handctl barrett status`"),
-    32: ("Unknown command", "`handctl barrett help` lists the commands: a wrong name, or noise on the line"),
+    32: ("Unknown command", "check the name, or check the cable for noise: `handctl barrett help` lists the commands"),
     64: (
         "Unknown parameter name",
-        "`handctl barrett describe` lists the parameters: this firmware does not have this one",
+        "this firmware does not have this parameter: `handctl barrett describe` lists them all",
     ),
-    128: ("Invalid value", "`handctl barrett describe` shows the ranges"),
+    128: ("Invalid value", "see the ranges with `handctl barrett describe`"),
     256: ("Tried to write a read only parameter", "read it with `handctl barrett get`: it cannot be written"),
     1024: ("Too many arguments for this command", "give fewer arguments at a time"),
-    2048: ("Invalid RealTime control block header", "check the hand's loop flags: the block did not fit them"),
+    2048: ("Invalid RealTime control block header", "check the hand's loop flags: the block did not match them"),
     4096: ("Command can't have motor prefix", "leave the motors out"),
     8192: (
         "Overtemperature fault tripped",
@@ -72,7 +72,7 @@ def hint_for(code: int) -> str:
     """The next step for the most telling bit of a status sum."""
     return next(
         (ERRORS[bit][1] for bit in split_status(code) if bit in ERRORS),
-        "ask the vendor: the manual does not name this code (T3)",
+        "ask the vendor: the manual does not list this code (T3)",
     )
 
 
@@ -90,7 +90,7 @@ def motor_prefix(text: str) -> str:
                 if not found:
                     raise UsageError(
                         f"motors {text}: there is no motor {letter}",
-                        hint="use the digits 1 2 3 4, G for the fingers 1 2 3, S for the spread 4 (barrett T2)",
+                        hint="use the digits 1 2 3 4, G for the fingers 1 2 3, or S for the spread 4 (barrett T2)",
                     )
                 digits |= set(found)
     if not digits:
@@ -244,7 +244,7 @@ def whole(answer: Answer) -> Answer:
     """The same answer. Raises ProtocolError where a character of it is none of GCL's: a bit was lost on the line."""
     for line in answer.lines:
         if not line.isascii():
-            text = f"{answer.command}: a damaged character came: {line!r} ({_bytes_of(answer, line)})"
+            text = f"{answer.command}: a character was damaged: {line!r} ({_bytes_of(answer, line)})"
             raise ProtocolError(text, hint=DISTURBED, code="damaged")
     return answer
 
@@ -284,14 +284,14 @@ def values(answer: Answer, names: int, motors: int) -> list[list[int]]:
         numbers = [int(word) for word in words if word.removeprefix("-").isdecimal() and len(word) <= 11]
         if len(numbers) != motors or len(words) != motors:
             raise ProtocolError(
-                f"{answer.command}: expected {motors} numbers a line, got {line!r} ({_bytes_of(answer, line)})",
+                f"{answer.command}: expected {motors} numbers per line, received {line!r} ({_bytes_of(answer, line)})",
                 hint=DISTURBED,
                 code="bad-line",
             )
         table.append(numbers)
     if len(table) != names and not answer.status:
         raise ProtocolError(
-            f"{answer.command}: expected {names} lines, got {len(table)}: {list(answer.lines)}",
+            f"{answer.command}: expected {names} lines, received {len(table)}: {list(answer.lines)}",
             hint=DISTURBED,
             code="bad-line",
         )

@@ -109,8 +109,7 @@ class GclLine(Line):
             if has_prompt(came):
                 self.journal.warn(
                     "loop",
-                    f"the prompt came after {count + 1} ^C. The hand was in its RealTime loop, where each ^C but the last "
-                    "was a small velocity, or the line is disturbed",
+                    f"the prompt arrived after {count + 1} ^C. Either the hand was in its RealTime loop, where each ^C except the last was a small velocity, or data was damaged on the line",
                 )
                 return None
         return came
@@ -140,7 +139,7 @@ class GclLine(Line):
             return self._answer(command, answer, echo)
         except LinkError as exc:
             if kind in ("motion", "init"):
-                exc.leaves(Left(hint=f"{command} may go on to its end. Switch the hand's power off if it must not"))
+                exc.leaves(Left(hint=f"{command} may continue to its end. Switch the hand's power off to prevent that"))
             raise
         except Restarted:
             raise
@@ -149,7 +148,7 @@ class GclLine(Line):
             if not self.over:
                 self.journal.blame(exc)
             else:  # an answer that the deadline cut short is not to blame
-                text = f"{link.name}: --deadline is over, {command} was not answered by then"
+                text = f"{link.name}: --deadline passed before the hand replied to {command}"
                 error = (
                     ProtocolError(f"{text}: {exc.text}", hint=exc.hint, code=exc.code)
                     if exc.code == "echo-differs"
@@ -157,7 +156,11 @@ class GclLine(Line):
                 )
             if kind in ("motion", "init"):  # whatever still moves must not go on
                 stands = self._stop_motors()
-                told = "^C was sent, the motors should stand" if stands else f"^C was sent and not answered: {OFF}"
+                told = (
+                    "^C was sent, so the motors should have stopped"
+                    if stands
+                    else f"^C was sent, but the hand did not reply: {OFF}"
+                )
                 error.leaves(Left(hint=told))
             raise error from (exc if error is not exc else None)
 
@@ -241,11 +244,11 @@ class GclLine(Line):
             decoder.feed(chunk)
             size += len(chunk)
             if not chunk:
-                raise self.restarted(decoder.received, f"{command} has no answer")
+                raise self.restarted(decoder.received, f"{command} has no reply")
             more = not whole.deadline.expired
         banner = BANNER in decoder.last(size + len(BANNER)).upper()
         if banner and restarted_in(decoder.received, command):
-            raise self.restarted(decoder.received, f"{command} has no answer")
+            raise self.restarted(decoder.received, f"{command} has no reply")
 
     def restarted(self, received: bytes, what: str) -> Restarted:
         """The error of a restart that shows in `received`; the next connect goes on from there."""
@@ -261,12 +264,12 @@ class GclLine(Line):
             return self.unanswered(f"{command}{speed}", self.timeout or ECHO_SECONDS, since, SILENCE)
         self.journal.counters.bad_frames += 1
         if decoder.echoed:
-            code, text = "cut-short", "the answer has no prompt"
+            code, text = "cut-short", "the reply has no prompt"
         else:
             code, text = "echo-differs", f"the echo differs from {encode(command).hex(' ').upper()}"
         return ProtocolError(
             f"{self.where}{speed}: {text}, received {received[:48].hex(' ').upper()}",
-            hint="run it again and check the cable: the line is disturbed, or the speed is wrong",
+            hint="check the cable and run it again: data was damaged on the line, or the baud rate is wrong",
             code=code,
         )
 
@@ -386,9 +389,9 @@ def _speaks_of_restart(data: bytes, command: str) -> bool:
     return restarted_in(data, command) or has_colon(data)
 
 
-RESTART_HINT = "`handctl barrett init` before any movement. Values that were not saved are lost"
+RESTART_HINT = "run `handctl barrett init` before any movement. Values that were not saved are lost"
 COLON_ALONE = 0.05
-OFF = "switch the supply off if anything still moves"
+OFF = "switch the power supply off if anything still moves"
 
 
 def _must_have_lines(command: str) -> bool:

@@ -10,6 +10,7 @@ from handctl.devices.barrett.gcl import lastspeed
 from handctl.devices.barrett.gcl.language import ABORT, CR, MOTORS, has_prompt, values
 from handctl.devices.barrett.map import SPEEDS
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.sentence import plural
 
 if TYPE_CHECKING:
     from handctl.devices.barrett.gcl.line import GclLine
@@ -22,15 +23,12 @@ PAUSE, MIDDLE = 0.1, 0.3
 APART = 0.1
 """Seconds between two reads of P that show whether the hand moves."""
 PROGRESS = {
-    table.SILENT: "no answer yet. Listening for a hand that starts or is busy, then trying other speeds",
-    table.BOOTING: "the hand has just been switched on. Waiting for its firmware, sending nothing",
+    table.SILENT: "no answer yet. Listening in case the hand is starting or busy, then trying other baud rates",
+    table.BOOTING: "the hand has just been switched on. Waiting for its firmware without sending anything",
     table.RESTARTED: "the firmware has started. Waiting for its prompt",
 }
-REMEDY = (
-    "run it again in a few seconds if the hand was just switched on. Without firmware (off for more than a day or two): "
-    "`handctl barrett firmware download FILE` (barrett §3.7, §8)"
-)
-BUSY_HINT = "A hand that moves or saves says nothing: `handctl barrett stop`, or --interrupt, ends a movement"
+REMEDY = "run it again in a few seconds if the hand was just switched on. If it was off for more than a day or two, it may have lost its firmware: `handctl barrett firmware download FILE` (barrett §3.7, §8)"
+BUSY_HINT = "A hand does not reply while it moves or saves: `handctl barrett stop` or --interrupt ends a movement"
 
 MOST = 2
 """A state is entered so often: a device that says what is never an answer must not lead round in a circle."""
@@ -219,7 +217,7 @@ class Meeting:
             line.journal.info("busy", f"{link.name}: {table.BUSY}")
         if link.can_set_baud and link.baud != self._first:
             line.journal.info(
-                "speed", f"the hand answers at {link.baud} bit/s", hint=f"use --baud {link.baud} to find it at once"
+                "speed", f"the hand uses {link.baud} bit/s", hint=f"use --baud {link.baud} to find it immediately"
             )
         for text in (table.IN_LOOP, table.IN_BLOCK):
             if text in self.told:
@@ -237,12 +235,12 @@ class Meeting:
         if end in (table.WIRE, table.GARBAGE):
             echo = end == table.WIRE or not came.strip(ABORT + CR + b"!\0")
             monitor = " or the boot monitor of a hand without firmware" if echo and not link.can_set_baud else ""
-            lacking = "no prompt" if b"=>" not in came else "no answer to the question"
+            lacking = "no prompt" if b"=>" not in came else "no reply to the request"
             return ProtocolError(
-                f"{link.name}: {lacking} {tried}, but {len(came)} bytes came: {shown}",
-                hint=f"check the wiring: this is an echo (TX and RX joined){monitor}. Unplug the hand: bytes that still come back come from a wire"
+                f"{link.name}: {lacking} {tried}, but {plural(len(came), 'byte')} arrived: {shown}",
+                hint=f"check the wiring: this is an echo (TX and RX connected){monitor}. If the bytes still come back with the hand unplugged, the wiring is at fault"
                 if echo
-                else "check the port and the cable, then power-cycle the hand: another device, or a disturbed line",
+                else "check the port and the cable, then power-cycle the hand: it may be another device, or a disturbed line",
                 code="echo" if echo else "garbage",
                 came=came,
             )
@@ -274,7 +272,7 @@ def look_for_motion(line: GclLine) -> list[str]:
     if moving:
         line.journal.warn(
             "moving",
-            f"{line.link.name}: the hand moves: {', '.join(moving)} counts in {APART:g} s",
+            f"{line.link.name}: the hand is moving: {', '.join(moving)} counts in {APART:g} s",
             hint="`handctl barrett stop` ends it",
         )
     return moving

@@ -31,10 +31,13 @@ def refuse(text: str) -> None:
     if command.kind == "loop":
         raise UsageError("LOOP leaves the text protocol", hint="use `handctl barrett realtime`")
     if command.name == "RESET":
-        raise UsageError("RESET may change the speed", hint="use `handctl barrett reset`: it finds the hand again")
+        raise UsageError(
+            "RESET may change the baud rate", hint="use `handctl barrett reset`, which finds the hand again"
+        )
     if command.name == "PSET" and "BAUD" in arguments:
         raise UsageError(
-            "PSET BAUD changes the speed at once", hint="use `handctl barrett baud RATE`: the port follows"
+            "PSET BAUD changes the baud rate immediately",
+            hint="use `handctl barrett baud RATE`, which also switches the port",
         )
 
 
@@ -115,10 +118,10 @@ def ask(hand: BarrettHand, text: str) -> Answer:
         hand.line.reconnect()
         if hand.line.link.baud == before:
             raise
-        hand.journal.ledger.confirm(f"answers at {hand.line.link.baud} bit/s now", Step(text, encode(text)))
+        hand.journal.ledger.confirm(f"now replies at {hand.line.link.baud} bit/s", Step(text, encode(text)))
         hand.journal.info(
             "speed-changed",
-            f"{text} changed the speed to {hand.line.link.baud} bit/s. Its answer was lost in the change",
+            f"{text} changed the baud rate to {hand.line.link.baud} bit/s. Its reply was lost in the change",
         )
         return Answer(text, (), 0, b"")
     hand.line.reconnect()

@@ -38,7 +38,7 @@ def change(line: GclLine, code: int) -> None:
         line.resynchronise()
         raise ProtocolError(
             f"{link.name}: the echo of {command} differs: {echo.hex(' ').upper()}",
-            hint="`handctl barrett status` looks at all speeds: the speed may or may not have changed",
+            hint="run `handctl barrett status`, which tries all baud rates: this one may or may not have changed",
             code="echo-differs",
         )
     if link.can_set_baud:
@@ -46,7 +46,7 @@ def change(line: GclLine, code: int) -> None:
     link.sleep(SETTLE_SECONDS)
     line.collect(0.05)
     link.write(CR, link.deadline(2.0))
-    answers = f"answers at {new} bit/s"
+    answers = f"the hand replies at {new} bit/s"
     if line.prompt_comes():
         if link.can_set_baud:
             ledger.confirm(answers, Step(command, data))
@@ -55,18 +55,18 @@ def change(line: GclLine, code: int) -> None:
         try:
             line.reconnect()
         except (NoAnswer, ProtocolError) as exc:
-            text = f"{link.name}: no prompt after {command}, at {new} bit/s or any other speed. {exc.text}"
+            text = f"{link.name}: no prompt after {command}, at {new} bit/s or any other baud rate. {exc.text}"
             raise exc.retold(text, code="lost-speed") from exc
         if link.baud == new:
             ledger.confirm(answers, Step(command, data))
             return
         ledger.doubt(f"answers at {link.baud} bit/s", Step(command, data))
         raise DeviceRefused(
-            f"{link.name}: the hand did not change to {new} bit/s. It answers at {link.baud} bit/s",
-            hint="use a lower speed: some hands cannot do the higher ones",
+            f"{link.name}: the hand did not change to {new} bit/s. It replies at {link.baud} bit/s",
+            hint="use a lower baud rate: some hands do not support the higher ones",
             code="baud",
         )
-    raise NoAnswer(f"{link.name}: no prompt after {command}", hint="check the speed that the device's server keeps")
+    raise NoAnswer(f"{link.name}: no prompt after {command}", hint="check the baud rate of the device server")
 
 
 def reset(line: GclLine) -> str:
@@ -84,14 +84,14 @@ def reset(line: GclLine) -> str:
     banner = banner.removeprefix("RESET").strip(" :\n")  # a hand that has just started may print ":" first
     line.reconnect()
     if BANNER_TEXT in banner or link.baud != before:  # a banner at another speed is unreadable
-        line.journal.ledger.confirm("its banner came, and it answers", Step("RESET", encode("RESET")))
+        line.journal.ledger.confirm("its banner arrived, and it replies", Step("RESET", encode("RESET")))
     else:
         raise ProtocolError(
-            f"{link.name}: the banner does not say {BANNER_TEXT!r}: {banner!r}. Whether the hand restarted is not known",
-            hint="look with `handctl barrett status`: after a restart the motors are not initialized",
+            f"{link.name}: the banner does not say {BANNER_TEXT!r}: {banner!r}. It is not known whether the hand restarted",
+            hint="check with `handctl barrett status`: after a restart the motors are not initialized",
             code="banner",
         )
-    line.journal.info("uninitialized", "the motors are not initialized now", hint="`handctl barrett init`")
+    line.journal.info("uninitialized", "after the reset the motors are not initialized", hint="`handctl barrett init`")
     return banner
 
 
@@ -99,7 +99,7 @@ def code_of(rate: int) -> int:
     """BAUD value of a speed in bit/s. Raises UsageError."""
     if rate % 100 or rate // 100 not in (6, 12, 24, 48, 96, 192, 384):
         raise UsageError(
-            f"{rate} bit/s is not a speed of this hand",
+            f"{rate} bit/s is not a baud rate of this hand",
             hint="use 600, 1200, 2400, 4800, 9600, 19200 or 38400 (barrett §5.4.1). Nothing was sent.",
         )
     return rate // 100

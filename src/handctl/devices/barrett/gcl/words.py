@@ -61,9 +61,9 @@ def motors(prefix: str) -> list[str]:
 def command(text: str) -> tuple[str, str]:
     """(meaning, problem) of a command line."""
     if not text:
-        return "an empty line: asks for the prompt", ""
+        return "an empty line: requests the prompt", ""
     if text == MARK:
-        return f"{MARK}: asks for the prompt, and is not a command", ""
+        return f"{MARK}: requests the prompt, and is not a command", ""
     prefix, found, words = split(text)
     if found is None:
         return f"{text}: not a GCL command", "unknown-command"

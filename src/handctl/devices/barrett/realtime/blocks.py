@@ -173,13 +173,11 @@ class Decoder:
         if self._buffer[0] in (0x0A, 0x0D):
             return self._error()
         if not self._expected:
-            raise ProtocolError(
-                f"RealTime: bytes that no block asked for: {self._shown()}", hint=DISTURBED, code="unasked"
-            )
+            raise ProtocolError(f"RealTime: unexpected bytes: {self._shown()}", hint=DISTURBED, code="unasked")
         if self._buffer[0] != ACKNOWLEDGE:
             raise ProtocolError(
-                f"RealTime: expected 2A (*) or an error, got {self._shown()}",
-                hint="run it again and check the cable: bytes were lost or changed, so the loop had to end",
+                f"RealTime: expected 2A (*) or an error, received {self._shown()}",
+                hint="check the cable and run it again: bytes were lost or changed, so the loop had to end",
                 code="bad-block",
             )
         size = self._layout.feedback_size if self._expected[0] else 1
@@ -195,7 +193,7 @@ class Decoder:
         if end < 0:
             if len(text) > ERROR_TEXT:
                 raise ProtocolError(
-                    f"RealTime: expected ERR and a prompt, got {self._shown()}", hint=DISTURBED, code="bad-block"
+                    f"RealTime: expected ERR and a prompt, received {self._shown()}", hint=DISTURBED, code="bad-block"
                 )
             return None
         words = text[:end].split()
@@ -206,7 +204,7 @@ class Decoder:
         if len(words) == 2 and words[0] == b"ERR" and words[1].isdigit() and len(words[1]) <= 10:
             return LoopError(int(words[1]))
         came = text[:48].hex(" ").upper()
-        raise ProtocolError(f"RealTime: expected ERR and a number, got {came}", hint=DISTURBED, code="bad-block")
+        raise ProtocolError(f"RealTime: expected ERR and a number, received {came}", hint=DISTURBED, code="bad-block")
 
     def _shown(self) -> str:
         return bytes(self._buffer[:48]).hex(" ").upper()

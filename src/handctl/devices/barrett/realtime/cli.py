@@ -280,12 +280,12 @@ def _steps(run: Run, wish: Wish, controls: Controls | None) -> list[Step]:
     steps.append(Step(f"{entry}: enter RealTime", encode(entry)))
     values = controls.first if controls is not None else None
     if controls is None or values is None:
-        steps.append(Step("ask for feedback, repeatedly", b"A"))
+        steps.append(Step("request feedback, repeatedly", b"A"))
     else:
         layout = Layout({index: Selection(controls.carries[index], ()) for index in wish.motors})
         zero = {index: {**names, **({"velocity": 0} if "velocity" in names else {})} for index, names in values.items()}
         steps.append(Step("first control block", layout.control(values), moves=True))
-        steps.append(Step("last control block: stand", layout.control(zero, feedback=False)))
+        steps.append(Step("last control block: velocity 0", layout.control(zero, feedback=False)))
     steps.append(Step("leave RealTime", abort_at(run.settings.baud)))
     if controls is not None and not wish.hold:
         steps.append(Step(f"{wish.prefix}T: motor power off", encode(f"{wish.prefix}T")))

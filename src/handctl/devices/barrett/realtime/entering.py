@@ -42,9 +42,11 @@ def enter(session: Session) -> None:
         came = (came + chunk).lstrip(b" ")  # the space behind the prompt before may come late
     line.check_bound()
     if not came:
-        raise line.unanswered(command, ENTER_SECONDS, begun, "`handctl barrett status` shows whether the hand is there")
+        raise line.unanswered(
+            command, ENTER_SECONDS, begun, "check that the hand replies with `handctl barrett status`"
+        )
     raise ProtocolError(
-        f"{link.name}: expected {command} and *, or ERR, got {came[:48].hex(' ').upper()}",
+        f"{link.name}: expected {command} and *, or ERR, received {came[:48].hex(' ').upper()}",
         hint=DISTURBED,
         code="echo-differs",
     )

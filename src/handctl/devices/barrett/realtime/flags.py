@@ -183,7 +183,7 @@ def _delta_unit(
     if needed > 255:
         hand.journal.warn(
             "delta-too-small",
-            f"{MOTORS[index]}: {fastest:.0f} counts a block do not fit a delta, even with LFDPC 255",
+            f"{MOTORS[index]}: {fastest:.0f} counts per block do not fit into a delta, even with LFDPC 255",
             hint="add position to --receive, or use a higher --rate",
         )
     return max(now["LFDPC", index], min(needed, 255))
@@ -194,7 +194,7 @@ def _heat(hand: BarrettHand, wish: Wish, now: Mapping[tuple[str, int], int]) -> 
     limit = now["OTEMP", 0] if 0 < now["OTEMP", 0] < LIMIT_TENTHS else LIMIT_TENTHS
     if "heat" in wish.guards and now["TEMP", 0] > limit:
         raise CheckFailed(
-            f"{hand.link.name}: the board has {now['TEMP', 0] / 10:.1f} °C, and above {limit / 10:.1f} °C nothing is driven (guard heat)",
+            f"{hand.link.name}: the board is at {now['TEMP', 0] / 10:.1f} °C, and above {limit / 10:.1f} °C nothing is driven (guard heat)",
             hint="`handctl barrett status` shows TEMP and OTEMP. Let the hand cool, or correct OTEMP",
             code="guard-heat",
         )
@@ -211,7 +211,7 @@ def refuse_disabled(hand: BarrettHand) -> None:
     if off:
         others = "".join(str(reading.element.index + 1) for reading in readings if reading.value)
         raise UsageError(
-            f"{', '.join(off)} disabled (EN 0): handctl does not guess whether to move without being named",
+            f"{', '.join(off)} disabled (EN 0), and handctl does not guess whether it may move",
             hint=f"use --motors 1234 for all{f', or --motors {others} for the enabled ones' if others else ''}. Nothing moved.",
             code="disabled",
         )
@@ -282,7 +282,7 @@ def _refuse_zero(now: Mapping[tuple[str, int], int], motors: tuple[int, ...], *,
             if used and not now[name, index]:
                 does = "stop the motor" if name == "LCVC" else "divide by zero"
                 raise CheckFailed(
-                    f"{name} of {MOTORS[index]} is 0: that would {does}",
+                    f"{name} of {MOTORS[index]} is 0, which would {does}",
                     hint=f"`handctl barrett set {name}.{MOTORS[index]}=1`",
                     code="coefficient",
                 )

@@ -15,8 +15,8 @@ from handctl.devices.barrett.realtime.schedule import Values
 from handctl.errors import UsageError
 
 GUARDS = {
-    "stall": "velocity 0 for a motor that stands still longer than TSTOP",
-    "window": "velocity 0 where a motor would leave 0 to CT. An impossible position ends the loop",
+    "stall": "velocity 0 for a motor that has not moved for TSTOP",
+    "window": "velocity 0 for a motor that would leave the range 0 to CT. An impossible position ends the loop",
     "strain": "velocity 0 above HSG and below LSG",
     "opening": "no opening faster than IVEL allows",
     "heat": "the loop ends above 65 °C, or OTEMP",
@@ -133,7 +133,7 @@ class Guards:
         reach = watch.position + velocity * watch.limits.speed * (now - watch.taken + cycle)
         limit = high if velocity > 0 else low
         if (reach - limit) * velocity > 0:
-            text = f"at {watch.position} counts, its window ends at {limit}"
+            text = f"at {watch.position} counts, and its window ends at {limit}"
             self._trip("window", index, watch, velocity, watch.position, limit, 0.0, text)
 
     # -- behind a block --------------------------------------------------------------------------------------------
@@ -155,7 +155,7 @@ class Guards:
             return
         if "window" in self._on and implausible(index, position):
             most = TRAVEL[index == 3]
-            text = f"position {position} is impossible: the travel ends at about {most}"
+            text = f"position {position} is impossible, because the travel ends at about {most}"
             self.events.append(Event(now, "window", index, position, most, 0.0, text, ends=True))
         if turned or not direction:
             watch.mark = (now, position)
@@ -166,7 +166,7 @@ class Guards:
     def heat(self, tenths: int) -> None:
         """The board's temperature."""
         if "heat" in self._on and tenths > self._heat:
-            text = f"{tenths / 10:.1f} °C: the limit is {self._heat / 10:.1f} °C"
+            text = f"{tenths / 10:.1f} °C, and the limit is {self._heat / 10:.1f} °C"
             self.events.append(Event(self._now, "heat", None, tenths / 10, self._heat / 10, 0.0, text, ends=True))
 
     def _strain(self, index: int, watch: _Watch, strain: int, velocity: int, turned: bool) -> None:
@@ -179,7 +179,7 @@ class Guards:
             over, under = over and strain > begun + WORSE, under and strain < begun - WORSE
         if over or under:
             limit = high if over else low
-            text = f"strain {strain}, its limit is {limit}"
+            text = f"strain {strain}, and its limit is {limit}"
             self._trip("strain", index, watch, velocity, strain, limit, 0.0, text)
 
     def _stall(self, index: int, watch: _Watch, position: int, velocity: int, now: float) -> None:
@@ -192,7 +192,9 @@ class Guards:
         elif now - since > max(
             limits.stall, LEAST_SHARE * limits.quantum / speed
         ):  # a slow motor needs long for a count
-            text = f"stands at {position} counts for {(now - since) * 1000:.0f} ms, TSTOP is {limits.stall * 1000:.0f}"
+            text = (
+                f"has been at {position} counts for {(now - since) * 1000:.0f} ms, TSTOP is {limits.stall * 1000:.0f}"
+            )
             self._trip("stall", index, watch, velocity, position, limits.stall, now - since, text)
 
     def _trip(
@@ -214,9 +216,8 @@ def check_opening(index: int, velocity: int, limits: Limits) -> None:
     fast = -velocity * limits.factor
     if fast > limits.opening:
         raise UsageError(
-            f"{MOTORS[index]}: velocity {velocity} x LCVC {limits.factor} opens at {fast / 16:.1f} counts a sample, "
+            f"{MOTORS[index]}: velocity {velocity} x LCVC {limits.factor} opens at {fast / 16:.1f} counts per sample, but "
             f"IVEL allows {limits.opening / 16:.2f}",
-            hint="use a smaller velocity or LCVC. --force opens so fast anyway, which may deform the clutch's washers "
-            "permanently (barrett §5.3.4 IVEL)",
+            hint="use a smaller velocity or LCVC. --force opens that fast anyway, which may deform the clutch's washers permanently (barrett §5.3.4 IVEL)",
             code="opening-speed",
         )

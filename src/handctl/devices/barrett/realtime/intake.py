@@ -57,7 +57,7 @@ class Lines:
         if not gives(descriptor, left):
             where = "stdin" if self._path == "-" else self._path
             raise NoAnswer(
-                f"{where}: no control values came within {self._seconds or SILENCE:g} s",
+                f"{where}: no control values arrived within {self._seconds or SILENCE:g} s",
                 hint="start the program that writes them, or give a longer --deadline. Nothing was sent.",
                 code="deadline",
             )

@@ -52,7 +52,7 @@ READER_SECONDS = 0.3
 PROOF_SECONDS = 0.025
 """Silence behind a block that proves its end where no other block follows: an adapter hands bytes over within 16 ms."""
 SELF_TEST_BLOCKS = 16
-UNPROVED = "no answer came behind it: its place in the stream is not proved"
+UNPROVED = "no reply followed it, so its position in the stream is not confirmed"
 
 
 class RealtimeLoop:
@@ -125,7 +125,7 @@ class RealtimeLoop:
             raise
         except LinkError as exc:
             if session.inside and self.controls is not None:
-                exc.leaves(Left(hint="switch the hand's power off now: the motors keep their last velocity"))
+                exc.leaves(Left(hint="switch the hand's power off now, because the motors keep their last velocity"))
             session.give_up()
             if exc.code == "lost":  # no T can reach the hand either
                 session.last = {}
@@ -151,8 +151,8 @@ class RealtimeLoop:
         self._leave()
         stopped = "the motors were stopped" if self.failure is None else f"stopping failed: {self.failure.text}"
         return OutputError(
-            f"the reader took no rows for {READER_SECONDS:g} s, so no further block could be sent: {stopped}",
-            hint="use a reader that keeps up, a lower --rate, or -o FILE",
+            f"the program that reads the output took no rows for {READER_SECONDS:g} s, so no further block could be sent: {stopped}",
+            hint="read the output faster, or use a lower --rate or -o FILE",
             code="reader",
         )
 
@@ -182,7 +182,7 @@ class RealtimeLoop:
             for _ in self._exchange(idle, 0.0, SELF_TEST_BLOCKS, None):
                 pass
         except (NoAnswer, ProtocolError) as exc:
-            exc.text = f"{exc.text} (self-test of overlapped blocks, nothing was driven)"
+            exc.text = f"{exc.text} (self-test of overlapped blocks, nothing moved)"
             exc.hint = f"leave --overlapped out. {exc.hint}"
             raise
         self._intake.forget()
@@ -252,7 +252,7 @@ class RealtimeLoop:
                 yield intake.sample(last, text)
             raise
         if bound is not None and bound.expired:
-            raise NoAnswer(f"{link.name}: --deadline is over", hint="use a longer --deadline", code="deadline")
+            raise NoAnswer(f"{link.name}: --deadline has passed", hint="use a longer --deadline", code="deadline")
 
     def _prove_by_silence(self) -> None:
         """Nothing more comes where nothing was asked for: the block ended where it should. Raises ProtocolError."""
@@ -351,7 +351,7 @@ class RealtimeLoop:
         if came.strip(b"\r\n ") == b":" or restarted_in(came, "LOOP"):
             self.session.give_up()
             self.session.last = {}
-            raise line.restarted(came, "RealTime is over, no motor has power")
+            raise line.restarted(came, "RealTime has ended, and no motor has power")
 
     def _silence(self) -> HandctlError:
         self._look_for_restart()
@@ -362,7 +362,7 @@ class RealtimeLoop:
             return ProtocolError(
                 f"{name}: a feedback block of {self.layout.feedback_size} bytes stopped after "
                 f"{decoder.received.hex(' ').upper()}",
-                hint="run it again and check the cable: bytes were lost on the line, or the flags changed",
+                hint="check the cable and run it again: bytes were lost on the line, or the flags changed",
                 code="cut-short",
             )
         return NoAnswer(
@@ -375,7 +375,7 @@ class RealtimeLoop:
         if error.status:
             return self.hand.refusal(answer)
         return DeviceRefused(
-            f"{self.hand.link.name}: {answer.command}: the hand left RealTime unasked",
+            f"{self.hand.link.name}: {answer.command}: the hand left RealTime unexpectedly",
             hint="run it again",
             code="left",
         )

@@ -61,7 +61,7 @@ def _advise(run: Run, found: dict[str, Any]) -> None:
     if cycle_ms > wire_ms + 8:
         run.journal.warn(
             "slow-adapter",
-            f"a block takes {cycle_ms:.1f} ms, its bytes {wire_ms:.1f} ms: the adapter waits",
+            f"a block takes {cycle_ms:.1f} ms, its bytes {wire_ms:.1f} ms: the adapter delays them",
             hint="set the latency timer of an FTDI adapter from 16 ms to 1 ms "
             "(/sys/bus/usb-serial/devices/ttyUSB0/latency_timer)",
         )

@@ -79,11 +79,11 @@ class Positions:
             if "delta" in found:
                 places[index] = self._deltas[index].add(found["delta"])
                 if found["delta"] in (127, -128):
-                    doubts[index] = "saturated: the change did not fit a byte, the position lags"
+                    doubts[index] = "saturated: the change did not fit into a byte, so the position lags"
                     if self._discards:
                         self._lost.add(index)
                 elif index in self._lost:
-                    doubts[index] = "an earlier change did not fit a byte and LFDPD dropped the rest"
+                    doubts[index] = "an earlier change did not fit into a byte, and LFDPD dropped the rest"
             if "position" in found:
                 places[index] = found["position"]
         return places, doubts
@@ -153,7 +153,7 @@ class Intake:
             if event.ends:
                 self.end = CheckFailed(
                     f"{self._hand.link.name}: {text}. The loop was left",
-                    hint=f"use --no-guard {event.guard} to go on anyway",
+                    hint=f"use --no-guard {event.guard} to continue anyway",
                     code=f"guard-{event.guard}",
                 )
             else:
@@ -171,7 +171,7 @@ class Intake:
         if any(taken.saturated.values()):
             self._hand.journal.warn(
                 "saturated",
-                "a delta did not fit its byte: the position that is added up from deltas lags (its rows say so)",
+                "a delta did not fit into its byte, so the position that is summed from deltas lags (its rows say so)",
                 hint="use more counts in --delta-unit, position in --receive, or a higher --rate (barrett §6.2.3)",
             )
         rows = rows_of(taken, layout, self.prepared.shown, self.prepared.temperature, doubt)

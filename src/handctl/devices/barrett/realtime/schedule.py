@@ -43,7 +43,7 @@ class Controls:
                     self._state[index][name] = start[(index, name)]
                 elif name == "gain":
                     raise UsageError(
-                        f"no gain for {MOTORS[index]} to start with", hint="give --gain G, or leave gain out of --send"
+                        f"{MOTORS[index]} has no gain to start with", hint="give --gain G, or leave gain out of --send"
                     )
 
     @property
@@ -203,14 +203,14 @@ def _steady(
             if time < last:
                 raise UsageError(
                     f"{where}: row {number}: time {time:g} s is before {last:g} s",
-                    hint="sort the rows: times must rise",
+                    hint="sort the rows, because times must increase",
                 )
             last = time
         for index, name in change:
             if name not in carried[index]:
                 raise UsageError(
                     f"{where}: row {number}: {name}.{MOTORS[index]} was not in the first row",
-                    hint="name everything in the first row: the blocks' structure is fixed when the loop is entered",
+                    hint="name every value in the first row, because the structure of the blocks is fixed when the loop starts",
                 )
         yield time, change
 
@@ -226,7 +226,7 @@ def _csv_rows(
         if len(fields) != len(names):
             raise UsageError(
                 f"{where}: line {number}: {len(fields)} fields, the header has {len(names)}",
-                hint="give each line as many fields as the header has",
+                hint="give each line as many fields as the header",
             )
         yield _row(
             {name: field.strip() for name, field in zip(names, fields, strict=True) if field.strip()},
@@ -315,7 +315,7 @@ def _seconds(value: Any, where: str) -> float:
     except (TypeError, ValueError):
         seconds = -1.0
     if isinstance(value, bool) or not 0 <= seconds < 1e6:
-        raise UsageError(f"{where}: t {value!r} is not a time in seconds", hint="use seconds from 0 on, such as 0.5")
+        raise UsageError(f"{where}: t {value!r} is not a time in seconds", hint="use seconds, 0 or more, such as 0.5")
     return seconds
 
 

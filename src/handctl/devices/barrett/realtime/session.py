@@ -93,7 +93,7 @@ class Session:
             self._blame(exc, "switch the hand's power off if anything moves" if moved else "power-cycle the hand")
         try:
             if moved and self.wish.hold and stands:
-                self.hand.journal.info("held", "velocity 0 was commanded. The motors stay powered (--hold)")
+                self.hand.journal.info("held", "velocity 0 was sent. The motors stay powered (--hold)")
             elif moved:
                 self._power_off()
         except Exception as exc:  # noqa: BLE001 - the same
@@ -105,7 +105,7 @@ class Session:
                 self.hand.write(self.undo)
         except Exception as exc:  # noqa: BLE001 - the same
             flags = ", ".join(f"{element.full_name}={value}" for element, value in self.undo)
-            self._blame(exc, f"power-cycle the hand to bring the saved flags back. Before, they were {flags}")
+            self._blame(exc, f"power-cycle the hand to restore the saved flags. Before, they were {flags}")
         self.last, self.undo = {}, []
         self.thrown_out = self.asked = self.stood = False  # once is enough
 
@@ -113,7 +113,7 @@ class Session:
         answer = self.hand.line.ask(f"{self.wish.prefix}T")
         if answer.status & ~NOT_INITIALIZED:
             raise self.hand.refusal(answer)
-        why = ". --hold is not kept, because velocity 0 was not acknowledged" if self.wish.hold else ""
+        why = ". --hold was ignored, because velocity 0 was not acknowledged" if self.wish.hold else ""
         self.hand.journal.info("stopped", f"{self.wish.prefix}T was acknowledged: the motors are switched off{why}")
 
     def _go_out(self, moved: bool) -> bool:
@@ -127,7 +127,7 @@ class Session:
                 self.hand.journal.ledger.confirm("each block was acknowledged", since=self.mark)
             if not (stands and line.abort() is not None) and line.leave_loop() is not None:
                 raise NoAnswer(
-                    "no prompt after ^C: the hand may still be in its loop",
+                    "no prompt after ^C, so the hand may still be in its loop",
                     hint="switch the hand's power off if anything moves",
                     code="loop",
                 )

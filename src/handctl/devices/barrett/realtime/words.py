@@ -92,7 +92,7 @@ def factory_block(direction: str, data: bytes) -> list[Piece]:
 def control_piece(layout: Layout, block: bytes, key: str) -> Piece:
     """A control block, complete."""
     header, place = chr(block[0]), 1
-    parts = [Part(block[:1], "header", "answer with feedback" if header in "CA" else "answer with * only")]
+    parts = [Part(block[:1], "header", "reply with feedback" if header in "CA" else "reply with * only")]
     carried, texts = [], []
     for index, motor in layout.motors.items() if len(block) > 1 else ():
         own = []
@@ -107,7 +107,7 @@ def control_piece(layout: Layout, block: bytes, key: str) -> Piece:
     data = ", ".join(filter(None, texts)) or "no control values"
     back = "feedback" if header in "CA" else "acknowledgement"
     return Piece(
-        direction=HOST, raw=block, meaning=f"{header}: {data}, asks for {back}", title=f"block {header}", asks=key,
+        direction=HOST, raw=block, meaning=f"{header}: {data}, requests {back}", title=f"block {header}", asks=key,
         values=tuple(carried), parts=tuple(parts), fields={"header": header},
     )  # fmt: skip
 
@@ -154,7 +154,7 @@ class LoopWords:
     def summary(self) -> str:
         """``control 9 bytes, feedback 21 bytes``, and whether the flags were seen."""
         sizes = f"control {self._layout.control_size} bytes, feedback {self._layout.feedback_size} bytes"
-        return sizes + ("" if self._known else " (flags as the factory has them: none were read before)")
+        return sizes + ("" if self._known else " (factory flags, because none were read before)")
 
     def flush(self) -> list[Piece]:
         """What is left of an unfinished block."""
@@ -202,7 +202,7 @@ class LoopWords:
                     return pieces, data, False
                 return [*pieces, self._end(data, end)], data[len(data) if end < 0 else _behind(data, end) :], end >= 0
             if data[0] != ACKNOWLEDGE or not self._asked:
-                why = "bytes that no block asked for" if data[0] == ACKNOWLEDGE else "* or an error was expected here"
+                why = "unexpected bytes" if data[0] == ACKNOWLEDGE else "* or an error was expected here"
                 end = data.find(b"\n") if self.leaving else -1
                 raw = data[:end] if end > 0 else data
                 pieces.append(stray(DEVICE, raw, why, "bad-block"))
@@ -229,7 +229,7 @@ class LoopWords:
         why = f"ERR {status}: {explain_status(status)}. " if status else ""
         key = "leave" if self.leaving else self._asked[0][0] if self._asked else ""
         return Piece(
-            direction=DEVICE, raw=data[: _behind(data, end)], meaning=f"{why}RealTime is over, prompt", answers=key,
+            direction=DEVICE, raw=data[: _behind(data, end)], meaning=f"{why}RealTime has ended, prompt", answers=key,
             problem="refused" if status else "", fields={"status": status},
         )  # fmt: skip
 

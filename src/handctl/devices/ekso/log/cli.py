@@ -121,23 +121,23 @@ def export(
         if knee_sign is None:
             run.journal.warn(
                 "knee-sign",
-                "knee flexion is positive, as the device has it",
-                hint="--knee-sign -1 for models like gait2392",
+                "knee flexion is positive, as in the device",
+                hint="use --knee-sign -1 for models like gait2392",
             )
         result = exports.motion(source, segment=segment, knee_sign=sign, rate=rate, tool=f"handctl {__version__}")
     if source.simulated:
         run.settings = run.settings._replace(port=None, fake=True)
-        run.journal.info("simulated", f"{log}: a simulator was recorded, not a device")
+        run.journal.info("simulated", f"{log}: this is a recording of a simulator, not of a device")
     return _shown(run, result, as_rows)
 
 
 def _check_options(kind: str | None, *, si: bool, knee_sign: str | None, rate: float | None) -> None:
     if kind is None:
-        raise UsageError("which format?", hint="--to mot or --to csv")
+        raise UsageError("no format given", hint="use --to mot or --to csv")
     if kind == "csv" and (knee_sign is not None or rate is not None):
-        raise UsageError("--knee-sign and --rate are for --to mot", hint="leave them out")
+        raise UsageError("--knee-sign and --rate work only with --to mot", hint="leave them out")
     if kind == "mot" and si:
-        raise UsageError("--si is for --to csv", hint="a motion file is in degrees")
+        raise UsageError("--si works only with --to csv", hint="leave it out: a motion file is in degrees")
 
 
 def _shown(run: Run, result: Exported, as_rows: bool) -> Table:

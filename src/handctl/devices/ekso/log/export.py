@@ -59,7 +59,7 @@ def motion(log: LogFile, *, segment: int | None, knee_sign: int, rate: float | N
     moving = [point for i, point in enumerate(points) if i == 0 or point.t_ms > points[i - 1].t_ms]
     remarks = list(_remarks(log))
     if len(moving) < len(points):
-        remarks.append(f"{len(points) - len(moving)} rows left out: BootTime did not advance")
+        remarks.append(f"{len(points) - len(moving)} rows were skipped because BootTime did not advance")
     if rate is None:
         lines = [(f"{p.t_ms / 1000:.3f}", *(f"{value / 100:.2f}" for value in p.values)) for p in moving]
     else:
@@ -97,7 +97,7 @@ def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[list[Poi
     known = ", ".join(f"{n}: {rows} rows, {(end - start) / 1000:.1f} s" for n, (start, end, rows) in spans.items())
     if segment is None and len(spans) > 1:
         raise UsageError(
-            f"{log.path} has {len(spans)} segments (the device was restarted, its port was lost, or its clock and that of the machine parted), a motion file holds one",
+            f"{log.path} has {len(spans)} segments (the device restarted, its port was lost, or its clock and this computer's drifted apart), but a motion file holds only one",
             hint=f"--segment N; {known}",
             code="segment",
         )
@@ -166,9 +166,9 @@ def _value(name: str, text: str) -> Any:
 
 def _remarks(log: LogFile) -> tuple[str, ...]:
     if log.sidecar is None:
-        return (f"{log.path}.json is missing: nothing vouches that the log is whole",)
+        return (f"{log.path}.json is missing, so nothing shows that the log is complete",)
     if log.closed:
-        whole = f"{log.path} is not whole: {', '.join(log.missing)}. Its sidecar tells more"
+        whole = f"{log.path} is incomplete: {', '.join(log.missing)}. See its sidecar for details"
         return (whole,) if log.missing else ()
-    cut = ". Its last row was unfinished and is left out" if log.cut else ""
-    return (f"{log.path} was never closed (killed, or still running){cut}",)
+    cut = ". Its last row was unfinished and was skipped" if log.cut else ""
+    return (f"{log.path} was never closed, because handctl was killed or is still running{cut}",)

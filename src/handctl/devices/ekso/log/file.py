@@ -72,8 +72,8 @@ class LogFile:
         for number, wanted in enumerate(RowLayout(raw=False).names):
             if number >= len(names) or names[number] != wanted:
                 found = repr(names[number][:40]) if number < len(names) else "missing"
-                raise damaged(self.path, 1, f"column {number + 1} is {found}, a log has {wanted!r} there")
-        raise damaged(self.path, 1, "the header goes on after the columns of a log")
+                raise damaged(self.path, 1, f"column {number + 1} is {found}, but in a log it is {wanted!r}")
+        raise damaged(self.path, 1, "the header continues after the columns of a log")
 
     def rows(self) -> Iterator[LogRow]:
         """Row after row, each checked. Raises UsageError with the number of the line."""
@@ -91,7 +91,7 @@ class LogFile:
                         break
                     row = self._row(number, data)
                     if (row.segment, row.t_ms) < last or row.segment > last[0] + 1:
-                        raise damaged(self.path, number, "segment or t_s does not follow the row before")
+                        raise damaged(self.path, number, "segment or t_s does not follow from the row before")
                     last = (row.segment, row.t_ms)
                     count += 1
                     yield row
