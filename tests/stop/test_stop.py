@@ -478,7 +478,7 @@ def test_a_name_tells_the_family(tmp_path: Path) -> None:
 
 def test_an_ekso_has_no_stop_and_it_is_said() -> None:
     result = run("ekso", "stop", "--fake", "--json")
-    assert result.code == 0 and "the DataPort has no stop" in json.dumps(result.json["messages"])
+    assert result.code == 0 and "The DataPort has no stop" in json.dumps(result.json["messages"])
 
 
 @pytest.mark.parametrize("family", FAMILIES)
