@@ -36,7 +36,7 @@ SYMPTOMS = (
     Symptom("in-use", "`in use`", 3, "Another program has the port open.", "`handctl ports`, then end that program"),
     Symptom("refused", "`connection refused`", 3, "The server is off, or another client holds the device.", "`handctl doctor -p tcp://192.168.0.10`"),
     Symptom("no-answer", "`no answer`", 4, "No power, a cable fault, a wrong id or a wrong speed.", "`handctl scan --all -p /dev/ttyUSB0`"),
-    Symptom("no-frame", "`form no frame`", 5, "A wrong speed, noise, or another device.", "`handctl scan -p /dev/ttyUSB0`"),
+    Symptom("no-frame", "`not a valid frame`", 5, "A wrong speed, noise, or another device.", "`handctl scan -p /dev/ttyUSB0`"),
     Symptom("echo", "`only our own bytes`", 5, "An echo or a short circuit: no device answers.", "Check the wiring, then `handctl doctor -p /dev/ttyUSB0`"),
     Symptom("other-family", "`this is a wrist module`", 6, "The device is not of the family that you typed.", "`handctl scan -p /dev/ttyUSB0`"),
     Symptom("not-initialized", "`Motor not initialized`", 6, "A BarrettHand needs HI after power-on.", "`handctl barrett init -p /dev/ttyUSB0`"),

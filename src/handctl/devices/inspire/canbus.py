@@ -74,7 +74,7 @@ class CanBus(RegisterBus):
         if reply and reply[0] != len(data):
             raise DeviceRefused(
                 f"{self.where}: the device acknowledged {reply[0]} of {len(data)} bytes written at {address}",
-                hint="read the value before you write again: the device did not take it, or took only a part",
+                hint="read the value before you write again: the device took none or only part of it",
             )
 
     def write_step(self, address: int, data: bytes, meaning: str) -> Step:
@@ -160,18 +160,18 @@ class CanBus(RegisterBus):
             if access.hand_id != self.id:
                 return ProtocolError(
                     f"{self.where}: id {access.hand_id} answered instead: {others[0]} (sent {request})",
-                    hint=f"use the --id it shows, or look with `handctl scan -p {self.link.name}`",
+                    hint=f"use the --id it shows, or find the device with `handctl scan -p {self.link.name}`",
                     code="wrong-id",
                 )
             return ProtocolError(
                 f"{self.where}: the answer has {len(others[0].data)} bytes, not the number asked for: {others[0]} (sent {request})",
-                hint="check the bus: this is another kind of device, or there is a second master",
+                hint="check the bus: this may be another kind of device, or a second master is polling it",
                 code="cut-short",
             )
         if echo:
             return ProtocolError(
                 f"{self.where}: only our own frame came back: {request}",
-                hint="check the adapter: it is in loopback mode, or hands out the frames that it sends. No device answers",
+                hint="check the adapter: it may be in loopback mode, or return the frames that it sends. No device answers",
                 code="echo",
             )
         if damaged:
@@ -216,8 +216,8 @@ TROUBLES: dict[str, tuple[type[HandctlError], str, str]] = {
     "bel": (NoAnswer, "the adapter answered {what} with BEL", NO_ACK_HINT),
     "bus-errors": (
         NoAnswer,
-        "frames were destroyed on the bus after {what}",
-        "disconnect one of two hands that have one id. If there is only one, check the termination (120 ohm at both ends)",
+        "the bus destroyed frames after {what}",
+        "if two hands have the same id, disconnect one of them. If there is only one hand, check the termination (120 ohm at both ends)",
     ),
 }
 
@@ -255,5 +255,5 @@ def describe_frame(frame: CanFrame) -> str:
     """A frame in words: ``read wrist, address 1024, id 1, 4 bytes``."""
     access = canreg.parse_identifier(frame.can_id)
     kinds = {0: "read hand", 1: "write hand", 4: "read wrist", 5: "write wrist"}
-    kind = kinds.get(access.flag, f"flag {access.flag}, which the manual does not have")
+    kind = kinds.get(access.flag, f"flag {access.flag}, which is not in the manual")
     return f"{kind}, address {access.address}, id {access.hand_id}, {len(frame.data)} bytes {hex_bytes(frame.data)}".rstrip()

@@ -69,7 +69,7 @@ class Hand(RegisterDevice):
     live = LIVE
     releases = RELEASES
     supply = "24 V, 2 A peak (RH56DFTP: 4.5 A)"
-    save_result = "it comes about a second later, rh56 §2.1"
+    save_result = "it arrives about a second later, rh56 §2.1"
     not_covered = (
         "set-points (angle_set, stroke_set), which are never restored",
         "id, speed and network address, which are changed by their own commands",
@@ -167,7 +167,7 @@ class Hand(RegisterDevice):
             except HandctlError:
                 self.bus, self._reader = first, BlockReader(first)
                 raise exc from None
-            self.journal.info("protocol", f"{other.where}: silent to EB90, answers to Modbus RTU")
+            self.journal.info("protocol", f"{other.where}: it does not answer in EB90, but does in Modbus RTU")
             return answer
 
     @property
@@ -237,7 +237,7 @@ class Hand(RegisterDevice):
         readings = self.read([element for one in names for element in elements_of(one)])
         table = self.table(readings)
         table.view = status_view
-        hint = "`handctl hand clear-errors` clears all errors but over_temperature, which ends by cooling"
+        hint = "`handctl hand clear-errors` clears all errors except over_temperature, which goes away as the actuator cools"
         return self.judge(table, unhealthy(readings), check, hint=hint)
 
     @staticmethod
@@ -316,7 +316,7 @@ def unhealthy(readings: Sequence[Reading]) -> list[str]:
         if param.name == "error" and value:
             text = f"{part}: {param.label(value)} (0x{int(value):02X})"
             if int(value) & OVER_TEMPERATURE:
-                text += f", ends by cooling, now {at.get(f'temperature.{part}')} °C"
+                text += f", goes away as it cools, now {at.get(f'temperature.{part}')} °C"
             found.append(text)
         elif param.name == "status" and value in (5, 6, 7, 8):
             found.append(f"{part}: status {value}, {param.label(value)}")
@@ -391,7 +391,7 @@ def status_view(rows: list[Row]) -> list[Grid]:
     speeds = " ".join(str(at[name, part].get("value", "?")) for name, part in at if name == "speed_set")
     notes = (
         f"Speed of the next movement: {speeds}.",
-        "Force: the limit is a threshold in grams, no force that is held.",
+        "Force: the limit is a threshold in grams, not a force that the hand holds.",
     )
     headings = ("Finger", "Angle", "Set", "Force", "Limit", "mA", "°C", "Status", "Errors")
     return [Grid(headings, lines, title=head, right=frozenset(range(1, 7)), notes=notes)]

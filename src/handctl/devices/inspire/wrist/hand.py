@@ -37,7 +37,7 @@ def plan_hand_write(wrist: Wrist, address: int, data: bytes, force: bool) -> Ste
     if touches_shared(address, len(data)) and not force:
         raise UsageError(
             f"address {address} of the hand holds current limits and power-on speeds, not the wrist",
-            hint="use `handctl wrist set` or `write` for the wrist. --force-ambiguous writes to the hand all the same. "
+            hint="use `handctl wrist set` or `write` for the wrist. --force-ambiguous writes to the hand anyway. "
             "Nothing was sent.",
             code="ambiguous",
         )
@@ -58,7 +58,7 @@ def plan_hand_writes(wrist: Wrist, address: int, data: bytes, force: bool) -> li
     alone = {register.address for register in EXO if register.trigger} | {EXO["id"].address}
     if len(pieces) > 1 and (found := sorted(alone & set(range(address, address + len(data))))):
         raise UsageError(
-            f"{found[0]} of the hand is its id or starts something. On CAN it is not written within {len(data)} bytes",
+            f"{found[0]} of the hand is its id or starts an action. On CAN handctl does not write it within {len(data)} bytes",
             hint="write it with a command of its own. Nothing was sent.",
         )
     return [plan_hand_write(wrist, place, part, force) for place, part in pieces]
@@ -103,10 +103,10 @@ def _hand_write(wrist: Wrist, bus: Bus | CanBus, address: int, data: bytes) -> T
     if starts or new != bus.id:
         twins.identify(wrist)
     more = {"acknowledged_by": (new,)} if isinstance(bus, Bus) else {}
-    then = "It is not read back, because it starts an action" if starts else "handctl reads it back"
+    then = "handctl does not read it back, because it starts an action" if starts else "handctl reads it back"
     lost = bus.try_write(address, data, "the write", then, **more)
     if lost is not None and starts:
-        lost.leaves(Left(hint=f"it may have started {', '.join(starts)} all the same", joint=". "))
+        lost.leaves(Left(hint=f"it may still have started {', '.join(starts)}", joint=". "))
         raise lost
     if starts:
         bus.journal.info(
@@ -128,8 +128,8 @@ def _hand_write(wrist: Wrist, bus: Bus | CanBus, address: int, data: bytes) -> T
     if now == data and bus.id != wrist.bus.id:
         bus.journal.warn(
             "new-id",
-            f"the hand and its wrist answer to id {bus.id} now, until power-off",
-            hint=f"go on with --id {bus.id}",
+            f"the hand and its wrist now answer to id {bus.id} until power-off",
+            hint=f"use --id {bus.id}",
         )
     return table
 
