@@ -434,7 +434,9 @@ def test_scan_of_an_exo_and_of_something_unknown() -> None:
     link.spaces = [Memory()]
     with on(link):
         unknown = run("scan", "-p", "fake://exo", "--family", "exo", "--json")
-    assert [row["family"] for row in unknown.rows] == [None] and "not like a known Inspire device" in unknown.rows[0]["evidence"]
+    assert [row["family"] for row in unknown.rows] == [None] and "not like a known Inspire device" in unknown.rows[0][
+        "evidence"
+    ]
 
 
 @pytest.mark.parametrize(("device", "status"), [("rh56", "fail"), ("wrist-with-hand", "fail"), ("exo", "ok")])

@@ -21,9 +21,9 @@ class SimError(click.ClickException):
         self.hint = hint
 
 
-SERVING = "check that the place to serve at is free, and the files that the options name"
+SERVING = "check that the place to serve at is free, and check the files named in the options"
 CONTROL = "start the simulator with --control PATH and give the same PATH here"
-COMMANDS = "give `help` as COMMAND to list what this simulator takes"
+COMMANDS = "use `help` as COMMAND to list the commands of this simulator"
 
 
 @click.group("sim", context_settings={"help_option_names": ["-h", "--help"]})
@@ -129,7 +129,7 @@ def _pty_option(function: Callable[..., None]) -> Callable[..., None]:
         "--by-id",
         metavar="PATH",
         callback=_some,
-        help="Make PATH a link to the pseudo terminal. It stays the name of the port when that is unplugged and comes back.",
+        help="Make PATH a link to the pseudo terminal. PATH stays valid when the port is unplugged and comes back.",
     )
     return click.option("--pty", "on_pty", is_flag=True, help="Serve on a new pseudo terminal.")(by_id(function))
 
@@ -140,13 +140,13 @@ def _modbus_options(function: Callable[..., None]) -> Callable[..., None]:
         "--modbus-tcp",
         metavar="HOST:PORT",
         callback=_address,
-        help="Serve Modbus TCP, to several clients. It may stand beside another place: one device has both.",
+        help="Serve Modbus TCP, for several clients. Can be combined with another place: the device then has both.",
     )
     return pty(tcp(function))
 
 
 def _model_option(models: tuple[str, ...]) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    return click.option("--model", type=click.Choice(models), help="Which one of them.") if models else _no_options
+    return click.option("--model", type=click.Choice(models), help="The model to simulate.") if models else _no_options
 
 
 def _server(kind: str) -> click.Command:
@@ -170,12 +170,16 @@ def _server(kind: str) -> click.Command:
     @click.option(
         "--fault", metavar="NAME[,NAME]", multiple=True, help="Faults and states, listed below. May be repeated."
     )
-    @click.option("--after", metavar="N", help="Leave the first N requests healthy.")
-    @click.option("--every", metavar="N", help="Hit only each N-th of the later requests.")
+    @click.option("--after", metavar="N", help="Let the first N requests through without the fault.")
+    @click.option("--every", metavar="N", help="After that, apply the fault only to every N-th request.")
     @click.option(
-        "--wire", metavar="BAUD", help="Take the transmission time of this speed in bit/s (auto: the device's speed)."
+        "--wire",
+        metavar="BAUD",
+        help="Simulate the transmission time of this baud rate in bit/s (auto: the device's baud rate).",
     )
-    @click.option("--state", metavar="FILE", callback=_some, help="Keep memory, flash and positions in this file.")
+    @click.option(
+        "--state", metavar="FILE", callback=_some, help="Keep memory, flash and positions in this file between runs."
+    )
     @click.option(
         "--duration",
         metavar="S",
@@ -236,7 +240,7 @@ def _server(kind: str) -> click.Command:
         except (ServeError, OSError) as exc:
             raise SimError(str(exc), hint=SERVING) from exc
 
-    command.help = f"Serve a simulated {summary}\n\nIt prints one JSON line when it is ready, and serves until SIGTERM, SIGINT or --duration."
+    command.help = f"Serve a simulated {summary}\n\nPrints one JSON line when it is ready, then serves until SIGTERM, SIGINT or --duration."
     return command
 
 
@@ -291,7 +295,7 @@ def bus(
     FILE (TOML) describes the line, its devices and other masters. --tcp and --slcan-tcp take several clients, and several
     places may be given: each client gets what the line carries. A LINK fake://bus?file=FILE needs no server.
 
-    It prints one JSON line when it is ready, and serves until SIGTERM, SIGINT or --duration. Several places stand in
+    Prints one JSON line when it is ready, then serves until SIGTERM, SIGINT or --duration. Several places stand in
     "links".
     """
     on_line, on_can = on_pty or tcp is not None, slcan_pty or slcan_tcp is not None
