@@ -53,7 +53,7 @@ def test_silent_read_is_repeated_so_often(retries: int, sent: int) -> None:
     assert link.now() == pytest.approx(0.3 * sent)
     assert caught.value.exit_code == 4
     assert READ_VOLTAGE in caught.value.text
-    for word in ("id", "speed", "power", "115200", "wiring", "scan"):
+    for word in ("id", "baud rate", "power", "115200", "wiring", "scan"):
         assert word in caught.value.hint
 
 

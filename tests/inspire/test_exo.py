@@ -255,7 +255,7 @@ def test_every_finding_names_finger_and_cause() -> None:
         "Thumb: motor_abnormal",
     ):
         assert part in table.failure.text
-    assert "ends by cooling, now 78 °C" in table.failure.text
+    assert "goes away as it cools, now 78 °C" in table.failure.text
     assert codes(hand) == ["unhealthy"] * 5
 
 

@@ -151,7 +151,7 @@ def test_status_names_every_unhealthy_finger() -> None:
     assert result.code == 0
     texts = [m["text"] for m in result.json["messages"] if m["code"] == "unhealthy"]
     assert len(texts) == 5
-    assert all("over_temperature" in text and "cooling" in text for text in texts)
+    assert all("over_temperature" in text and "cools" in text for text in texts)
     assert "75 °C" in texts[4]
     foreign = run("exo", "status", "--check", "-p", fake(fault="foreign"), "--json")
     assert foreign.code == 7

@@ -78,7 +78,7 @@ def test_scan_suspects_two_hands_with_one_id() -> None:
 def test_scan_suspects_a_twin_that_shows_now_and_then() -> None:
     result = run("exo", "scan", "--ids", "1-8", "-p", fake(fault="twin-id", every=2), "--json")
     assert result.code == 0
-    assert [(row["id"], row["suspicion"]) for row in result.rows] == [(1, "two devices with this id?")]
+    assert [(row["id"], row["suspicion"]) for row in result.rows] == [(1, "are there two devices with this id?")]
     assert "twin-id" in result.codes()
 
 

@@ -40,7 +40,7 @@ def test_clearable_errors_go_and_heat_stays() -> None:
     assert changing(link.sent) == [CLEAR]
     texts = [entry.text for entry in hand.journal.messages]
     assert [text.split(":")[0] for text in texts] == ["ring", "index"]
-    assert all("now 78 °C" in text and "cooling" in text for text in texts)
+    assert all("now 78 °C" in text and "cools" in text for text in texts)
 
 
 def errors_after(byte: int) -> ScriptedLink:

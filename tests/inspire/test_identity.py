@@ -143,7 +143,7 @@ def test_no_writing_frame_reaches_a_stranger(scratch: Path, family: str) -> None
         *(("dataport", family, 6, "DataPort", "handctl ekso") for family in GROUPS),
         *(("silence", family, 4, "no answer", "") for family in GROUPS),
         *(("echo", family, 5, "only our own bytes", "") for family in GROUPS),
-        *(("garbage", family, 5, "no frame", "") for family in GROUPS),
+        *(("garbage", family, 5, "not a valid frame", "") for family in GROUPS),
     ],
 )  # fmt: skip
 def test_a_stranger_is_named_with_the_command_that_fits(
@@ -434,7 +434,9 @@ def test_scan_of_an_exo_and_of_something_unknown() -> None:
     link.spaces = [Memory()]
     with on(link):
         unknown = run("scan", "-p", "fake://exo", "--family", "exo", "--json")
-    assert [row["family"] for row in unknown.rows] == [None] and "not as a known device" in unknown.rows[0]["evidence"]
+    assert [row["family"] for row in unknown.rows] == [None] and "not like a known Inspire device" in unknown.rows[0][
+        "evidence"
+    ]
 
 
 @pytest.mark.parametrize(("device", "status"), [("rh56", "fail"), ("wrist-with-hand", "fail"), ("exo", "ok")])

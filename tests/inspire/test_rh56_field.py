@@ -57,23 +57,23 @@ def test_a_bad_line_is_no_second_hand(fault: str) -> None:
 
 def test_a_hand_that_is_silent_to_eb90_and_answers_in_modbus() -> None:
     status, evidence, remedy = rows(DF, EB90, answered=False, speaks="modbus")["protocol"]
-    assert (status, evidence) == ("fail", "EB90 is silent, Modbus RTU answers")
-    assert remedy == "give --protocol modbus"
-    assert rows(DF, RTU, answered=False, speaks="eb90")["protocol"][2] == "give --protocol eb90"
+    assert (status, evidence) == ("fail", "the hand answers in Modbus RTU, but not in EB90")
+    assert remedy == "add --protocol modbus"
+    assert rows(DF, RTU, answered=False, speaks="eb90")["protocol"][2] == "add --protocol eb90"
 
 
 def test_one_that_was_found_behind_eb90_is_told() -> None:
     hand = hand_on(DF, EB90, both=True, speaks="modbus")
     hand.dump()
     name, status, evidence, remedy = field.protocol(hand)
-    assert (name, status, evidence) == ("protocol", "warning", "EB90 is silent, Modbus RTU answers")
-    assert remedy.startswith("give --protocol modbus.")
+    assert (name, status, evidence) == ("protocol", "warning", "the hand answers in Modbus RTU, but not in EB90")
+    assert remedy.startswith("add --protocol modbus.")
     assert rows(DF, RTU)["protocol"] == ("ok", "the hand answers in Modbus RTU", "")
 
 
 def test_a_silent_line_names_the_network() -> None:
     found = rows(DF, EB90, answered=False, fault="silent")
-    assert found["protocol"] == ("ok", "neither EB90 nor Modbus RTU is answered", "")
+    assert found["protocol"] == ("ok", "the hand answers neither in EB90 nor in Modbus RTU", "")
     assert found["network"][2] == "run `handctl hand doctor -p tcp://192.168.11.210`"
 
 
@@ -126,7 +126,7 @@ def test_status_codes_have_a_remedy_each(code: int) -> None:
 def test_other_programs_may_show_a_fault_on_the_neighbour() -> None:
     """14 public programs swap the bytes of an error word (rh56 §2.2)."""
     over_modbus, over_eb90 = (rows(TP, wire, fault="locked-rotor")["fingers"][1] for wire in (TCP, EB90))
-    assert over_modbus.endswith("A program that swaps the two bytes of a word shows it on ring")
+    assert over_modbus.endswith("A program that swaps the two bytes of a word would show this on ring")
     assert "swaps" not in over_eb90
 
 
@@ -140,7 +140,7 @@ def test_a_forgotten_speed_is_told_before_the_first_movement(model: str) -> None
     assert rows(model)["first_movement"] == ("ok", "the next movement has speed 601 to 606", "")
     status, evidence, remedy = rows(model, speed=1000)["first_movement"]
     assert (status, remedy) == ("warning", field.SLOWLY)
-    assert evidence.startswith("speed 1000 was left by a program: little, ring, ")
+    assert evidence.startswith("speed 1000 was set by an earlier program: little, ring, ")
     assert evidence.endswith("After power-up it is 701")
     status, evidence, remedy = rows(model, speed=0)["first_movement"]
     assert (status, remedy) == ("warning", field.SLOWLY)

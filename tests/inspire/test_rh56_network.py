@@ -33,7 +33,7 @@ def test_a_new_address_is_written_read_back_and_saved(wire: str) -> None:
     assert hand.address == (192, 168, 11, 210), "it acts after a power-cycle"
     assert hand.acts["factory-reset"] == hand.acts["reserved"] == 0
     told = next(message for message in result.json["messages"] if message["code"] == "power-cycle")
-    assert "192.168.11.210 until its power is switched off and on, then at 192.168.123.211" in told["text"]
+    assert "192.168.11.210 until you power-cycle it, then only at 192.168.123.211" in told["text"]
     for step in ("192.168.123.10", "handctl hand status -p tcp://192.168.123.211", "over RS-485"):
         assert step in told["hint"], told["hint"]
     states = [write["state"] for write in result.json["writes"]]

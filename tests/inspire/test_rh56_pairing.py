@@ -120,7 +120,7 @@ def test_the_other_hand_must_be_plugged_in_again(tmp_path: Path) -> None:
     with pytest.raises(CheckFailed) as caught:
         pair(desk, line.name, None)
     assert caught.value.code == "gone"
-    assert "id 2 until its power is switched off" in caught.value.text
+    assert "id 2 until the next power-cycle" in caught.value.text
     assert line.hands[1].acts["save"] == 0
 
 

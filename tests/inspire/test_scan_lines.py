@@ -327,7 +327,7 @@ def test_two_devices_as_shipped_are_told_as_two_with_one_id(kind: str, speaks: s
     trace = tmp_path / "trace.txt"
     answer = run(kind, "scan", "-p", f"fake://bus?file={path}&clock=virtual", "--json", "--trace", str(trace))
     told = [row["suspicion"] for row in answer.rows] or [answer.error["code"]]
-    assert told in (["two devices with this id?"], ["twin-id"]), answer
+    assert told in (["are there two devices with this id?"], ["twin-id"]), answer
     assert "twin-id" in answer.codes() and scan_grid.lasted(trace) < 7.0
 
 

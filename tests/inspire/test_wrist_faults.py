@@ -72,7 +72,7 @@ def test_a_serial_wrist_at_another_speed(fault: str, code: str, exit_code: int) 
         assert "--baud 57600" in result.error["hint"]
     else:
         assert (result.code, result.error["code"]) == (exit_code, code)
-        assert "speed" in result.error["hint"]
+        assert "baud rate" in result.error["hint"]
     right = run("wrist", "get", "pitch_actual", "-p", link("serial", baud=57600), "--json", "--baud", "57600")
     assert right.values == {"pitch_actual": -3.45}
 

@@ -103,8 +103,8 @@ def test_the_corrected_frames_are_no_misprints(frame: str) -> None:
         ("EB 90 01 04 11 C0 05 02 DD", False, ("read 2 bytes at 1472", "hand")),
         ("EB 90 01 07 31 0E 04 E8 03 18 FC 4A", True, ("write", "1038", "wrist")),
         ("EB 90 01 04 12 E8 03 02 04", True, ("write", "1000", "hand")),
-        ("EB 90 01 04 30 00 04 04 3E", True, ("not known",)),
-        ("EB 90 01", True, ("not known",)),
+        ("EB 90 01 04 30 00 04 04 3E", True, ("unknown",)),
+        ("EB 90 01", True, ("unknown",)),
     ],
 )
 def test_meaning_of_raw_bytes(frame: str, moves: bool, words: tuple[str, ...]) -> None:

@@ -165,7 +165,7 @@ def test_calibration_asks_leads_and_reports() -> None:
     for number, seconds in enumerate((1, 2, 2, 2, 2), 1):
         step = asked.partition(f"step {number}: ")[2].partition(f"step {number + 1}: ")[0]
         assert re.search(rf"\b{seconds} s\b", step), asked
-    for word in ("relax", "straight", "clenched", "palm", "thumb and index", "worn", POWER_OFF):
+    for word in ("relax", "straight", "clenched", "palm", "thumb and index", "wear the hand", POWER_OFF):
         assert word in asked, word
     assert len(set(re.findall(r"calibrating +([0-9.]+) s", seen.text))) >= 3  # progress moves
     (seconds,) = re.findall(r"reported the end after ([0-9.]+) s", seen.text)
@@ -185,7 +185,7 @@ def test_interrupted_calibration_says_that_nothing_stops_it(tmp_path: Path) -> N
     seen = person(*words, press=once(lambda shown: "calibrating" in shown))
     assert seen.code == 130
     text = " ".join(seen.text.split())
-    assert "goes on calibrating" in text
+    assert "still calibrating" in text
     assert f"{POWER_OFF} No documented command stops a calibration" in text
     assert writes(trace) == sent(trace)[-1:] == [frame("EB 90 01 04 12 F1 03 01 0C")]
 

@@ -577,10 +577,10 @@ def test_time_on_the_wire() -> None:
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [
-        ({"download-at": "2G"}, "download-at '2G': say a hex address, 0x2C40, or +N for the N-th echo, or off"),
-        ({"download-at": "10000"}, "download-at '10000': say a hex address"),
-        ({"download-at": "+"}, "download-at '+': say a hex address"),
-        ({"download-at": "-1"}, "download-at '-1': say a hex address"),
+        ({"download-at": "2G"}, "download-at '2G': use a hex address such as 0x2C40, +N for the N-th echo, or off"),
+        ({"download-at": "10000"}, "download-at '10000': use a hex address"),
+        ({"download-at": "+"}, "download-at '+': use a hex address"),
+        ({"download-at": "-1"}, "download-at '-1': use a hex address"),
         ({"image": "good"}, "option image=good: not one of valid, blank"),
         ({"switch": "1"}, "option switch=1: say the seconds of off and on by turns, ascending, such as 2,8"),
         ({"switch": "2,1"}, "option switch=2,1: say the seconds"),

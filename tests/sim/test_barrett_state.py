@@ -508,7 +508,7 @@ def test_damaged_state_file(tmp_path: Path, place: tuple[str | int, ...], value:
         inner = inner[key]
     inner[place[-1]] = value
     path.write_text(json.dumps(state))
-    with pytest.raises(ValueError, match=r"damaged or foreign .* Remove it to start afresh"):
+    with pytest.raises(ValueError, match=r"damaged or foreign .* Delete it to start over"):
         Bench(state=path)
 
 

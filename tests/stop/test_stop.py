@@ -320,7 +320,7 @@ def test_a_late_hand_is_stopped_and_believed(latency: float) -> None:
 
     link = ScriptedLink(answer)
     stopped = drive(link, talk_of("exo", Aim(Settings())), [])
-    held = "the hand answered two commands: all forces to 0, then hold at 900 910 920 930 940"
+    held = "the hand acknowledged two commands: all forces to 0, then hold at 900 910 920 930 940"
     assert stopped.error is None and held in stopped.text, stopped
     assert bytes.fromhex("EB90010B3284038E039803A203AC0345") in link.sent
 

@@ -89,7 +89,7 @@ def test_a_wrist_is_held_where_it_is_yaw_first() -> None:
 
 def test_a_wrist_that_refuses_its_hold_was_not_stopped() -> None:
     stopped = drive(wrist("00"), talk_of("wrist", Aim(Settings())), [])
-    assert stopped.error is DeviceRefused and "did not take" in stopped.text, stopped
+    assert stopped.error is DeviceRefused and "rejected" in stopped.text, stopped
 
 
 def test_a_wrist_that_is_silent_twice_is_asked_a_third_time() -> None:

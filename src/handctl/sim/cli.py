@@ -21,9 +21,9 @@ class SimError(click.ClickException):
         self.hint = hint
 
 
-SERVING = "check that the place to serve at is free, and the files that the options name"
+SERVING = "check that the place to serve at is free, and check the files named in the options"
 CONTROL = "start the simulator with --control PATH and give the same PATH here"
-COMMANDS = "give `help` as COMMAND to list what this simulator takes"
+COMMANDS = "use `help` as COMMAND to list the commands of this simulator"
 
 
 @click.group("sim", context_settings={"help_option_names": ["-h", "--help"]})
@@ -177,7 +177,6 @@ def _server(kind: str) -> click.Command:
         metavar="BAUD",
         help="Simulate the transmission time of this baud rate in bit/s (auto: the device's baud rate).",
     )
-    @click.option("--state", metavar="FILE", callback=_some, help="Keep memory, flash and positions in this file.")
     @click.option(
         "--duration",
         metavar="S",

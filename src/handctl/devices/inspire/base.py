@@ -183,7 +183,7 @@ class RegisterDevice(Device):
         self.check_read_back(
             [change for run in runs for change in run],
             readings,
-            f"check with `handctl {self.kind} get` before you write again: the device did not take the value, or changed it",
+            f"check with `handctl {self.kind} get` before you write again: the device did not take the value, or changed it afterwards",
         )
 
     # -- tables --------------------------------------------------------------------------------------------------

@@ -100,7 +100,7 @@ class BlockReader:
             what = "no answer to" if isinstance(exc, NoAnswer) else "the device refused"
             bus.journal.warn(
                 "block-silent",
-                f"{what} {block.size} bytes at {block.address}: the documented groups are read one by one",
+                f"{what} {block.size} bytes at {block.address}: handctl reads the documented groups one by one",
             )
             return False
         memory.blocks.append((block.address, data))

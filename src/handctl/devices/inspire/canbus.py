@@ -75,7 +75,7 @@ class CanBus(RegisterBus):
         if reply and reply[0] != len(data):
             raise DeviceRefused(
                 f"{self.where}: the device acknowledged {reply[0]} of {len(data)} bytes written at {address}",
-                hint="read the value before you write again: the device did not take it, or took only a part",
+                hint="read the value before you write again: the device took none or only part of it",
             )
 
     def write_step(self, address: int, data: bytes, meaning: str) -> Step:
@@ -161,7 +161,7 @@ class CanBus(RegisterBus):
             if access.hand_id != self.id:
                 return ProtocolError(
                     f"{self.where}: id {access.hand_id} answered instead: {others[0]} (sent {request})",
-                    hint=f"use the --id it shows, or look with `handctl scan -p {self.link.name}`",
+                    hint=f"use the --id it shows, or find the device with `handctl scan -p {self.link.name}`",
                     code="wrong-id",
                 )
             return ProtocolError(
@@ -172,7 +172,7 @@ class CanBus(RegisterBus):
         if echo:
             return ProtocolError(
                 f"{self.where}: only our own frame came back: {request}",
-                hint="check the adapter: it is in loopback mode, or hands out the frames that it sends. No device answers",
+                hint="check the adapter: it may be in loopback mode, or return the frames that it sends. No device answers",
                 code="echo",
             )
         if damaged:
@@ -217,8 +217,8 @@ TROUBLES: dict[str, tuple[type[HandctlError], str, str]] = {
     "bel": (NoAnswer, "the adapter answered {what} with BEL", NO_ACK_HINT),
     "bus-errors": (
         NoAnswer,
-        "frames were destroyed on the bus after {what}",
-        "disconnect one of two hands that have one id. If there is only one, check the termination (120 ohm at both ends)",
+        "the bus destroyed frames after {what}",
+        "if two hands have the same id, disconnect one of them. If there is only one hand, check the termination (120 ohm at both ends)",
     ),
 }
 

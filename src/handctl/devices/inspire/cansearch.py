@@ -67,7 +67,7 @@ class CanSearch:
             return True
         self._lone.append(device_id)
         self._bus.journal.warn(
-            "unconfirmed", f"id {device_id} answered once, but not when it was asked alone. It is not counted"
+            "unconfirmed", f"id {device_id} answered once, but not when handctl asked it alone, so it is not counted"
         )
         return False
 
@@ -135,25 +135,25 @@ class CanSearch:
             failure.text += f" ({summary})"
             return failure
         if self._lone:
-            hint = "power-cycle the hand, then scan again: it answers under another id than was asked"
+            hint = "power-cycle the hand, then scan again: it answers under a different id than handctl asked"
             return ProtocolError(
                 f"{name}: id {', '.join(map(str, self._lone))} answered, but not when it was asked ({summary})",
                 hint=hint,
                 code="wrong-id",
             )
         if self._short:
-            hint = "check the bus: this is another kind of device, or the line is disturbed"
+            hint = "check the bus: this may be another kind of device, or the line is disturbed"
             return ProtocolError(
-                f"{name}: the answers have another length than was asked ({summary})", hint=hint, code="cut-short"
+                f"{name}: the answers do not have the requested length ({summary})", hint=hint, code="cut-short"
             )
         if self._own:
-            hint = "check the adapter: it is in loopback mode, or hands out the frames that it sends"
+            hint = "check the adapter: it may be in loopback mode, or return the frames that it sends"
             return ProtocolError(f"{name}: only our own frames came back ({summary})", hint=hint, code="echo")
         if damaged:
             text = f"{name}: no {what}, but {said_damaged(damaged, self._bus.link.damage)} ({summary})"
             return ProtocolError(text, hint=DAMAGED_HINT, code="damaged")
         if self.cut:
-            return NoAnswer(f"{name}: no {what} so far ({summary})", hint="give a longer --deadline", code="deadline")
+            return NoAnswer(f"{name}: no {what} so far ({summary})", hint="use a longer --deadline", code="deadline")
         if trouble is not None:
             text = f"{name}: no {what} answered. The adapter reports no bus error, so another device acknowledged ({summary})"
             return NoAnswer(text, hint=f"scan other ids: --ids 255-4350. If no {what} answers, {NO_ACK_HINT}")

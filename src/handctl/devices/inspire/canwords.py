@@ -71,7 +71,7 @@ class CanWords:
         access = canreg.parse_identifier(can_id)
         space, where = self._space(access.flag), f"id {access.hand_id}"
         if access.flag not in KINDS:
-            return f"flag {access.flag}, which the manual does not have, address {access.address}, {where}"
+            return f"flag {access.flag}, which is not in the manual, address {access.address}, {where}"
         other = "" if space is not None else " of the hand's own registers"
         if access.writes:
             text = describe(space, access.address, data)
@@ -86,7 +86,7 @@ class CanWords:
         access = canreg.parse_identifier(can_id)
         space, where = self._space(access.flag), f"id {access.hand_id}"
         if access.flag not in KINDS:
-            return f"flag {access.flag}, which the manual does not have, address {access.address}, {where}"
+            return f"flag {access.flag}, which is not in the manual, address {access.address}, {where}"
         if access.writes and len(data) <= 1:
             count = "" if not data else f", {data[0]} bytes written"
             return f"acknowledged: write at {access.address} {span_name(space, access.address, 1)}{count}, {where}"

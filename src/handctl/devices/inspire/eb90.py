@@ -204,7 +204,7 @@ class Decoder:
             self.rejected = frame
             raise ProtocolError(
                 f"bad checksum {frame[-1]:02X}, expected {expected:02X}, in {frame.hex(' ').upper()}",
-                hint="check cable, ground and speed",
+                hint="check the cable, the ground and the baud rate",
                 code="bad-checksum",
             )
         del buffer[:end]

@@ -224,7 +224,7 @@ class InspireExplainer(Cutter):
         address = int.from_bytes(frame.payload[:2], "little") if len(frame.payload) > 2 else None
         reads, writes = frame.flag in (READ, WRIST_READ), frame.flag in (WRITE, WRIST_WRITE)
         if address is None or not (reads or writes):
-            return f"flag {frame.flag:02X}, which the manual does not have, {where}", ()
+            return f"flag {frame.flag:02X}, which is not in the manual, {where}", ()
         at = address * self._per
         other = "" if space is not None else " of another register space"
         if reads and not frame.from_device and len(frame.data) == 1:

@@ -25,7 +25,7 @@ SAVE_RESULT_SECONDS = 2.5
 
 def power_cycle(hand: RegisterDevice) -> str:
     """What to do after a reset."""
-    return f"power-cycle the hand, then run `handctl {hand.kind} scan`: id and speed may be 1 and 115200 bit/s again."
+    return f"power-cycle the hand, then run `handctl {hand.kind} scan`: its id may be 1 and its baud rate 115200 bit/s again."
 
 
 def clear_errors(hand: RegisterDevice) -> Table:
@@ -41,7 +41,7 @@ def clear_errors(hand: RegisterDevice) -> Table:
         hand.map["clear_errors"].address,
         hand.map["clear_errors"].encode(1),
         "the clearing",
-        "handctl reads which errors remain",
+        "handctl checks which errors remain",
     )
     after = hand.read(elements)
     warm = {reading.element.part: reading.value for reading in after if reading.element.param.name == "temperature"}
@@ -58,7 +58,7 @@ def clear_errors(hand: RegisterDevice) -> Table:
         if bits & OVER_TEMPERATURE:
             hand.journal.warn(
                 "over-temperature",
-                f"{reading.element.part}: over_temperature cannot be cleared. It ends by cooling, "
+                f"{reading.element.part}: over_temperature cannot be cleared. It goes away as the actuator cools, "
                 f"now {warm.get(reading.element.part)} °C ({hand.map['clear_errors'].source})",
             )
         if bits & ~OVER_TEMPERATURE:
@@ -67,7 +67,7 @@ def clear_errors(hand: RegisterDevice) -> Table:
     if left:
         table.failure = CheckFailed(
             f"{hand.bus.where}: errors remain after clearing: {'; '.join(left)}",
-            hint=f"free the finger, check the supply ({hand.supply}), then clear again: the cause is still present",
+            hint=f"free the finger, check the supply ({hand.supply}), then clear the errors again: the cause is still there",
             code="errors-remain",
         )
     return table
@@ -91,13 +91,13 @@ def _save(hand: RegisterDevice, guide: Guide) -> Table:
     bus, register = hand.bus, hand.map["save"]
     place = register.place_of(0)
     results = [eb90.write_ack_prefix(bus.id, place), eb90.read_reply_prefix(bus.id, place, 1)]
-    lost = bus.try_write(register.address, register.encode(1), "the save", "handctl waits for its result only")
+    lost = bus.try_write(register.address, register.encode(1), "the save", "handctl only waits for its result")
     if not bus.reports:
         if lost is not None:
             raise lost
         hand.journal.warn(
             "no-result",
-            "the save was sent. This wire has no frame that reports its result",
+            "the save was sent. This connection has no frame that reports the result",
             hint="power-cycle the hand, then read the values to be sure",
         )
         bus.pause(SAVE_RESULT_SECONDS)  # nothing is written meanwhile (rh56 §9)
@@ -135,7 +135,7 @@ def _save(hand: RegisterDevice, guide: Guide) -> Table:
 def factory_reset(hand: RegisterDevice) -> Table:
     """Write 1 to the sibling's reset address 1006; this manual names none (exo §2.3.5). Then look who answers."""
     with hand.bus.leaving(
-        "the reset was sent, but it is not known which id answers now",
+        "the reset was sent, but the hand's present id is unknown",
         f"{power_cycle(hand)} Nothing was saved automatically.",
     ):
         return _factory_reset(hand)
@@ -145,7 +145,7 @@ def _factory_reset(hand: RegisterDevice) -> Table:
     bus, old = hand.bus, hand.bus.id
     register = hand.map["factory_reset"]
     lost = bus.try_write(
-        register.address, register.encode(1), "the reset", "handctl looks which id answers", acknowledged_by=(1,)
+        register.address, register.encode(1), "the reset", "handctl checks which id answers", acknowledged_by=(1,)
     )
     if lost is not None:
         lost.text = f"the reset was not acknowledged but may have happened: {lost.text}"

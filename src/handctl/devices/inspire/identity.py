@@ -209,7 +209,7 @@ class Look:
         elif own is WRIST:  # flag 30 is nobody else's: its answer is enough
             kind = self._try(wrist)
             if kind is None and self._silent:
-                self.evidence = "the wrist's flag (30, on CAN 4) is not answered"
+                self.evidence = "there is no answer to the wrist's flag (30, on CAN 4)"
                 kind = self._try(states)
         else:
             kind = self._try(states)
@@ -309,7 +309,7 @@ class Look:
             bus.read(*span, retries=0)
         except NoAnswer as exc:
             raise NoAnswer(
-                f"{bus.where}: answers come later than {bus.timeout:g} s, or not each time",
+                f"{bus.where}: answers take longer than {bus.timeout:g} s, or are sometimes missing",
                 hint=f"run the command again with --timeout {max(1.0, 4 * bus.timeout):g}",
                 code="late",
             ) from exc
@@ -317,8 +317,8 @@ class Look:
     def _unknown(self) -> ProtocolError:
         came = "; ".join(f"{span[0]}: {hex_bytes(data)}" for (_, span), data in self._memory.items() if data)
         return ProtocolError(
-            f"{self._bus.where}: the device answers, but not as a known device of this maker ({came})",
-            hint="check the type plate. --assume-identity goes on all the same",
+            f"{self._bus.where}: the device answers, but not like a known Inspire device ({came})",
+            hint="check the type plate. --assume-identity skips this check",
             code="unknown-device",
         )
 
@@ -360,7 +360,7 @@ class FamilyGate(Gate):
         self._sought = True
         look = Look(bus)
         if (kind := look.hand(error)) is not None:
-            look.evidence = f"{look.evidence}, and the wrist's flag (30, on CAN 4) is not answered"
+            look.evidence = f"{look.evidence}, and there is no answer to the wrist's flag (30, on CAN 4)"
             raise stranger(bus, kind, self._own, look.evidence) from error
 
     def _judge(self, bus: RegisterBus) -> None:
@@ -380,6 +380,6 @@ def stranger(bus: RegisterBus, kind: Kind, own: Kind, evidence: str) -> DeviceRe
     """The error of a device of another kind, with the command that fits."""
     return DeviceRefused(
         f"{bus.where}: this is {kind.words}, not {own.words}: {evidence}",
-        hint=f"use `{kind.command}`, the command for it. --assume-identity goes on all the same, if you are sure of the device",
+        hint=f"use `{kind.command}`, the command for it. --assume-identity skips this check, if you are sure which device it is",
         code="other-device",
     )

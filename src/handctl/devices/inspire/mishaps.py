@@ -12,23 +12,23 @@ from handctl.model.result import hex_bytes
 from handctl.sentence import plural
 
 SILENCE_HINT = (
-    "check in this order: --id 1 at 115200 bit/s, `handctl exo scan`, power (7 to 9 V), TX/RX and RS-232 wiring. "
-    "A wrong id, a wrong speed, no power and no cable all end in silence. Unplug power and data, and plug them in again"
+    "check these in order: --id 1 at 115200 bit/s, `handctl exo scan`, power (7 to 9 V), TX/RX and RS-232 wiring. "
+    "A wrong id, a wrong baud rate, no power and no cable all look the same: the device never answers. Unplug power and data, and plug them in again"
 )
 SILENCE_HINTS = {
-    "hand": "check in this order: --id 1 at 115200 bit/s, `handctl hand scan`, power (24 V), A and B of RS-485. "
-    "An RH56DFTP may answer on its network only: `handctl hand status -p tcp://192.168.11.210`. "
-    "At other speeds than 115200 bit/s Modbus RTU is asked only with --protocol modbus",
+    "hand": "check these in order: --id 1 at 115200 bit/s, `handctl hand scan`, power (24 V), A and B of RS-485. "
+    "An RH56DFTP may answer only on its network: `handctl hand status -p tcp://192.168.11.210`. "
+    "At baud rates other than 115200 bit/s handctl tries Modbus RTU only with --protocol modbus",
 }
 """Of families that are not as the EH55BF1 is (rh56 §1, §2.5)."""
 HINTS = {
-    "echo": "check the wiring: only our own bytes come back, by an echo or a TX-RX short. No device answers",
-    "wrong-id": "use the --id it shows, or look with `handctl exo scan`: another id answers",
-    "bad-checksum": "check cable, ground and speed, and that only one device has this id: bytes were damaged on the way",
-    "cut-short": "check cable and adapter, and that no other program reads the port: the answer was cut off",
-    "stale": "look for another program or a second master on this line: a valid frame came, but it answers something else",
-    "first-byte-lost": "use another RS-485 adapter, or set this one to switch its direction sooner: it swallows the first byte of each answer",
-    "garbage": "try --baud 115200, 57600 and 19200: most likely the speed is wrong, or this is another kind of device",
+    "echo": "check the wiring: an echo or a TX-RX short returns our own bytes, and no device answers",
+    "wrong-id": "use the --id it shows, or find the hand with `handctl exo scan`: a different id answers",
+    "bad-checksum": "check the cable, the ground and the baud rate, and that only one device has this id: bytes were damaged on the line",
+    "cut-short": "check the cable and the adapter, and that no other program reads the port: the answer was cut off",
+    "stale": "check for another program or a second master on this line: the frame is valid, but answers a different request",
+    "first-byte-lost": "use another RS-485 adapter, or make this one switch its direction sooner: it swallows the first byte of each answer",
+    "garbage": "try --baud 115200, 57600 and 19200: the baud rate is probably wrong, or this is another kind of device",
 }
 
 
@@ -36,11 +36,11 @@ OWN_HINTS = {
     (
         "hand",
         "garbage",
-    ): "try --baud 115200, 921600, 57600 and 19200: most likely the speed is wrong, or this is another kind of device",
+    ): "try --baud 115200, 921600, 57600 and 19200: the baud rate is probably wrong, or this is another kind of device",
     (
         "hand",
         "bad-checksum",
-    ): "check cable, ground and speed. Two hands with one id do this as well: `handctl hand doctor -p LINK` shows it",
+    ): "check the cable, the ground and the baud rate. Two hands with the same id also cause this: `handctl hand doctor -p LINK` detects that",
 }
 """(family, code) -> the next step where it is another one."""
 
@@ -64,9 +64,12 @@ def mishap(request: bytes, received: bytes) -> tuple[str, str]:
             return "echo", "only our own bytes came back"
     wanted_id = request[2] if len(request) > 2 else None
     if any(frame.id == wanted_id for frame in beheaded(rest)):
-        return "first-byte-lost", "the answer came without its first byte"
+        return "first-byte-lost", "the answer arrived without its first byte"
     if others_speak(request, rest) and not _damaged(rest, wanted_id):
-        return "stale", "a valid frame came, but not the answer to this request: others speak on this line"
+        return (
+            "stale",
+            "received a valid frame, but it does not answer this request: another program or device is using this line",
+        )
     sniffer = Decoder()
     sniffer.feed(rest)
     bad_sums: list[ProtocolError] = []
@@ -80,7 +83,7 @@ def mishap(request: bytes, received: bytes) -> tuple[str, str]:
     if bad_sums:
         return "bad-checksum", "the answer's checksum is wrong"
     if frames:
-        return "stale", "a valid frame came, but not the answer to this request"
+        return "stale", "received a valid frame, but it does not answer this request"
     # At a wrong speed 90 EB may come by chance: with the id behind it, or nothing, it is the beginning of an answer.
     if pending >= 2 and (rest.endswith(eb90.DEVICE) or eb90.DEVICE + request[2:3] in rest):
         return "cut-short", f"the answer was cut off after {plural(len(rest), 'byte')}"

@@ -207,7 +207,7 @@ class RtuDecoder:
                 raise ProtocolError(
                     f"bad CRC {frame[-2:].hex(' ').upper()}, expected {expected.hex(' ').upper()}, "
                     f"in {frame.hex(' ').upper()}",
-                    hint="check cable, ground and speed",
+                    hint="check the cable, the ground and the baud rate",
                     code="bad-checksum",
                 )
         return None

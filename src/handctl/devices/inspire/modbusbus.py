@@ -42,7 +42,7 @@ BYTE_GROUPS = ((1606, 6), (1612, 6), (1618, 6))
 """Groups of one byte a finger: error, status, temperature (rh56 §3.1). Some hands give one register to each (rh56 §2.2)."""
 TEMPERATURES = BYTE_GROUPS[2]
 SILENCE_HINT = (
-    "check in this order: the id (unit), the speed, power (24 V), A and B of RS-485. A hand that speaks only EB90 is silent "
+    "check these in order: the id (unit), the baud rate, power (24 V), A and B of RS-485. A hand that only supports EB90 does not answer "
     "to Modbus: try --protocol eb90"
 )
 
@@ -159,7 +159,7 @@ class ModbusBus(RegisterBus):
             or (address != 1006 and 1006 in touched and data[1006 - address])
         ):
             raise UsageError(
-                f"{hex_bytes(data)} at {address} would set off what lies beside it",
+                f"{hex_bytes(data)} at {address} would trigger the neighbouring register",
                 hint="write one register, with a value up to 255 (rh56 §2.2). Nothing was sent.",
                 code="trigger",
             )
@@ -182,7 +182,7 @@ class ModbusBus(RegisterBus):
                 return self._exchange(pdu)
             self._exchange(first)
         raise NoAnswer(
-            f"{self.where}: answers come too late to be matched to their questions",
+            f"{self.where}: answers arrive too late to be matched to their requests",
             hint="run the command again with --timeout 2",
             code="late",
         )
@@ -291,7 +291,7 @@ class ModbusBus(RegisterBus):
             self.journal.warn(
                 "transaction-id",
                 f"{self.where}: the answer names transaction {answer.transaction}, the question was {number}",
-                hint="the answer was taken: only one question was open. Some hands count wrongly",
+                hint="handctl accepted the answer, because only one request was pending. Some hands count wrongly",
             )
 
     def _refusal(self, code: int, request: bytes) -> HandctlError:
@@ -299,7 +299,7 @@ class ModbusBus(RegisterBus):
         name = f"exception {code:02X} ({modbus.EXCEPTIONS.get(code, 'unknown')})"
         if code == modbus.NO_PATH:
             return LinkError(
-                f"{self.where}: the gateway has no way to this unit: {name}, sent {hex_bytes(request)}",
+                f"{self.where}: the gateway cannot reach this unit: {name}, sent {hex_bytes(request)}",
                 hint="check the gateway's serial port and its table of units",
                 code="gateway",
             )
@@ -311,9 +311,9 @@ class ModbusBus(RegisterBus):
             )
         hint = "check the address against `handctl hand describe`"
         if not self.only_reads(request):
-            hint = "read the value before you write again: the hand reports that it did not take this one"
+            hint = "read the value before you write again: the hand reports that it did not take it"
         if code in modbus.AT_WORK:
-            hint = "wait a second, read the values, then run the command again"
+            hint = "wait for one second, read the values, then run the command again"
         return DeviceRefused(
             f"{self.where}: the hand refused {hex_bytes(request)} with {name}", hint=hint, code=f"modbus-{code}"
         )
@@ -360,7 +360,7 @@ class ModbusBus(RegisterBus):
         if received == request:
             code, text, hint = "echo", "only our own bytes came back", ECHO_HINT
         elif odd:
-            code, text, hint = "stale", "a valid answer came, but not to this request", STALE_HINT
+            code, text, hint = "stale", "received a valid answer, but to a different request", STALE_HINT
         elif self._cut_short(request, received):
             code, text, hint = "cut-short", "the answer is damaged or cut off", DAMAGED_HINT
         elif not self.tcp and _whole(received) and received[0] != self.id:
@@ -379,9 +379,9 @@ def _whole(frame: bytes) -> bool:
     return len(frame) > 4 and modbus.crc(frame[:-2]) == frame[-2:]
 
 
-GARBAGE_HINT = "check the speed (115200 or 921600) and the kind of device: try --protocol eb90, or `handctl scan`"
+GARBAGE_HINT = "check the baud rate (115200 or 921600) and the kind of device: try --protocol eb90, or `handctl scan`"
 OTHER_SERVICE_HINT = "check the address and the port: another service may answer there. The hand's port is 6000"
-ECHO_HINT = "check the wiring: only our own bytes come back, by an echo or a short. No device answers"
-STALE_HINT = "look for another program or a second master on this line"
-DAMAGED_HINT = "check cable, ground and speed, and that only one hand has this id"
+ECHO_HINT = "check the wiring: an echo or a short returns our own bytes, and no device answers"
+STALE_HINT = "check for another program or a second master on this line"
+DAMAGED_HINT = "check the cable, the ground and the baud rate, and that only one hand has this id"
 WRONG_ID_HINT = "use the --id it shows"

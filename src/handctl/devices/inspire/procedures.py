@@ -46,7 +46,7 @@ def probe(bus: RegisterBus, device_id: int, *, seconds: float | None = None) -> 
         if exc.code == "stale" and bus.journal.line.others:
             bus.journal.warn(
                 "others",
-                f"others speak on this line, and id {device_id} did not answer among them",
+                f"another program or device is using this line, and id {device_id} did not answer",
                 hint="stop the other program or master to be sure that the id is free",
             )
         elif exc.code != "echo":
@@ -106,7 +106,7 @@ def late(bus: Bus) -> NoAnswer:
     longer = f"--timeout {max(1.0, 4 * bus.timeout):g}"
     written = any(message.code == "ack-lost" for message in bus.journal.messages)
     return NoAnswer(
-        f"id {bus.id} on {bus.link.name} answers, but later than {bus.timeout:g} s",
+        f"id {bus.id} on {bus.link.name} answers, but takes longer than {bus.timeout:g} s",
         hint=f"read the values with {longer} before you repeat the command: the write may have taken effect"
         if written
         else f"run the command again with {longer}",
@@ -163,7 +163,7 @@ def _slower(bus: RegisterBus) -> bool:
     if took is None or 2 * took <= bus.timeout:
         return False
     bus.timeout = 2 * took + 0.1
-    bus.journal.info("line", f"Slow line: {1000 * took:.0f} ms. Each answer has {bus.timeout:.1f} s")
+    bus.journal.info("line", f"Slow line: {1000 * took:.0f} ms. handctl now waits {bus.timeout:.1f} s for each answer")
     return True
 
 
@@ -172,7 +172,7 @@ def _write_id(hand: RegisterDevice, new: int, saved_next: bool) -> Table:
     data, ids = hand.map["id"].encode(new), (new,)
     step = bus.write_step(hand.map["id"].address, data, f"id = {new}")
     # The acknowledgement comes from the new id on the sibling hand; the manual does not say (RH56 ch. 3 ex. 1).
-    bus.try_write(hand.map["id"].address, data, "the id change", "handctl looks for the hand", acknowledged_by=ids)
+    bus.try_write(hand.map["id"].address, data, "the id change", "handctl checks for the hand", acknowledged_by=ids)
     if probe(bus, new):
         bus.id = new
         row = _id_row(hand, old)
@@ -180,7 +180,7 @@ def _write_id(hand: RegisterDevice, new: int, saved_next: bool) -> Table:
         if not saved_next:
             hand.journal.info(
                 "volatile",
-                f"id {new} lasts until power-off",
+                f"id {new} lasts only until power-off",
                 hint=f"keep it with `handctl {hand.kind} save --id {new}` ({hand.map['save'].source})",
             )
         return row
@@ -208,7 +208,7 @@ def _id_row(hand: RegisterDevice, before: int) -> Table:
     if value[0] != hand.bus.id:
         raise CheckFailed(
             f"{hand.bus.where}: register 1000 reads {value[0]}, but the hand answers to id {hand.bus.id}",
-            hint=f"leave one hand on the line, then look with `handctl {hand.kind} scan`",
+            hint=f"leave one hand on the line, then run `handctl {hand.kind} scan`",
             code="read-back",
         )
     row = hand.row(Reading(Element(register, 0), value[0], value))

@@ -34,7 +34,9 @@ def may_still_move(what: str) -> Iterator[None]:
         yield
     except (NoAnswer, ProtocolError, LinkError) as exc:
         if exc.code != "deadline":
-            exc.leaves(Left(f"{what} may still move", "switch the power off if that is dangerous", joint=". "))
+            exc.leaves(
+                Left(f"{what} may still move", "switch the power off if a movement would be dangerous", joint=". ")
+            )
         raise
 
 

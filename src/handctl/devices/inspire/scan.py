@@ -167,7 +167,7 @@ class Sweep:
                 who = kind, None, f"{kind.words}: {shown}" if kind is not target.own else ""
                 if self.look is not None and kind.family not in (EXO.family, WRIST.family):
                     who = self._looked(self._bus(link, target).at(device_id=device_id)) or who
-            odd = "two devices with this id?" if (speed, device_id) in found.twins else ""
+            odd = "are there two devices with this id?" if (speed, device_id) in found.twins else ""
             self._row(who, speed, device_id, "eb90", read if kind is not None else shown, odd)
         return found
 
@@ -333,12 +333,12 @@ class Sweep:
         }
         for speed, device_id in found.unconfirmed:
             journal.warn(
-                "unconfirmed", f"id {device_id}{at_text(speed)} answered once and not again. It is not counted"
+                "unconfirmed", f"id {device_id}{at_text(speed)} answered once and not again, so it is not counted"
             )
         for speed, device_id in sorted({*self.collided}, key=str):
             journal.warn(
                 "twin-id",
-                f"id {device_id}{at_text(speed)}: two devices with one id answer. What is alike in both is read, what differs is damaged",
+                f"id {device_id}{at_text(speed)}: two devices with the same id answer. Readings that they share arrive intact, the others are damaged",
                 hint=ONE_ID,
             )
         quest.twins = sorted({number for _, number in self.collided})
@@ -373,5 +373,5 @@ class Sweep:
     def _silence(self, cut: bool, summary: str) -> NoAnswer:
         name, what = self.link.name, self.names
         if cut:
-            return NoAnswer(f"{name}: no {what} so far ({summary})", hint="give a longer --deadline", code="deadline")
+            return NoAnswer(f"{name}: no {what} so far ({summary})", hint="use a longer --deadline", code="deadline")
         return NoAnswer(f"{name}: no {what}, complete silence ({summary})", hint=self.lead.silence_hint)

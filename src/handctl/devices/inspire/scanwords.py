@@ -8,9 +8,10 @@ from handctl.devices.inspire import eb90
 from handctl.devices.inspire.asker import Findings
 from handctl.devices.inspire.mishaps import hint_for
 from handctl.errors import ProtocolError
+from handctl.sentence import plural
 
-ONE_ID = "leave one device on the line, give it another id with `id`, then connect the second"
-BAD_HINT = "leave one device on the line, check cable and ground: two devices have one id, or the line is disturbed"
+ONE_ID = "leave one device on the line, change its id with `id`, then connect the other one"
+BAD_HINT = "leave one device on the line and check the cable and the ground: two devices have the same id, or the line is disturbed"
 
 
 def ids_text(ids: Sequence[int]) -> str:
@@ -37,7 +38,7 @@ def nothing(
     code, text, hint = "", "", ""
     if twins:
         code, hint = "twin-id", ONE_ID
-        text = f"two devices with one id: {ids_text(twins)} answers, damaged by the other one's answer"
+        text = f"two devices with the same id: {ids_text(twins)} answers, damaged by the other device's answer"
     elif twice:
         code, hint = "bad-checksum", BAD_HINT
         text = f"{ids_text(twice)} answered, but each time with a wrong checksum"
@@ -50,7 +51,7 @@ def nothing(
     elif found.echo:
         code, text = "echo", f"no {what}, only our own bytes came back"
     elif found.garbage:
-        code, text = "garbage", f"no {what}, but {found.garbage} bytes that form no valid answer"
+        code, text = "garbage", f"no {what}, but received {plural(found.garbage, 'byte')}, not a valid frame"
     if not code:
         return None
     came = found.came if code == "garbage" and eb90.sign(found.came) else b""

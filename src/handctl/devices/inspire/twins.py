@@ -74,16 +74,16 @@ def look(device: RegisterDevice) -> Seen:
             _ask(bus, same, alike)
     number, asked = bus.id, readings.asked + alike.asked
     if readings.twice:
-        text = f"two different answers came to one question {readings.twice} of {readings.asked} times"
+        text = f"one request got two different answers {readings.twice} of {readings.asked} times"
         return Seen("two", f"{text}: two devices have id {number}")
     enough = MOSTLY if readings.asked <= len(spans) * ROUNDS else SOME
     if readings.share >= enough and alike.whole == alike.asked:
-        text = f"what two devices hold alike arrives whole, and {readings.destroyed} of {readings.asked} readings are destroyed"
+        text = f"shared readings arrive intact, but {readings.destroyed} of {readings.asked} readings are destroyed"
         return Seen("two", f"{text}: two devices with id {number} answer at once")
     if readings.destroyed or readings.whole < readings.asked or alike.whole < alike.asked:
         missing = asked - readings.whole - alike.whole
         return Seen("", f"{missing} of {asked} answers are missing or damaged, not those of readings alone")
-    return Seen("one", f"{asked} answers arrived whole and alone: one device has id {number}")
+    return Seen("one", f"{asked} answers arrived intact and alone: one device has id {number}")
 
 
 @contextmanager
@@ -115,7 +115,7 @@ def refuse(device: RegisterDevice) -> None:
     seen = look(device)
     if seen.verdict == "two":
         raise DeviceRefused(
-            f"{bus.where}: {seen.evidence}, and both would obey",
+            f"{bus.where}: {seen.evidence}, and both would obey the command",
             hint="unplug one of them, then run the command again. Nothing was written.",
             code="twin-id",
         )

@@ -75,7 +75,7 @@ def _bend(motors: list[Motor], counts: list[str]) -> None:
         _number(count, -motor.origin, motor.stroke - motor.origin) for count, motor in zip(counts, motors, strict=True)
     ]
     if any(motor.drive != "off" for motor in motors):
-        raise ValueError("the motors of this finger are on. Stop mode (3) frees them")
+        raise ValueError("the motors of this finger are on. Use stop mode (3) to free them")
     for motor, place in zip(motors, places, strict=True):
         motor.place = place + motor.origin
 

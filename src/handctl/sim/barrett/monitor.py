@@ -174,7 +174,7 @@ class Monitor:
         except ValueError:
             number = -1
         if not digits.isalnum() or not 0 <= number < (SIZE if base == 16 else 1000000):
-            raise ValueError(f"download-at {text!r}: say a hex address, 0x2C40, or +N for the N-th echo, or off")
+            raise ValueError(f"download-at {text!r}: use a hex address such as 0x2C40, +N for the N-th echo, or off")
         self.place = kind, number
 
     # -- power -------------------------------------------------------------------------------------------------------

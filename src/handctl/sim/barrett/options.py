@@ -79,7 +79,7 @@ def switches(options: Options) -> list[float]:
         Options(options.kind, {"switch": part}, ["switch"]).seconds("switch", 0.0, 1e9) for part in text.split(",")
     ]
     if len(times) % 2 or times != sorted(times):
-        raise ValueError(f"option switch={text}: say the seconds of off and on by turns, ascending, such as 2,8")
+        raise ValueError(f"option switch={text}: use ascending seconds, alternating off and on, such as 2,8")
     return times
 
 

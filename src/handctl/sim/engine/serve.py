@@ -178,7 +178,7 @@ def _serve(
             print(json.dumps(told), flush=True)  # noqa: T201 - a server has no renderer
         except OSError as exc:
             raise ServeError(
-                f"stdout cannot be written, so no one learns that the simulator is ready: {exc.strerror or exc}"
+                f"stdout cannot be written, so no program can find out that the simulator is ready: {exc.strerror or exc}"
             ) from exc
         _loop(line, port, panel, signals, None if duration is None else clock.now() + duration)
 
@@ -259,7 +259,7 @@ def send_control(path: str, command: str, timeout: float = 5.0) -> str:
             while not answer.endswith(b"\n"):
                 data = link.recv(4096)
                 if not data:
-                    raise ServeError(f"control socket {path}: the simulator left without an answer")
+                    raise ServeError(f"control socket {path}: the simulator ended without an answer")
                 answer += data
             return answer.decode("utf-8", "replace").rstrip("\n")
     except OSError as exc:

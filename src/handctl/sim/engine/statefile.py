@@ -38,7 +38,7 @@ def load(path: str, device: Model) -> bool:
         device.restore(state)
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as exc:
         reason = f"{exc} is missing" if isinstance(exc, KeyError) else str(exc)
-        raise ValueError(f"state file {path} is damaged or foreign ({reason}). Remove it to start afresh") from exc
+        raise ValueError(f"state file {path} is damaged or foreign ({reason}). Delete it to start over") from exc
     return True
 
 

@@ -144,9 +144,7 @@ def id_(run: Run, new: int | None) -> Table:
     steps = run.planner().plan([(EXO.find("id")[1][0], new)])
     if (plan := run.planned(steps)) is not None:
         return plan
-    run.confirm(
-        f"This changes the id to {new} at once. Every hand on this line that has the old id would change", steps
-    )
+    run.confirm(f"This changes the id to {new} at once, on every hand on this line that has the old id", steps)
     return procedures.change_id(run.device(), new)
 
 
@@ -176,11 +174,11 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
     code = procedures.code_of(rate)
     if code is None:
         raise UsageError(
-            f"{rate} bit/s is not a speed of this hand",
+            f"{rate} bit/s is not a baud rate of this hand",
             hint=f"choose one of {', '.join(map(str, BAUD_RATES.values()))} bit/s (exo §2.3.2). Nothing was sent.",
         )
     if verify and not save_too:
-        raise UsageError("--verify needs --save: without it the hand keeps its old speed", hint="add --save")
+        raise UsageError("--verify needs --save: without a save the hand keeps its old baud rate", hint="add --save")
     planner = run.planner()
     steps = planner.plan([(EXO.find("baud_code")[1][0], code)])
     if save_too:
@@ -188,7 +186,7 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
     if (plan := run.planned(steps)) is not None:
         return plan
     run.confirm(
-        f"After save and power-cycle the hand uses {rate} bit/s only. A Bluetooth module may stay at the old speed: have an "
+        f"After a save and a power-cycle the hand uses {rate} bit/s only. A Bluetooth module may stay at the old baud rate: have an "
         "RS-232 cable ready",
         steps,
     )
@@ -197,21 +195,21 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
     if save_too or run.offer("Save it to flash now"):
         hand.check_identity()
         table.rows += flash.save(hand, run.guide).rows
-        if verify or run.offer("Wait for the power-cycle and look for the hand at the new speed"):
+        if verify or run.offer("Wait for the power-cycle and check the hand at the new baud rate"):
             _verify_speed(run, hand, rate, table)
         else:
             run.journal.info(
                 "power-cycle",
-                "the hand keeps its old speed until its power is switched off and on",
+                "the hand keeps its old baud rate until you power-cycle it",
                 hint=f"power-cycle the hand, then use --baud {rate}",
             )
     else:
         already = any(message.code == "already" for message in run.journal.messages)
         run.journal.warn(
             "not-saved",
-            f"it is not known whether {rate} bit/s is saved. If it is not, the hand keeps its old speed"
+            f"{rate} bit/s may not be saved. In that case the hand keeps its old baud rate"
             if already
-            else f"{rate} bit/s is not saved: the hand keeps its old speed",
+            else f"{rate} bit/s is not saved, so the hand keeps its old baud rate",
             hint=f"run `handctl exo save --id {hand.bus.id}`, then power-cycle the hand",
         )
     return table  # fmt: skip
@@ -226,17 +224,17 @@ def _verify_speed(run: Run, hand: ExoHand, rate: int, table: Table) -> None:
         )
         return
     found = procedures.find_speed(hand.bus)
-    where = f"It answers at {found} bit/s" if found else "It answers at none of the three speeds"
+    where = f"It answers at {found} bit/s" if found else "It does not answer at any of the three baud rates"
     table.failure = NoAnswer(
         f"{hand.bus.link.name}: no hand at {rate} bit/s after the power-cycle. {where}",
-        hint="use the RS-232 cable: a Bluetooth module may still be at the old speed. `handctl exo scan` asks all ids and speeds",
+        hint="use the RS-232 cable: a Bluetooth module may still use the old baud rate. `handctl exo scan` tries all ids and baud rates",
     )
 
 
 def _only_reads(run: Run, name: str) -> None:
     if run.settings.dry_run:
         raise UsageError(
-            f"`handctl exo {name}` without a value only reads", hint="run it without -n: it changes nothing"
+            f"`handctl exo {name}` without a value only reads", hint="run it without -n: it does not change anything"
         )
 
 
@@ -269,7 +267,9 @@ def save(run: Run, skip_identity_check: bool) -> Table:
     steps = [run.planner().trigger_step("save", "save to flash")]
     if (plan := run.planned(steps)) is not None:
         return plan
-    run.confirm("This saves the present parameters to flash. The manual marks id and baud_code as kept", steps)
+    run.confirm(
+        "This saves the present settings to flash. According to the manual, only id and baud_code are kept", steps
+    )
     hand = run.device()
     if not skip_identity_check:
         hand.check_identity()
@@ -308,10 +308,11 @@ def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip
     path = backup or "exo-before-reset.json"
     if os.path.exists(path):
         raise UsageError(
-            f"{path}: the file exists and is not overwritten", hint="choose another file with --backup FILE"
+            f"{path}: this file already exists, and handctl does not overwrite it",
+            hint="choose another file with --backup FILE",
         )
     run.confirm(
-        "This restores the factory defaults permanently, at an address that the manual does not give",
+        "This restores the factory defaults permanently, at an address that is not in the manual",
         steps,
         word="reset",
     )

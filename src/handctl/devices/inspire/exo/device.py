@@ -109,7 +109,7 @@ class ExoHand(RegisterDevice):
             if self.journal.counters.writes > before:
                 self.journal.warn(
                     "ack-lost",
-                    f"the {which} command was not answered: the hand may act on it all the same",
+                    f"the {which} command was not answered, but the hand may still carry it out",
                     hint=f"check with `handctl exo get {which}_set position_actual` before you repeat it",
                 )
             raise
@@ -149,9 +149,7 @@ class ExoHand(RegisterDevice):
         table = self.table(readings)
         table.view = status_view
         findings = unhealthy(readings)
-        hint = (
-            "`handctl exo clear-errors` clears all errors except over_temperature, which ends by cooling (exo §2.3.3)"
-        )
+        hint = "`handctl exo clear-errors` clears all errors except over_temperature, which goes away as the actuator cools (exo §2.3.3)"
         return self.judge(table, findings, check, hint=hint, more=self._strangeness)
 
     def check_identity(self) -> None:
@@ -227,7 +225,7 @@ def unhealthy(readings: Sequence[Reading]) -> list[str]:
         if param.bits and value:
             text = f"{reading.element.part}: {param.label(value)} (0x{int(value):02X})"
             if "over_temperature" in (param.label(value) or ""):
-                text += f", ends by cooling, now {by_name.get(f'temperature.{reading.element.part}')} °C"
+                text += f", goes away as it cools, now {by_name.get(f'temperature.{reading.element.part}')} °C"
             found.append(text)
         elif not _plausible(reading):
             found.append(

@@ -49,13 +49,13 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
     done = [eb90.read_reply_prefix(bus.id, 2, 1)]
     begun = hand.journal.ledger.mark
     with hand.bus.leaving(
-        "the hand goes on calibrating",
+        "the hand is still calibrating",
         f"{POWER_OFF} No documented command stops a calibration",
     ):
-        lost = bus.try_write(EXO["calibrate"].address, b"\x01", "the start", "handctl waits for the end all the same")
+        lost = bus.try_write(EXO["calibrate"].address, b"\x01", "the start", "handctl still waits for the end")
         started = bus.link.now()
         guide.say(
-            f"{POWER_OFF} The calibration runs. The hand leads through the steps above in this order. "
+            f"{POWER_OFF} The calibration is running. The hand goes through the steps above in this order. "
             "Nothing is sent meanwhile."
         )
         try:
@@ -64,11 +64,11 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
             guide.done()
     seconds = bus.link.now() - started
     if frame is None:
-        bus.out_of_time("the end of the calibration. The calibration goes on")
+        bus.out_of_time("the end of the calibration. The calibration is still running")
     if frame is None and lost is not None:
         raise lost.retold(
             f"the calibration may have started. Its start was not acknowledged, its end was not reported: {lost.text}",
-            hint=f"{POWER_OFF} Keep the hand worn until it stands still, then check with `handctl exo status`",
+            hint=f"{POWER_OFF} Keep wearing the hand until it has stopped moving, then check with `handctl exo status`",
         )
     if frame is None:
         hand.journal.warn(

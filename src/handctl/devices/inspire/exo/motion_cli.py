@@ -32,7 +32,7 @@ def add_movements(group: Group) -> None:
         for number, (seconds, text) in enumerate(motion.CALIBRATION_STEPS, 1):
             run.guide.say(f"  step {number}: {text} (waits {seconds} s)")
         run.confirm(
-            f"{motion.POWER_OFF} The hand must be worn, and it moves all fingers through the steps above", steps
+            f"{motion.POWER_OFF} Someone has to wear the hand, and it moves all fingers through the steps above", steps
         )
         return motion.calibrate(run.device(), run.guide)
 
@@ -86,7 +86,7 @@ def _command(
     if which == "force" and any(values.values()):
         run.journal.info(
             "stays",
-            "the force stays until another is commanded",
+            "the force stays in effect until you command another one",
             hint="`handctl exo force 0 0 0 0 0` releases the hand",
         )
     return table

@@ -16,7 +16,7 @@ from handctl.model.frames import frames_in
 from handctl.model.param import Element, ParamMap, Reading, Step
 from handctl.model.result import Column, Row, Table, hex_bytes
 
-FORCED = "Add --force-ambiguous to send it all the same."
+FORCED = "Add --force-ambiguous to send it anyway."
 
 
 def parse_hex(text: str) -> bytes:
@@ -98,13 +98,13 @@ def plan_write(hand: RegisterDevice, address: int, data: bytes, undocumented: bo
     if touched:
         names = ", ".join(register.name for register in touched)
         raise UsageError(
-            f"this write reaches beyond one documented group: {names}",
-            hint="split it: a write stays within one documented group (exo §2.3). Nothing was sent.",
+            f"this write goes beyond one documented group: {names}",
+            hint="split it: a write has to stay within one documented group (exo §2.3). Nothing was sent.",
         )
     if not undocumented:
         raise UsageError(
             f"{address} is not a documented register of this hand",
-            hint="add --undocumented if you know its effect there. Nothing was sent.",
+            hint="add --undocumented if you know what it does there. Nothing was sent.",
             code="undocumented",
         )
     return step._replace(meaning=f"{step.meaning}: UNDOCUMENTED", moves=True, strands=True)
@@ -127,7 +127,8 @@ def _checked(hand: RegisterDevice, register: Register, address: int, data: bytes
         )
     if register.name == "id":
         raise UsageError(
-            f"{address} is the id", hint=f"use `handctl {hand.kind} id NEW`: it finds the hand again. Nothing was sent."
+            f"{address} is the id",
+            hint=f"use `handctl {hand.kind} id NEW`, which finds the hand again. Nothing was sent.",
         )
     if (address - register.address) % register.size or len(data) % register.size:
         raise UsageError(
@@ -175,7 +176,9 @@ def plan_raw(data: bytes, force_ambiguous: bool) -> Step:
     if not frames and not _may_go_on(data):
         return _without_frame(data, force_ambiguous)
     if len(frames) != 1 or frames[0].encode() != data:
-        return Step("not one whole frame: its effect on the hand is not known", data, moves=True, strands=True)
+        return Step(
+            "this is not a complete frame, so its effect on the hand is unknown", data, moves=True, strands=True
+        )
     frame = frames[0]
     if frame.flag == eb90.READ and len(frame.payload) == 3:
         return Step(f"read {frame.payload[2]} bytes at {frame.address} from id {frame.id}", data)
@@ -198,11 +201,11 @@ def _without_frame(data: bytes, force_ambiguous: bool) -> Step:
     start = data.find(eb90.HOST)
     whole = data[start : start + data[start + 3] + eb90.OVERHEAD] if start >= 0 else b""
     if not whole:
-        return Step("no valid frame in it: the hand should stay silent", data)
+        return Step("no valid frame in it, so the hand should not reply", data)
     step = plan_raw(whole[:-1] + bytes([eb90.checksum(whole[2:-1])]), force_ambiguous)
-    meaning = f"{step.meaning}. ITS CHECKSUM IS WRONG: the hand should stay silent"
+    meaning = f"{step.meaning}. ITS CHECKSUM IS WRONG, so the hand should not reply"
     if whole != data:
-        return Step(f"{meaning}. There are bytes around it", data, moves=True, strands=True)
+        return Step(f"{meaning}. There are other bytes around it", data, moves=True, strands=True)
     return step._replace(meaning=meaning, data=data)
 
 
@@ -257,7 +260,7 @@ def goes_on(hand: RegisterDevice, step: Step) -> AbstractContextManager[None]:
     if not (step.moves or step.strands):
         return nullcontext()
     return hand.bus.leaving(
-        f"the bytes were sent and are not taken back: {step.meaning}", f"check with `handctl {hand.kind} status`"
+        f"the bytes were sent and cannot be taken back: {step.meaning}", f"check with `handctl {hand.kind} status`"
     )
 
 

@@ -30,9 +30,7 @@ def stop_talk(aim: Aim) -> Talk:
     if not aim.proven:
         came += yield Say(step, QUICK, lambda pieces: answer(pieces, wrist), reads=True, ahead=lead(aim))
         if answer(came, wrist):
-            return Stopped(
-                "a wrist answers here, not an exoskeleton hand. Nothing was written", OF_A_WRIST, DeviceRefused
-            )
+            return Stopped("this is a wrist, not an exoskeleton hand. Nothing was written", OF_A_WRIST, DeviceRefused)
     force = Step("all forces to 0", eb90.command_request(number, eb90.FORCE_COMMAND, [0] * FINGERS), moves=True)
     told = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
     meaning, late = "", False
@@ -54,20 +52,24 @@ def stop_talk(aim: Aim) -> Talk:
                 late = True  # the answer was that of a force that was commanded before: it begins alike
                 continue
             wanted = [None] * len(wanted)  # this hand does not show its commands there (the manual does not say)
-        done = f"the hand answered two commands: all forces to 0, then {meaning}. The manual has no stop command"
+        done = f"the hand acknowledged two commands: all forces to 0, then {meaning}. The manual has no stop command"
         against = yield from seen_since(
             lambda: values(aim, POSITION_ACTUAL, MEASURED, eb90.READ), lambda: _targets(aim), wanted, STILL, places
         )
         return taken_over(Stopped(done), against) if against else Stopped(done)
     if meaning:
-        text = f"the hand answered the command of all forces to 0, but not the next one: {meaning}"
+        text = f"the hand acknowledged the command that sets all forces to 0, but not the next one: {meaning}"
         return Stopped(text, POWER, NoAnswer)
     if answer(came, wrist):
-        text = "all forces were commanded to 0, then a wrist answered, not an exoskeleton hand. It was not stopped"
+        text = "handctl commanded all forces to 0, but a wrist answered instead of an exoskeleton hand. The wrist was not stopped"
         return Stopped(text, OF_A_WRIST, DeviceRefused)
     seen = instead(came)
-    text = f"all forces were commanded to 0, but {f'no valid answer arrived: {seen}' if seen else 'no answer arrived'}"
-    return Stopped(text, f"{POWER}. `handctl exo scan` looks for id and speed", ProtocolError if seen else NoAnswer)
+    text = (
+        f"handctl commanded all forces to 0, but {f'no valid answer arrived: {seen}' if seen else 'no answer arrived'}"
+    )
+    return Stopped(
+        text, f"{POWER}. `handctl exo scan` finds the id and the baud rate", ProtocolError if seen else NoAnswer
+    )
 
 
 def _alike(wanted: list[int | None], now: list[int]) -> bool:

@@ -33,32 +33,30 @@ def calibrate(hand: Hand, guide: Guide) -> Table:
     bus, register = hand.bus, hand.map["calibrate_force"]
     before = hand.read(elements_of(hand.map["force_actual"]))
     for left in range(COUNTDOWN, 0, -1):
-        guide.progress(f"the hand moves in {left} s: open, empty, nothing touches it", "Ctrl-C ends this here.")
+        guide.progress(f"the hand moves in {left} s: keep it open and empty, and do not touch it", "Ctrl-C cancels.")
         bus.pause(1.0)
         bus.check_bound("the calibration")
     guide.done()
     begun = hand.journal.ledger.mark
-    with bus.leaving("the hand goes on calibrating", POWER_OFF):
-        lost = bus.try_write(
-            register.address, register.encode(1), "the start", "handctl waits for the end all the same"
-        )
-        guide.say(f"{POWER_OFF} The calibration runs. Nothing is sent meanwhile.")
+    with bus.leaving("the hand is still calibrating", POWER_OFF):
+        lost = bus.try_write(register.address, register.encode(1), "the start", "handctl still waits for the end")
+        guide.say(f"{POWER_OFF} The calibration is running. handctl sends nothing until it ends.")
         reported = _wait(hand, guide)
     if lost is not None and not reported:
         raise lost.retold(
             f"the calibration may have started. Its start was not acknowledged: {lost.text}",
-            hint=f"{POWER_OFF} Wait until the hand stands still, then check with `handctl hand status`",
+            hint=f"{POWER_OFF} Wait until the hand has stopped moving, then check with `handctl hand status`",
         )
     if reported:
         hand.journal.ledger.confirm("its end was reported", since=begun)
     else:
-        bus.out_of_time("the end of the calibration. The calibration goes on")
+        bus.out_of_time("the end of the calibration. The calibration is still running")
         hand.journal.warn(
             "no-completion",
             f"the hand did not report the end within {LISTEN:.0f} s"
             if bus.reports
-            else "this wire has no frame that reports the end: it is judged by the forces",
-            hint="look at force_actual: an unloaded hand reads about 0 g",
+            else "this connection has no frame that reports the end, so handctl checks the forces instead",
+            hint="check force_actual: an unloaded hand reads about 0 g",
         )
     after = hand.read(elements_of(hand.map["force_actual"]))
     ended = outcome(hand, register, "completed" if reported else "not reported", None)
@@ -69,7 +67,7 @@ def calibrate(hand: Hand, guide: Guide) -> Table:
         hand.journal.warn(
             "loaded",
             f"more than {NEAR} g at rest: {', '.join(map(str, off))}",
-            hint="look whether something touches the fingers, then calibrate again",
+            hint="make sure nothing touches the fingers, then calibrate again",
         )
     hand.journal.info("volatile", "no manual says whether a calibration survives power-off without a save")
     return Table(rows=[*ended.rows, *rows], columns=hand.columns)

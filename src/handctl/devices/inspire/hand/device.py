@@ -70,7 +70,7 @@ class Hand(RegisterDevice):
     live = LIVE
     releases = RELEASES
     supply = "24 V, 2 A peak (RH56DFTP: 4.5 A)"
-    save_result = "it comes about a second later, rh56 §2.1"
+    save_result = "it arrives about a second later, rh56 §2.1"
     not_covered = (
         "set-points (angle_set, stroke_set), which are never restored",
         "id, speed and network address, which are changed by their own commands",
@@ -168,7 +168,7 @@ class Hand(RegisterDevice):
             except HandctlError:
                 self.bus, self._reader = first, BlockReader(first)
                 raise exc from None
-            self.journal.info("protocol", f"{other.where}: silent to EB90, answers to Modbus RTU")
+            self.journal.info("protocol", f"{other.where}: it does not answer in EB90, but does in Modbus RTU")
             return answer
 
     @property
@@ -238,7 +238,7 @@ class Hand(RegisterDevice):
         readings = self.read([element for one in names for element in elements_of(one)])
         table = self.table(readings)
         table.view = status_view
-        hint = "`handctl hand clear-errors` clears all errors but over_temperature, which ends by cooling"
+        hint = "`handctl hand clear-errors` clears all errors except over_temperature, which goes away as the actuator cools"
         return self.judge(table, unhealthy(readings), check, hint=hint)
 
     @staticmethod
@@ -394,7 +394,7 @@ def status_view(rows: list[Row]) -> list[Grid]:
     speeds = " ".join(str(at[name, part].get("value", "?")) for name, part in at if name == "speed_set")
     notes = (
         f"Speed of the next movement: {speeds}.",
-        "Force: the limit is a threshold in grams, no force that is held.",
+        "Force: the limit is a threshold in grams, not a force that the hand holds.",
     )
     headings = ("Finger", "Angle", "Set", "Force", "Limit", "mA", "°C", "Status", "Errors")
     return [Grid(headings, lines, title=head, right=frozenset(range(1, 7)), notes=notes)]

@@ -29,14 +29,14 @@ Values = Mapping[str, Mapping[str, int]]
 EMERGENCY = 8
 REMEDIES = {
     5: "free the finger, compare `handctl hand get current_limit current`, then run `handctl hand clear-errors`",
-    6: "take away what blocks the finger, then run `handctl hand clear-errors`",
-    7: "run `handctl hand clear-errors`. Power-cycle the hand where the fault stays, then send it to service",
+    6: "remove the obstacle from the finger, then run `handctl hand clear-errors`",
+    7: "run `handctl hand clear-errors`. If the fault remains, power-cycle the hand, then send it in for service",
     EMERGENCY: "release the emergency stop with the program that set it (register 1131, rh56 §3.2)",
 }
 CLEAR = "remove the cause, then run `handctl hand clear-errors`"
 COOL = "let the hand cool: this error cannot be cleared"
 SLOWLY = "run `handctl hand speed 100 100 100 100 100 100` before the first movement"
-EACH_SLOWLY = "run `handctl hand set speed_set.m1=100`, and so for each actuator, before the first movement"
+EACH_SLOWLY = "run `handctl hand set speed_set.m1=100`, and the same for each other actuator, before the first movement"
 MOST_CURRENT = 1500
 OR_PAIR = ", or run `handctl hand pair`, which takes you through it"
 REFRESH = 0.0307
@@ -100,8 +100,8 @@ def protocol(device: Hand) -> Row4:
     if bus.tcp:
         return "protocol", "ok", "the hand answers in Modbus TCP", ""
     if any(message.code == "protocol" for message in device.journal.messages):
-        remedy = "give --protocol modbus. Programs that speak EB90 only cannot use this hand"
-        return "protocol", "warning", "EB90 is silent, Modbus RTU answers", remedy
+        remedy = "add --protocol modbus. Programs that only support EB90 cannot use this hand"
+        return "protocol", "warning", "the hand answers in Modbus RTU, but not in EB90", remedy
     return "protocol", "ok", "the hand answers in Modbus RTU", ""
 
 
@@ -131,11 +131,11 @@ def _elsewhere(device: Hand) -> Iterator[Row4]:
         silent, spoken = ("EB90", "Modbus RTU") if isinstance(bus, Bus) else ("Modbus RTU", "EB90")
         if not _arrives(other, *other.presence):
             word = "modbus" if isinstance(bus, Bus) else "eb90"
-            yield "protocol", "fail", f"{silent} is silent, {spoken} answers", f"give --protocol {word}"
+            yield "protocol", "fail", f"the hand answers in {spoken}, but not in {silent}", f"add --protocol {word}"
             return
-        yield "protocol", "ok", f"neither {silent} nor {spoken} is answered", ""
+        yield "protocol", "ok", f"the hand answers neither in {silent} nor in {spoken}", ""
     if not (isinstance(bus, ModbusBus) and bus.tcp):
-        text = "a tactile hand (RH56DFTP) may answer on its network only"
+        text = "a tactile hand (RH56DFTP) may answer only on its network"
         yield "network", "skipped", text, "run `handctl hand doctor -p tcp://192.168.11.210`"
 
 
@@ -151,7 +151,7 @@ def refresh(device: Hand) -> Row4:
             if seen and data != seen:
                 changes.append(link.now())
             seen = data
-    often = f"more than {1 / REFRESH:.0f} reads a second repeat readings"
+    often = f"more than {1 / REFRESH:.0f} reads per second return the same readings again"
     if len(changes) < 3:
         return (
             "refresh",
@@ -162,7 +162,7 @@ def refresh(device: Hand) -> Row4:
     period = (changes[-1] - changes[0]) / (len(changes) - 1)
     text = f"the readings change every {1000 * period:.0f} ms: {often}"
     if period > 2 * REFRESH:
-        return "refresh", "warning", text, "read over a quicker line, or stop the program that reads as well"
+        return "refresh", "warning", text, "use a faster connection, or stop the other program that reads from the hand"
     return "refresh", "ok", text, ""
 
 
@@ -196,13 +196,13 @@ def fingers(held: Values, *, swaps: bool = False) -> Row4:
     for part, degrees in held.get("temperature", {}).items():
         if HOT <= degrees != UNMEASURED:
             found.setdefault(part, []).append(f"{degrees} °C")
-            remedies.append(f"let it cool: handctl moves no hand from {HOT} °C on")
+            remedies.append(f"let it cool: handctl does not move a hand at {HOT} °C or more")
     if not found:
         quiet = " The hand has had no command since power-up." if 255 in held.get("status", {}).values() else ""
-        return "fingers", "ok", f"no finger reports an error, a block or heat.{quiet}", ""
+        return "fingers", "ok", f"no finger reports an error, a blockage or overheating.{quiet}", ""
     text = "; ".join(f"{part}: {', '.join(words)}" for part, words in found.items())
     if swaps and (mirrored := _mirrored(held, found)):
-        text += f". A program that swaps the two bytes of a word shows it on {mirrored}"
+        text += f". A program that swaps the two bytes of a word would show this on {mirrored}"
     return "fingers", "fail", text, min(remedies, key=_first)
 
 
@@ -226,11 +226,11 @@ def first_movement(held: Values) -> Row4:
     remedy = SLOWLY if len(speeds) == len(FINGERS) else EACH_SLOWLY
     still = [part for part, speed in speeds.items() if speed == 0]
     if still:
-        text = f"speed 0: {', '.join(still)}. A movement does nothing there"
+        text = f"speed 0: {', '.join(still)}. These fingers would not move"
         return "first_movement", "warning", text, remedy
     quick = [part for part, speed in speeds.items() if speed > usual.get(part, speed)]
     if quick:
-        text = f"speed {max(speeds[part] for part in quick)} was left by a program: {', '.join(quick)}. "
+        text = f"speed {max(speeds[part] for part in quick)} was set by an earlier program: {', '.join(quick)}. "
         text += f"After power-up it is {min(usual[part] for part in quick)}"
         return "first_movement", "warning", text, remedy
     return "first_movement", "ok", f"the next movement has speed {min(speeds.values())} to {max(speeds.values())}", ""
@@ -240,8 +240,8 @@ def current_limit(held: Values) -> Row4:
     """Limits below what a movement draws end it with status 5; above the documented range they protect nothing."""
     limits = held.get("current_limit", {})
     if not limits:
-        return "current_limit", "skipped", "this generation shows no current limits", ""
-    remedy = "compare them with another hand of this kind, then `handctl hand set current_limit.FINGER=MA`"
+        return "current_limit", "skipped", "this generation does not report current limits", ""
+    remedy = "compare them with another hand of the same model, then run `handctl hand set current_limit.FINGER=MA`"
     low = [f"{part} {limit} mA" for part, limit in limits.items() if limit < DRAWN]
     if low:
         text = f"{', '.join(low)}: a movement without a load draws up to 194 mA and would end with status 5"

@@ -37,7 +37,7 @@ VOLTS = range(500, 621)
 F1_READS = next(sign.reads for sign in TABLE if sign.kind is F1_HAND)
 KINDS = {DF: BYTE_HAND, TP: BYTE_HAND, F1: F1_HAND, DG2: DG2_HAND}
 """Generation -> who shows what it is."""
-LABEL = "read the label of the hand and add --model df, tp, f1 or dg2"
+LABEL = "read the label on the hand and add --model df, tp, f1 or dg2"
 
 
 class Found(NamedTuple):
@@ -50,7 +50,7 @@ class Found(NamedTuple):
     @property
     def words(self) -> str:
         """In words for people."""
-        return MODELS[self.model] if self.model is not None else f"{self.kind.words}, generation open"
+        return MODELS[self.model] if self.model is not None else f"{self.kind.words}, generation unknown"
 
 
 def look(bus: RegisterBus, other: RegisterBus | None = None) -> Found:
@@ -95,7 +95,7 @@ def _of_bytes(bus: RegisterBus, asked: Look) -> tuple[str | None, str]:
     if told := is_f1(within(words)):
         return None, f"but also {told}"
     if isinstance(bus, ModbusBus) and bus.tcp:
-        return TP, "it speaks Modbus TCP"
+        return TP, "it uses Modbus TCP"
     model, shown = _df_or_tp(asked, due=False)
     return (model, shown) if model is not None else _df_or_tp(asked, due=True)
 
@@ -167,8 +167,8 @@ class ModelGate(Gate):
         contradiction(bus, found, typed)
         if typed is None and found.model not in (DF, TP):
             raise DeviceRefused(
-                f"{bus.where}: {found.words}: {found.evidence}. The addresses of one generation do other things on the next",
-                hint=f"{LABEL}: a save of one is the factory reset of the other. Nothing was written.",
+                f"{bus.where}: {found.words}: {found.evidence}. The same addresses do different things on another generation",
+                hint=f"{LABEL}: the bytes that save on one generation reset another. Nothing was written.",
                 code="model-open",
             )
 
@@ -179,6 +179,6 @@ def contradiction(bus: RegisterBus, found: Found, typed: str | None) -> None:
         return
     raise DeviceRefused(
         f"{bus.where}: --model {typed} was given, but this is {found.words}: {found.evidence}",
-        hint="check the label of the hand: the same bytes do other things on another generation",
+        hint="check the label on the hand: the same bytes do different things on another generation",
         code="other-model",
     )

@@ -58,8 +58,8 @@ def fit_to_move(hand: Hand) -> Before:
     against = [text for reading in readings if (text := _against(reading))]
     if against:
         raise CheckFailed(
-            f"{hand.bus.where}: the hand is not moved: {'; '.join(against)}",
-            hint="run `handctl hand clear-errors`, free the finger or let it cool. Nothing was written.",
+            f"{hand.bus.where}: handctl does not move this hand: {'; '.join(against)}",
+            hint="run `handctl hand clear-errors`, free the finger or let it cool down. Nothing was written.",
             code="not-fit",
         )
     return Before({reading.element.full_name: reading.value for reading in readings})
@@ -96,7 +96,7 @@ def question(hand: Hand, changes: Sequence[tuple[Element, Number]], before: Befo
         f"This moves {len(parts)} of {count} fingers of {side}: {', '.join(parts)}" if parts else f"This moves {side}"
     )
     still = "" if any(speeds) or not parts else (
-        ". The speed is 0, so nothing will move until `handctl hand speed` sets one"
+        ". The speed is 0, so nothing moves until you set one with `handctl hand speed`"
     )  # fmt: skip
     more = f"{'. Also ' if parts else ': '}{', '.join(others)}" if others else ""
     return f"{text}{more}{still}"
@@ -116,8 +116,8 @@ def tell_no_speed(hand: Hand, changes: Sequence[tuple[Element, Number]], before:
     if still:
         hand.journal.warn(
             "no-speed",
-            f"speed 0: {', '.join(still)} did not move, and will go to the target as soon as a speed is set",
-            hint="`handctl hand speed` sets one, and asks first",
+            f"speed 0: {', '.join(still)} did not move, and will go to the target as soon as you set a speed",
+            hint="set one with `handctl hand speed`, which asks first",
         )
 
 
@@ -199,8 +199,8 @@ def plan_nudge(hand: Hand) -> Nudge:
     before = fit_to_move(hand)
     if hand.map is not BYTE_MAP:
         raise DeviceRefused(
-            f"{hand.bus.where}: the angles of {hand.found().words} have no sure limits",
-            hint="say which hand it is with --first left or --first right. Nothing was written.",
+            f"{hand.bus.where}: the angle limits of {hand.found().words} are uncertain",
+            hint="specify the side with --first left or --first right. Nothing was written.",
             code="not-on-model",
         )
     speed, angle = (hand.map.find(f"{name}.{NUDGED}")[1][0] for name in ("speed_set", "angle_set"))

@@ -84,7 +84,7 @@ def add_movements(group: Group) -> None:
         if any(value == 0 for _, value in changes) and not run.settings.dry_run:
             run.journal.warn(
                 "speed-0",
-                "a finger with speed 0 does not move again before it has another speed",
+                "a finger with speed 0 does not move again until you set another speed",
                 hint="speed 0 does not replace the power switch",
             )
         return table

@@ -31,7 +31,8 @@ def add_network(group: Group) -> None:
         if address is None:
             if run.settings.dry_run:
                 raise UsageError(
-                    "`handctl hand network` without a value only reads", hint="run it without -n: it changes nothing"
+                    "`handctl hand network` without a value only reads",
+                    hint="run it without -n: it does not change anything",
                 )
             run.only_reads()
             return place.show_network(run.device())

@@ -31,7 +31,7 @@ from handctl.sentence import plural
 LEFT, RIGHT = "left", "right"
 OTHER = {LEFT: RIGHT, RIGHT: LEFT}
 NOBODY = Left("no hand is named", joint=". ")
-AGAIN = "run `handctl hand pair` again: it begins with what it finds then"
+AGAIN = "run `handctl hand pair` again: it continues from the present state"
 LOOKS = 3
 SEARCH_SECONDS = 6.0
 """So long a silent line is asked for both hands."""
@@ -80,8 +80,8 @@ def pair(
     """
     if first is None and not bench.guide.present:
         raise NotConfirmed(
-            "a person must see which hand moves, but this is not an interactive terminal",
-            hint="say it with --first left or --first right: then nothing moves. Nothing was sent.",
+            "someone has to see which hand moves, but this is not an interactive terminal",
+            hint="specify the side with --first left or --first right: then nothing moves. Nothing was sent.",
         )
     try:
         with leaving(NOBODY, by=HandctlError):
@@ -114,21 +114,21 @@ def _seen(bench: Bench, hands: Sequence[Hand]) -> tuple[str, str]:
     plans = [plan_nudge(hand) for hand in hands]
     steps = [step for hand, plan in zip(hands, plans, strict=True) for step in hand.plan(plan.changes)]
     moves = ", then ".join(plan.question for plan in plans)
-    bench.confirm(f"This moves, one after the other, {moves}. Keep both hands empty and free", steps)
+    bench.confirm(f"This moves {moves}. Keep both hands empty and clear", steps)
     sides = []
     for hand, plan in zip(hands, plans, strict=True):
         nudge(hand, plan, bench.guide)
-        side = bench.guide.choose(f"{hand.bus.where}: which hand has moved", (LEFT, RIGHT))
+        side = bench.guide.choose(f"{hand.bus.where}: which hand moved", (LEFT, RIGHT))
         if not side:
             raise NotConfirmed(
                 f"{hand.bus.where}: the answer names neither the left nor the right hand",
-                hint="run the command again and look at both hands. The finger is back where it was",
+                hint="run the command again and watch both hands. The finger is back in its old position",
                 code="not-seen",
             )
         if side in sides:
             raise CheckFailed(
                 f"{hand.bus.where}: the {side} hand moved both times",
-                hint="check the cables: both ways lead to one hand, or both hands follow one id",
+                hint="check the cables: both connections lead to the same hand, or both hands have the same id",
                 code="same-hand",
             )
         sides.append(side)
@@ -141,8 +141,8 @@ def _two(one: Hand, other: Hand) -> None:
         if one.found().model != other.found().model or field.fingerprint(one) != field.fingerprint(other):
             return
     raise CheckFailed(
-        f"{one.bus.where} and {other.bus.where} read the same each time: both ways may lead to one hand",
-        hint="leave --first out: then each hand moves a finger, and you say which one it was",
+        f"{one.bus.where} and {other.bus.where} give the same readings each time: both connections may lead to the same hand",
+        hint="leave out --first: then each hand moves a finger, and you say which one moved",
         code="same-hand",
     )
 
@@ -170,7 +170,7 @@ def _one_line(bench: Bench) -> list[Hand]:
     if not ids:
         raise NoAnswer(
             f"{hand.link.name}: no hand answers",
-            hint="check power, wires and speed: `handctl hand scan` asks all speeds",
+            hint="check power, wiring and baud rate: `handctl hand scan` tries all baud rates",
         )
     if len(ids) > 2:
         raise CheckFailed(
@@ -186,7 +186,7 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
     new = 2 if number == 1 else 1
     _done(
         bench,
-        f"Only id {number} answers. Two hands with one id both obey it.\n"
+        f"Only id {number} answers. Two hands with the same id both obey it.\n"
         f"Unplug the data cable of one hand. The other one gets id {new}. Then press Enter",
     )
     hand = bench.hand(number)
@@ -196,24 +196,24 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
     steps = hand.plan([(elements_of(hand.map["id"])[0], new)])
     saving = bench.hand(new).trigger_step("save", "save to flash")
     bench.confirm(
-        f"This changes id {number} to {new} at once, for the hand that is plugged in, and saves it when both hands answer",
+        f"This changes id {number} to {new} at once, on the connected hand, and saves it once both hands answer",
         [*steps, saving],
     )
     procedures.change_id(hand, new, saved_next=True)
     with leaving(
         Left(
-            f"one hand has id {new} until its power is switched off",
+            f"one hand has id {new} until the next power-cycle",
             f"`handctl hand save --id {new}` keeps it",
             joint=". ",
         ),
         by=HandctlError,
     ):
-        _done(bench, "Plug the other hand in again, and leave the power of this one on. Then press Enter")
+        _done(bench, "Plug the other hand back in, and keep this one switched on. Then press Enter")
         missing = [one for one in (number, new) if not procedures.probe(hand.bus, one)]
         if missing:
             raise CheckFailed(
                 f"{hand.link.name}: no hand answers to id {' or '.join(map(str, missing))}",
-                hint="check the cable of the other hand. A power-cycle of both brings back the saved ids",
+                hint="check the cable of the other hand. A power-cycle of both hands brings back the saved ids",
                 code="gone",
             )
         changed = bench.hand(new)
@@ -230,8 +230,8 @@ def _one_address(bench: Bench, link: str, address: str | None) -> list[tuple[Han
     guide = bench.guide
     _done(
         bench,
-        f"Two hands with one IP address answer in turn at {link}.\n"
-        "Switch the power of one hand off. The other one gets a new address. Then press Enter",
+        f"Two hands with the same IP address take turns answering at {link}.\n"
+        "Switch one hand off. The other one gets a new address. Then press Enter",
     )
     hand = bench.again()
     old = place.held(hand)
@@ -245,14 +245,14 @@ def _one_address(bench: Bench, link: str, address: str | None) -> list[tuple[Han
     steps = hand.plan(place.address_plan(hand, octets))
     steps.append(hand.trigger_step("save", "save to flash"))
     bench.confirm(
-        f"This changes the address {'.'.join(map(str, old))} to {new}. The hand has it after a power-cycle",
+        f"This changes the address {'.'.join(map(str, old))} to {new}. It takes effect after a power-cycle",
         steps,
         word=new,
     )
     place.change_network(hand, octets, guide, cycled_next=True)
     _done(
         bench,
-        f"Switch the power of this hand off and on. The other one stays off. Then press Enter to look for it at {new}",
+        f"Power-cycle this hand, and leave the other one off. Then press Enter to look for it at {new}",
     )
     hand.link.power_cycle()
     moved = _wait_for(bench, lambda: bench.elsewhere(target), octets, hand)
@@ -284,7 +284,7 @@ def _wait_for(bench: Bench, opened: Callable[[], Hand], octets: Sequence[int], c
     if found != list(octets):
         raise CheckFailed(
             f"{hand.bus.where}: the hand there holds the address {'.'.join(map(str, found))}, not {text}",
-            hint="look which hand has power: only one was to be changed. `handctl hand network` shows its address",
+            hint="check which hand is switched on: only one should be changed. `handctl hand network` shows its address",
             code="other-address",
         )
     return hand
@@ -294,7 +294,7 @@ def _done(bench: Bench, what: str) -> None:
     """What a person must do now. Raises NotConfirmed where nobody is there."""
     if not bench.guide.wait_for_enter(f"{what}."):
         raise NotConfirmed(
-            f"somebody must act at the hands: {what.splitlines()[-1]}",
-            hint="run the command at a terminal, beside the hands",
+            f"someone has to do this at the hands: {what.splitlines()[-1]}",
+            hint="run the command on a terminal next to the hands",
             code="nobody-there",
         )

@@ -73,11 +73,12 @@ def _links(run: Run, links: Sequence[str]) -> tuple[str, str | None]:
     if links:
         if COMMAND_LINE in (run.sources.get("port"), run.sources.get("fake"), run.sources.get("device")):
             raise UsageError(
-                "a LINK is given twice", hint="leave out -p, -d and --fake, and give the LINKs as arguments"
+                "a LINK was given both as an argument and as an option",
+                hint="leave out -p, -d and --fake, and give the LINKs as arguments",
             )
         run.settings = run.settings._replace(port=links[0], fake=False, device=None, kind=None, wire=None)
     if len(links) == 2 and links[0] == links[1]:
-        raise UsageError(f"{links[0]} is given twice", hint="give it once where both hands are behind one LINK")
+        raise UsageError(f"{links[0]} is given twice", hint="give it only once if both hands are on the same LINK")
     return run.link_name(), links[1] if len(links) == 2 else None
 
 
@@ -89,11 +90,11 @@ def _check_names(names: dict[str, str], force: bool) -> None:
         if not is_name(name):
             raise UsageError(f"{name!r} cannot be the name of a device", hint=f"allowed: {NAME_HELP}")
     if names["left"] == names["right"]:
-        raise UsageError("both hands would have one name", hint="give --left and --right different names")
+        raise UsageError("both hands would have the same name", hint="give --left and --right different names")
     taken = [name for name in names.values() if name in read_config(config_path()).devices]
     if taken and not force:
         raise UsageError(
-            f"{' and '.join(map(repr, taken))}: named already in {config_path()}",
+            f"{' and '.join(map(repr, taken))} already named in {config_path()}",
             hint="add --force to replace them, or choose other names with --left and --right",
             code="name-taken",
         )
@@ -109,8 +110,8 @@ def _steps(run: Run, other: str | None, octets: list[int] | None, *, moving: boo
     if moving:
         run.journal.info(
             "open-plan",
-            "the angles of the movement and the speed behind it are those of the hand: they are read first",
-            hint="look at the question of the command: it shows every frame before it is sent",
+            "the plan leaves out the angles of the movement and the speed afterwards, because they are read from the hand first",
+            hint="the command's question shows every frame before it is sent",
         )
         steps += planner.plan([(planner.map.find(f"speed_set.{NUDGED}")[1][0], NUDGE_SPEED)])
     if octets is not None:
@@ -162,12 +163,14 @@ def _named(run: Run, found: Sequence[Paired], names: dict[str, str], force: bool
     def allow(config: Config) -> None:
         taken = [name for name in wanted if name in config.devices]
         if taken and not force:
-            raise UsageError(f"{taken[0]!r} was named meanwhile", hint="add --force to replace it", code="name-taken")
+            raise UsageError(
+                f"{taken[0]!r} has been named in the meantime", hint="add --force to replace it", code="name-taken"
+            )
 
     path = config_path()
     rows = [_row(one, names[one.side], wanted[names[one.side]], path) for one in found]
     devicefile.put_all(path, checks(), wanted, allow)
-    run.journal.info("next", "both names can be used now", hint=f"try `handctl -d {names['left']} hand status`")
+    run.journal.info("next", "you can now use both names", hint=f"try `handctl -d {names['left']} hand status`")
     return Table(rows=rows, columns=COLUMNS, plain=("name", "side", "link", "id"))
 
 

@@ -47,7 +47,7 @@ def code_of(hand: Hand, rate: int) -> int:
         if value == rate:
             return code
     raise UsageError(
-        f"{rate} bit/s is not a speed of this hand",
+        f"{rate} bit/s is not a baud rate of this hand",
         hint=f"choose one of {', '.join(map(str, known.values()))} bit/s (rh56 §2.1). Nothing was sent.",
     )
 
@@ -67,8 +67,8 @@ def _tell_places(hand: Hand) -> None:
     held = hand.bus.read(*SYSTEM)
     hand.journal.info(
         "places",
-        f"1001 reads {held[1]}, 1002 reads {held[2]}. handctl takes 1002 for the speed code",
-        hint="some programs of the maker write 1001. Only a power-cycle shows which one a hand uses (rh56 §6)",
+        f"1001 reads {held[1]}, 1002 reads {held[2]}. handctl uses 1002 for the baud rate code",
+        hint="some of the manufacturer's programs write 1001. Only a power-cycle shows which one a hand uses (rh56 §6)",
     )
 
 
@@ -77,7 +77,7 @@ def change_speed(hand: Hand, code: int, rate: int) -> Table:
     hand.identify()
     if code == 3 and hand.found().model == DF:
         raise DeviceRefused(
-            f"{hand.bus.where}: an RH56DFX, DFQ or BFX has no 921600 bit/s",
+            f"{hand.bus.where}: an RH56DFX, DFQ or BFX does not support 921600 bit/s",
             hint="choose 115200, 57600 or 19200. Nothing was written.",
             code="no-speed",
         )
@@ -88,8 +88,8 @@ def change_speed(hand: Hand, code: int, rate: int) -> Table:
     after = hand.bus.read(*SYSTEM) if register.per == 1 else b""
     if beside[1:2] != after[1:2]:
         raise CheckFailed(
-            f"{hand.bus.where}: with 1002 also 1001 changed, from {hex_bytes(beside[1:2])} to {hex_bytes(after[1:2])}",
-            hint=f"do not save. Switch the power off and on: without a save the hand keeps its speed, not {rate} bit/s",
+            f"{hand.bus.where}: writing 1002 also changed 1001, from {hex_bytes(beside[1:2])} to {hex_bytes(after[1:2])}",
+            hint=f"do not save. Power-cycle the hand: without a save it returns to its old baud rate, not {rate} bit/s",
             code="neighbour-changed",
         )
     return table
@@ -187,19 +187,19 @@ def change_network(hand: Hand, octets: Sequence[int], guide: Guide, *, cycled_ne
     connected = bus.link.name.removeprefix("tcp://").partition(":")[0]
     if isinstance(bus, ModbusBus) and bus.tcp and not bus.link.fake and ".".join(map(str, before)) != connected:
         raise CheckFailed(
-            f"{bus.where}: the hand says that its address is {'.'.join(map(str, before))}, but {connected} was asked",
-            hint="leave only that hand powered, and connect by its address. Nothing was written.",
+            f"{bus.where}: the hand reports the address {'.'.join(map(str, before))}, but you connected to {connected}",
+            hint="leave only that hand switched on, and connect to the address it reports. Nothing was written.",
             code="other-address",
         )
     errors = [reading for reading in hand.read(elements_of(hand.map["error"])) if reading.value]
     if errors:
         raise CheckFailed(
-            f"{bus.where}: {', '.join(str(one.element.part) for one in errors)}: errors are reported",
+            f"{bus.where}: the hand reports errors: {', '.join(str(one.element.part) for one in errors)}",
             hint="run `handctl hand clear-errors` first. Nothing was written.",
             code="not-fit",
         )
     if before == list(octets):
-        hand.journal.info("already", f"the hand holds {'.'.join(map(str, before))} already. It is saved again")
+        hand.journal.info("already", f"the hand holds {'.'.join(map(str, before))} already, and handctl saves it again")
         return flash.save(hand, guide)
     new, old = ".".join(map(str, octets)), ".".join(map(str, before))
     table = hand.table(hand.write(address_plan(hand, octets)))
@@ -208,7 +208,7 @@ def change_network(hand: Hand, octets: Sequence[int], guide: Guide, *, cycled_ne
         return table
     hand.journal.warn(
         "power-cycle",
-        f"the hand answers at {old} until its power is switched off and on, then at {new} only",
+        f"the hand answers at {old} until you power-cycle it, then only at {new}",
         hint=f"give this computer {laptop_for(octets)}, power-cycle the hand, then run `handctl hand status -p tcp://{new}`. "
         "If it is not found: `handctl hand network -p PORT` reads the address over RS-485",
     )

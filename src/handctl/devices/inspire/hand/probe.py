@@ -76,7 +76,7 @@ def probe(
     """Rows family, link, baud, id, evidence. Raises NoAnswer on silence, ProtocolError for what came instead."""
     if link.name.startswith("tcp://") and not link.name.endswith(OWN_PORT):
         # Whoever listens elsewhere may pass the bytes on to a serial line, where another device would act on them.
-        raise NoAnswer(f"{link.name}: not asked: Modbus TCP of a hand is port 6000", hint=LABEL, code="not-asked")
+        raise NoAnswer(f"{link.name}: not tried: a hand uses Modbus TCP port 6000", hint=LABEL, code="not-asked")
     return probing.asked(link, journal, deadline, ids, timeout, TARGET)
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from handctl.frame.run import Run
 
 COLUMNS = (Column("direction", "From"), Column("meaning", "Meaning"), Column("raw", "Frame"))
-FORCED = "Add --force-ambiguous to send it all the same."
+FORCED = "Add --force-ambiguous to send it anyway."
 NEVER = {1: (range(1000, 1020), range(2000, 2326)), 2: (range(1000, 1016), range(1431, 1433), range(2160, 2163))}
 """Bytes at one address -> addresses that hold triggers, speed codes, gestures and sequences of one edition or another.
 What of them is not documented is never written (rh56 §3.1, §3.3, §9)."""
@@ -42,7 +42,7 @@ def plan_write(hand: Hand, address: int, data: bytes, undocumented: bool) -> Ste
         for span in NEVER[unit]
     ):
         raise UsageError(
-            f"{address // unit} lies among triggers, gestures or sequences, which start movements or resets on one generation or another",
+            f"{address // unit} is among triggers, gestures or sequences, which start movements or resets on some generations",
             hint="handctl never writes there (rh56 §9). Nothing was sent.",
             code="never",
         )
@@ -77,7 +77,7 @@ def plan(hand: Hand, data: bytes, force: bool) -> Step:
     """What these bytes would do. A read is harmless; anything else asks. Raises UsageError for what needs `force`."""
     bus = hand.bus
     if isinstance(bus, CanBus):
-        raise UsageError("raw has no frames of CAN here", hint="use `handctl hand read` and `write` over CAN")
+        raise UsageError("`raw` does not support CAN frames here", hint="use `handctl hand read` and `write` over CAN")
     mode = mode_of(data)
     tcp = isinstance(bus, ModbusBus) and bus.tcp
     if mode and (mode == TCP) != tcp:
@@ -115,12 +115,12 @@ def _refuse(hand: Hand, frame: bytes) -> None:
         number, address, data = frame[2], int.from_bytes(frame[5:7], "little"), frame[7:-1]
     elif frame[:2] == eb90.HOST and len(frame) > 4:
         raise UsageError(
-            f"flag {frame[4]:02X} is not one of these hands", hint=f"{FORCED} Nothing was sent.", code="ambiguous"
+            f"flag {frame[4]:02X} is not a flag of these hands", hint=f"{FORCED} Nothing was sent.", code="ambiguous"
         )
     else:
         return
     if not 1 <= number <= 254:
-        raise UsageError(f"id {number} is not one of a hand", hint=f"{FORCED} Nothing was sent.", code="out-of-range")
+        raise UsageError(f"id {number} is not an id of a hand", hint=f"{FORCED} Nothing was sent.", code="out-of-range")
     touched = range(address * unit, address * unit + len(data))
     for place in touched:
         known = next((register for register in hand.has if place in register.span), None)
@@ -128,7 +128,7 @@ def _refuse(hand: Hand, frame: bytes) -> None:
             known is None and any(place // unit in span for span in NEVER[unit])
         ):
             raise UsageError(
-                f"{place // unit} resets the hand, or starts a stored movement on one generation or another",
+                f"{place // unit} resets the hand or starts a stored movement on some generations",
                 hint=f"{FORCED} Nothing was sent.",
                 code="never",
             )
@@ -151,7 +151,7 @@ def exchange(hand: Hand, data: bytes, wait: float) -> Table:
 
     bus, link = hand.bus, hand.bus.link
     if not isinstance(link, ByteLink):
-        raise UsageError("raw has no frames of CAN here", hint="use `handctl hand read` and `write` over CAN")
+        raise UsageError("`raw` does not support CAN frames here", hint="use `handctl hand read` and `write` over CAN")
     if not (mode_of(data) and only_reads(pdu_of(data, mode_of(data)))):
         _addressed(bus, data).pass_gate(data)
     bus.check_bound(hex_bytes(data))

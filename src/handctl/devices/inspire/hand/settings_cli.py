@@ -100,7 +100,7 @@ def add_settings(group: Group) -> None:
         steps = [run.planner().trigger_step("save", "save to flash")]
         if (plan := run.planned(steps)) is not None:
             return plan
-        run.confirm("This saves the present parameters to flash", steps)
+        run.confirm("This saves the present settings to flash", steps)
         return flash.save(met(run), run.guide)
 
     @group.verb("factory-reset", "Settings", writes=True)
@@ -123,7 +123,8 @@ def add_settings(group: Group) -> None:
         path = backup or BACKUP
         if os.path.exists(path):
             raise UsageError(
-                f"{path}: the file exists and is not overwritten", hint="choose another file with --backup FILE"
+                f"{path}: this file already exists, and handctl does not overwrite it",
+                hint="choose another file with --backup FILE",
             )
         run.confirm("This restores the factory defaults permanently", steps, word="reset")
         hand = met(run)
@@ -141,9 +142,7 @@ def _change_id(run: Run, new: int) -> Table:
     steps = run.planner().plan(change)
     if (plan := run.planned(steps)) is not None:
         return plan
-    run.confirm(
-        f"This changes the id to {new} at once. Every hand on this line that has the old id would change", steps
-    )
+    run.confirm(f"This changes the id to {new} at once, on every hand on this line that has the old id", steps)
     hand: Hand = run.device()
     try:
         with twins.named(hand):
@@ -151,7 +150,9 @@ def _change_id(run: Run, new: int) -> Table:
     except NoAnswer:
         return procedures.change_id(hand, new)  # perhaps it has the new id already
     if isinstance(hand.bus, ModbusBus) and hand.bus.tcp:
-        run.journal.info("unit", "over TCP a hand answers to every unit: the id counts on its serial line or CAN bus")
+        run.journal.info(
+            "unit", "over TCP a hand answers to every unit: its id only matters on its serial line or CAN bus"
+        )
         return hand.table(hand.write(change))
     return procedures.change_id(hand, new)
 
@@ -163,31 +164,33 @@ def _change_baud(run: Run, rate: int, save_too: bool, verify: bool) -> Table:
     planner: Hand = run.planner()
     code = place.code_of(planner, rate)
     if verify and not save_too:
-        raise UsageError("--verify needs --save: without it the hand keeps its old speed", hint="add --save")
+        raise UsageError("--verify needs --save: without a save the hand keeps its old baud rate", hint="add --save")
     if verify and not place.is_serial(planner):
-        raise UsageError("--verify needs a serial line", hint="leave it out, and scan after the power-cycle")
+        raise UsageError("--verify needs a serial line", hint="leave out --verify, and scan after the power-cycle")
     steps = planner.plan([(map_of(run.settings).find("baud_code")[1][0], code)])
     if save_too:
         steps.append(planner.trigger_step("save", "save to flash"))
     if (plan := run.planned(steps)) is not None:
         return plan
-    run.confirm(f"After save and power-cycle the hand uses {rate} bit/s only", steps)
+    run.confirm(f"After a save and a power-cycle the hand uses {rate} bit/s only", steps)
     hand = met(run)
     table = place.change_speed(hand, code, rate)
     if save_too or run.offer("Save it to flash now"):
         table.rows += flash.save(hand, run.guide).rows
-        if verify or (place.is_serial(hand) and run.offer("Wait for the power-cycle and look for the hand there")):
+        if verify or (
+            place.is_serial(hand) and run.offer("Wait for the power-cycle and check the hand at the new baud rate")
+        ):
             _verify_speed(run, hand, rate, table)
         else:
             run.journal.info(
                 "power-cycle",
-                "the hand keeps its old speed until its power is switched off and on",
+                "the hand keeps its old baud rate until you power-cycle it",
                 hint=f"power-cycle the hand, then use --baud {rate}",
             )
     else:
         run.journal.warn(
             "not-saved",
-            f"{rate} bit/s is not saved: the hand keeps its old speed",
+            f"{rate} bit/s is not saved, so the hand keeps its old baud rate",
             hint=f"run `handctl hand save --id {hand.bus.id}`, then power-cycle the hand",
         )
     return table
@@ -203,7 +206,7 @@ def _verify_speed(run: Run, hand: Hand, rate: int, table: Table) -> None:
         return
     table.failure = CheckFailed(
         f"{hand.bus.link.name}: no hand at {rate} bit/s after the power-cycle",
-        hint="one edition of the manual says that this speed is not kept. `handctl hand scan` asks all ids and speeds",
+        hint="one edition of the manual says that this baud rate is not kept. `handctl hand scan` tries all ids and baud rates",
         code="not-kept",
     )
 
@@ -211,6 +214,6 @@ def _verify_speed(run: Run, hand: Hand, rate: int, table: Table) -> None:
 def _only_reads(run: Run, name: str) -> None:
     if run.settings.dry_run:
         raise UsageError(
-            f"`handctl hand {name}` without a value only reads", hint="run it without -n: it changes nothing"
+            f"`handctl hand {name}` without a value only reads", hint="run it without -n: it does not change anything"
         )
     run.only_reads()

@@ -23,7 +23,7 @@ BRIEF = 0.3
 STILL = 15
 """Counts of 1000: what stands is read alike within so many."""
 POWER = "Speed 0 does not replace the power switch. Switch the power off if the hand still moves"
-GOES_ON = "With a new speed the fingers may go on to their last target"
+GOES_ON = "With a new speed the fingers may move on to their last target"
 LABEL = "add --model f1 or dg2 if the label says so. Switch the power off if it still moves"
 EB90, RTU, TCP, CAN = "EB90", "Modbus RTU", "Modbus TCP", "CAN"
 Verdict = Callable[[Pieces], Stopped | None]
@@ -32,8 +32,8 @@ Verdict = Callable[[Pieces], Stopped | None]
 TAKEN = Stopped("taken")
 REFUSED = Stopped("the hand refused speed 0", POWER, DeviceRefused)
 BY_GATEWAY = {
-    modbus.NO_PATH: Stopped("the gateway has no way to the hand. Speed 0 did not arrive", POWER, LinkError),
-    modbus.NO_TARGET: Stopped("the gateway got no answer from the hand to speed 0", POWER, NoAnswer),
+    modbus.NO_PATH: Stopped("the gateway cannot reach the hand, so speed 0 did not arrive", POWER, LinkError),
+    modbus.NO_TARGET: Stopped("the gateway sent speed 0 to the hand, but the hand did not answer", POWER, NoAnswer),
 }
 """Exception -> who says so: not the hand."""
 
@@ -75,13 +75,13 @@ def _stop(aim: Aim, wire: str) -> Generator[Say, Pieces, Stopped]:
         step, verdict = _writing(wire, aim.number, (register.address + start) // register.per, data)
         heard = yield from insist(aim, step, verdict, ahead=lead(aim) if wire == EB90 else b"")
         if (said := (yield from settled(aim, heard))) is None:
-            return Stopped("speed 0 was sent and not acknowledged", POWER, ProtocolError if heard.came else NoAnswer)
+            return Stopped("speed 0 was sent but not acknowledged", POWER, ProtocolError if heard.came else NoAnswer)
         if said is not TAKEN:
             return said
     if asks and states is None:
         states = yield from _states(aim, wire)
         if states is None or not _is_hand(states):
-            text = "speed 0 was acknowledged, by a device that did not show itself as an RH56 hand of byte addresses"
+            text = "a device acknowledged speed 0, but it does not look like an RH56 hand with byte addresses"
             return Stopped(text, LABEL, ProtocolError)
     stopped = Stopped(f"the hand acknowledged speed 0 for every finger. {GOES_ON}. {POWER}")
     against = yield from seen_since(
@@ -100,9 +100,9 @@ def _is_hand(states: bytes) -> bool:
 def _other(states: bytes) -> Stopped:
     """A device that answers and is no hand of byte addresses: nothing was written to it."""
     if is_five_wide(within([(STATES[0], states)])):
-        text = "an EH55BF1 exoskeleton hand seems to answer here. Nothing was written"
+        text = "this looks like an EH55BF1 exoskeleton hand. Nothing was written"
         return Stopped(text, "stop it with `handctl exo stop`", DeviceRefused)
-    text = "the device does not show itself as an RH56 hand of byte addresses. Nothing was written"
+    text = "this device does not look like an RH56 hand with byte addresses. Nothing was written"
     return Stopped(text, LABEL, DeviceRefused)
 
 

@@ -104,7 +104,7 @@ def tactile(hand: Hand, zones: Sequence[Zone], *, wide: bool = True) -> Table:
     silent = [zone.name for zone in zones if not any(row["value"] for row in rows if row["zone"] == zone.name)]
     if silent:
         hand.journal.info(
-            "no-contact", f"all values are 0: {', '.join(silent)}", hint="press there: a dead zone stays at 0"
+            "no-contact", f"all values are 0: {', '.join(silent)}", hint="press each zone: a dead zone stays at 0"
         )
     return table
 
@@ -126,10 +126,12 @@ def _ready(hand: Hand, zones: Sequence[Zone]) -> list[Zone]:
     hand.know()
     model = hand.typed or hand.found().model
     if model not in (TP, None):
-        words = "" if model == DF else f". `handctl hand read {WORDS[0]} {WORDS[1]}` shows the touch words of this one"
+        words = (
+            "" if model == DF else f". `handctl hand read {WORDS[0]} {WORDS[1]}` shows the touch registers of this hand"
+        )
         raise DeviceRefused(
             f"{hand.bus.where}: {MODELS[model]} has no tactile zones",
-            hint=f"use an RH56DFTP for them{words}",
+            hint=f"only an RH56DFTP has them{words}",
             code="not-on-model",
         )
     if not isinstance(hand.bus, CanBus):
@@ -137,7 +139,7 @@ def _ready(hand: Hand, zones: Sequence[Zone]) -> list[Zone]:
     there = [zone for zone in zones if zone.address + zone.size <= CAN_END]
     if there != list(zones):
         left = ", ".join(zone.name for zone in zones if zone not in there)
-        hand.journal.warn("beyond-can", f"not to be had over CAN, whose addresses end at 4095: {left}")
+        hand.journal.warn("beyond-can", f"cannot be read over CAN, whose addresses end at 4095: {left}")
     if not there:
         raise UsageError("none of these zones can be read over CAN", hint="use Modbus TCP or the RS-485 pair")
     return there
@@ -219,7 +221,7 @@ def most(rows: list[Row]) -> list[Grid]:
 BAR = 20
 LEGEND = (
     "Each character is one value: . is 0, then : - = + * # % @ up to 4095, ? is invalid.",
-    "Zones are shown as they are sent: which way they lie differs by batch.",
+    "Zones are shown in the order in which the hand sends them: their orientation differs by batch.",
 )
 
 

@@ -36,7 +36,7 @@ def add_tactile(group: Group) -> None:
 
         chosen = skin.chosen(zones)
         if not live and (count is not None or duration is not None):
-            raise UsageError("--count and --duration need a stream", hint="add --watch")
+            raise UsageError("--count and --duration need --watch", hint="add --watch")
         run.streams = live
         hand = run.device()
         if live:

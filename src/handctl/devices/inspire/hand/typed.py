@@ -30,7 +30,7 @@ def typed_model(settings: Options) -> str | None:
     model = model_of(text)
     if model is None:
         raise UsageError(
-            f"--model {text}: this model is not known",
+            f"--model {text}: unknown model",
             hint=f"use {', '.join(MODELS)}, or the name on the label, such as RH56DFTP",
         )
     return model
@@ -48,7 +48,7 @@ def check(settings: Settings) -> None:
     host, colon, port = link.removeprefix("tcp://").rstrip("/").rpartition(":")
     if colon and number_in(port) not in (None, PORT) and host not in HERE:
         raise UsageError(
-            f"{link}: Modbus TCP of a hand is port {PORT}. Another port may lead to a serial line",
+            f"{link}: a hand uses Modbus TCP port {PORT}. Another port may lead to a serial line",
             hint="add --protocol modbus if a hand answers there (for doctor, HANDCTL_PROTOCOL=modbus), or give socket://HOST:PORT for "
             "a serial line",
         )

@@ -37,7 +37,7 @@ def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal)
 
         bus = CanBus(link, device_id, journal, **limits)
     else:
-        hint = f"look with `handctl wrist scan`. {WIRING_HINT}"
+        hint = f"run `handctl wrist scan`. {WIRING_HINT}"
         bus = Bus(link, device_id, journal, family="wrist", silence_hint=hint, **limits).at("wrist")
     bus.gate = FamilyGate(kind_of("wrist"), settings.assume_identity)
     return Wrist(bus)

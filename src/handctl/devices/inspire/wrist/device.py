@@ -26,7 +26,7 @@ SHORT = 40
 """Characters of a remark that fit beside a value."""
 WIRING_HINT = (
     "Check the hand's power, the wire (RS-232 against RS-485, A/B, TX/RX) and that this hand carries a wrist. "
-    "A wrong id, a wrong speed (115200 bit/s by the manual), no power and no cable all end in silence. "
+    "A wrong id, a wrong baud rate (115200 bit/s in the manual), no power and no cable all look the same: the device never answers. "
     "For CAN give -p can:INTERFACE:CHANNEL"
 )
 
@@ -109,15 +109,13 @@ class Wrist(RegisterDevice):
             and not WRIST[row["name"]].bits
             and not WRIST[row["name"]].allowed(row["value"])
         ]
-        hint = (
-            "let it cool, free the axis, then power-cycle it: the manual has no command that clears errors of the wrist"
-        )
+        hint = "let the wrist cool down, free the axis, then power-cycle it: the manual has no command to clear the wrist's errors"
         return self.judge(table, findings, check, hint=hint)
 
     def targets(self, pitch: float | None, yaw: float | None, time: int | None) -> list[tuple[Element, Number]]:
         """Checked changes for a movement. Raises UsageError out of range (wrist §1) or when no axis is named."""
         if pitch is None and yaw is None:
-            raise UsageError("no axis given", hint="give --pitch DEG, --yaw DEG or both")
+            raise UsageError("no axis given", hint="use --pitch DEG, --yaw DEG or both")
         wanted: list[tuple[Element, Number]] = []
         for name, value in (("yaw_set", yaw), ("pitch_set", pitch), ("move_time", time)):
             if value is not None:

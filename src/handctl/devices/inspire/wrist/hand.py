@@ -38,7 +38,7 @@ def plan_hand_write(wrist: Wrist, address: int, data: bytes, force: bool) -> Ste
     if touches_shared(address, len(data)) and not force:
         raise UsageError(
             f"address {address} of the hand holds current limits and power-on speeds, not the wrist",
-            hint="use `handctl wrist set` or `write` for the wrist. --force-ambiguous writes to the hand all the same. "
+            hint="use `handctl wrist set` or `write` for the wrist. --force-ambiguous writes to the hand anyway. "
             "Nothing was sent.",
             code="ambiguous",
         )
@@ -104,10 +104,10 @@ def _hand_write(wrist: Wrist, bus: Bus | CanBus, address: int, data: bytes) -> T
     if starts or new != bus.id:
         twins.identify(wrist)
     more = {"acknowledged_by": (new,)} if isinstance(bus, Bus) else {}
-    then = "It is not read back, because it starts an action" if starts else "handctl reads it back"
+    then = "handctl does not read it back, because it starts an action" if starts else "handctl reads it back"
     lost = bus.try_write(address, data, "the write", then, **more)
     if lost is not None and starts:
-        lost.leaves(Left(hint=f"it may have started {', '.join(starts)} all the same", joint=". "))
+        lost.leaves(Left(hint=f"it may still have started {', '.join(starts)}", joint=". "))
         raise lost
     if starts:
         bus.journal.info(
@@ -129,8 +129,8 @@ def _hand_write(wrist: Wrist, bus: Bus | CanBus, address: int, data: bytes) -> T
     if now == data and bus.id != wrist.bus.id:
         bus.journal.warn(
             "new-id",
-            f"the hand and its wrist answer to id {bus.id} now, until power-off",
-            hint=f"go on with --id {bus.id}",
+            f"the hand and its wrist now answer to id {bus.id} until power-off",
+            hint=f"use --id {bus.id}",
         )
     return table
 

@@ -80,7 +80,7 @@ def _refuse_illegal(address: int, data: bytes) -> None:
             except UsageError as exc:
                 raise UsageError(
                     f"{exc.text}{f'. {explained_as}' if explained_as else ''}",
-                    hint=f"{exc.hint} Add --force-ambiguous to send it all the same.",
+                    hint=f"{exc.hint} Add --force-ambiguous to send it anyway.",
                     code=exc.code,
                 ) from exc
 
@@ -141,7 +141,7 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
         if frame.flag == eb90.WRIST_WRITE and len(frame.payload) == 10 and not force:
             raise UsageError(
                 "8 bytes with flag 31 are a force command of an exoskeleton hand",
-                hint="write 2, 4 or 6 bytes to a wrist. Add --force-ambiguous to send it all the same. Nothing was sent.",
+                hint="write 2, 4 or 6 bytes to a wrist. Add --force-ambiguous to send it anyway. Nothing was sent.",
                 code="ambiguous",
             )
         if frame.flag == eb90.WRITE and not touches_shared(frame.address or 0, len(frame.data)):
@@ -161,11 +161,11 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
         if frame.flag == eb90.WRITE and touches_shared(frame.address or 0, len(frame.data)) and not force:
             raise UsageError(
                 f"flag 12 at {frame.address} writes current limits or power-on speeds of the hand, not the wrist",
-                hint="use flag 31 for the wrist. Add --force-ambiguous to send it all the same. Nothing was sent.",
+                hint="use flag 31 for the wrist. Add --force-ambiguous to send it anyway. Nothing was sent.",
                 code="ambiguous",
             )
     return Step(
-        explained or "not one whole read or write: its effect on the device is not known",
+        explained or "this is not a complete read or write, so its effect on the device is unknown",
         data,
         moves=True,
         strands=True,
@@ -201,14 +201,14 @@ def plan_can(frame: CanFrame, force: bool, *, only_explain: bool = False) -> Ste
     if access.writes and access.hand_id == canreg.ANY_ID and not force:
         raise UsageError(
             "id 16383 may mean every hand on the bus",
-            hint="write to one hand. Add --force-ambiguous to send it all the same. Nothing was sent.",
+            hint="write to one hand. Add --force-ambiguous to send it anyway. Nothing was sent.",
         )
     if access.flag == canreg.WRITE_WRIST and not force:
         _refuse_illegal(access.address, frame.data)
     if access.flag == canreg.WRITE_HAND and touches_shared(access.address, len(frame.data)) and not force:
         raise UsageError(
             f"this writes address {access.address} of the hand: current limits or power-on speeds, not the wrist",
-            hint="use flag 5 for the wrist. Add --force-ambiguous to send it all the same. Nothing was sent.",
+            hint="use flag 5 for the wrist. Add --force-ambiguous to send it anyway. Nothing was sent.",
             code="ambiguous",
         )
     reads = access.flag in (canreg.READ_HAND, canreg.READ_WRIST) and len(frame.data) == 1
@@ -273,7 +273,7 @@ def _judge(bus: CanBus, sent: CanFrame, rows: list[Row]) -> HandctlError | None:
         if others:
             return ProtocolError(
                 f"{bus.where}: id {others[0]['id']} answered instead: {others[0]['raw']}",
-                hint="use the --id it shows, or look with `handctl wrist scan`",
+                hint="use the --id it shows, or find the wrist with `handctl wrist scan`",
                 code="wrong-id",
             )
         return ProtocolError(
@@ -285,7 +285,7 @@ def _judge(bus: CanBus, sent: CanFrame, rows: list[Row]) -> HandctlError | None:
     if not asked.writes and len(sent.data) == 1 and size != sent.data[0]:
         return ProtocolError(
             f"{bus.where}: {sent.data[0]} bytes asked, {size} came: {answers[0]['raw']}",
-            hint="check the bus: this is another kind of device, or there is a second master",
+            hint="check the bus: this may be another kind of device, or a second master is polling it",
             code="cut-short",
         )
     if asked.writes and size == 1 and int(answers[0]["data"], 16) != len(sent.data):

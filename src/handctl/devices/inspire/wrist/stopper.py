@@ -43,7 +43,7 @@ def stop_talk(aim: Aim) -> Talk:
         meaning = f"stay at {at}"
         taken = yield from _hold(aim, meaning, [yaw, pitch], max(aim.each, told.seconds))
         if taken is False:
-            return Stopped(f"the wrist did not take the command to {meaning}", POWER, DeviceRefused)
+            return Stopped(f"the wrist rejected the command to {meaning}", POWER, DeviceRefused)
         if taken:
             done = f"the wrist was commanded to {meaning} and acknowledged it. The manual has no stop command"
             against = yield from seen_since(
@@ -58,9 +58,9 @@ def stop_talk(aim: Aim) -> Talk:
 def _unanswered(heard: Pieces) -> Stopped:
     came = instead(heard)
     return Stopped(
-        f"{f'no wrist answered: {came}' if came else 'the wrist did not answer'}. Without its angles nothing could be "
+        f"{f'no wrist answered: {came}' if came else 'the wrist did not answer'}. Without its present angles, no stop could be "
         "commanded. If it moves, it goes on to its target",
-        f"{POWER}. Check id, wire and power with `handctl wrist scan`",
+        f"{POWER}. Check the id, the wiring and the power with `handctl wrist scan`",
         ProtocolError if came else NoAnswer,
     )
 
