@@ -206,7 +206,7 @@ def connect(family: str, link: str, **settings: Any) -> Device:
         if name in options:
             choices = options[name].choices
             if choices and value not in choices:
-                raise UsageError(f"{name} = {value!r} is not known", hint=f"one of {', '.join(choices)}")
+                raise UsageError(f"{name} = {value!r} is not a valid value", hint=f"one of {', '.join(choices)}")
             own[name] = value
         elif name in (*HOST, *SHARED):
             shared[name] = value

@@ -26,7 +26,7 @@ MAIN = """import sys
 
 if sys.version_info < ({0}, {1}):
     sys.stderr.write("handctl: error: handctl needs Python {0}.{1} or newer, and this is Python %d.%d.\\n" % sys.version_info[:2])
-    sys.stderr.write("  next: Run this file with a newer Python, for example `python{0}.{1} handctl.pyz`.\\n")
+    sys.stderr.write("  Next: Run this file with a newer Python, for example `python{0}.{1} handctl.pyz`.\\n")
     sys.exit(1)
 
 from handctl.cli import main

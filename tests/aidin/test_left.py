@@ -238,7 +238,7 @@ def test_a_second_interrupt_cuts_the_way_back_of_currents_short(tmp_path: Path) 
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=30)
     assert process.returncode == 130 and out == b""
-    assert b"interrupted" in err and b"not certain" not in err, err
+    assert b"interrupted" in err and b"not been confirmed" not in err, err
     sent = _sent(trace)
     modes = [content["hand_mode"] for content in sent if "hand_mode" in content]
     assert modes.count(3) > 3 and set(modes[modes.index(3) :]) == {3}

@@ -195,7 +195,7 @@ def test_repeatable() -> None:
     link.script["*"] = ["8"]
     (finding,) = checks.repeatable(body)
     assert finding.status == FAIL and "firmware download" in finding.remedy
-    assert f"{(len(settings) - 4) * 4 + 4} values" in finding.evidence
+    assert f"{(len(settings) - 4) * 4 + 4} settings" in finding.evidence
 
 
 @pytest.mark.parametrize(("query", "status"), [("firmware=4.33", SKIPPED), ("firmware=4.34", OK)])

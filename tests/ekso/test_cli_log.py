@@ -301,7 +301,7 @@ def test_a_log_is_a_file_also_with_force(tmp_path: Path, place: str) -> None:
 def test_a_directory_and_a_path_that_does_not_exist(tmp_path: Path) -> None:
     done = log(tmp_path, "--count", "1")
     assert Path(done.rows[0]["file"]).parent == tmp_path
-    assert log(tmp_path / "none" / "a.csv", "--count", "1").code == 2
+    assert log(tmp_path / "none" / "a.csv", "--count", "1").code == 1
 
 
 def test_a_log_only_reads(tmp_path: Path) -> None:

@@ -159,7 +159,7 @@ def test_a_log_that_appears_meanwhile_is_not_overwritten(tmp_path: Path, monkeyp
     path = tmp_path / "a.csv"
     path.write_text("of another run")
     monkeypatch.setattr(recording_module, "refuse_existing", lambda _path, _force: None)
-    with pytest.raises(UsageError, match="File exists"):
+    with pytest.raises(UsageError, match="exists"):
         recording_module.open_new(str(path), False)
     assert path.read_text() == "of another run"
 

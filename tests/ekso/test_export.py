@@ -113,7 +113,7 @@ def test_rows_at_a_standstill_are_left_out_and_told(tmp_path: Path) -> None:
     path = make(tmp_path / "a.csv", [1001, 1001, 1021])
     found = motion(LogFile(str(path)), segment=None, knee_sign=1, rate=None, tool="x")
     assert [row["time"] for row in found.rows] == [0.0, 0.02]
-    assert found.remarks == ("1 rows were skipped because BootTime did not advance",)
+    assert found.remarks == ("1 row left out: BootTime did not advance",)
 
 
 def test_resampling_is_linear_and_never_crosses_a_gap(tmp_path: Path) -> None:

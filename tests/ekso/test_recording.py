@@ -708,8 +708,8 @@ def test_an_existing_file_is_never_touched_without_force(tmp_path: Path, taken: 
     assert table(tmp_path / "a.csv") == []
 
 
-def test_a_file_that_cannot_be_made_is_a_usage_error(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="No such file or directory"):
+def test_a_file_that_cannot_be_made_is_an_output_error(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="No such file or directory"):
         opened(tmp_path / "none" / "a.csv", Device([]))
 
 

@@ -324,7 +324,7 @@ def test_drain_takes_what_waits_and_ends() -> None:
         (("10FF0007 [2] A7 FE",), "wrong-id", 5, "id 7 answered"),
         (("10FF0001 [1] 02",), "echo", 5, "only our own frame"),
         (("10FF0001 [1] 02", "10FF0007 [2] A7 FE"), "wrong-id", 5, "id 7 answered"),
-        (("10FF0001 [1] A7",), "cut-short", 5, "1 bytes"),
+        (("10FF0001 [1] A7",), "cut-short", 5, "1 byte"),
         (("10FF0001 [0]",), "cut-short", 5, "0 bytes"),
         (("10FF0001 [4] A7 FE 65 04",), "cut-short", 5, "4 bytes"),
         (("10FF8001 [2] 65 04", "00000003 [0]"), "no-answer", 4, "no answer"),
@@ -375,10 +375,10 @@ def test_a_babbling_bus_ends_too(text: str, what: str) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("11000001 [1] 04", "read wrist, address 1024, id 1, 1 bytes 04"),
+        ("11000001 [1] 04", "read wrist, address 1024, id 1, 1 byte 04"),
         ("15038001 [4] E8 03 18 FC", "write wrist, address 1038, id 1, 4 bytes E8 03 18 FC"),
         ("01840001 [2] C9 03", "read hand, address 1552, id 1, 2 bytes C9 03"),
-        ("05738001 [1] 08", "write hand, address 1486, id 1, 1 bytes 08"),
+        ("05738001 [1] 08", "write hand, address 1486, id 1, 1 byte 08"),
         ("15038001 [0]", "write wrist, address 1038, id 1, 0 bytes"),
         ("1FFFFFFF [0]", "flag 7, which is not in the manual, address 4095, id 16383, 0 bytes"),
     ],

@@ -143,7 +143,7 @@ def test_no_writing_frame_reaches_a_stranger(scratch: Path, family: str) -> None
         *(("dataport", family, 6, "DataPort", "handctl ekso") for family in GROUPS),
         *(("silence", family, 4, "no answer", "") for family in GROUPS),
         *(("echo", family, 5, "only our own bytes", "") for family in GROUPS),
-        *(("garbage", family, 5, "not a valid frame", "") for family in GROUPS),
+        *(("garbage", family, 5, "instead of a valid frame", "") for family in GROUPS),
     ],
 )  # fmt: skip
 def test_a_stranger_is_named_with_the_command_that_fits(

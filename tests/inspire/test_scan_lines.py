@@ -205,9 +205,9 @@ def test_the_doctor_names_a_slow_line_and_two_hands_with_one_id(tmp_path: Path) 
 
 @pytest.mark.parametrize("kind", ["exo", "wrist"])
 @pytest.mark.parametrize(("model", "expected"), [
-    ("clean", {"half_duplex": "both directions", "packets": "as it is sent", "speed": "not at another speed"}),
-    ("half-duplex", {"half_duplex": "half duplex", "packets": "as it is sent", "first_byte": "with their first byte"}),
-    ("bluetooth", {"half_duplex": "both directions", "packets": "packets of 20", "speed": "does not matter", "delay": "slow"}),
+    ("clean", {"half_duplex": "full duplex", "packets": "byte by byte", "speed": "not at another speed"}),
+    ("half-duplex", {"half_duplex": "half duplex", "packets": "byte by byte", "first_byte": "with their first byte"}),
+    ("bluetooth", {"half_duplex": "full duplex", "packets": "packets of 20", "speed": "does not matter", "delay": "slow"}),
     ("serial-server", {"half_duplex": "half duplex", "packets": "in one piece", "delay": "slow"}),
 ])  # fmt: skip
 def test_the_doctor_tells_what_the_line_is(model: str, expected: dict[str, str], kind: str, tmp_path: Path) -> None:

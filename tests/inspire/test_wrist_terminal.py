@@ -201,7 +201,7 @@ def test_ctrl_c_at_a_wrist_that_is_gone(times: int) -> None:
     text = " ".join(shown.text.split())
     assert (shown.code, left) == (4, [])
     assert "Traceback" not in text
-    assert "the stop is not certain" in text and "power" in text, text
+    assert "the stop has not been confirmed" in text and "power" in text, text
 
 
 @both

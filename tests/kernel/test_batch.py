@@ -116,7 +116,7 @@ def test_what_came_between_two_lines_belongs_to_neither() -> None:
         ("exo get 'x", 2, "line 2: no closing quotation"),
         ("exo set position_set.index=2000", 2, "line 2 (exo set): position_set.index = 2000 is out of range"),
         ("exo get --nonsense", 2, "line 2 (exo get --nonsense): no such option"),
-        ("handctl exo get id", 2, "the word handctl is not part of a line"),
+        ("handctl exo get id", 2, "leave out the word handctl"),
         ("exo -h", 2, "line 2 asks for help"),
         ("exo", 2, "line 2 (exo): no command"),
         ("sim exo --pty", 2, "cannot be one of several commands"),

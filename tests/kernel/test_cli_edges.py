@@ -134,7 +134,7 @@ def test_set_asks_for_what_strands_and_for_what_moves(tmp_path: Path, text: str)
     assert (result.code, result.error["code"]) == (8, "not-confirmed")
     assert text in result.error["text"]
     assert ("unreachable" in result.error["text"]) is text.startswith(("id", "baud"))
-    assert ("moves the device" in result.error["text"]) is text.startswith(("position", "force"))
+    assert ("moves a device" in result.error["text"]) is text.startswith(("position", "force"))
     assert not trace.exists() or writes(trace) == []
 
 

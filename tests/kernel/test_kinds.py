@@ -148,9 +148,9 @@ def test_a_snapshot_tells_how_many_of_which_kind(tmp_path: Path) -> None:
     assert {row["name"] for row in result.rows if row["kind"] == SETTING} == set(SETTINGS)
     assert {row["name"] for row in result.rows if row["kind"] == COMMAND} == set(SETPOINTS)
     (written,) = [message for message in result.json["messages"] if message["code"] == "written"]
-    assert "2 settings and 10 set-points (position_set, force_set)" in written["text"]
+    assert "2 settings and 10 set points (position_set, force_set)" in written["text"]
     wrist = run("wrist", "snapshot", tmp_path / "w.json", "-p", "fake://wrist?clock=virtual")
-    assert "written" in wrist.said and "3 set-points (yaw_set, pitch_set, move_time)" in wrist.err
+    assert "written" in wrist.said and "3 set points (yaw_set, pitch_set, move_time)" in wrist.err
 
 
 def test_the_line_of_the_guide_commands_nothing_on_a_worn_hand(tmp_path: Path) -> None:
@@ -175,7 +175,7 @@ def test_what_is_left_alone_is_told(tmp_path: Path) -> None:
     for verb in (("diff",), ("restore", "-y")):
         result = run("exo", verb[0], path, *verb[1:], "-p", fake(), "--json")
         (left,) = [message for message in result.json["messages"] if message["code"] == "setpoints"]
-        assert "10 set-points (position_set, force_set)" in left["text"] and "--setpoints" in left["hint"]
+        assert "10 set points (position_set, force_set)" in left["text"] and "--setpoints" in left["hint"]
         assert (result.code, result.rows) == (0, [])
 
 

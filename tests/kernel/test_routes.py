@@ -201,7 +201,7 @@ def test_what_leaves_speed_and_eeprom_alone_asks_nothing(tmp_path: Path, args: t
 
 # -- nobody asked, by a variable or a file ---------------------------------------------------------------------------------
 
-UNASKED = "A device that may be worn moves without asking"
+UNASKED = "A device that someone may be wearing moves without asking"
 
 
 def moving() -> Iterator[tuple[str, ...]]:

@@ -119,7 +119,7 @@ def test_every_command_is_valid(scratch: Path, command: Command, fault: str) -> 
 def test_what_went_wrong_is_the_same_on_stderr_and_in_json() -> None:
     result = run("exo", "dump", "--json", "-p", fake(fault="silent"))
     assert result.code == 4
-    assert result.err == f"handctl: error: {result.error['text']}\n  next: {result.error['hint']}\n"
+    assert result.err == f"handctl: error: {result.error['text']}\n  Next: {result.error['hint']}\n"
     assert result.rows == []
 
 

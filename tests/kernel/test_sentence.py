@@ -45,4 +45,4 @@ def test_a_name_stays_as_it_is_typed(text: str, said: str) -> None:
 def test_a_person_and_a_script_read_the_same_sentence() -> None:
     result = run("exo", "dump", "--json")
     assert result.error["text"].startswith("No device") and result.error["text"].endswith((".", "?"))
-    assert f"handctl: error: {result.error['text']}\n  next: {result.error['hint']}\n" == result.err
+    assert f"handctl: error: {result.error['text']}\n  Next: {result.error['hint']}\n" == result.err

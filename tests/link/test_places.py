@@ -81,7 +81,7 @@ def test_each_url_of_pyserial_leads_to_one_place_or_is_refused(monkeypatch: pyte
             wanted = {"nobody else"} if scheme == "loop" else host if scheme in ADDRESSES else port
             assert places_of(scheme) == wanted, scheme
         else:
-            with pytest.raises(UsageError, match="no link begins with"):
+            with pytest.raises(UsageError, match="not a known kind of link"):
                 open_link(f"{scheme}://{PORT}")
     assert port == {canonical("usb:0403:6001:A1"), canonical(f"can:robotell:{PORT}@9600?bitrate=500000")}
 
@@ -89,13 +89,13 @@ def test_each_url_of_pyserial_leads_to_one_place_or_is_refused(monkeypatch: pyte
 @each_row(
     "link, code, text",
     [
-        ("cp2110://0001:0023:00", 2, "which port"),
-        ("hwgrep://0403:6001&n=2", 2, "no option"),
-        ("hwgrep://x&skip_busy", 2, "no option"),
+        ("cp2110://0001:0023:00", 2, "a port of this computer"),
+        ("hwgrep://0403:6001&n=2", 2, "options of hwgrep"),
+        ("hwgrep://x&skip_busy", 2, "options of hwgrep"),
         ("hwgrep://(", 2, "regular expression"),
         ("hwgrep://.", 3, "2 ports match: /dev/null, /dev/zero"),
         ("hwgrep://nothing", 3, "no port matches"),
-        ("other:///dev/null", 2, "no link begins with other://"),
+        ("other:///dev/null", 2, "not a known kind of link"),
         ("alt:///dev/null?class=Nothing", 2, "unknown class"),
         ("spy://[x", 2, "IPv6"),
         ("socket://127.0.0.1", 3, "cannot open"),

@@ -79,7 +79,7 @@ def test_a_sick_machine(system: System) -> None:
     assert (answer.code, answer.error["code"]) == (7, "findings")
     rows = healthy(answer)
     for name, evidence, remedy in (
-        ("permissions", "may not be opened: /dev/ttyUSB0", "sudo usermod -aG dialout"),
+        ("permissions", "cannot be opened: /dev/ttyUSB0", "sudo usermod -aG dialout"),
         ("modemmanager", "ModemManager (pid 812) writes AT commands", "ID_MM_DEVICE_IGNORE"),
         ("brltty", "brltty (pid 813) takes adapters", "run `sudo apt remove brltty`"),
         ("adapter", "CP210x (10c4:ea60) is plugged in but has no serial port", "brltty"),
@@ -233,7 +233,7 @@ def test_a_hand_that_finds_its_speed_by_itself(system: System) -> None:
     assert answer.code == 0
     assert rows["speed"] == (
         "ok", "the device answers at 38400 bit/s, not at 9600. Other speeds were tried",
-        "give --baud 38400: it finds the device at once",
+        "give --baud 38400",
     )  # fmt: skip
 
 
@@ -523,10 +523,7 @@ def test_the_table(system: System) -> None:
     assert any(
         line.startswith("brltty         warning") or line.split()[:2] == ["brltty", "warning"] for line in answer.lines
     )
-    assert any(
-        line.startswith("brltty: run `sudo apt remove brltty` where no braille display is used")
-        for line in answer.lines
-    )
+    assert any(line.startswith("brltty: ") and "`sudo apt remove brltty`" in line for line in answer.lines)
     assert "1 of 10 checks found a problem: brltty (warning)." in answer.err
 
 

@@ -216,7 +216,10 @@ def test_the_table_fits_80_columns_and_names_the_next_step(system: System) -> No
     table = answer.lines[: answer.lines.index(next(line for line in answer.lines if line.startswith("ttyUSB0:")))]
     assert max(map(len, table)) <= 80
     assert "ttyUSB0: /dev/serial/by-id/usb-FTDI_A50285BI-if00-port0" in answer.out
-    assert "ttyUSB1: /dev/ttyUSB1 may not be read and written\n  next: the port belongs to group dialout" in answer.out
+    assert (
+        "ttyUSB1: /dev/ttyUSB1: no permission to read and write\n  Next: the port belongs to group dialout"
+        in answer.out
+    )
 
 
 @pytest.mark.parametrize("form", ["plain", "csv"])

@@ -345,7 +345,7 @@ def test_another_master_of_a_family_is_named(kind: str, ask: str, tmp_path: Path
     path.write_text(models.text("half-duplex", [{"kind": kind}], [{"ask": ask, "every_ms": 50}]))
     answer = looked(f"fake://bus?file={path}&clock=virtual")
     assert (answer.code, answer.error["code"], answer.json["counters"]["sent"]) == (5, "talks", 0)
-    assert f"speaks with {kind} id 3 on this line" in answer.error["text"]
+    assert f"with {kind} id 3 on this line" in answer.error["text"]
     assert f"handctl {kind} scan --all" in answer.error["hint"]
 
 
@@ -478,8 +478,8 @@ def test_held_and_closed_ports_are_left_out(tmp_path: Path) -> None:
     names, journal = scanned(system)
     assert names == ["/dev/ttyUSB2"]
     assert [message.text for message in journal.messages] == [
-        "/dev/ttyUSB0 is in use by screen (pid 4711), so it was left out",
-        "/dev/ttyUSB1 is not permitted, so it was left out",
+        "/dev/ttyUSB0 is in use by screen (pid 4711), so it was skipped",
+        "/dev/ttyUSB1 is not permitted, so it was skipped",
     ]
 
 

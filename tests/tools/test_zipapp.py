@@ -83,7 +83,7 @@ def test_an_old_python_says_in_one_sentence_which_version_is_needed(pyz: Path) -
     assert (done.returncode, done.stdout) == (1, "")
     first, step = done.stderr.splitlines()
     assert first == f"handctl: error: handctl needs Python {needed} or newer, and this is Python 3.9."
-    assert step == f"  next: Run this file with a newer Python, for example `python{needed} handctl.pyz`."
+    assert step == f"  Next: Run this file with a newer Python, for example `python{needed} handctl.pyz`."
     asked = from_toml((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["requires-python"]
     assert asked == ">=" + ".".join(map(str, build_zipapp.OLDEST))
 

@@ -92,7 +92,7 @@ def _lines(text: str, context: click.Context) -> Iterator[Line]:
             words = shlex.split(typed, comments=True)
             if words[:1] == ["handctl"]:
                 raise UsageError(
-                    "the word handctl is not part of a line", hint="begin with the device, such as `exo get id`"
+                    "leave out the word handctl in a script", hint="start with the device, such as `exo get id`"
                 )
             if words:
                 with contextlib.redirect_stdout(io.StringIO()):  # of a line that asks for help
@@ -146,7 +146,7 @@ def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Plan]) -> list[L
         raise NotConfirmed(f"{where}. {NO_TERMINAL}", hint=joined(UNANSWERED, unsent(run.journal)))
     words = dict.fromkeys(plan.word for _, plan in open_ if plan.word)
     count = f"{len(open_)} of {len(lines)} lines ask" if len(open_) > 1 else "One line asks"
-    if not run.guide.ask(f"{count} to be confirmed", " ".join(words)):
+    if not run.guide.ask(f"{count} for confirmation", " ".join(words)):
         raise NotConfirmed("not confirmed: nothing was sent", hint="run the command again to confirm it")
     asking = {one.number for one, _ in open_}
     answered = [one.confirmed() if one.number in asking else one for one in lines]
@@ -174,7 +174,7 @@ def _run(run: Run, lines: Sequence[Line], *, keep_going: bool) -> Table | None:
     try:
         for one in lines:
             if dry and not one.leaf.writes and not one.leaf.offline:
-                run.journal.info("left-out", f"line {one.number} ({one.command}) only reads: left out of a dry run")
+                run.journal.info("left-out", f"line {one.number} ({one.command}) only reads: skipped in a dry run")
                 continue
             done += 1
             session.place = {"line": one.number, "command": one.command}

@@ -194,7 +194,7 @@ class Line:
         except click.UsageError as exc:
             raise from_click(exc) from exc
         if "-" in ctx.params.values():
-            raise UsageError("standard input is not read here", hint="name a file in place of -")
+            raise UsageError("standard input is not read here", hint="give a file instead of -")
         settings = settings._replace(own={**settings.own, **ctx.meta.get(OWN, {})})
         self.last = Call(ctx, settings, self.family, confirm)
         return self.last

@@ -74,7 +74,7 @@ def from_click(exc: click.UsageError) -> UsageError:
         text = f"No such option {exc.option_name!r}."
         if near:
             text += f" Did you mean {near}?" if "," not in near else f" (Did you mean one of: {near}?)"
-    return UsageError(text, hint=f"`{path} -h` shows what it takes")
+    return UsageError(text, hint=f"`{path} -h` shows how to use it")
 
 
 def weightier(error: HandctlError | None, lost: OutputError) -> HandctlError:

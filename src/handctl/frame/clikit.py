@@ -380,7 +380,7 @@ def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = l
     except Exception as exc:  # noqa: BLE001 - our own bug becomes exit code 1 and one message
         error = HandctlError(
             f"internal error: {type(exc).__name__}: {exc}",
-            hint="this is a bug of handctl. Run the command again with --debug and report what it prints",
+            hint="this is a bug of handctl. Run the command again with --debug and report the output",
             code="internal",
         )
         error.__cause__ = exc

@@ -61,7 +61,7 @@ class Config(NamedTuple):
         found = self.devices.get(name)
         if found is not None:
             return found
-        known = f"Named so far: {', '.join(self.devices)}" if self.devices else "No device has a name yet"
+        known = f"Named so far: {', '.join(self.devices)}" if self.devices else "No device has been named yet"
         close = near(name, self.devices)
         meant = f"Did you mean {' or '.join(close)}? " if close else ""
         raise UsageError(
@@ -107,7 +107,7 @@ def load(path: str, checks: Mapping[str, Check], passed: list[UsageError] | None
 
     With `passed` an entry that is wrong is noted there and left out; what is no TOML is an error all the same.
     """
-    hint = "make it readable, or name another one in HANDCTL_CONFIG"
+    hint = "make it readable, or set HANDCTL_CONFIG to another file"
     try:
         content = read(path, "the configuration file", MOST_BYTES, hint=hint, code="config")
     except NoFile:
@@ -156,7 +156,7 @@ def _toml(path: str, text: str) -> dict[str, Any]:
         place = re.search(r" \(at line (\d+), column (\d+)\)$", what)
         line = int(place[1]) if place else text.count("\n") + 1 if "at end of document" in what else None
         what = what.partition(" (at ")[0] + (f" at column {place[2]}" if place else "")
-        raise _wrong(path, line, f"not valid TOML: {what}", "correct that line: texts stand in quotes") from exc
+        raise _wrong(path, line, f"not valid TOML: {what}", "correct that line: put texts in quotes") from exc
 
 
 class _Book:

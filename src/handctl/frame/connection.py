@@ -118,7 +118,7 @@ def refuse_rivals(run: Run, link: Link) -> None:
     if hidden:
         run.journal.info(
             "owners-unknown",
-            f"{link.name}: no other program of this user has the port open. Those of other users cannot be seen from this account",
+            f"{link.name}: no other program of this user has the port open. Programs of other users cannot be seen from this account",
         )
 
 

@@ -158,7 +158,7 @@ def confirms(answer: str, word: str) -> bool:
 
 def print_message(level: str, text: str, hint: str) -> None:
     """A message with its next step. Neither can begin a line of its own: what a device said may stand in it."""
-    print_stderr(f"handctl: {level}: {shown(sentence(text))}" + (f"\n  next: {shown(sentence(hint))}" if hint else ""))
+    print_stderr(f"handctl: {level}: {shown(sentence(text))}" + (f"\n  Next: {shown(sentence(hint))}" if hint else ""))
 
 
 def print_writes(ledger: Ledger, settings: Settings, failure: HandctlError | None) -> None:

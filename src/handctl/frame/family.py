@@ -72,7 +72,7 @@ def refuse_missing(family: Family, given: Collection[str]) -> None:
     """Raise UsageError when an option is `given` for what the protocol of this family does not have."""
     for key, there, what in (("id", family.ids, "device ids"), ("baud", family.baud is not None, "serial wire")):
         if key in given and not there:
-            raise UsageError(f"--{key}: {family.kind} has no {what}", hint=f"leave --{key} out")
+            raise UsageError(f"--{key}: {family.kind} has no {what}", hint=f"run the command without --{key}")
 
 
 def refuse_serial(family: Family, link: str) -> None:

@@ -45,7 +45,7 @@ class Line(NamedTuple):
         """What it means to do. Raises UsageError."""
         run = Planning(self.context, self.settings, self.leaf.family)
         if "-" in self.context.params.values():
-            raise UsageError("standard input cannot be read here", hint="name a file in place of -")
+            raise UsageError("standard input cannot be read here", hint="give a file instead of -")
         if self.leaf.offline and run.outputs:
             return Plan()  # it writes its files where it stands
         return run.plan(self.leaf.body(self.context, run))

@@ -78,7 +78,7 @@ def _no_catch(chosen: _Chosen, passed: list[UsageError]) -> None:
     if source != COMMAND_LINE:
         del chosen.values["dry_run"], chosen.sources["dry_run"]
         hint = "give -n on the command line to see the bytes and send nothing"
-        passed.append(UsageError(f"dry_run, set in {source.where}, does not hold up a stop", hint=hint))
+        passed.append(UsageError(f"dry_run, set in {source.where}, does not apply to a stop", hint=hint))
 
 
 def _take_environment(
@@ -93,7 +93,7 @@ def _take_environment(
         text = os.environ.get(variable)
         if not text or option.key in chosen.values or (linked and option.key in ("device", "port", "fake")):
             if text and passed is not None and named and not chosen.linked and option.key in ("port", "fake"):
-                passed.append(UsageError(f"{variable} names another place", hint=f"unset {variable}"))
+                passed.append(UsageError(f"{variable} selects another link", hint=f"unset {variable}"))
             continue
         try:
             value = _from_environment(ctx, option, text)

@@ -73,7 +73,7 @@ def link_name(run: Run) -> str:
                 f"{port}: this device has no CAN wire", hint="give a serial port, usb:VID:PID or tcp://HOST:PORT"
             )
         if wire is not None and run.family is not None and wire_in(run.family, port) != wire:
-            raise UsageError(f"--{wire} does not fit {port}", hint="leave it out: the LINK determines the wire")
+            raise UsageError(f"--{wire} does not fit {port}", hint="leave it out: the LINK already selects the wire")
         if run.family is not None:
             refuse_serial(run.family, port)
     if port:
@@ -122,7 +122,7 @@ def _check_output(run: Run) -> None:
     """Raise OutputError now when -o cannot be written, not when the device has been served."""
     path = run.settings.output
     if path and (why := why_unwritable(path)):
-        raise OutputError(f"{path}: cannot be written: {why}", hint="name another place for -o. Nothing was sent.")
+        raise OutputError(f"{path}: cannot be written: {why}", hint="choose another file for -o. Nothing was sent.")
 
 
 def _check_named_device(run: Run) -> None:
@@ -136,7 +136,7 @@ def _check_named_device(run: Run) -> None:
     if run.writes and not run.settings.dry_run:
         raise UsageError(
             f"{text}, so it is unclear which device is meant",
-            hint=f"unset {source.where}, or leave out -d",
+            hint=f"unset {source.where}, or run the command without -d",
             code="two-devices",
         )
     run.journal.warn("other-port", text, f"unset {source.where} to reach {run.settings.device}")
@@ -177,7 +177,7 @@ def tell_unasked(run: Run, question: str, steps: Sequence[Step]) -> None:
     device = run.opened if run.opened is not None else run.planner()
     moves = not steps or any(step.moves for step in steps)  # a question without steps tells of them by itself
     if getattr(device, "worn", False) and moves:
-        text = f"a device that may be worn moves without asking, because of {source.where}: {question}"
+        text = f"a device that someone may be wearing moves without asking, because of {source.where}: {question}"
         if not any(message.code == UNASKED for message in run.journal.messages):
             run.journal.messages.append(Message("warning", UNASKED, text))
             print_message("warning", text, "")

@@ -128,8 +128,8 @@ def _reopen(run: Run) -> bool:
     if again and not link.name.startswith(OWN_NAMES):
         run.journal.info(
             "by-path",
-            f"{link.name}: the port that came back was known by its path, which another device can get",
-            hint="next time give usb:VID:PID:SERIAL, or its name below /dev/serial/by-id",
+            f"{link.name}: the port that came back was recognized only by its path, which another device could have taken",
+            hint="next time use usb:VID:PID:SERIAL, or its name in /dev/serial/by-id",
         )
     return again
 
@@ -151,9 +151,7 @@ def _finish(
         try:
             after = dict(source.settings())
         except (HandctlError, KeyboardInterrupt) as exc:
-            run.journal.warn(
-                "settings-unread", f"the settings after the log are not known: {str(exc) or 'interrupted'}"
-            )
+            run.journal.warn("settings-unread", f"the settings after the log are unknown: {str(exc) or 'interrupted'}")
     if after is not None and recording.rows and source.looks:
         try:
             source.look(recording.timeline.last, recording.rows)
@@ -188,12 +186,16 @@ def _tell(run: Run, recording: Recording) -> None:
         run.journal.warn("rebooted", f"the device was restarted {plural(line.reboots, 'time')}: see column segment")
     if parted := line.parted:
         most = max((segment.first.off_ms for segment in parted), key=abs) / 1000
-        unfit = f" Segment {line.segments[-1].number} does without {clock}." if line.unfit else ""
-        maybe = " It may have been restarted, or be another device." if any(s.rebooted is None for s in parted) else ""
+        unfit = f" Segment {line.segments[-1].number} does not use {clock}." if line.unfit else ""
+        maybe = (
+            " It may have been restarted, or replaced by another device."
+            if any(s.rebooted is None for s in parted)
+            else ""
+        )
         run.journal.warn(
             "clocks-parted",
-            f"{clock} and the clock of this machine parted {plural(len(parted), 'time')}, by {most:+.3f} s at the most. A segment "
-            f"begins at each, and times between segments are those of this machine.{maybe}{unfit}",
+            f"{clock} and the clock of this computer disagreed {plural(len(parted), 'time')}, by up to {most:+.3f} s. Each jump "
+            f"starts a new segment; times between segments are from this computer.{maybe}{unfit}",
         )
     if recording.skipped:
         run.journal.info(
@@ -202,21 +204,21 @@ def _tell(run: Run, recording: Recording) -> None:
         )
     if recording.lost:
         run.journal.warn(
-            "lost", f"{plural(recording.lost, 'request')} without a valid answer: see the holes in column seq"
+            "lost", f"{plural(recording.lost, 'request')} without a valid reply: see the missing numbers in column seq"
         )
     if line.standstill:
         run.journal.warn(
             "boot-time-still",
             f"{clock} did not advance in {plural(line.standstill, 'row')}",
-            hint=f"give a lower --rate: {clock} ticks every 2 ms. Or the device's clock stands still",
+            hint=f"give a lower --rate: {clock} ticks every 2 ms. Otherwise the device's clock has stopped",
         )
 
 
 def _hole_text(hole: Hole) -> str:
     if hole.row is None:
-        return "After the last row the port was lost. No row was taken since"
-    restarted = " The device restarted meanwhile." if hole.rebooted else ""
+        return "The port was lost after the last row. No rows have been recorded since then"
+    restarted = " The device restarted in between." if hole.rebooted else ""
     if hole.rebooted is None:
-        restarted = " Whether the device restarted meanwhile is not known."
+        restarted = " It is unknown whether the device restarted in between."
     seconds = (hole.length_ms or 0) / 1000
     return f"Before row {hole.row} the port was lost: {seconds:.3f} s have no rows. Segment {hole.segment} begins there.{restarted}"

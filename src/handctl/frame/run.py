@@ -230,7 +230,7 @@ class Run:
         from handctl.frame.steps import plan_table
 
         self.ledger.plan(steps)
-        looks = "" if self.settings.assume_identity else ". First, reads would check which device is there"
+        looks = "" if self.settings.assume_identity else ". handctl would first check the device's identity with reads"
         self.journal.info("dry-run", f"dry run: nothing was sent{looks}")
         return plan_table(steps)
 
@@ -297,7 +297,7 @@ class Run:
                 failure = self._tell_lost(exc, told)
         print_writes(self.journal.ledger, self.settings, failure)
         if gave_up():
-            failure = failure or Interrupted("interrupted while the result was written: its reader took no more of it")
+            failure = failure or Interrupted("interrupted while writing the result: the reader had stopped reading")
         return failure
 
     def ended(

@@ -163,9 +163,7 @@ def _check(words: Sequence[str], every: Sequence[Each]) -> None:
         return
     if settings.format == "openmetrics" or settings.wide:
         what = "--wide" if settings.wide else "--format openmetrics"
-        raise UsageError(
-            f"{what} has no place for the names of several devices", hint="run it for one device at a time"
-        )
+        raise UsageError(f"{what} cannot keep several devices apart", hint="run it for one device at a time")
     files = [
         str(each.line.context.params.get(param.name))
         for each in every
@@ -176,7 +174,8 @@ def _check(words: Sequence[str], every: Sequence[Each]) -> None:
     for paths in (files, traces):
         if len(set(paths)) < len(paths):
             raise UsageError(
-                f"{paths[0]}: one file for several devices", hint=f"put {NAME} into its name, such as {NAME}-{paths[0]}"
+                f"{paths[0]}: one file cannot take several devices",
+                hint=f"put {NAME} into its name, such as {NAME}-{paths[0]}",
             )
 
 

@@ -37,15 +37,17 @@ def opened(run: Run, name: str, baud: int | None, tap: Tap | None) -> Link:
     except UsageError as exc:
         if kept.before is None:
             raise
-        reason = exc.text.removeprefix(f"{name}: ").removesuffix(". Remove it to start afresh")
+        reason = exc.text.removeprefix(f"{name}: ").removesuffix(". Remove it to start over")
         hint = "" if run.keeps else f"`handctl sim forget {kept.kind}` removes that file"
-        run.journal.warn("kept", f"the simulated {kept.kind} begins afresh: {reason}", hint)
+        run.journal.warn("kept", f"the simulated {kept.kind} starts over: {reason}", hint)
         kept.discard()
         link = opening(simulator={**kept.options(), **used})
     if run.keeps and not kept.path:
         from handctl.system.folders import HINT
 
-        run.journal.info("not-kept", f"nothing is kept of the simulated {kept.kind}: no folder for it is yours", HINT)
+        run.journal.info(
+            "not-kept", f"the state of the simulated {kept.kind} is not saved: you own no folder for it", HINT
+        )
     if kept.before is not None:
         run.journal.info("kept", kept.text)
     return link

@@ -89,7 +89,7 @@ def check_target(path: str, kind: str) -> None:
     older snapshot of a `kind` device: only such a one may be replaced.
     """
     if why := why_unwritable(path):
-        raise OutputError(f"{path}: the snapshot cannot be written: {why}", hint=f"name another file. {UNTOUCHED}")
+        raise OutputError(f"{path}: the snapshot cannot be written: {why}", hint=f"choose another file. {UNTOUCHED}")
     if not os.path.isfile(path):  # what else it may be is told when it is written
         return
     try:
@@ -100,7 +100,7 @@ def check_target(path: str, kind: str) -> None:
         what = f"a snapshot of {found}" if found else "no snapshot"
         raise UsageError(
             f"{path} exists and is {what}: not replaced",
-            hint=f"name another file, or remove it first. {UNTOUCHED}",
+            hint=f"choose another file, or remove it first. {UNTOUCHED}",
             code="exists",
         )
 
@@ -114,16 +114,14 @@ def load(path: str, kind: str) -> dict[str, Any]:
             hint=f"use the handctl that wrote it ({content.get('tool')}). {UNTOUCHED}",
         )
     if content.get("checksum") != _checksum(content):
-        raise UsageError(
-            f"{path}: damaged: the checksum does not fit its content", hint=f"take a new snapshot. {UNTOUCHED}"
-        )
+        raise UsageError(f"{path}: damaged: its checksum is wrong", hint=f"take a new snapshot. {UNTOUCHED}")
     if content.get("kind") != kind:
         raise UsageError(f"{path}: a snapshot of {content.get('kind')}, not of {kind}", hint=UNTOUCHED)
     values = content.get("values")
     if not isinstance(values, dict) or not all(
         isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < float("inf") for v in values.values()
     ):
-        raise UsageError(f"{path}: damaged: its values are not numbers by name", hint=UNTOUCHED)
+        raise UsageError(f"{path}: damaged: its values are not pairs of name and number", hint=UNTOUCHED)
     return content
 
 

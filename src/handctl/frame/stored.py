@@ -64,7 +64,7 @@ def counted(params: ParamMap[Any], names: Sequence[str]) -> str:
     texts = [f"{number} setting{'' if number == 1 else 's'}"] if number or not setpoints else []
     if setpoints:
         whose = ", ".join(dict.fromkeys(name.partition(".")[0] for name in setpoints))
-        texts.append(f"{len(setpoints)} set-point{'' if len(setpoints) == 1 else 's'} ({whose})")
+        texts.append(f"{len(setpoints)} set point{'' if len(setpoints) == 1 else 's'} ({whose})")
     return " and ".join(texts)
 
 
@@ -169,11 +169,11 @@ def restore(
     _tell_left_out(run, params, left, "written")
     if run.settings.dry_run:
         run.journal.info(
-            "plan", "all values are listed. Which of them the device already holds is not known without it"
+            "plan", "all values are listed: without reading the device, handctl cannot skip those it already has"
         )
         return run.dry_run(_steps(run.planner(), changes))
     if changes:
-        run.need_answer(f"{_restoring(params, changes)}, as far as they differ")
+        run.need_answer(f"{_restoring(params, changes)}, where they differ")
     device: Device = run.device()
     device.find_for_restore(values)
     device.identify()
@@ -186,7 +186,7 @@ def restore(
         run.journal.warn("absent", f"{path} does not hold {', '.join(absent)}. The device keeps its own values")
     if not differing:
         what = counted(params, [element.full_name for element, _ in changes])
-        text = f"the device already holds {what} of the snapshot" if changes else "there is nothing to write"
+        text = f"the device already has {what} of the snapshot" if changes else "nothing to write"
         run.journal.info("equal", f"{text}. Nothing was written")
         return _restored(params, [], live, {})
     _ask(run, params, device, differing, live)
@@ -205,9 +205,9 @@ def _checked(params: ParamMap[Any], values: dict[str, Number], path: str) -> lis
             param, elements = params.find(name)
             param.check(value, name)
         except UsageError as exc:
-            raise UsageError(f"{path}: {exc.text}", hint=f"the file does not fit this device. {exc.hint}") from exc
+            raise UsageError(f"{path}: {exc.text}", hint=f"the file does not match this device. {exc.hint}") from exc
         if len(elements) != 1 or not param.writable:
-            raise UsageError(f"{path}: {name} is not a single setting", hint="the file does not fit this device")
+            raise UsageError(f"{path}: {name} is not a single setting", hint="the file does not match this device")
         changes.append((elements[0], value))
     return sorted(
         changes,

@@ -176,7 +176,7 @@ class Described(click.Command):
         self, ctx: click.Context, formatter: click.HelpFormatter, options: Sequence[SharedOption]
     ) -> None:
         """The common options of a command: their names, and where they are explained."""
-        with formatter.section("Common options (see `handctl help options` or handctl(1))"):
+        with formatter.section("Common options, see `handctl help options` or handctl(1)"):
             for title in (CONNECTION, OUTPUT, WRITING):
                 names = [max(option.opts, key=len) for option in options if option.section == title]
                 if names:

@@ -26,7 +26,7 @@ def select(params: ParamMap[Any], names: Sequence[str]) -> list[Element]:
         if not param.readable:
             raise UsageError(
                 f"{param.name} can only be written ({param.source})",
-                hint=f"`handctl {params.kind} describe` shows what can be read",
+                hint=f"`handctl {params.kind} describe` lists the readable quantities",
                 code="write-only",
             )
         for element in elements:
@@ -91,7 +91,7 @@ def ask_released(run: Run, device: Device, changes: Sequence[tuple[Element, Numb
 
 
 def _consequence(steps: Sequence[Step]) -> str:
-    words = ["moves the device, which may be worn"] if any(step.moves for step in steps) else []
+    words = ["moves a device that someone may be wearing"] if any(step.moves for step in steps) else []
     words += ["may leave it unreachable"] if any(step.strands for step in steps) else []
     return f"This {' and '.join(words) or 'writes'}"
 

@@ -233,8 +233,8 @@ class ByteLink(Link):
     def set_baud(self, baud: int) -> None:
         """Change this end's speed. Raises LinkError where there is none."""
         raise LinkError(
-            f"{self.name}: the speed of this link cannot be set",
-            hint="set the speed where the serial port is, and leave out --baud",
+            f"{self.name}: the baud rate of this link cannot be set",
+            hint="set the baud rate on the computer that has the serial port, and run the command without --baud",
             code="baud",
         )
 

@@ -122,11 +122,11 @@ class CanLink(FrameLink):
             )
         except BadBitrate as exc:
             raise UsageError(
-                f"{link}: {exc}", hint="use a bitrate that this adapter has: ?bitrate=N behind the LINK"
+                f"{link}: {exc}", hint="use a bitrate that this adapter has: add ?bitrate=N to the LINK"
             ) from exc
         except (TypeError, ValueError) as exc:
             raise UsageError(
-                f"{link}: {exc}", hint="check the options behind the question mark: python-can's interface takes them"
+                f"{link}: {exc}", hint="check the options after the question mark: they go to the python-can interface"
             ) from exc
         except NotAnAdapter as exc:
             raise LinkError(
@@ -197,7 +197,7 @@ class CanLink(FrameLink):
                     )
             elif message is not None and not _possible(message):
                 self.damaged += 1
-                self.damage = "no frame can be like this"
+                self.damage = "this is not a possible frame"
             elif message is not None and message.is_extended_id and not message.is_remote_frame and message.is_rx:
                 return CanFrame(message.arbitration_id, bytes(message.data))
             if deadline.expired:

@@ -64,7 +64,7 @@ def guarding(link: Link, stop: Stop, warn: Warn, *, beat: float = 0.0) -> Iterat
     if not inside and outlet is None:
         warn(
             "unguarded",
-            f"{link.name}: no second process can hold this link: if handctl is killed, nothing stops the device",
+            f"{link.name}: a second process cannot keep this link open, so if handctl is killed nothing stops the device",
             "keep its power switch within reach",
         )
     guard = Guard(outlet, stop, warn, link.held, beat)
@@ -127,7 +127,7 @@ class Guard:
             heir, self._heir = self._heir, None
             child.finished(heir, BOUND_SECONDS)
             child.ended(heir)
-            text = f"this command stood still for more than {self._beat:g} s, and the device was stopped meanwhile"
+            text = f"this command hung for more than {self._beat:g} s, so the device was stopped"
             self._warn("stood-still", text, "")
             raise KeyboardInterrupt
         if state == "gone":

@@ -36,7 +36,7 @@ class Kept:
         return {"state": self.path, "save": "changed" if self._writes else "never", "elapse": f"{min(age, 1e9):.3f}"}
 
     def discard(self) -> None:
-        """The state file is of no use: this command begins afresh."""
+        """The state file is of no use: this command resets it."""
         if self._writes:
             with contextlib.suppress(OSError):
                 os.unlink(self.path)
@@ -52,8 +52,8 @@ class Kept:
     @property
     def text(self) -> str:
         """How the device is found, or left, and how to begin afresh."""
-        state = "is as it was left" if self.before is not None else "stays as it is now until you log out"
-        return f"the simulated {self.kind} {state}. `handctl sim forget {self.kind}` begins afresh"
+        state = "has the state that it was left in" if self.before is not None else "keeps its state until you log out"
+        return f"the simulated {self.kind} {state}. `handctl sim forget {self.kind}` resets it"
 
     def _stamp(self) -> tuple[int, int] | None:
         try:

@@ -203,7 +203,7 @@ def _open(name: str) -> tuple[int, str]:
         except OSError as exc:
             problem = exc
     raise LinkError(
-        f"no place for the lock that keeps two programs off one device: {', '.join(private_folders())}"
+        f"no folder for the lock that keeps two programs from using one device: {', '.join(private_folders())}"
         + (f": {problem.strerror}" if problem is not None else ""),
         hint=HINT,
         code="no-lock",

@@ -143,7 +143,7 @@ def refuse_held(link: str, device: str) -> None:
 
 def busy(link: str, names: Sequence[Process]) -> LinkError:
     """The port, or the server, is somebody else's already."""
-    who = ", ".join(map(str, names)) if names else "another program (the system does not say which)"
+    who = ", ".join(map(str, names)) if names else "another program (the system does not report its name)"
     return LinkError(
         f"{link}: the port is in use by {who}", hint="close that program, then run the command again", code="busy"
     )

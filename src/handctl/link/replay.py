@@ -30,7 +30,7 @@ def open_replay(link: str, baud: int | None = None) -> Link:
     if not len(recording) and not recording.speaks:
         recording.close()
         raise UsageError(
-            f"{link}: the transcript holds no request (a line with >) and no data that arrived unasked",
+            f"{link}: the transcript contains neither a request (a line with >) nor unsolicited data",
             hint="record one with --trace FILE",
         )
     return ReplayFrames(link, recording) if recording.can else ReplayLink(link, recording, baud)
@@ -227,8 +227,8 @@ class _Replayed(Link):
             self._clock = max(self._clock, moment)
             if key == LOST:
                 raise LinkError(
-                    f"{self.name}: the link is lost here, as it was when this was recorded",
-                    hint="check the cable and the adapter with which it was recorded",
+                    f"{self.name}: the link is lost at this point, as in the recording",
+                    hint="check the cable and the adapter used for the recording",
                     code="lost",
                 )
             return key

@@ -39,13 +39,11 @@ def open_serial(link: str, baud: int | None, *, exclusive: bool = True) -> ByteL
     scheme = urls.scheme_of(link)
     if scheme and scheme not in urls.SCHEMES:
         raise UsageError(
-            f"{link}: no link begins with {scheme}://",
+            f"{link}: {scheme}:// is not a known kind of link",
             hint=f"use tcp://, fake:// or a URL of pyserial: {', '.join(urls.SCHEMES)}",
         )
     if scheme == "cp2110" and not urls.path_in(link):
-        raise UsageError(
-            f"{link}: this does not show which port of this computer it is", hint="give cp2110:///dev/hidraw9"
-        )
+        raise UsageError(f"{link}: this does not identify a port of this computer", hint="give cp2110:///dev/hidraw9")
     return SerialLink(link, baud or 115200, exclusive=exclusive)
 
 
@@ -61,7 +59,7 @@ def _find_described(link: str) -> Any:
     text = link.partition("://")[2]
     if "&" in text:
         raise UsageError(
-            f"{link}: handctl takes no option of hwgrep:// and never chooses between ports",
+            f"{link}: handctl does not support options of hwgrep://, and never chooses between ports",
             hint="give an expression that fits one port only, or the path",
         )
     try:
@@ -270,8 +268,8 @@ class SerialLink(ByteLink):
 
     def _stuck(self) -> LinkError:
         return LinkError(
-            f"{self.name}: the port takes no data",
-            hint="unplug the adapter and plug it in again. Flow control, a stopped terminal or an adapter that hangs hold the data up",
+            f"{self.name}: the port does not accept data",
+            hint="unplug the adapter and plug it in again. Flow control, a stopped terminal or a hung adapter may be blocking the data",
             code="write-timeout",
         )
 
@@ -317,7 +315,7 @@ def _cannot_open(link: str, device: str, exc: Exception) -> LinkError | UsageErr
         return busy(link, holders(device) if "://" not in device else [])
     if number == errno.ETIMEDOUT:
         return LinkError(
-            f"{link}: the device behind the port does not answer",
+            f"{link}: the device on the port does not answer",
             hint="switch on the Bluetooth device and bring it near. Then run the command again",
             code="cannot-open",
         )

@@ -170,7 +170,7 @@ class SlcanBus(slcanBus):
                 data = data[os.write(self._terminal, data) :]
             except BlockingIOError:
                 if not writable(self._terminal, WRITE_SECONDS):
-                    raise can.CanTimeoutError("the adapter takes no bytes") from None
+                    raise can.CanTimeoutError("the adapter does not accept data") from None
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """The next frame; None when there is none within `timeout`. There are no filters."""
@@ -246,7 +246,7 @@ class SlcanBus(slcanBus):
                     arbitration_id=identifier, is_extended_id=found[1] is not None, timestamp=time.time(),
                     data=bytes.fromhex(body[: 2 * size].decode()),
                 )  # fmt: skip
-            self._drop(line, "a frame cannot be like this")
+            self._drop(line, "this is not a possible frame")
         elif report := _REPORT.fullmatch(text):
             self._note(report)
         elif text not in (b"", b"z", b"Z") and not _FLAGS_LINE.fullmatch(text) and not _REMOTE.fullmatch(text):

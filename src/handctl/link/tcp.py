@@ -113,7 +113,7 @@ class TcpLink(ByteLink):
                 self._outlet.owes(bytes(view) if len(view) < len(data) else b"")
                 if not writable(self._socket, deadline.remaining):
                     raise LinkError(
-                        f"{self.name}: the other end takes no more data",
+                        f"{self.name}: the other end no longer accepts data",
                         hint="check the device or its serial server, then run the command again",
                         code="write-timeout",
                     ) from exc

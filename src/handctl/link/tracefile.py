@@ -47,7 +47,7 @@ class TraceFile:
             try:
                 if not ending.has_room(self._waits, patience):
                     ending.make_room(self._waits)
-                    raise TimeoutError("its reader takes no data")
+                    raise TimeoutError("its reader does not accept data")
                 self._file.write(line)
             except (OSError, ValueError) as exc:
                 self.failure = self._failed(exc)
@@ -68,5 +68,5 @@ class TraceFile:
     def _failed(self, exc: Exception) -> OutputError:
         return OutputError(
             f"{self._path}: the trace cannot be written: {getattr(exc, 'strerror', None) or exc}",
-            hint="make room or give --trace another file. The command went on, and the recording ends there",
+            hint="make room or give --trace another file. The command continued, but the recording ends there",
         )

@@ -29,13 +29,11 @@ class Gate:
             try:
                 look()
             except KeyboardInterrupt as exc:
-                raise Interrupted(
-                    "interrupted while handctl checked which device answers. Nothing was written"
-                ) from exc
+                raise Interrupted("interrupted while checking the device's identity. Nothing was written") from exc
             except HandctlError as exc:
                 if not link.replayed or exc.code != "replay-miss":
                     raise NotIdentified(exc) from exc
-                journal.info("not-recorded", "the check of the device was not recorded: left out in this replay")
+                journal.info("not-recorded", "the identity check was not recorded, so this replay skips it")
         self.passed = True
 
     def check_read(self, link: Link, journal: Journal, who: Hashable, judge: Callable[[], object]) -> None:
@@ -56,5 +54,5 @@ class Gate:
     def tell(journal: Journal) -> None:
         """Say that nobody looks, once."""
         if not any(message.code == "identity-assumed" for message in journal.messages):
-            text = "it was not checked which device answers, because of --assume-identity"
+            text = "the device's identity was not checked, because of --assume-identity"
             journal.warn("identity-assumed", text)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 AGAIN = Stopped(
-    "interrupted again while it was being stopped", "switch the power off if the device still moves", NoAnswer
+    "interrupted again while stopping the device", "switch the power off if the device still moves", NoAnswer
 )
 
 

@@ -329,7 +329,9 @@ class Ledger:
         lines = [f"writes: {told}", *(line for row in rows for line in _lines(row))]
         left = [str(row["step"]) for row in rows if row["state"] == NOT_SENT]
         if left and found[SENT]:
-            lines.append(f"  to go on: read what is unconfirmed, then send what is left (step {', '.join(left)})")
+            lines.append(
+                f"  to continue: read the unconfirmed values, then send the remaining steps (step {', '.join(left)})"
+            )
         return lines
 
 
@@ -339,7 +341,7 @@ def _lines(row: dict[str, Any]) -> list[str]:
     times = f", {row['count']} times" if "count" in row else ""
     why = f" ({row['evidence']})" if row.get("evidence") and row["state"] != CONFIRMED else ""
     line = f"  {row['step']}  {IN_WORDS[row['state']]}{why}: {row['meaning'] or 'bytes'}{times}: {cut}"
-    return [line, *([f"     next: {row['next']}"] if row["next"] else [])]
+    return [line, *([f"     Next: {row['next']}"] if row["next"] else [])]
 
 
 def shown(data: bytes, can_id: int | None) -> str:

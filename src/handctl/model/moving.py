@@ -46,8 +46,8 @@ HINTS = {
     MOVING: "wait longer, or stop it",
     UNREAD: "check the link, then read its position again",
     NO_SPEED: "set a speed",
-    SHORT: "look for what holds it. --expect any accepts it",
-    CONTACT: "--expect contact accepts it, for example when something is to be gripped",
+    SHORT: "check for an obstacle. --expect any accepts this",
+    CONTACT: "--expect contact accepts this, for example to grip an object",
 }
 ARRIVAL = Column("arrival", "Arrival")
 TARGET = Column("target", "Target", right=True)
@@ -130,8 +130,8 @@ class Arrival(NamedTuple):
         here = self.goal.text(self.value)
         words = {
             REACHED: f"{self.goal.name} reached {here}",
-            CONTACT: f"{self.goal.name} met something at {here}",
-            SHORT: f"{self.goal.name} stands at {here}",
+            CONTACT: f"{self.goal.name} touched something at {here}",
+            SHORT: f"{self.goal.name} stopped at {here}",
             BLOCKED: f"{self.goal.name} is blocked at {here}",
             MOVING: f"{self.goal.name} still moves, now at {here}",
             NO_SPEED: f"{self.goal.name} has speed 0 and stays at {here}",
@@ -273,8 +273,8 @@ def judged(where: str, arrivals: Sequence[Arrival], expect: str, *, hint: str = 
     off = [one for one in arrivals if one.met not in MET[expect]]
     if not off and expect == CONTACT and arrivals and all(one.verdict != CONTACT for one in arrivals):
         return CheckFailed(
-            f"{where}: nothing was met: {listed(arrivals)}",
-            hint="every target was reached. Leave out --expect contact where that is right",
+            f"{where}: no contact: {listed(arrivals)}",
+            hint="every target was reached. If that is right, run it without --expect contact",
             code="no-contact",
         )
     if not off:

@@ -318,9 +318,7 @@ class ParamMap(Generic[P]):
 
     def _refuse_unsettable(self, param: Param) -> None:
         if param.verb:
-            starts = (
-                "it is not a value: writing it starts something" if param.trigger else "it has a command of its own"
-            )
+            starts = "it is not a value: writing it starts something" if param.trigger else "it has its own command"
             raise UsageError(
                 f"{param.name} is not written by `set`: {starts}",
                 hint=f"use `handctl {self.kind} {param.verb}`",
@@ -329,7 +327,7 @@ class ParamMap(Generic[P]):
         if not param.writable:
             raise UsageError(
                 f"{param.name} is read-only ({param.source})",
-                hint=f"`handctl {self.kind} describe` shows what can be written",
+                hint=f"`handctl {self.kind} describe` lists the writable quantities",
                 code="read-only",
             )
 

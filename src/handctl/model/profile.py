@@ -92,7 +92,7 @@ class Profile:
         elif self.half_duplex:
             text = f"Half duplex: {took}"
         else:
-            return "Others speak on this line" if self.others else ""
+            return "Other programs use this line" if self.others else ""
         return f"{text}, half duplex" if self.half_duplex and "duplex" not in text.lower() else text
 
 

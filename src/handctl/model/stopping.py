@@ -148,7 +148,7 @@ NOT_STOPPED = "not-stopped"
 """Code of the error of a command that was interrupted, and whose stop was not acknowledged."""
 BEAT = 0.5
 """Seconds for which a command may stand still that drives what does not end by itself, such as currents."""
-TOO_LATE = "the deadline was over before it was certain that the device stands"
+TOO_LATE = "the deadline passed before handctl could confirm that the device has stopped"
 QUIET = Step("listen", b"")
 """Nothing goes out."""
 
@@ -201,13 +201,13 @@ def silence(seconds: float = SILENCE) -> Generator[Say, Pieces, Pieces]:
 
 def taken_over(stopped: Stopped, what: str) -> Stopped:
     """The end of a stop that was acknowledged, and did not last."""
-    text = f"{stopped.text}. {SILENCE:g} s later {what}: it does not obey, or somebody else commands it"
+    text = f"{stopped.text}. {SILENCE:g} s later {what}: it does not obey, or another program is commanding it"
     return Stopped(text, FIND_WHO, DeviceRefused)
 
 
 FIND_WHO = (
-    "end the other program. `handctl ports` shows who has a port of this computer open. At a network address or on a bus "
-    "look at the other computers. Switch the power off if it must not move"
+    "end the other program. `handctl ports` shows the programs that use the ports of this computer. On a network or a bus, "
+    "check the other computers too. If the device must not move, switch its power off"
 )
 
 
@@ -321,7 +321,9 @@ def interrupted(stopped: Stopped, what: str = "") -> HandctlError:
     text = f"{what}{stopped.text}"
     if stopped.error is None:
         return Interrupted("interrupted", left=Left(text, stopped.hint))
-    return stopped.error(f"interrupted, but the stop is not certain: {text}", hint=stopped.hint, code=NOT_STOPPED)
+    return stopped.error(
+        f"interrupted, but the stop has not been confirmed: {text}", hint=stopped.hint, code=NOT_STOPPED
+    )
 
 
 def _bytes(link: ByteLink, say: Say, pieces: Pieces, went: Callable[[], None]) -> None:

@@ -143,7 +143,7 @@ class _Loop:
         """Tell of a restart; after one, or where there may have been one, read what it may have changed."""
         segment = self._recording.timeline.segments[-1]
         if segment.rebooted:
-            self._guide.say(f"The device restarted: its clock begins at 0. Segment {segment.number} begins")
+            self._guide.say(f"The device restarted: its clock started at 0. Segment {segment.number} starts")
         if segment.rebooted is False and not segment.first.reopened:
             return
         self._look_due = self._heard
@@ -189,7 +189,7 @@ class _Loop:
         self._recording.port_lost()
         self._recording.lost += self._asked
         self._asked = False
-        self._guide.say("The port is open again. The next row begins a segment")
+        self._guide.say("The port is open again. The next row starts a segment")
         return True
 
     def _gone(self, lost: LinkError, last: LinkError) -> LinkError:

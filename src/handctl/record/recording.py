@@ -135,7 +135,7 @@ class Recording:
                 os.ftruncate(self._file, self._size)
             raise OutputError(
                 f"{self.path}: cannot be written: {exc.strerror or exc}",
-                hint="the rows before are whole",
+                hint="the rows before that are complete",
                 code="log-file",
             ) from exc
         self._size += len(data)
@@ -276,6 +276,8 @@ def open_new(path: str, force: bool) -> int:
     refuse_existing(path, force)
     try:
         return os.open(path, os.O_WRONLY | os.O_CREAT | disk.BINARY | (os.O_TRUNC if force else os.O_EXCL), 0o666)
+    except FileExistsError as exc:
+        raise UsageError(f"{path} exists", hint="choose another file", code="file-exists") from exc
     except OSError as exc:
         raise OutputError(
             f"{path}: cannot be written: {exc.strerror or exc}", hint="choose another file", code="log-file"

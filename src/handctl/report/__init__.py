@@ -250,8 +250,8 @@ def _refuse(path: str, force: bool) -> None:
         raise UsageError(f"{path} is not a file", hint="give the name of a page, such as report.html", code="no-file")
     if os.path.exists(path) and not force:
         raise UsageError(
-            f"{path} exists and is not replaced",
-            hint="choose another name, or replace the file with --force",
+            f"{path} already exists",
+            hint="choose another name, or use --force to replace the file",
             code="file-exists",
         )
     folder = os.path.dirname(path) or "."
@@ -269,6 +269,6 @@ def _write(path: str, data: bytes, force: bool) -> None:
         with atomic_write(path, "wb") as file:
             file.write(data)
             if not force and os.path.exists(path):
-                raise FileExistsError(17, "the file appeared meanwhile and is not replaced")
+                raise FileExistsError(17, "another program created the file in the meantime; it was not replaced")
     except OSError as exc:
         raise OutputError(f"{path}: the report cannot be written: {exc.strerror or exc}") from exc

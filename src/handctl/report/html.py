@@ -122,11 +122,11 @@ def page(report: Report) -> str:
 
 def _name(kind: str) -> str:
     """The device, without its wires: ``Inspire EH55BF1 exoskeleton hand``."""
-    return FAMILIES[kind].help.partition(" (")[0]
+    return FAMILIES[kind].help.partition(" (")[0] if kind in FAMILIES else kind
 
 
 def _header(report: Report) -> str:
-    mark = '<p class="mark">Simulated: no device behind these values</p>\n' if report.simulated else ""
+    mark = '<p class="mark">Simulated: these values are not from a device</p>\n' if report.simulated else ""
     facts = [*report.facts, ("made", report.made), ("tool", f"handctl {report.version} ({report.command})")]
     return f"<header>\n{mark}<h1>{escape(_name(report.kind))}: service report</h1>\n{_facts(facts)}{_problems(report)}</header>\n"
 
@@ -142,7 +142,7 @@ def _problems(report: Report) -> str:
 
 
 def _hint(text: str) -> str:
-    return f'<br><span class="note">next: {escape(sentence(text))}</span>' if text else ""
+    return f'<br><span class="note">Next: {escape(sentence(text))}</span>' if text else ""
 
 
 def _findings(report: Report) -> str:

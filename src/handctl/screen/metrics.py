@@ -49,11 +49,11 @@ def exposition(rows: Sequence[Row], context: Context, failure: HandctlError | No
     for row in rows:
         _add_row(row, getattr(getattr(context, "opened", None), "map", None), add)
     unread = sum("error" in row for row in rows)
-    add("up", "", "1 where the device reported a value, else 0", {}, len(rows) > unread)
+    add("up", "", "1 if the device reported a value, otherwise 0", {}, len(rows) > unread)
     add("unread", "", "values that could not be read", {}, unread)
     if context.command.endswith(" status"):
         findings = [message for message in context.journal.messages if message.code == "unhealthy"]
-        add("findings", "", "findings of status: 0 where the device is healthy", {}, len(findings))
+        add("findings", "", "findings of status: 0 if the device is healthy", {}, len(findings))
     return "".join(_lines(name, metric) for name, metric in metrics.items()) + "# EOF\n"
 
 
@@ -88,7 +88,7 @@ def _add_row(row: Row, params: Any, add: Any) -> None:
     if errors is not None and param is not None:
         known = [*param.alarms.values(), *(error for error in errors if error not in param.alarms.values())]
         for bit in known:
-            add(_word(name), "", f"{text}: 1 where the bit is set", {**labels, "bit": bit}, bit in errors)
+            add(_word(name), "", f"{text}: 1 if the bit is set", {**labels, "bit": bit}, bit in errors)
         return
     if isinstance(value, str):
         add(_word(name), "", f"{text}: a text, in the label", {**labels, "text": value}, 1)

@@ -147,7 +147,7 @@ def _end(run: Run, who: Holder | None) -> None:
     if who is None:
         run.journal.warn(
             "holder",
-            "another program has the device and does not answer. Its lock does not say which",
+            "another program is using the device and does not answer. Its lock does not identify it",
             "find the program with `handctl ports` and end it",
         )
         return

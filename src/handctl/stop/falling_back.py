@@ -95,5 +95,5 @@ def _drop(run: Run, keys: list[str], why: str, *, told: bool = True) -> None:
         names = ", ".join(found)
         where = ", ".join(dict.fromkeys(source.where or source.level for source in found.values()))
         run.journal.warn(
-            "passed-over", f"{names} ({where}): {why}", "it does not hold up a stop: its default was taken"
+            "passed-over", f"{names} ({where}): {why}", "a stop never waits for a setting: the default was used"
         )

@@ -92,7 +92,7 @@ class Hold:
             hint = "make room there. Until then `stop` from another terminal ends this command by force"
             run.journal.warn(
                 "unseen",
-                f"other commands may not see that this one has the device, nor ask it to stop: {trouble}",
+                f"other commands may not notice that this one is using the device, and cannot ask it to stop: {trouble}",
                 hint,
             )
 
@@ -159,7 +159,7 @@ class Hold:
         return self._report
 
     def _answer(self) -> dict[str, Any]:
-        return self.stop("stopped, as another handctl asked for it")
+        return self.stop("stopped at the request of another handctl command")
 
     def end(self, frame: Any) -> None:
         """The way of Ctrl-C, whatever that is just now. Where it only counts, the next write ends the command."""

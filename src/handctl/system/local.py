@@ -111,7 +111,7 @@ def _over_loopback(path: str, seconds: float) -> Peer:
     with open(path, "rb") as file:
         words = file.read(200).split()
     if len(words) != 3 or words[0] != MARK or not words[1].isdigit():
-        raise OSError(errno.EINVAL, "no simulator and no handctl is to be reached there")
+        raise OSError(errno.EINVAL, "no simulator or handctl command can be reached there")
     found = Peer(_socket.AF_INET, _socket.SOCK_STREAM)
     try:
         found.settimeout(seconds)

@@ -110,5 +110,5 @@ def _bitrate(link: FrameLink, bound: Deadline) -> Check:
     if noisy:
         hint = "check the termination (120 ohm at both ends), and add the bitrate of the bus to the LINK: ?bitrate=N"
         return Check("bitrate", "warning", f"the bus has traffic, but no whole frame was heard. {at}", hint)
-    hint = "try ?bitrate=500000 behind the LINK, but only while no other device is on the bus"
+    hint = "try adding ?bitrate=500000 to the LINK, but only while no other device is on the bus"
     return Check("bitrate", "skipped", f"no other device sends on this bus, so its bitrate cannot be heard. {at}", hint)

@@ -66,7 +66,7 @@ def next_step(shell: str, path: Path) -> str:
     match shell:
         case "bash":
             return (
-                "open a new shell. Where the package bash-completion is missing, add this line to ~/.bashrc: "
+                "open a new shell. If the package bash-completion is not installed, add this line to ~/.bashrc: "
                 f"`source {path}`"
             )  # fmt: skip
         case "zsh":
@@ -94,7 +94,7 @@ def _state(path: Path, text: str) -> str:
     if not any(MARK in line for line in present.splitlines()[:3]):
         raise UsageError(
             f"{path} is not a completion that handctl generated",
-            hint="move the file away, or print the script and put it where you want it. The file was not changed.",
+            hint="move the file away, or print the script and install it yourself. The file was not changed.",
             code="foreign-file",
         )
     return "replaced"
@@ -108,5 +108,5 @@ def _write(path: Path, text: str) -> None:
             file.write(text)
     except OSError as exc:
         raise OutputError(
-            f"{path}: cannot be written: {exc.strerror or exc}", hint="print the script and put it where you want it"
+            f"{path}: cannot be written: {exc.strerror or exc}", hint="print the script and install it yourself"
         ) from exc

@@ -64,7 +64,7 @@ def list_devices(run: Run) -> Table:
     rows = [row_of(device) for device in read_config(path).devices.values()]
     if not rows:
         run.journal.info(
-            "no-devices", f"no device is named in {path}", "name one with `handctl devices add NAME FAMILY -p LINK`"
+            "no-devices", f"{path} has no named devices", "name one with `handctl devices add NAME FAMILY -p LINK`"
         )
     return Table(rows=rows, columns=COLUMNS)
 
@@ -96,7 +96,7 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
     if "port" not in given:
         raise UsageError(
             "no LINK given",
-            hint=f"add where the device is: `handctl devices add {name} {family} -p LINK`",
+            hint=f"add its link: `handctl devices add {name} {family} -p LINK`",
             code="no-link",
         )
     naming.check(run, family, given)
@@ -182,11 +182,11 @@ def _given(run: Run) -> dict[str, Any]:
     from handctl.frame.config import DEVICE_KEYS
 
     if run.sources.get("device") == COMMAND_LINE:
-        raise UsageError("-d names an existing device, not the new one", hint="leave out -d")
+        raise UsageError("-d names an existing device, not the new one", hint="run the command without -d")
     said = {key: getattr(run.settings, key) for key in DEVICE_KEYS if run.sources.get(key) == COMMAND_LINE}
     if run.sources.get("fake") == COMMAND_LINE:
         raise UsageError(
-            "--fake cannot be kept under a name", hint="give the simulator as a LINK, such as `-p fake://exo`"
+            "--fake cannot be saved under a name", hint="give the simulator as a LINK, such as `-p fake://exo`"
         )
     return said
 
@@ -195,7 +195,7 @@ def _refuse_taken(config: Config, name: str, force: bool) -> None:
     if name in config.devices and not force:
         device = config.devices[name]
         raise UsageError(
-            f"{name!r} is named already: {device.kind} on {device.entries['port'].value} "
+            f"{name!r} is already used for {device.kind} on {device.entries['port'].value} "
             f"({config.path}, line {device.line})",
             hint="choose another name, or add --force to replace the device",
             code="name-taken",

@@ -166,8 +166,8 @@ def _on_network(machine: Machine, name: str, probe: Any, device: Any, make: Any)
     host = host_in(name)
     held = probe.address_of(device) if hasattr(probe, "address_of") else ""
     if held and host and held != host and not is_local(host):
-        text = f"the device was reached at {host}, and holds {held}"
-        remedy = "power-cycle it: a new address counts from then on. Another device may have this one, too"
+        text = f"the device was reached at {host}, but its address register contains {held}"
+        remedy = "power-cycle it to use the new address. Another device may have this address too"
         yield Check("address", "warning", text, remedy)
     yield from subnet(machine, host or held, reached=True if host else None)
     if host and hasattr(probe, "fingerprint"):

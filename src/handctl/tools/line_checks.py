@@ -24,30 +24,30 @@ def line_checks(line: Profile, failed: Collection[str], unasked: bool) -> Iterat
 def _first_byte(failed: Collection[str], answered: bool) -> Check:
     if "first-byte-lost" in failed:
         remedy = "use another RS-485 adapter, or set this one to switch its direction sooner"
-        return Check("first_byte", "warning" if answered else "fail", "answers come without their first byte", remedy)
+        return Check("first_byte", "warning" if answered else "fail", "replies arrive without their first byte", remedy)
     if not answered:
-        return Check("first_byte", "skipped", "no answer came")
-    return Check("first_byte", "ok", "answers come with their first byte")
+        return Check("first_byte", "skipped", "no reply arrived")
+    return Check("first_byte", "ok", "replies arrive with their first byte")
 
 
 def _half_duplex(line: Profile) -> Check:
     if line.half_duplex is None:
-        return Check("half_duplex", "skipped", "only an answer shows whether both directions work at once")
+        return Check("half_duplex", "skipped", "only a reply shows whether the line is full duplex")
     if line.half_duplex:
-        text = "an answer is lost while something is sent: half duplex, as RS-485 is"
+        text = "a reply is lost while handctl is sending: half duplex, as on RS-485"
         return Check("half_duplex", "ok", text, "let other programs wait for each answer, as handctl does")
-    return Check("half_duplex", "ok", "an answer comes while something is sent: both directions work at once")
+    return Check("half_duplex", "ok", "a reply arrives while handctl is sending: full duplex")
 
 
 def _packets(line: Profile) -> Check:
     if line.longest is None:
         return Check("packets", "skipped", "no long answer was read")
     if line.packet is None:
-        return Check("packets", "ok", f"an answer of {line.longest} bytes comes as it is sent, in no packets")
+        return Check("packets", "ok", f"an answer of {line.longest} bytes arrives byte by byte, not in packets")
     if line.packet == line.longest:
-        text = f"an answer of {line.longest} bytes comes in one piece: something on the way gathers bytes"
-        return Check("packets", "ok", text, "where answers must be quick, let the serial server send bytes at once")
-    text = f"an answer of {line.longest} bytes comes in packets of {line.packet}"
+        text = f"an answer of {line.longest} bytes arrives in one piece: something in between buffers the data"
+        return Check("packets", "ok", text, "if you need quick replies, turn off buffering in the serial server")
+    text = f"an answer of {line.longest} bytes arrives in packets of {line.packet}"
     if line.packet == BLUETOOTH:
         text += ", the size of Bluetooth 4.0"
     return Check("packets", "ok", text, "let other programs wait for the whole answer, not for its first packet")
@@ -55,7 +55,12 @@ def _packets(line: Profile) -> Check:
 
 def _others(line: Profile, unasked: bool) -> Check:
     if line.others:
-        return Check("others", "warning", "frames came that answer nothing that was asked: others speak", ONE_MASTER)
+        return Check(
+            "others",
+            "warning",
+            "received frames that are not replies to handctl: another program uses this line",
+            ONE_MASTER,
+        )
     if unasked:
         return Check("others", "skipped", "data came unasked, but no whole frame of this family")
-    return Check("others", "ok", "no frame of others was heard")
+    return Check("others", "ok", "no frames from other programs")

@@ -153,7 +153,7 @@ class LinkChecks:
             yield can_checks.adapter_check(self._link)
         yield self._unasked()
         if self._probe is None:
-            yield Check("answer", "skipped", "no device was found that could be asked", "name its family with --family")
+            yield Check("answer", "skipped", "no device was found", "name its family with --family")
             return
         first = getattr(self._link, "baud", None)
         before = self._link.error_frames if isinstance(self._link, FrameLink) else 0
@@ -273,7 +273,7 @@ class LinkChecks:
             return Check("speed", "skipped", "this link or this device has one speed only")
         if len(series.trips) and link.baud != first:
             text = f"the device answers at {link.baud} bit/s, not at {first}. Other speeds were tried"
-            return Check("speed", "ok", text, f"give --baud {link.baud}: it finds the device at once")
+            return Check("speed", "ok", text, f"give --baud {link.baud}")
         if len(series.trips) and hasattr(probe, "ignores_speed") and probe.ignores_speed(self._made):
             text = f"the device answers at another speed than {first} bit/s as well. The speed does not matter"
             return Check("speed", "ok", f"{text} on Bluetooth, USB or a network")
@@ -346,7 +346,7 @@ class LinkChecks:
             return ONE_MASTER
         if codes <= {"no-answer"}:
             return "close other programs on this port, check the plug, or give a longer --timeout: answers are lost"
-        return "check cable, ground and hub: bytes are damaged on the way. Two devices with one id do that as well"
+        return "check cable, ground and hub: data is corrupted. Two devices with one id can also cause this"
 
     def _round_trip(self, series: Series) -> Check:
         assert self._probe is not None

@@ -104,8 +104,8 @@ def permissions(found: list[Port]) -> Check:
     closed = [port for port in found if not port.permitted]
     if closed:
         names = ", ".join(port.path for port in closed)
-        return Check("permissions", "warning", f"may not be opened: {names}", port_tool.permission_remedy(closed[0]))
-    return Check("permissions", "ok", f"may be opened: {', '.join(port.path for port in found)}")
+        return Check("permissions", "warning", f"cannot be opened: {names}", port_tool.permission_remedy(closed[0]))
+    return Check("permissions", "ok", f"can be opened: {', '.join(port.path for port in found)}")
 
 
 def grabbers(machine: Machine, found: list[Port]) -> list[Check]:
@@ -183,9 +183,7 @@ def room(folder: Path) -> Check:
     free = shutil.disk_usage(folder).free
     evidence = f"{folder}: {free / 1e6:.0f} MB free"
     if not os.access(folder, os.W_OK):
-        return Check(
-            "disk", "warning", f"{folder} may not be written", "change to a folder of your own, or use -o FILE"
-        )
+        return Check("disk", "warning", f"{folder} is not writable", "change to a folder of your own, or use -o FILE")
     if free < ROOM_LITTLE:
         remedy = "make room, or change to another disk: logs, traces and snapshots go here"
         return Check("disk", "fail" if free < ROOM_NONE else "warning", evidence, remedy)

@@ -65,7 +65,7 @@ def check_link(link: str, family: Family) -> None:
             )
     elif separator and scheme not in SCHEMES:
         raise UsageError(
-            f"{link}: no link begins with {scheme}://",
+            f"{link}: {scheme}:// is not a known kind of link",
             hint=f"use tcp://, fake:// or a URL of pyserial: {', '.join(SCHEMES)}",
         )
     elif separator and not rest and scheme != "loop":

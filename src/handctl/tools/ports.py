@@ -131,7 +131,7 @@ def problems(port: Port) -> list[Problem]:
     """What keeps `port` from being used well."""
     found = []
     if not port.permitted:
-        found.append(Problem("permission", f"{port.path} may not be read and written", permission_remedy(port)))
+        found.append(Problem("permission", f"{port.path}: no permission to read and write", permission_remedy(port)))
     if port.held:
         who = ", ".join(map(str, port.held))
         found.append(Problem("holder", f"{port.path} is in use by {who}", "close that program"))
@@ -181,8 +181,8 @@ def grabber_problem(process: Process, ports: list[Port]) -> tuple[str, str]:
         claimed = [port.usb for port in ports if port.chip is not None and port.chip.braille]
         text = f"{process} takes adapters for braille displays" + (f" ({', '.join(claimed)})" if claimed else "")
         return text, (
-            "run `sudo apt remove brltty` where no braille display is used, "
-            "or `sudo systemctl mask brltty.path brltty-udev.service`. Then plug the adapter in again"
+            "if you do not use a braille display, run `sudo apt remove brltty`. Otherwise run "
+            "`sudo systemctl mask brltty.path brltty-udev.service`. Then plug the adapter in again"
         )
     ignored = [_matches(name, 'ENV{ID_MM_DEVICE_IGNORE}="1"') for name in usb]
     rules = r"\n".join(ignored)
@@ -237,5 +237,5 @@ def _view(rows: list[Row]) -> list[Grid]:
         notes += [f"{name}: {row['by_id']}"] if row["by_id"] else []
         notes += [f"{name}: {row['product']}"] if row["product"] and row["product"] != kind else []
         notes += [f"{name}: may be {row['may_be']}"] if row["may_be"] else []
-        notes += [f"{name}: {row['problem']}", f"  next: {row['remedy']}"] if row["problem"] else []
+        notes += [f"{name}: {row['problem']}", f"  Next: {row['remedy']}"] if row["problem"] else []
     return [Grid(("Link", "Adapter", "USB", "Driver", "State"), tuple(lines), notes=tuple(notes))]

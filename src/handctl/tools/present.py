@@ -48,7 +48,7 @@ def present(run: Run, link: Link, bound: Deadline) -> Present:
     if (damaged := _destroyed(search)) is not None:
         step, error = damaged
         _set(link, step.speed or was)
-        text = f"somebody answers as {step.family} does, but no answer is whole: {error.text}"
+        text = f"something replies like {step.family}, but no reply is complete: {error.text}"
         return Present(step.family, None, Check("device", "warning", text, error.hint))
     _set(link, was)
     nobody = report([search], SCANNED, run.journal).failure

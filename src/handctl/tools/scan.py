@@ -160,7 +160,7 @@ def free_ports(machine: Machine, journal: Journal) -> list[str]:
             names.append(port.path)
             continue
         why = f"in use by {', '.join(map(str, port.held))}" if port.held else "not permitted"
-        journal.warn("left-out", f"{port.path} is {why}, so it was left out", hint="`handctl ports` shows the remedy")
+        journal.warn("left-out", f"{port.path} is {why}, so it was skipped", hint="`handctl ports` shows the remedy")
     if not names:
         raise LinkError(
             "no serial port is free",

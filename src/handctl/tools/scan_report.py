@@ -123,8 +123,8 @@ def _nothing(search: Search) -> HandctlError:
             text = f"{name}: a Modbus RTU master or device talks on this line ({shown})"
             return ProtocolError(text, hint=f"{MODBUS_HINT}. Nothing was sent.", code="modbus")
         for family, ids in search.overheard.items():
-            text = f"{name}: another program or master speaks with {family} id {', '.join(map(str, ids))} on this line ({shown})"
-            hint = f"end it for the search, or look beside it: `handctl {family} scan --all`. Nothing was sent."
+            text = f"{name}: another program or master communicates with {family} id {', '.join(map(str, ids))} on this line ({shown})"
+            hint = f"end it for the search, or search anyway: `handctl {family} scan --all`. Nothing was sent."
             return ProtocolError(text, hint=hint, code="talks")
         text = f"{name}: {plural(len(unasked), 'byte')} arrived before anything was asked ({shown}). None of these devices does that"
         return ProtocolError(

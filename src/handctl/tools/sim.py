@@ -27,4 +27,4 @@ def forget(family: str | None) -> None:
             raise SimError(
                 f"{exc.filename}: cannot be removed: {exc.strerror or exc}", hint="remove the file yourself"
             ) from exc
-        click.echo(f"{kind}: removed, it begins afresh" if found else f"{kind}: nothing was kept")
+        click.echo(f"{kind}: reset" if found else f"{kind}: nothing to reset")

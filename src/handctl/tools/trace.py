@@ -177,7 +177,7 @@ def _matcher(only: str | None, pattern: str | None) -> Callable[[Told], bool]:
     except re.error as exc:
         raise UsageError(
             f"--grep {pattern!r}: {exc}",
-            hint="write a regular expression, with \\ before . * + ( ) where the character itself is meant",
+            hint="write a regular expression, with \\ before . * + ( ) for the literal character",
         ) from exc
 
     def matches(row: Told) -> bool:

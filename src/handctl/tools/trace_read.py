@@ -63,7 +63,7 @@ def lines_of(file: IO[str], source: str) -> Iterator[Line]:
             text = file.readline(LONGEST_LINE)
         except (OSError, ValueError) as exc:
             why = exc.strerror if isinstance(exc, OSError) else "not a text file"
-            raise UsageError(f"{source}: cannot be read behind line {number}: {why}", hint=PLAIN_HINT) from exc
+            raise UsageError(f"{source}: cannot be read after line {number}: {why}", hint=PLAIN_HINT) from exc
         if not text:
             return
         number += 1
@@ -134,7 +134,7 @@ def chosen(lines: Iterator[Line], family: str, source: str) -> tuple[str, bool, 
         family = next((name for name in TOLD if explainer_of(name).recognises(entry.data, entry.can_id)), "")
     if not family:
         raise UsageError(
-            f"{source}: which device is it? Neither the first line nor the bytes tell",
+            f"{source}: cannot tell the device family from the first line or the bytes",
             hint=f"--family {'|'.join(TOLD)}",
             code="which-family",
         )

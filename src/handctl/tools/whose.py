@@ -45,7 +45,7 @@ def family_at(run: Run) -> str:
     if found:
         return found
     raise UsageError(
-        f"{link}: no handctl command had this device, no named device is there, and nothing shows its family",
+        f"{link}: no handctl command has used this device, it has no name, and its family could not be detected",
         hint=f"run `handctl FAMILY stop -p {link}` with one of {', '.join(FAMILIES)}",
         code="no-family",
     )

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from math import inf, isfinite
 
 from handctl.errors import ProtocolError, UsageError
-from handctl.sentence import plural
 
 BYTES = "check the bytes with --trace FILE"
 LARGEST_OUT = 2047
@@ -142,7 +141,7 @@ class Decoder:
             data = bytes(rest if place < 0 else rest[:place])
             del self._buffer[: len(data)]
             raise MalformedObject(
-                f"{plural(len(data), 'byte')} without the beginning of a JSON object", data, stray=True
+                f"{len(data)} byte{'s' * (len(data) != 1)} without the beginning of a JSON object", data, stray=True
             )
 
     def _scan(self) -> int | None:
@@ -155,7 +154,7 @@ class Decoder:
             if found is None:
                 self._position = max(self._position, len(buffer))
                 if len(buffer) > LARGEST_IN:
-                    raise self._drop(f"an object without an end in {plural(len(buffer), 'byte')}")
+                    raise self._drop(f"an object without an end in {len(buffer)} byte{'s' * (len(buffer) != 1)}")
                 return None
             token, place, self._position = found[0], found.start(), found.end()
             if self._string >= 0:

@@ -22,7 +22,6 @@ from functools import cache
 from typing import NamedTuple
 
 from handctl.errors import ProtocolError, UsageError
-from handctl.sentence import plural
 
 READ, WRITE_ONE, WRITE_MANY = 0x03, 0x06, 0x10
 FAILED = 0x80
@@ -116,7 +115,7 @@ def write_request(address: int, data: bytes) -> bytes:
     words, odd = divmod(len(data), 2)
     if odd:
         raise UsageError(
-            f"{plural(len(data), 'byte')}: not a whole number of registers",
+            f"{len(data)} byte{'s' * (len(data) != 1)}: not a whole number of registers",
             hint="give two bytes for each. Nothing was sent.",
         )
     _check(address, words, MAX_WRITTEN)

@@ -234,7 +234,7 @@ def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None]) 
         if answer.status:
             run.out(f"ERR {answer.status}: {explain_status(answer.status)}")
         if error is not None and (not answer.status or answer.status & 8192):
-            run.guide.say(f"{'' if answer.status else error.text}\n  next: {error.hint}".lstrip("\n"))
+            run.guide.say(f"{'' if answer.status else error.text}\n  Next: {error.hint}".lstrip("\n"))
         if text.startswith("?") or text.upper().startswith("A?"):
             run.out(explain_help(text))
     except KeyboardInterrupt:
@@ -244,4 +244,4 @@ def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None]) 
     except HandctlError as exc:
         if exc.exit_code == 3:
             raise
-        run.guide.say(f"{exc.text}\n  next: {exc.hint}" if exc.hint else exc.text)
+        run.guide.say(f"{exc.text}\n  Next: {exc.hint}" if exc.hint else exc.text)

@@ -19,7 +19,6 @@ from typing import Any
 from handctl.devices.barrett.gcl.language import MOTORS, motor_prefix
 from handctl.devices.barrett.realtime.blocks import CONTROL, LIMITS, check_control
 from handctl.errors import UsageError
-from handctl.sentence import plural
 
 Values = dict[int, dict[str, int]]
 Change = dict[tuple[int, str], int]
@@ -153,7 +152,7 @@ def constant(text: str, name: str, motors: Sequence[int]) -> Change:
         values *= len(motors)
     if len(values) != len(motors):
         raise UsageError(
-            f"--{name} {text}: {plural(len(values), 'value')} for {plural(len(motors), 'motor')}",
+            f"--{name} {text}: {len(values)} value{'s' * (len(values) != 1)} for {len(motors)} motor{'s' * (len(motors) != 1)}",
             hint=f"give one for all, one each in the order {', '.join(MOTORS[index] for index in motors)}, or F1=20,F3=5",
         )
     return {(index, name): value for index, value in zip(motors, values, strict=True)}
@@ -226,7 +225,7 @@ def _csv_rows(
         fields = _fields(line, f"{where}: line {number}")
         if len(fields) != len(names):
             raise UsageError(
-                f"{where}: line {number}: {plural(len(fields), 'field')}, the header has {len(names)}",
+                f"{where}: line {number}: {len(fields)} field{'s' * (len(fields) != 1)}, the header has {len(names)}",
                 hint="give each line as many fields as the header has",
             )
         yield _row(
