@@ -380,7 +380,7 @@ def test_a_babbling_bus_ends_too(text: str, what: str) -> None:
         ("01840001 [2] C9 03", "read hand, address 1552, id 1, 2 bytes C9 03"),
         ("05738001 [1] 08", "write hand, address 1486, id 1, 1 byte 08"),
         ("15038001 [0]", "write wrist, address 1038, id 1, 0 bytes"),
-        ("1FFFFFFF [0]", "flag 7, which is not in the manual, address 4095, id 16383, 0 bytes"),
+        ("1FFFFFFF [0]", "flag 7, which the manual does not have, address 4095, id 16383, 0 bytes"),
     ],
 )
 def test_frames_in_words(text: str, words: str) -> None:

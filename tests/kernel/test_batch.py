@@ -105,7 +105,7 @@ def test_what_came_between_two_lines_belongs_to_neither() -> None:
     with mock.patch.object(simulated, "opened", lambda *_: link):
         result = batch("exo get id", "exo stop", more=("--json",))
     assert [end["end"]["exit_code"] for end in ends(result)] == [0, 4, 4], result
-    assert "commanded to 0, but no answer arrived" in result.err
+    assert "commanded all forces to 0, but no answer arrived" in result.err
 
 
 @each_row(
@@ -122,7 +122,7 @@ def test_what_came_between_two_lines_belongs_to_neither() -> None:
         ("sim exo --pty", 2, "cannot be one of several commands"),
         ("batch other.txt", 2, "cannot be one of several commands"),
         ("barrett realtime --control -", 2, "standard input cannot be read here"),
-        ("exo save", 8, "line 2 (exo save): this saves the present parameters"),
+        ("exo save", 8, "line 2 (exo save): this saves the present settings"),
         ("-d nobody status", 2, "no device is named 'nobody'"),
     ],
 )

@@ -174,7 +174,7 @@ def test_whatever_may_change_the_speed_or_wear_the_eeprom_asks(tmp_path: Path, a
         else run(*words(route, "barrett", tmp_path), "-p", link("barrett", tmp_path), "--json", "--trace", trace)
     )
     assert result.code == 8, result
-    wanted = ("EEPROM",) if args in EEPROM_ROUTES[:4] else ("speed", "bit/s", "EEPROM", "unreachable: baud_rate")
+    wanted = ("EEPROM",) if args in EEPROM_ROUTES[:4] else ("baud rate", "bit/s", "EEPROM", "unreachable: baud_rate")
     assert any(word in result.error["text"] for word in wanted), result.error
     sent = trace.read_text() if trace.exists() else ""
     assert not any(

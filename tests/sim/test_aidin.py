@@ -386,7 +386,7 @@ def test_stop_frees_the_fingers() -> None:
     assert bench.line.command("bend index 1000 2000 3000") == "bend index 1000 2000 3000"
     assert bench.look()["motor_pos"][3:6] == [1000, 2000, 3000]
     bench.ask(ENCODERS)
-    with pytest.raises(ValueError, match="Stop mode"):
+    with pytest.raises(ValueError, match="stop mode"):
         bench.line.command("bend index 0 0 0")
 
 

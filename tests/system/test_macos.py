@@ -43,7 +43,7 @@ def test_the_adapters_are_named_and_what_is_always_there_is_not(monkeypatch: pyt
     there = ["/dev/cu.usbserial-A1", "/dev/cu.Bluetooth-Incoming-Port", "/dev/cu.debug-console", "/dev/cu.usbmodem11"]
     monkeypatch.setattr(glob, "glob", lambda pattern: there if pattern == "/dev/cu.*" else [])
     assert ports.present(list) == ["/dev/cu.usbmodem11", "/dev/cu.usbserial-A1"]
-    assert serial._ports_hint() == "use one of /dev/cu.usbmodem11, /dev/cu.usbserial-A1"
+    assert serial._ports_hint("/dev/cu.usbserial-9") == "use one of /dev/cu.usbmodem11, /dev/cu.usbserial-A1"
 
 
 @pytest.mark.usefixtures("macos")

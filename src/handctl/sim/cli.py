@@ -178,6 +178,9 @@ def _server(kind: str) -> click.Command:
         help="Simulate the transmission time of this baud rate in bit/s (auto: the device's baud rate).",
     )
     @click.option(
+        "--state", metavar="FILE", callback=_some, help="Keep memory, flash and positions in this file between runs."
+    )
+    @click.option(
         "--duration",
         metavar="S",
         type=click.FloatRange(0.0, 1e9),

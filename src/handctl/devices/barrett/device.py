@@ -301,9 +301,7 @@ class BarrettHand(Device):
             error = self.name_heat(self.refusal(answer))
             names = list(dict.fromkeys(_gcl(element) for element, _ in changes))
             if len(names) > 1:  # the first wrong pair ends the line, those before it stay
-                error.leaves(
-                    Left(behind=f"possibly also set: {', '.join(names[:-1])}. Check with `handctl barrett get`")
-                )
+                error.leaves(Left(behind=f"perhaps also set: {', '.join(names[:-1])}. Check: `handctl barrett get`"))
             raise error
 
     def _read_back(

@@ -135,7 +135,7 @@ class Writer:
         if len(stages) > 1:
             shown = ", ".join(param.typed(param.from_raw(raw)) for raw in stages)
             text += f", in {plural(len(stages), 'step')} ({shown}), about {WINDOW * (len(stages) - 1):.0f} s"
-        self._ask(f"Set {text}. A person may stand in the device", param.typed(_value(change)))
+        self._ask(f"Set {text}. A person may be standing in the device", param.typed(_value(change)))
         if needs_second_answer(change):
             self._ask(f"{change.text}: this changes how the device drives. Really", "yes")
 

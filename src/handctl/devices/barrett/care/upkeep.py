@@ -19,7 +19,7 @@ from handctl.files import state_path
 from handctl.model.result import Cell, Column, Grid, Row, Table
 
 FILE, WHAT = "barrett-greasing.json", "greasing journal"
-NEVER = "never recorded, so counted from 0"
+NEVER = "never recorded: counted from 0"
 WHOSE = "serial number 0, so the journal was not used (see --hand NAME): counted from 0"
 
 

@@ -139,9 +139,7 @@ class GclLine(Line):
             return self._answer(command, answer, echo)
         except LinkError as exc:
             if kind in ("motion", "init"):
-                exc.leaves(
-                    Left(hint=f"{command} may continue to its end. To prevent that, switch the hand's power off")
-                )
+                exc.leaves(Left(hint=f"{command} may go on to its end. To prevent that, switch the hand's power off"))
             raise
         except Restarted:
             raise
