@@ -133,7 +133,7 @@ def test_a_lost_connection_is_opened_again_for_the_stop(name: str, serve: MakeSe
     assert STOP not in server.log[0]
     error = result.error
     assert "closed" in error["text"] and error["code"] == "lost"
-    assert error["hint"].startswith(f"{LOST[0].upper()}{LOST[1:]}: stop was sent."), error
+    assert error["hint"].startswith(f"{LOST[0].upper()}{LOST[1:]}: stop was sent"), error
     for untrue in ("no stop", "cannot", "goes on"):
         assert untrue not in error["hint"]
     last = [row for row in result.json["writes"] if row["state"] != "not-sent"][-1]

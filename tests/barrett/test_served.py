@@ -84,7 +84,7 @@ def test_status_dump_and_set(start: Start, place: str) -> None:
     got = values_of(dump)
     assert 0 <= got.pop(("UPSECS", None)) - truth.pop(("UPSECS", None)) <= 10
     assert got == truth
-    assert dump.json["device"] == {"kind": "barrett", "link": link, "fake": False, "id": None}
+    assert dump.json["device"] == {"kind": "barrett", "link": link, "fake": False, "id": None, "model": "BH8"}
     assert values_of(do(link, "status", "--check")).items() >= names("P", "SG", "S", "OD")(truth).items()
     assert values_of(do(link, "set", "MCV=80", "--motors", "12")) == {("MCV", "F1"): 80, ("MCV", "F2"): 80}
     rows = run("barrett", "get", "MCV", "-p", link, "--format", "plain")

@@ -222,7 +222,7 @@ def test_a_guide_is_shown_in_a_checkout() -> None:
         ["sh", "-c", line], cwd=README.parent, capture_output=True, text=True, check=False, timeout=60
     )
     assert done.returncode == 0, done
-    assert "no documented unit" in " ".join(done.stdout.split())
+    assert "unit of the forces is not documented" in " ".join(done.stdout.split())
 
 
 def test_every_family_has_a_guide() -> None:

@@ -111,7 +111,7 @@ def test_the_same_as_in_process(start: Start, place: str, tmp_path: Path, monkey
     result = run_program("ekso", "settings", "-p", link, "--json")
     assert (result.code, result.err) == (0, "")
     assert [row["raw"] for row in result.rows] == [raw for _, raw, _ in SETTING_WORDS]
-    assert result.json["device"] == {"kind": "ekso", "link": link, "fake": False, "id": None}
+    assert result.json["device"] == {"kind": "ekso", "link": link, "fake": False, "id": None, "model": "EksoNR"}
     (row,) = do(link, "set", "step_length=15.5", *ME).rows
     assert (row["before"], row["value"], row["raw"]) == (14.75, 15.5, 1550)
     assert [(entry["event"], entry["port"], entry["simulated"]) for entry in audit(tmp_path)] == [

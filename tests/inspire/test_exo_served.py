@@ -90,7 +90,7 @@ def test_dump_on_a_pty_is_the_same_as_in_process(pty: str) -> None:
     served = run_program("exo", "dump", "-p", pty, "--json")
     assert served.code == 0
     assert served.rows == run("exo", "dump", "-p", "fake://exo?clock=virtual", "--json").rows
-    assert served.json["device"] == {"kind": "exo", "link": pty, "fake": False, "id": 1}
+    assert served.json["device"] == {"kind": "exo", "link": pty, "fake": False, "id": 1, "model": "EH55BF1"}
     counters = served.json["counters"]
     assert counters["sent"] - counters["retries"] == 2  # a busy machine may answer late
 
@@ -285,5 +285,5 @@ def test_handctl_and_a_foreign_client_take_turns(pty: str, tmp_path: Path) -> No
             port.write(frame("EB 90 01 04 11 C0 05 02 DD"))  # asked, and its answer left unread
         result = run("exo", "get", "temperature", "-p", pty, "--json", "--trace", trace)
         assert result.values == pairs(["temperature"])
-    assert sent(trace) == [frame("EB 90 01 04 11 52 06 05 73")]
+    assert sent(trace) == [frame("EB 90 01 04 11 52 06 05 73"), frame("EB 90 01 04 11 46 06 12 74")]  # then who answers
     assert POWER_ON["temperature"][0] == 1618

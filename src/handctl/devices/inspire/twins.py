@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, NamedTuple
 
-from handctl.devices.inspire.canbus import CanBus
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.link import FrameLink
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.base import RegisterDevice
@@ -144,7 +144,7 @@ def _readings(device: RegisterDevice) -> list[Span]:
 def _alike(device: RegisterDevice) -> Span:
     """What two devices with one id hold alike: the id, or the error bits of two that are well."""
     register = device.map.get("id") or device.map["error_1"]
-    return register.address, max(2, register.size) if isinstance(device.bus, CanBus) else register.size
+    return register.address, max(2, register.size) if isinstance(device.link, FrameLink) else register.size
 
 
 def _ask(bus: RegisterBus, span: Span, tally: _Tally, *, behind: bool = False) -> None:
@@ -156,8 +156,8 @@ def _ask(bus: RegisterBus, span: Span, tally: _Tally, *, behind: bool = False) -
         if behind and (other := bus.behind(*span, BEHIND + (bus.round_trip or 0.0))) is not None:
             tally.twice += other != data
     except (NoAnswer, ProtocolError) as exc:
-        tally.destroyed += exc.code in DESTROYED or isinstance(bus, CanBus)
+        tally.destroyed += exc.code in DESTROYED or isinstance(bus.link, FrameLink)
     except HandctlError as exc:
-        if exc.code == "lost" or not isinstance(bus, CanBus):
+        if exc.code == "lost" or not isinstance(bus.link, FrameLink):
             raise
         tally.destroyed += 1
