@@ -50,7 +50,7 @@ def test_a_hand_that_moves_is_stopped_and_who_moves_it_ends(hand: Hand) -> None:
     """By `hand stop`, by `stop` without the family, and once more while nobody has it."""
     for words in (("hand", "stop"), ("stop",)):
         hand.ask(f"set 1486 {' '.join(['FF'] * 12)}")  # else the new speed lets the fingers go on to their last target
-        set_speed = run("hand", "speed", *["20"] * 6, *hand.more, "-p", hand.link, env=hand.environment)
+        set_speed = run("hand", "speed", *["20"] * 6, "-y", *hand.more, "-p", hand.link, env=hand.environment)
         assert set_speed.code == 0, set_speed
         mover = start(
             ["hand", *MOVES, *hand.more, "-p", hand.link], clean_environment(hand.environment),
