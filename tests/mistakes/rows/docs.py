@@ -10,8 +10,8 @@ ROWS = (
         LIES,
         "src/handctl/guides/links.md",
         "",
-        "The name is a table of the configuration file. To store `--model` and `--side` of an RH56 hand there, add two lines yourself:",
-        "The name is a table of the configuration file:",
+        "`devices add` gives a device a name, which is shorter still. The name is a table of the configuration file. To store `--model` and `--side` of an RH56 hand there, add two lines yourself:",
+        "`devices add` gives a device a name, which is shorter still. The name is a table of the configuration file:",
         "tests/docs/test_named.py::test_what_a_topic_is_said_to_show_is_in_it",
     ),
     mistake(
@@ -82,8 +82,8 @@ ROWS = (
         LIES,
         "handctl.tools.batch",
         "",
-        'help="Continue after a line that failed. The exit code is still that of the first one.",',
-        'help="Continue after a line that failed. The exit code is that of the last one.",',
+        'help="Continue after a line that failed. The exit code is still that of the first failure.",',
+        'help="Continue after a line that failed. The exit code is that of the last failure.",',
         "tests/docs/test_docs.py::test_regenerated_is_committed",
     ),
     mistake(
