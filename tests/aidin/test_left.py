@@ -234,7 +234,7 @@ def test_a_second_interrupt_cuts_the_way_back_of_currents_short(tmp_path: Path) 
         assert process.stderr is not None
         wait_until(lambda: trace.exists() and _largest(trace) == 300)
         process.send_signal(signal.SIGINT)
-        assert b"Ctrl-C again" in process.stderr.readline()
+        assert b"Press Ctrl-C again to stop immediately" in process.stderr.readline()
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=30)
     assert process.returncode == 130 and out == b""

@@ -140,7 +140,7 @@ def test_what_a_topic_is_said_to_show_is_in_it() -> None:
         assert topic.removesuffix("-guide").removesuffix("s") in body.casefold(), topic
     for one in said():
         for sentence in re.split(r"(?<=[.:])\s", one.text):
-            for topic in re.findall(r"`handctl help ([a-z-]+)` shows how", sentence):
+            for topic in re.findall(r"`handctl help ([a-z-]+)` (?:shows|explains) how", sentence):
                 shown = _text([topic])
                 named = [word for word in re.findall(r"`([^`]+)`", sentence) if not word.startswith("handctl")]
                 assert [word for word in named if word not in shown] == [], (one.where, sentence)

@@ -236,7 +236,7 @@ def test_a_killed_command_leaves_a_whole_file() -> None:
         process.wait()
     assert json.loads(kept("aidin") or b"")["mode"] == 1
     found = run("aidin", "status", "--fake")
-    assert found.code in (0, 7) and "left in" in found.err
+    assert found.code in (0, 7) and "the state that it was left in" in found.err
 
 
 def test_without_a_folder_nothing_is_kept(tmp_path: Path) -> None:

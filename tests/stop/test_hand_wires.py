@@ -63,7 +63,7 @@ def test_a_hand_that_moves_is_stopped_and_who_moves_it_ends(hand: Hand) -> None:
             )
             assert stopped.code == 0, stopped
             assert mover.wait(20) == 130
-            assert mover.stderr is not None and b"another handctl" in mover.stderr.read()
+            assert mover.stderr is not None and b"at the request of another handctl command" in mover.stderr.read()
         finally:
             mover.kill()
             mover.communicate()

@@ -6,6 +6,15 @@ LIES = "documentation that lies"
 
 ROWS = (
     mistake(
+        "guide-sends-to-a-topic-without-it",
+        LIES,
+        "src/handctl/guides/links.md",
+        "",
+        "`devices add` gives a device a name, which is shorter still. The name is a table of the configuration file. To store `--model` and `--side` of an RH56 hand there, add two lines yourself:",
+        "`devices add` gives a device a name, which is shorter still. The name is a table of the configuration file:",
+        "tests/docs/test_named.py::test_what_a_topic_is_said_to_show_is_in_it",
+    ),
+    mistake(
         "library-module-that-is-not-reached",
         LIES,
         "handctl",
