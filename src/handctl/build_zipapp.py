@@ -8,9 +8,11 @@ Python is included: another version ignores it and starts slower. The same input
 
 from __future__ import annotations
 
+import json
 import os
 import posixpath
 import stat
+import subprocess
 import sys
 import tempfile
 import zipfile
@@ -38,6 +40,15 @@ UNUSED = ("pygments",)
 """rich needs it for listings of source code only, which handctl does not print; it would be half of the file."""
 LEFT_OUT = (".so", ".pyd", ".pyc", ".pyi", ".exe")
 EPOCH = (1980, 1, 1, 0, 0, 0)
+
+
+COMPILE = """import json, py_compile, sys
+for path, made, inside in json.load(sys.stdin):
+    try:
+        py_compile.compile(path, made, dfile=inside, doraise=True, invalidation_mode=py_compile.PycInvalidationMode.UNCHECKED_HASH)
+    except py_compile.PyCompileError as exc:
+        sys.exit(f"{path}: {exc.msg.strip()}")
+"""
 
 
 class BuildError(Exception):
@@ -75,11 +86,11 @@ def build(target: Path) -> Version:
             file.write(b"#!/usr/bin/env python3\n")
             with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
                 _add(archive, "__main__.py", MAIN.format(*oldest).encode())
+                compiled = _byte_code({inside: path for inside, path in files.items() if path.suffix == ".py"}, scratch)
                 for inside, path in files.items():
-                    content = path.read_bytes()
-                    if path.suffix == ".py":
-                        _add(archive, f"{inside}c", _byte_code(path, inside, Path(scratch)))
-                    _add(archive, inside, content)
+                    if inside in compiled:
+                        _add(archive, f"{inside}c", Path(compiled[inside]).read_bytes())
+                    _add(archive, inside, path.read_bytes())
         os.chmod(name, stat.S_IMODE(os.stat(name).st_mode) | 0o755)  # noqa: S103 - a program for all
         os.replace(name, target)
     except BaseException:
@@ -111,21 +122,21 @@ def _add(archive: zipfile.ZipFile, inside: str, content: bytes) -> None:
     archive.writestr(entry, content)
 
 
-def _byte_code(path: Path, inside: str, scratch: Path) -> bytes:
-    """The module's byte code, valid whatever the time stamp of its source."""
-    import py_compile
+def _byte_code(modules: dict[str, Path], scratch: str) -> dict[str, str]:
+    """Name in the archive -> its byte code, valid whatever the time stamp of its source.
 
-    try:
-        made = py_compile.compile(
-            str(path),
-            str(scratch / "module.pyc"),
-            dfile=inside,
-            doraise=True,
-            invalidation_mode=py_compile.PycInvalidationMode.UNCHECKED_HASH,
-        )
-    except py_compile.PyCompileError as exc:
-        raise BuildError(f"{path} is not a valid module for this Python: {exc.msg.strip()}") from exc
-    return Path(str(made)).read_bytes()
+    A process of its own makes it, always in the same state: how often a string is referred to, which depends on all that is
+    loaded, and the seed of the hashes both show in what `marshal` writes.
+    """
+    made = {inside: str(Path(scratch, f"{number}.pyc")) for number, inside in enumerate(modules)}
+    jobs = [(str(path), made[inside], inside) for inside, path in modules.items()]
+    done = subprocess.run(
+        [sys.executable, "-S", "-c", COMPILE],
+        input=json.dumps(jobs), env={**os.environ, "PYTHONHASHSEED": "0"}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if done.returncode != 0:
+        raise BuildError(f"A module is not valid for this Python: {done.stderr.strip()}")
+    return made
 
 
 def _everything(oldest: Version) -> Iterator[tuple[str, Path]]:
