@@ -18,7 +18,7 @@ from handctl.guides import Heading, Para
 
 SECTION = re.compile(r"(<!-- (?P<name>[a-z-]+): generated[^>]*-->\n).*?(<!-- end -->)", re.DOTALL)
 
-KNOWN = "What is known"
+KNOWN = "Sources"
 """The section of a family's guide from which README's table of devices takes two sentences."""
 
 
@@ -29,7 +29,7 @@ def filled(text: str, tree: Node) -> str:
 
 def _devices(_tree: Node) -> Iterable[str]:
     rows = ((f"`handctl {name}`", COMMANDS[name][1], *_known(name)) for name in FAMILIES)
-    return _table(("command", "device", "run on hardware", "what is known", "guide"), rows)
+    return _table(("command", "device", "run on hardware", "sources", "guide"), rows)
 
 
 def _known(family: str) -> tuple[str, str, str]:
