@@ -160,7 +160,7 @@ def test_a_power_cycle_in_a_log_is_a_new_segment(start: Start, tmp_path: Path) -
     panel, file = tmp_path / "panel", tmp_path / "gait.csv"
     link = start("pty", "--control", panel, "--set", "startup=0.2").link
     process = started(
-        ["ekso", "log", file, "-p", link, "--rate", "100", "--timeout", "0.2", "--json"],
+        ["ekso", "log", file, "-p", link, "--rate", "100", "--timeout", "1", "--json"],
         clean_environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
