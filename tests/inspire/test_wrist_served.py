@@ -235,7 +235,7 @@ def test_errors_of_the_bus(start: Start, tmp_path: Path) -> None:
         ("silent", 4, "no-answer"), ("loopback", 5, "echo"),
     ):  # fmt: skip
         assert send_control(str(panel), f"fault {fault}").startswith("ok")
-        wait = "0.5" if exit_code == 4 else "5"  # a reply may come late
+        wait = "0.3" if exit_code == 4 else "1.5"  # a reply may come late
         result = run("wrist", "get", "yaw_actual", "-p", link, "--timeout", wait, "--retries", "0", "--json")
         assert (result.code, result.error["code"]) == (exit_code, code), (fault, result)
         assert result.error["hint"], fault
