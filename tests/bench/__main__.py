@@ -1,6 +1,6 @@
-"""`python -m tests.bench [--quick] [--peers] [--json FILE] [--guide]`: measure everything, one table, exit 1 on a missed goal.
+"""`python -m tests.bench [--quick] [--peers] [--json FILE] [--guide]`: measure everything, a row as it comes, exit 1 on a missed goal.
 
-A part that fails is a row of the table, with what it has measured until then, and the others are measured all the same.
+`--age` measures nothing: it reports whether the code has changed since the published figures. A part that fails is a row of the table, with what it has measured until then, and the others are measured all the same.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 from tests.bench import aidin, barrett, ekso, exo, hand, session, startup, stop, tab, transcript, wrist
 from tests.bench.measure import Figure
 from tests.bench.peers import Peers
-from tests.bench.report import content, dumps, publish, table
+from tests.bench.report import age, content, dumps, line, publish
 
 PARTS: dict[str, Callable[..., Iterator[Figure]]] = {
     "startup": startup.run,
@@ -48,7 +48,11 @@ def main() -> int:
         action="store_true",
         help="write tests/bench/last.json and the section Figures of handctl-development(7)",
     )
+    parser.add_argument("--age", action="store_true", help="only report whether the published figures are of this code")
     options = parser.parse_args()
+    if options.age:
+        print(age())
+        return 0
     if options.guide and options.only:
         parser.error("--guide shows everything, not --only a part")
     peers = Peers()
@@ -56,10 +60,8 @@ def main() -> int:
     figures: list[Figure] = []
     for name, part in parts.items():
         if not options.only or name in options.only:
-            print(f"{name} …", file=sys.stderr, flush=True)
             figures += measured(name, part, options.quick)
     found = content(figures, quick=options.quick, peers=peers.present, absent=peers.absent)
-    sys.stdout.write(table(found["figures"]))
     for name in peers.absent:
         print(f"{name} could not be installed")
     failed = [figure.name for figure in figures if figure.failed]
@@ -86,11 +88,14 @@ def measured(name: str, part: Callable[..., Iterator[Figure]], quick: bool) -> l
     for _ in range(1 if quick else TRIES):
         try:
             for figure in part(quick=quick):
+                print(line(figure.as_row()), flush=True)
                 if figure.name not in best or figure.ratio < best[figure.name].ratio:
                     best[figure.name] = figure
         except Exception as exc:  # noqa: BLE001 - whatever it is, the other parts are measured
             traceback.print_exc()
-            return [*best.values(), Figure.failure(name, exc)]
+            failure = Figure.failure(name, exc)
+            print(line(failure.as_row()), flush=True)
+            return [*best.values(), failure]
         if all(figure.met for figure in best.values()):
             break
     return list(best.values())

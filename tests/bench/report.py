@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import platform
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,8 @@ GUIDE = TOP / "src/handctl/guides/development.md"
 SCHEMA = "handctl-bench/1"
 SECTION = re.compile(r"(<!-- figures: [^>]*-->\n).*?(<!-- end -->)", re.DOTALL)
 COLUMNS = ("figure", "value", "floor or peer", "ratio", "goal", "verdict")
+WIDTHS = (52, 12, 34, 5, 6, 8)
+"""Of COLUMNS on a terminal."""
 
 
 def content(
@@ -30,6 +33,7 @@ def content(
         "schema": SCHEMA,
         "date": datetime.now(timezone.utc).date().isoformat(),
         "python": platform.python_version(),
+        "source": source(),
         "machine": f"{os.cpu_count()} cores {platform.machine()}",
         "quick": quick,
         "peers": dict(peers),
@@ -47,13 +51,28 @@ def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     return (row["name"], f"{row['value']:.4g} {row['unit']}", floor, f"{row['ratio']:.2f}", goal, row["verdict"])
 
 
-def table(rows: Iterable[Mapping[str, Any]]) -> str:
-    """Aligned columns, the notes at the end of the lines."""
-    lines = [(*COLUMNS, "note"), *((*cells(row), row["note"]) for row in rows)]
-    widths = [max(len(line[place]) for line in lines) for place in range(len(COLUMNS))]
-    return "".join(
-        "  ".join([*(text.ljust(width) for text, width in zip(line, widths, strict=False)), line[-1]]).rstrip() + "\n"
-        for line in lines
+def line(row: Mapping[str, Any]) -> str:
+    """A figure in a terminal, its note at the end."""
+    padded = (text.ljust(width) for text, width in zip(cells(row), WIDTHS, strict=True))
+    return "  ".join([*padded, row["note"]]).rstrip()
+
+
+def source() -> str:
+    """A checksum of all code that is measured."""
+    digest = hashlib.sha256()
+    for path in sorted((TOP / "src/handctl").rglob("*.py")):
+        digest.update(path.relative_to(TOP).as_posix().encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def age() -> str:
+    """Whether the published figures were measured on this code. Old figures refuse nothing, but somebody must be told."""
+    last = json.loads(LAST.read_text(encoding="utf-8"))
+    if last.get("source") == source():
+        return "The figures in handctl-development(7) were measured on this code."
+    return (
+        f"The figures in handctl-development(7) are from {last['date']}, and the code has changed since. "
+        "`python -m tests.bench --peers --guide` measures it again."
     )
 
 

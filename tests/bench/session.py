@@ -27,6 +27,33 @@ with handctl.connect("exo", sys.argv[1]) as hand:
         hand.get("system_voltage")
     print(time.perf_counter() - began)
 """
+PLAIN = """
+import os, sys, time, tty
+port, request, size = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY), bytes.fromhex(sys.argv[3]), int(sys.argv[4])
+tty.setraw(port)
+def get():
+    os.write(port, request)
+    reply = b""
+    while len(reply) < size:
+        reply += os.read(port, size - len(reply))
+get()
+began = time.perf_counter()
+for _ in range(int(sys.argv[2])):
+    get()
+print(time.perf_counter() - began)
+"""
+"""The plainest loop that a user would write, without a timeout and without a check."""
+PYSERIAL = """
+import sys, time, serial
+port, request, size = serial.Serial(sys.argv[1], 115200, timeout=1), bytes.fromhex(sys.argv[3]), int(sys.argv[4])
+port.write(request); port.read(size)
+began = time.perf_counter()
+for _ in range(int(sys.argv[2])):
+    port.write(request); port.read(size)
+print(time.perf_counter() - began)
+"""
+VOLTAGE = ("EB 90 01 04 11 C0 05 02 DD", "10")
+"""The request for system_voltage (1472, two bytes; exo §2.2.2), and the bytes of its reply."""
 DEVICES = 8
 
 
@@ -55,8 +82,13 @@ def run(*, quick: bool) -> Iterator[Figure]:
             times = quickest([[HANDCTL, "batch", script.name, "-p", link, "--json"], alone], 5 if quick else 15)
         yield Figure("batch of one line", times[0] * 1000, times[1] * 1000, "ms", 1.1, PTY, "the command")
         yield Figure("the same as programs, one line", times[1] * 1000, WIRE_MS, "ms", None, PTY)
-        called = min(library(link, count) for _ in range(tries)) / count * 1000
-        yield Figure("library, get of one exo register", called, WIRE_MS, "ms", 1.15, PTY)
+        for name, code, words, goal in (
+            ("a plain loop, get of one exo register", PLAIN, VOLTAGE, None),
+            ("pyserial, get of one exo register", PYSERIAL, VOLTAGE, None),
+            ("library, get of one exo register", LOOP, (), 1.12),
+        ):
+            called = min(looped(code, link, str(count), *words) for _ in range(tries)) / count * 1000
+            yield Figure(name, called, WIRE_MS, "ms", goal, PTY)
     yield several(5 if quick else 9)
 
 
@@ -70,10 +102,10 @@ def batch(link: str, lines: int) -> float:
     return time.perf_counter() - began
 
 
-def library(link: str, count: int) -> float:
-    """Seconds of so many calls."""
-    words = [sys.executable, "-c", LOOP, link, str(count)]
-    return float(subprocess.run(words, capture_output=True, text=True, check=True, env=environment()).stdout)
+def looped(*words: str) -> float:
+    """Seconds that a program of a few lines says its calls took."""
+    command = [sys.executable, "-c", *words]
+    return float(subprocess.run(command, capture_output=True, text=True, check=True, env=environment()).stdout)
 
 
 def several(runs: int) -> Figure:

@@ -33,18 +33,25 @@ def test_a_figure_is_judged_by_its_ratio() -> None:
     assert (rounded(0.000123456), rounded(123456.0)) == (0.0001235, 123500.0)
 
 
-def test_the_table_has_a_line_a_figure() -> None:
-    lines = report.table([figure.as_row() for figure in (MET, MISSED, REPORTED)]).splitlines()
-    assert [word.strip() for word in lines[0].split("  ") if word] == [*report.COLUMNS, "note"]
-    assert lines[2].split() == [
+def test_each_figure_is_a_line() -> None:
+    lines = [report.line(figure.as_row()) for figure in (MET, MISSED, REPORTED)]
+    assert lines[1].split() == [
         "start-up,", "-h", "70", "ms", "10", "ms", "(python", "-c", "pass)", "7.00", "≤", "6.00", "missed", "quickest", "of", "5",
     ]  # fmt: skip
-    assert len(lines) == 4 and "reported" in lines[3]
+    assert "reported" in lines[2]
+
+
+def test_old_figures_are_called_old(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(report, "LAST", tmp_path / "last.json")
+    report.LAST.write_text(report.dumps(found(MET)), encoding="utf-8")
+    assert "were measured on this code" in report.age()
+    monkeypatch.setattr(report, "source", lambda: "another")
+    assert "the code has changed since" in report.age()
 
 
 def test_the_file_names_a_class_of_machine_only() -> None:
     content = found(MET)
-    assert set(content) == {"schema", "date", "python", "machine", "quick", "peers", "absent", "figures"}
+    assert set(content) == {"schema", "date", "python", "source", "machine", "quick", "peers", "absent", "figures"}
     text = report.dumps(content)
     assert json.loads(text) == content
     assert platform.node() not in text and str(Path.home()) not in text

@@ -28,7 +28,7 @@ SHARED = {
     "share/bash-completion/completions": ["handctl"],
     "share/zsh/site-functions": ["_handctl"],
     "share/fish/vendor_completions.d": ["handctl.fish"],
-    "share/handctl": ["handctl.ps1"],
+    "share/handctl": ["70-handctl.rules", "handctl.ps1"],
     "share/man/man1": sorted(path.name for path in (PROJECT / "man/man1").glob("*.1")),
     "share/man/man7": sorted(path.name for path in (PROJECT / "man/man7").glob("*.7")),
 }
@@ -232,8 +232,13 @@ def test_a_file_that_cannot_be_built(
 def test_the_project_names_every_generated_file() -> None:
     content = from_toml((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))
     data = content["tool"]["hatch"]["build"]["targets"]["wheel"]["shared-data"]
-    found = {place: sorted(path.name for path in (PROJECT / folder).iterdir()) for folder, place in data.items()}
-    assert found == SHARED
+    found: dict[str, list[str]] = {}
+    for source, place in data.items():
+        if (PROJECT / source).is_dir():
+            found.setdefault(place, []).extend(path.name for path in (PROJECT / source).iterdir())
+        else:
+            found.setdefault(str(Path(place).parent), []).append(Path(place).name)
+    assert {place: sorted(names) for place, names in found.items()} == SHARED
 
 
 @pytest.fixture(scope="module")
