@@ -18,7 +18,7 @@ import click
 
 import handctl.sim
 from handctl.frame.clikit import root
-from handctl.sim.barrett.found import STATES
+from handctl.sim.barrett.board import STATES
 from handctl.sim.barrett.uart import RECEIVERS
 from tests.barrett.commands import prepare
 from tests.harm.cell import Port, changes

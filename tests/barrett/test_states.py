@@ -25,7 +25,7 @@ from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.files import state_path
 from handctl.link import Deadline
 from handctl.model.foreign import renamed
-from handctl.sim.barrett.found import STATES
+from handctl.sim.barrett.board import STATES
 from handctl.sim.barrett.uart import RECEIVERS, resample
 from tests.barrett.support import Simulated, codes, hand_on
 from tests.barrett.sweep import Row, begin, files, leaves, lines, outcome, reads, starts, words

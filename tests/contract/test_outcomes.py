@@ -7,7 +7,7 @@ import pytest
 from handctl.families import FAMILIES
 from handctl.sim import model_class
 from handctl.sim.barrett import loop, monitor
-from handctl.sim.engine.canline import CAN_FAULTS
+from handctl.sim.engine.can import CAN_FAULTS
 from handctl.sim.engine.line import LINE_FAULTS
 from handctl.sim.hand.options import MODBUS_FAULTS, SERIAL_FAULTS, TCP_FAULTS
 from tests.contract.facts.outcomes import outcomes_of

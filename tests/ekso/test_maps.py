@@ -10,7 +10,7 @@ from handctl.devices.ekso.frames import Command, encode
 from handctl.devices.ekso.map import DATA, EKSO, FEEDBACK, SETTINGS, Word
 from handctl.sim import create
 from handctl.sim.ekso import tables
-from handctl.sim.ekso.wire import crc
+from handctl.sim.ekso.device import crc
 from tests.ekso.commands import DATA_WORDS, FEEDBACK_WORDS, SETTING_WORDS
 from tests.support.each_row import each_row
 

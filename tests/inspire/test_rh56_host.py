@@ -74,7 +74,7 @@ def test_every_generation_shows_the_golden_hand_on_every_wire(model: str, wire: 
 @pytest.mark.parametrize("model", [DF, TP, F1, DG2])
 def test_the_two_books_agree(model: str) -> None:
     """Addresses, sizes, counts: the host's map against the simulator's, which was written apart."""
-    elements = {row[0] + k * row[1]: row[1] for row in GENERATIONS[model].rows for k in range(row[2])}
+    elements = {row[1] + k * row[2]: row[2] for row in GENERATIONS[model].rows for k in range(row[3])}
     for register in MAPS[model]:
         if model in register.models:
             for index in range(register.count):

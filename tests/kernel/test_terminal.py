@@ -137,7 +137,7 @@ def test_set_asks(answer: str, code: int) -> None:
     with spying() as spy:
         seen = person("exo", "set", "position_set.index=300", "-p", fake(), answers=[answer])
     assert seen.code == code
-    assert [line.device.memory[1492:1494] for line in spy.lines] == ([s16(300)] if code == 0 else [])
+    assert [line.device.space.memory[1492:1494] for line in spy.lines] == ([s16(300)] if code == 0 else [])
     asked = " ".join(seen.text.partition("[y/N]")[0].split())
     assert "moves" in asked and WRITE.hex(" ").upper() in asked
 

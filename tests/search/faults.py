@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 from handctl.families import FAMILIES
-from handctl.sim.engine.canline import CAN_FAULTS
+from handctl.sim.engine.can import CAN_FAULTS
 from handctl.sim.engine.line import LINE_FAULTS
 from tests.contract.cell import judge
 from tests.contract.facts import Passed, facts_of, passed

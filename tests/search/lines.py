@@ -17,7 +17,7 @@ from handctl.families import FAMILIES
 from handctl.frame.family import load
 from handctl.sim import folder_of, model_class
 from handctl.sim.bus.models import MODELS, text
-from handctl.sim.engine.canline import CAN_FAULTS
+from handctl.sim.engine.can import CAN_FAULTS
 from handctl.sim.engine.line import LINE_FAULTS
 from tests.contract.cell import CODES, judge, tried, wrote
 from tests.contract.commands import ELSEWHERE, commands, scratch_of

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from handctl.sim import kinds, model_class
-from handctl.sim.ekso.wire import crc
+from handctl.sim.ekso.device import crc
 from tests.sim.ekso_bench import (
     CANCEL,
     CANCEL_OK,

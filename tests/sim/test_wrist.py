@@ -15,7 +15,7 @@ import pytest
 
 import handctl
 from handctl.sim import create, kinds, model_class
-from handctl.sim.engine.canline import CAN_FAULTS, CanLine
+from handctl.sim.engine.can import CAN_FAULTS, CanLine
 from handctl.sim.engine.line import LINE_FAULTS, Line
 from tests.support.each_row import each_row
 
@@ -387,9 +387,9 @@ def test_both_wires_show_the_same_wrist() -> None:
 
 def test_registers_lie_where_the_manual_has_them() -> None:
     """18 documented bytes and 6 gap bytes; every value is different."""
-    from handctl.sim.wrist.memory import WRIST
+    from handctl.sim.wrist.model import WRIST
 
-    places = {place for first, size, count, *_ in WRIST for place in range(first, first + size * count)}
+    places = {place for _, first, size, count, *_ in WRIST for place in range(first, first + size * count)}
     assert sorted(set(range(1020, 1044)) - places) == [1029, 1031, 1034, 1035, 1036, 1037]
     bench = Bench()
     assert bench.values(1020, 1022, 1024, 1026, 1038, 1040, 1042) == [-345, 1125, 111, 222, 1100, -300, 700]

@@ -296,7 +296,7 @@ class Spy:
         """Memory of the last device."""
         device = self.lines[-1].device
         device.publish()
-        return bytes(device.memory[address : address + count])
+        return bytes(device.space.memory[address : address + count])
 
     @property
     def now(self) -> float:

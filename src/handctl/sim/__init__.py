@@ -63,7 +63,7 @@ def create(kind: str, options: dict[str, str]) -> Line | Any:
     if kind == "bus":
         return importlib.import_module(f"{__name__}.bus").create(options)
     if options.get("bus") == "can" and "can" in getattr(folder_of(kind), "WIRES", ()):
-        from handctl.sim.engine.canline import CanLine
+        from handctl.sim.engine.can import CanLine
 
         return CanLine(model_class(kind, "can"), options)
     from handctl.sim.engine.line import Line

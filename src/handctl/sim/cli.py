@@ -47,29 +47,30 @@ class _ServerCommand(click.Command):
         model = model_class(str(self.name))
         flags = {option.lstrip("-") for param in self.params for option in param.opts} | {"clock", "power-cycle"}
         options = {name: text for name, text in LINE_OPTIONS.items() if name not in flags}
-        for title, rows in (
+        sections: tuple[tuple[str, dict[str, Any]], ...] = (
             ("Faults of the line", LINE_FAULTS),
             ("Faults and states of the device", model.FAULTS),
             ("Further options, for --set", {"power-cycle": LINE_OPTIONS["power-cycle"], **options, **model.OPTIONS}),
-        ):
+        )
+        for title, rows in sections:
             with formatter.section(title):
-                formatter.write_dl(list(rows.items()))
+                formatter.write_dl([(name, row if isinstance(row, str) else row[1]) for name, row in rows.items()])
         if "--modbus-tcp" in {option for param in self.params for option in param.opts}:
             there = model_class(str(self.name), "modbus-tcp")
             with formatter.section("Further faults with --modbus-tcp"):
                 formatter.write_dl([row for row in there.FAULTS.items() if row not in model.FAULTS.items()])
         if "--slcan-pty" in {option for param in self.params for option in param.opts}:
-            from handctl.sim.engine.canline import CAN_FAULTS, CAN_OPTIONS
+            from handctl.sim.engine.can import CAN_FAULTS, CAN_OPTIONS
             from handctl.sim.engine.slcan import ADAPTER_FAULTS
 
-            new = {name: text for name, text in CAN_OPTIONS.items() if LINE_OPTIONS.get(name) != text}
+            new = {name: row for name, row in CAN_OPTIONS.items() if LINE_OPTIONS.get(name, ("", ""))[1] != row[1]}
             on_can = {**new, **model_class(str(self.name), "can").OPTIONS}
             with formatter.section("Faults of the line with --slcan-pty, --slcan-tcp"):
                 formatter.write_dl(list(CAN_FAULTS.items()))
             with formatter.section("Faults of the adapter there"):
                 formatter.write_dl(list(ADAPTER_FAULTS.items()))
             with formatter.section("Further options there"):
-                formatter.write_dl([row for row in on_can.items() if row not in model.OPTIONS.items()])
+                formatter.write_dl([(name, row[1]) for name, row in on_can.items() if model.OPTIONS.get(name) != row])
 
 
 def _address(ctx: click.Context, param: click.Parameter, text: str | None) -> tuple[str, int] | None:
@@ -333,7 +334,7 @@ def _crowd(plan: Any) -> tuple[Any, Any]:
     if plan.wire == "can":
         from handctl.sim.bus.can import CanBus
         from handctl.sim.engine import slcan
-        from handctl.sim.engine.canhub import Hub
+        from handctl.sim.engine.can import Hub
 
         return Crowd(Adapters(Hub(CanBus(plan)), plan.adapter_faults)), slcan.link
     from handctl.sim.bus.line import Bus

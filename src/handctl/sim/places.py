@@ -56,7 +56,7 @@ def one(kind: str, raw: dict[str, str], places: Places) -> Serve:
             speed = None if on_can else line.device.speed
             serve.serve_pty(served, speed, duration=duration, control=control, link=places.link, name=places.name)
         elif on_can:
-            from handctl.sim.engine.canhub import Hub
+            from handctl.sim.engine.can import Hub
             from handctl.sim.engine.crowd import Adapters, Crowd
             from handctl.sim.engine.ports import TcpDoor
 
@@ -78,7 +78,7 @@ def wires(kind: str, raw: dict[str, str], places: Places) -> Serve:
     line: Any = whole.lines[-1]
 
     def run(duration: float | None, control: str | None) -> None:
-        from handctl.sim.engine.canhub import Hub
+        from handctl.sim.engine.can import Hub
         from handctl.sim.engine.crowd import Adapters, Crowd
         from handctl.sim.engine.ports import PtyPort, TcpDoor
         from handctl.sim.engine.serve import serve_both

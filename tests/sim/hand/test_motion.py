@@ -318,8 +318,8 @@ def test_a_calibration_that_stays_still() -> None:
 def test_emergency_stop_of_the_new_generations(model: str, place: int, status: int) -> None:
     bench = hand(model)
     count = bench.hand.generation.count
-    angle = bench.hand.generation.places["angle"] // 2
-    tell(bench, bench.hand.generation.places["angle-set"] // 2, *[1800] * count)
+    angle = bench.hand.space.place("angle") // 2
+    tell(bench, bench.hand.space.place("angle-set") // 2, *[1800] * count)
     bench.wait(0.2)
     tell(bench, place, 1)
     stopped = bench.words(angle, count)

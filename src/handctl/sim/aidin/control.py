@@ -1,12 +1,18 @@
-"""Control commands and the state of the simulated AIDIN-hand. Loaded only when one of them is used."""
+"""Control commands of the simulated AIDIN-hand, its state, and somebody who uses it. Loaded only when one is used.
+
+A slow grasp, over and over: encoder values are shares of the strokes of the manual's list (0 open); the course and the pressure
+at the fingertips are invented. The hand need not be homed: its motors are moved, no command is given.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from math import cos, pi
 from typing import Any
 
 from handctl.sim.aidin.device import MODES, Device
-from handctl.sim.aidin.hand import FINGERS, Motor
+from handctl.sim.aidin.hand import FINGERS, STROKES, Motor
+from handctl.sim.engine.statefile import Fields, checked, kept, spread
 
 HELP = " | ".join(
     (
@@ -14,6 +20,21 @@ HELP = " | ".join(
         "obstacle FINGER [COUNTS] | release FINGER | bend FINGER M1 M2 M3",
     )
 )
+
+MOTORS: Fields = {
+    "places": ("place", float, 0, 440000),
+    "origins": ("origin", float, -1e6, 1e6),
+    "goals": ("goal", float, -1e15, 1e15),
+    "ceilings": ("ceiling", float, 0, 440000),
+    "jammed": ("jammed", bool, 0, 1),
+    "floors": ("floor", float, 0, 440000),
+}
+SENSORS: Fields = {"touch": ("touch", float, -1000, 1000), "bias": ("bias", float, -1e6, 1e6)}
+STEP = 0.05  # s between two targets on the way
+CLOSED = ((0.45, 0.5, 0.4), (0.55, 0.58, 0.55), (0.6, 0.6, 0.6), (0.62, 0.58, 0.55), (0.6, 0.52, 0.5))  # of the stroke
+OPEN = ((0.1, 0.12, 0.1), (0.08, 0.1, 0.1), (0.06, 0.07, 0.08), (0.08, 0.06, 0.1), (0.12, 0.1, 0.12))
+CLOSING, HOLDING, OPENING, RESTING = 3.0, 1.5, 2.5, 1.0  # s
+PRESSURE = (3.0, 2.6, 2.2, 1.6, 1.2)  # Fz at each fingertip while it holds
 
 
 def command(device: Device, words: list[str]) -> str:
@@ -87,15 +108,9 @@ def snapshot(device: Device) -> dict[str, Any]:
         "mode": device.mode,
         "homed": hand.homed,
         "maxtorque": hand.torque,
-        "places": [motor.place for motor in hand.motors],
-        "origins": [motor.origin for motor in hand.motors],
         "drives": [motor.drive for motor in hand.motors],
-        "goals": [motor.goal for motor in hand.motors],
-        "ceilings": [motor.ceiling for motor in hand.motors],
-        "jammed": [motor.jammed for motor in hand.motors],
-        "floors": [motor.floor for motor in hand.motors],
-        "touch": list(hand.touch),
-        "bias": list(hand.bias),
+        **kept(hand.motors, MOTORS),
+        **{name: list(getattr(hand, name)) for name in SENSORS},
         "warm": hand.warm,
     }
 
@@ -103,32 +118,22 @@ def snapshot(device: Device) -> dict[str, Any]:
 def restore(device: Device, state: dict[str, Any]) -> None:
     """All or nothing: everything is read and checked before anything is used."""
     hand = device.hand
-    places, ceilings = _row(state, "places", 15, 0.0, 440000.0), _row(state, "ceilings", 15, 0.0, 440000.0)
-    origins, goals = _row(state, "origins", 15, -1e6, 1e6), _row(state, "goals", 15, -1e15, 1e15)
-    floors = _row({"floors": [0.0] * 15, **state}, "floors", 15, 0.0, 440000.0)  # older files have none
-    touch, bias = _row(state, "touch", 30, -1000.0, 1000.0), _row(state, "bias", 30, -1e6, 1e6)
-    (warm,) = _row({"warm": [state["warm"]]}, "warm", 1, 0.0, 1e12)
-    drives, jammed, mode, torque = state["drives"], state["jammed"], state["mode"], state["maxtorque"]
-    if len(drives) != 15 or not set(drives) <= {"off", "position", "current"} or len(jammed) != 15:
-        raise ValueError("drives or jammed are not 15 known states")
+    motors = checked({"floors": [0.0] * 15, **state}, MOTORS, 15)  # older files have no floors
+    sensors = checked(state, SENSORS, 30)
+    warm = checked({"warm": [state["warm"]]}, {"warm": ("warm", float, 0, 1e12)}, 1)
+    drives, mode, torque = state["drives"], state["mode"], state["maxtorque"]
+    if len(drives) != 15 or not set(drives) <= {"off", "position", "current"}:
+        raise ValueError("drives are not 15 known states")
     if mode not in (0, *MODES) or not isinstance(torque, int) or not 0 <= torque <= 65535:
         raise ValueError(f"impossible mode {mode!r} or maxtorque {torque!r}")
     # Homing cannot go on: nobody has held its mode meanwhile.
     hand.homed, hand.torque, device.mode = bool(state["homed"]), torque, mode
-    hand.touch, hand.bias, hand.warm = touch, bias, warm
-    for number, motor in enumerate(hand.motors):
-        motor.place, motor.origin, motor.ceiling = places[number], origins[number], ceilings[number]
-        motor.drive, motor.goal, motor.jammed = drives[number], goals[number], bool(jammed[number])
-        motor.floor = floors[number]
+    hand.touch, hand.bias, (hand.warm,) = sensors["touch"], sensors["bias"], warm["warm"]
+    spread(hand.motors, MOTORS, motors)
+    for motor, drive in zip(hand.motors, drives, strict=True):
+        motor.drive = drive
         if mode == 1:
             motor.release()
-
-
-def _row(state: dict[str, Any], name: str, count: int, low: float, high: float) -> list[float]:
-    values: list[float] = state[name]
-    if len(values) != count or not all(low <= value <= high for value in values):
-        raise ValueError(f"{name} are not {count} values from {low:g} to {high:g}")
-    return [float(value) for value in values]
 
 
 def _motors(device: Device, name: str) -> list[Motor]:
@@ -150,3 +155,30 @@ def _number(text: str, low: float, high: float) -> float:
     if not low <= value <= high:
         raise ValueError(f"{text} is not from {low:g} to {high:g}")
     return value
+
+
+def use(device: Device) -> Iterator[float]:
+    """Each step tells the seconds until the next one."""
+    while True:
+        yield from _go(device, CLOSED, CLOSING)
+        for part in (0.4, 0.8, 1.0, 0.8, 0.4, 0.0):
+            for finger, most in enumerate(PRESSURE):
+                device.hand.touch[6 * finger + 2] = part * most
+            yield HOLDING / 6
+        yield from _go(device, OPEN, OPENING)
+        yield RESTING
+
+
+def _go(device: Device, pose: tuple[tuple[float, ...], ...], seconds: float) -> Iterator[float]:
+    """All motors set out slowly, arrive slowly, and together."""
+    begin = device.hand.encoders()
+    ends = [
+        share * stroke
+        for shares, row in zip(pose, STROKES, strict=True)
+        for share, stroke in zip(shares, row, strict=True)
+    ]
+    count = round(seconds / STEP)
+    for number in range(1, count + 1):
+        done = 0.5 - 0.5 * cos(pi * number / count)
+        device.hand.go([start + done * (end - start) for start, end in zip(begin, ends, strict=True)])
+        yield STEP

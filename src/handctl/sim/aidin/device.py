@@ -40,28 +40,27 @@ DATA = {  # mode -> key, ranges, whether the values must be whole
 }
 
 _OPTIONS = {
-    "start": "used (default: on for a while, moved by hand, not homed), homed (the same, homed),"
-    " open (homed, at the origin, sensors alike), cold (just switched on: encoders 0, not homed)",
-    "exchange": "who speaks first: stream (default, the hand), poll (an answer to each object), command (an answer to those with hand_mode), mute",
-    "rate": "feedback objects a second in the stream, 1..1000 (default 100)",
-    "merge": "stream: this many objects in one write, 1..10 (default 1)",
-    "chunk": "bytes of feedback per write (default 0: all in one)",
-    "nagle": "1: with chunk, all but the first write are held back for 40 ms",
-    "limits": "values out of range: ignore (default, the whole object), clamp, obey",
-    "unhomed": "position modes before homing: ignore (default) or obey (false origin)",
-    "homing": "mode 1 is held by repeating it within 0.25 s (repeat, default) or until another mode comes (latched)",
-    "neutral": "an object without hand_mode during homing: ignored (default) or interrupts",
-    "current-maxtorque": "mode 41 needs maxtorque 1000 set before (default), or takes it from the same object (with)",
-    "q4": "q4 as fed back: same (default, equals q3), half (90° + q3/2), zero",
-    "load": "1 (default): holding a position costs current. 0: it costs none",
-    "noise": "1: sensors and currents are never quite still",
-    "motor": "0..14: the motor of the faults held, stall and creep (default: by the seed)",
-    "give": "held: counts that the motor gives, 0..440000 (default 450)",
-    "stall-at": "stall: share of its way to open, 0..100 percent (default 60)",
-    "creep": "creep: counts a second, 1..100000 (default 2000)",
-    "drift": "drift of the force channels, thousandths of a unit a minute, 0..10000 (default 0)",
+    "start": (STARTS, "used (default: on for a while, moved by hand, not homed), homed (the same, homed), open (homed, at the origin, sensors alike), cold (just switched on: encoders 0, not homed)"),
+    "exchange": (("stream", "poll", "command", "mute"), "who speaks first: stream (default, the hand), poll (an answer to each object), command (an answer to those with hand_mode), mute"),
+    "rate": ((100, 1, 1000), "feedback objects a second in the stream, 1..1000 (default 100)"),
+    "merge": ((1, 1, 10), "stream: this many objects in one write, 1..10 (default 1)"),
+    "chunk": ((0, 0, 65536), "bytes of feedback per write (default 0: all in one)"),
+    "nagle": (False, "1: with chunk, all but the first write are held back for 40 ms"),
+    "limits": (("ignore", "clamp", "obey"), "values out of range: ignore (default, the whole object), clamp, obey"),
+    "unhomed": (("ignore", "obey"), "position modes before homing: ignore (default) or obey (false origin)"),
+    "homing": (("repeat", "latched"), "mode 1 is held by repeating it within 0.25 s (repeat, default) or until another mode comes (latched)"),
+    "neutral": (("ignored", "interrupts"), "an object without hand_mode during homing: ignored (default) or interrupts"),
+    "current-maxtorque": (("before", "with"), "mode 41 needs maxtorque 1000 set before (default), or takes it from the same object (with)"),
+    "q4": (("same", "half", "zero"), "q4 as fed back: same (default, equals q3), half (90° + q3/2), zero"),
+    "load": (True, "1 (default): holding a position costs current. 0: it costs none"),
+    "noise": (False, "1: sensors and currents are never quite still"),
+    "motor": ((-1, 0, 14), "0..14: the motor of the faults held, stall and creep (default: by the seed)"),
+    "give": ((450, 0, 440000), "held: counts that the motor gives, 0..440000 (default 450)"),
+    "stall-at": ((60, 0, 100), "stall: share of its way to open, 0..100 percent (default 60)"),
+    "creep": ((2000, 1, 100000), "creep: counts a second, 1..100000 (default 2000)"),
+    "drift": ((0, 0, 10000), "drift of the force channels, thousandths of a unit a minute, 0..10000 (default 0)"),
     **TEXT_OPTIONS,
-}
+}  # fmt: skip
 _FAULTS = {
     **TEXT_FAULTS,
     "blocked": "no motor can move",
@@ -81,7 +80,6 @@ class Device(Model):
     """The hand without its cable."""
 
     KIND = "aidin"
-    USE = "handctl.sim.aidin.use"
     CONTROL = "handctl.sim.aidin.control"
     HEADER = b'}]",:0-e\r\n'  # no opening brace: noise beside an object leaves the object whole
     OPTIONS = _OPTIONS
@@ -89,36 +87,17 @@ class Device(Model):
 
     def __init__(self, options: Options, random: Random) -> None:
         super().__init__(options, random)
-        self._exchange = options.choice("exchange", "stream", ("stream", "poll", "command", "mute"))
-        self._period = 1.0 / options.integer("rate", 100, 1, 1000)
-        self._merge = options.integer("merge", 1, 1, 10)
-        self._chunk = options.integer("chunk", 0, 0, 65536)
-        self._nagle = options.choice("nagle", "0", ("0", "1")) == "1"
-        self._limits = options.choice("limits", "ignore", ("ignore", "clamp", "obey"))
-        self._needs_homing = options.choice("unhomed", "ignore", ("ignore", "obey")) == "ignore"
-        self._latched = options.choice("homing", "repeat", ("repeat", "latched")) == "latched"
-        self._neutral = options.choice("neutral", "ignored", ("ignored", "interrupts")) == "ignored"
-        self._torque_with = options.choice("current-maxtorque", "before", ("before", "with")) == "with"
-        self.hand = Hand(
-            options.choice("start", "used", STARTS),
-            random,
-            holding=options.choice("load", "1", ("0", "1")) == "1",
-            noise=options.choice("noise", "0", ("0", "1")) == "1",
-            drift=options.integer("drift", 0, 0, 10000),
-            coupling=options.choice("q4", "same", ("same", "half", "zero")),
-        )
+        given = self.given
+        self._period = 1.0 / given["rate"]
+        self.hand = Hand(given, random)
         # The stream has no requests, so its objects are counted for "after" and "every" on their own.
         self._after = options.integer("after", 0, 0, 1000000000)
         self._every = options.integer("every", 1, 1, 1000000000)
         wire = options.integer("wire", -1, 50, 20000000) if options.text("wire") != "auto" else -1
         self._wire = 10.0 / wire if wire > 0 else 0.0
-        self._give = options.integer("give", 450, 0, 440000)
-        self._stall = options.integer("stall-at", 60, 0, 100) / 100.0
-        self._creep = options.integer("creep", 2000, 1, 100000)
-        self._chosen = options.integer("motor", -1, 0, 14)
         self._odd: Motor | None = None  # the motor of the faults held, stall and creep
-        self.reader = Reader(options)
-        self.writer = Writer(options)
+        self.reader = Reader(given)
+        self.writer = Writer(given)
         self.mode = 0  # the last one carried out; 0: none since power-on
         self.ignored = 0  # objects that were JSON and yet not carried out
         self._heard = 0.0
@@ -171,9 +150,9 @@ class Device(Model):
                 motor.jammed = "blocked" in faults
         motors[11].dead = "dead-motor" in faults
         if self._odd is None and faults & {"held", "stall", "creep"}:
-            self._odd = motors[self._chosen if self._chosen >= 0 else self.random.between(0, 14)]
+            self._odd = motors[chosen if (chosen := self.given["motor"]) >= 0 else self.random.between(0, 14)]
         if self._odd is not None:
-            self._odd.slip = float(self._creep) if "creep" in faults else 0.0
+            self._odd.slip = float(self.given["creep"]) if "creep" in faults else 0.0
             self._odd.floor = self._odd.floor if faults & {"held", "stall"} else 0.0
         if "touched" in faults | before:
             self.hand.touch[6:12] = TOUCH if "touched" in faults else [0.0] * 6
@@ -200,7 +179,7 @@ class Device(Model):
         if not self.powered:
             return None
         times = [self._homing_event()]
-        if self._exchange == "stream" and "loopback" not in self.faults:
+        if self.given["exchange"] == "stream" and "loopback" not in self.faults:
             times.append(self._next_feedback)
         return min((when for when in times if when is not None), default=None)
 
@@ -219,7 +198,7 @@ class Device(Model):
         self._unwritten += self.writer.feedback(self.hand, hits)
         self._merged += 1
         self._next_feedback = due + self._period
-        if self._merged >= self._merge:
+        if self._merged >= self.given["merge"]:
             busy = self._write(due, self._unwritten, hits)
             # A server that waits for its socket sends no faster than the line carries.
             self._next_feedback = max(self._next_feedback, due + busy)
@@ -227,14 +206,15 @@ class Device(Model):
 
     def _write(self, due: float, data: bytes, hits: frozenset[str]) -> float:
         """Hands feedback to the line; returns the seconds that the line is busy with it, about."""
-        if not self._chunk or len(data) <= self._chunk or hits:  # a fault befalls an object, not a piece of it
+        chunk = self.given["chunk"]
+        if not chunk or len(data) <= chunk or hits:  # a fault befalls an object, not a piece of it
             self._replies.append(Reply(due, data, hits))
             slow = {"dribble": 0.003 * len(data), "split": 0.3, "unclosed": 0.1, "noise": 12 * self._wire}
             copies = 2 if hits & {"duplicate", "stale"} else 1
             return copies * (max([0.0, *(slow[name] for name in hits & slow.keys())]) + self._wire * len(data))
-        gap = STALL if self._nagle else PIECE
-        self._replies.append(Reply(due, data[: self._chunk], hits))
-        rest, size = data[self._chunk :], len(data) if self._nagle else self._chunk
+        gap = STALL if self.given["nagle"] else PIECE
+        self._replies.append(Reply(due, data[:chunk], hits))
+        rest, size = data[chunk:], len(data) if self.given["nagle"] else chunk
         for number, at in enumerate(range(0, len(rest), size)):
             self._replies.append(Reply(due + (number + 1) * gap, rest[at : at + size], hits))
         return gap * (1 + (len(rest) - 1) // size) + self._wire * len(data)
@@ -254,13 +234,13 @@ class Device(Model):
                 self.ignored += 1
             else:
                 self._obey(message)
-            if self._exchange == "poll" or (self._exchange == "command" and "hand_mode" in message):
+            if self.given["exchange"] == "poll" or (self.given["exchange"] == "command" and "hand_mode" in message):
                 self._write(self.now, self.writer.feedback(self.hand, hits), hits)
 
     def _obey(self, message: dict[str, Any]) -> None:
         """One object. A mode that is not listed, or whose data are missing or wrong, changes nothing (our guess)."""
         if "hand_mode" not in message:
-            if not self._neutral:
+            if self.given["neutral"] == "interrupts":
                 self._end_homing()
             return
         number = _finite(message["hand_mode"])
@@ -303,14 +283,14 @@ class Device(Model):
         return True
 
     def _go(self, counts: list[float]) -> bool:
-        if self._needs_homing and not self.hand.homed:
+        if self.given["unhomed"] == "ignore" and not self.hand.homed:
             return False
         self.hand.go(counts)
         return True
 
     def _push(self, currents: list[float], message: dict[str, Any]) -> bool:
         """Mode 41 needs maxtorque 1000."""
-        if self._torque_with and _finite(message.get("maxtorque")) == 1000.0:
+        if self.given["current-maxtorque"] == "with" and _finite(message.get("maxtorque")) == 1000.0:
             self.hand.torque = 1000
         if self.hand.torque != 1000:
             return False
@@ -326,8 +306,8 @@ class Device(Model):
             value = _finite(item)
             if value is None or (whole and value != int(value)):
                 return None
-            if not low - EXACT <= value <= high + EXACT and self._limits != "obey":
-                if self._limits == "ignore":
+            if not low - EXACT <= value <= high + EXACT and self.given["limits"] != "obey":
+                if self.given["limits"] == "ignore":
                     return None
                 value = min(max(value, low), high)
             values.append(value)
@@ -351,7 +331,9 @@ class Device(Model):
         if self._homing_since is None:
             self._homing_since = self.now
             if self._odd is not None and self.faults & {"held", "stall"}:
-                self._odd.obstruct(self._give if "held" in self.faults else self._stall * self._odd.place)
+                self._odd.obstruct(
+                    self.given["give"] if "held" in self.faults else self.given["stall-at"] / 100.0 * self._odd.place
+                )
             self.hand.push([HOMING] * 15)
         self._held = self.now
         self.mode = 1
@@ -362,7 +344,7 @@ class Device(Model):
         if self._homing_since is None:
             return None
         end = self._homing_since + HOLD
-        if self._latched:
+        if self.given["homing"] == "latched":
             return None if self._homing_done else end
         lapse = self._held + GAP
         return lapse if self._homing_done else min(end, lapse)

@@ -14,6 +14,8 @@ from handctl.sim.engine.model import NOTHING
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from handctl.sim.engine.model import Random
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
@@ -130,12 +132,13 @@ class Motor:
 class Hand:
     """All five fingers, powered on."""
 
-    def __init__(self, start: str, random: Random, holding: bool, noise: bool, drift: int, coupling: str) -> None:
-        """`start` is one of STARTS; `drift` in thousandths of a force unit a minute; `coupling` is the law of q4."""
+    def __init__(self, given: dict[str, Any], random: Random) -> None:
+        """`given` are the options start, load, noise, drift (thousandths of a force unit a minute) and q4."""
+        start = given["start"]
         self.random = random
         self.now = 0.0
         self.motors = [Motor(number) for number in range(15)]
-        self.noise, self.drift, self.coupling = noise, drift / 60000.0, coupling
+        self.noise, self.drift, self.coupling = given["noise"], given["drift"] / 60000.0, given["q4"]
         self.offsets = [
             SENSOR[element] + (0 if start == "open" else finger) * SENSOR_STEP[element]
             for finger in range(5)
@@ -148,7 +151,7 @@ class Hand:
         self.homed = start in ("homed", "open")
         self.faults = NOTHING
         for number, motor in enumerate(self.motors):
-            motor.holding = HOLDING[number // 3][number % 3] if holding else 0
+            motor.holding = HOLDING[number // 3][number % 3] if given["load"] else 0
             motor.rest = 0 if start == "open" else RESTING[number]
             motor.origin = 0.0 if self.homed else float(ORIGINS[number])
             motor.place = 0.0 if start == "open" else motor.origin + READINGS[number]

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from typing import Any
 
     from handctl.sim.aidin.hand import Hand
-    from handctl.sim.engine.model import Options
 
 BLANKS = b" \t\r\n\0"
 RADIANS = 0.017453292519943295  # of one degree
@@ -21,15 +20,14 @@ LAYOUTS = {"compact": (",", ":", ""), "blanks": (", ", ": ", ""), "indented": ("
 LONG_GARBAGE = 71680  # bytes without a closing brace
 
 TEXT_OPTIONS = {
-    "reader": "how the hand splits the stream into objects: tolerant (default), lines or nul (each must be followed by"
-    " that), naive (one read is one object, the rest is lost)",
-    "buffer": "longest object that the hand accepts, 64..65536 bytes (default 2048)",
-    "between": "what follows each feedback object: newline (default), none, nul, blank, crlf",
-    "layout": "spelling of the feedback: compact (default), blanks, indented",
-    "digits": "decimals of the feedback: 6 (default, for mm 3), 4, or 17 for full precision",
-    "integers": "1: encoders and currents are written as 12.0",
-    "objects": "feedback in one object (default) or a separate object for each of the 5 keys",
-}
+    "reader": (("tolerant", "lines", "nul", "naive"), "how the hand splits the stream into objects: tolerant (default), lines or nul (each must be followed by that), naive (one read is one object, the rest is lost)"),
+    "buffer": ((2048, 64, 65536), "longest object that the hand accepts, 64..65536 bytes (default 2048)"),
+    "between": (tuple(BETWEEN), "what follows each feedback object: newline (default), none, nul, blank, crlf"),
+    "layout": (tuple(LAYOUTS), "spelling of the feedback: compact (default), blanks, indented"),
+    "digits": (("6", ("4", "6", "17")), "decimals of the feedback: 6 (default, for mm 3), 4, or 17 for full precision"),
+    "integers": (False, "1: encoders and currents are written as 12.0"),
+    "objects": (("one", "separate"), "feedback in one object (default) or a separate object for each of the 5 keys"),
+}  # fmt: skip
 TEXT_FAULTS = {
     "missing-key": "feedback has no current_state",
     "extra-key": "feedback has keys that the manual does not know, strings and objects among them",
@@ -49,12 +47,11 @@ TEXT_FAULTS = {
 class Reader:
     """Takes JSON objects out of a byte stream. Never raises; what is no object is dropped and counted."""
 
-    def __init__(self, options: Options) -> None:
+    def __init__(self, given: dict[str, Any]) -> None:
         import json  # here, so that a command that needs no simulator does not pay for it
 
         self._loads: Callable[[str], Any] = json.loads
-        self._style = options.choice("reader", "tolerant", ("tolerant", "lines", "nul", "naive"))
-        self._longest = options.integer("buffer", 2048, 64, 65536)
+        self._style, self._longest = given["reader"], given["buffer"]
         self.dropped = 0
         self.forget()
 
@@ -136,12 +133,12 @@ class Reader:
 class Writer:
     """Spells the feedback of a hand."""
 
-    def __init__(self, options: Options) -> None:
-        self._comma, self._colon, self._indent = LAYOUTS[options.choice("layout", "compact", tuple(LAYOUTS))]
-        self._end = BETWEEN[options.choice("between", "newline", tuple(BETWEEN))]
-        self._digits = int(options.choice("digits", "6", ("4", "6", "17")))
-        self._point = ".0" if options.choice("integers", "0", ("0", "1")) == "1" else ""
-        self._separate = options.choice("objects", "one", ("one", "separate")) == "separate"
+    def __init__(self, given: dict[str, Any]) -> None:
+        self._comma, self._colon, self._indent = LAYOUTS[given["layout"]]
+        self._end = BETWEEN[given["between"]]
+        self._digits = int(given["digits"])
+        self._point = ".0" if given["integers"] else ""
+        self._separate = given["objects"] == "separate"
         self.restart()
 
     def restart(self) -> None:

@@ -1,16 +1,25 @@
-"""Control commands and the state of the simulated BarrettHand. Loaded only when one of them is used."""
+"""Control commands of the simulated BarrettHand, its state, how a client finds it, and somebody who uses it. Loaded only when
+one is used.
+
+The fingers close until the strain of an object holds them (barrett §9.3.1), then open to their stops; the spread goes to
+and fro. Speeds, in counts a second, and the object are invented.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from handctl.digits import whole
-from handctl.sim.barrett import found
+from handctl.sim.barrett.board import OBSTACLES, STATES
 from handctl.sim.barrett.device import Device
-from handctl.sim.barrett.memory import Memory
+from handctl.sim.barrett.memory import Bank, Memory
 from handctl.sim.barrett.monitor import Image
 from handctl.sim.barrett.motor import NAMES, Motor
-from handctl.sim.barrett.tables import ALIAS, BAUDS, STATUS
+from handctl.sim.barrett.tables import ALIAS, BAUDS
+from handctl.sim.engine.statefile import Fields, checked, columns, kept, rows_of, spread
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 HELP = " | ".join(
     (
@@ -20,22 +29,32 @@ HELP = " | ".join(
         "motors | found STATE | ram NAME | eeprom NAME | saves [FSAVES PSAVES] (M: F1 F2 F3 S all, COUNTS as P shows them)",
     )
 )
-BODY = (  # of a motor, name -> (lowest, highest, may be None)
-    ("place", -100000, 100000, False),
-    ("origin", -100000, 100000, False),
-    ("counts", 0, 5000000000000, False),
-    ("jammed", 0, 1, False),
-    ("obstacle", -100000, 100000, True),
-    ("clutch", -100000, 100000, True),
-    ("strain", 0, 255, True),
-    ("initialized", 0, 1, False),
-    ("powered", 0, 1, False),
-    ("code", 0, 65535, False),
-    ("broke", 0, 1, False),
-    ("broke_at", -200000, 200000, False),
-    ("reported", -200000, 200000, False),
-)
-HEAT = (("temperature", -550, 1250), ("ambient", -550, 1250), ("peak", 0, 1250), ("uptime", 0, 5000000000))
+BODY: Fields = {  # of a motor
+    "place": ("place", float, -100000, 100000),
+    "origin": ("origin", float, -100000, 100000),
+    "counts": ("counts", float, 0, 5000000000000),
+    "jammed": ("jammed", bool, 0, 1),
+    "obstacle": ("obstacle", float, -100000, 100000, None),
+    "clutch": ("clutch", float, -100000, 100000, None),
+    "strain": ("strain", int, 0, 255, None),
+    "initialized": ("initialized", bool, 0, 1),
+    "powered": ("powered", bool, 0, 1),
+    "code": ("code", int, 0, 65535),
+    "broke": ("broke", bool, 0, 1),
+    "broke_at": ("broke_at", int, -200000, 200000),
+    "reported": ("reported", int, -200000, 200000),
+}
+HEAT: Fields = {
+    "temperature": ("temperature", float, -550, 1250),
+    "ambient": ("ambient", float, -550, 1250),
+    "peak": ("peak", float, 0, 1250),
+    "uptime": ("uptime", float, 0, 5000000000),
+}
+COUNTS: Fields = {"saves": ("saves", int, 0, 1000000)}
+CRUISE = 16  # LCV that somebody has left: 1 count a sample (§6.2.1)
+FINGER, SPREAD = 2400.0, 350.0  # counts/s
+GRASP, HOLD, RELEASE, REST = 4.5, 1.5, 4.5, 1.0  # s
+SPREAD_SHARE = 0.6  # of the time of a grasp during which the spread moves
 
 
 def command(device: Device, words: list[str]) -> str:
@@ -49,11 +68,12 @@ def command(device: Device, words: list[str]) -> str:
         case ["ram" | "eeprom", name]:
             return _stored(device.memory, name.upper(), words[0] == "eeprom")
         case ["found", state]:
-            found.put(device, state)
+            find(device, state)
         case ["saves"]:
-            return f"saves {device.memory.saves[0]} {device.memory.saves[1]}"
+            return f"saves {device.memory.motor.saves} {device.memory.common.saves}"
         case ["saves", motors, common]:
-            device.memory.saves = [whole(motors, 0, 1000000), whole(common, 0, 1000000)]
+            saves = whole(motors, 0, 1000000), whole(common, 0, 1000000)
+            device.memory.motor.saves, device.memory.common.saves = saves
         case ["image"]:
             return _image(device)
         case ["save-image", path]:
@@ -142,85 +162,107 @@ def _motors(device: Device, name: str) -> list[Motor]:
 
 
 def _stored(memory: Memory, name: str, saved: bool) -> str:
-    motor, common = (memory.saved_motor, memory.saved_common) if saved else (memory.motor, memory.common)
-    if ALIAS.get(name, name) in motor:
-        return " ".join(str(value) for value in motor[ALIAS.get(name, name)])
-    if name in common:
-        return str(common[name])
+    for bank in (memory.motor, memory.common):
+        values = (bank.saved if saved else bank.values).get(ALIAS.get(name, name))
+        if values is not None:
+            return " ".join(str(value) for value in values)
     raise ValueError(f"no stored parameter {name!r}")
 
 
 def snapshot(device: Device) -> dict[str, Any]:
     """RAM, EEPROM, wear, the body; a movement under way is kept as a standstill at its present place."""
     memory, hand = device.memory, device.hand
-    body = []
-    for motor in hand.motors:
-        row = {name: getattr(motor, name) for name, _, _, _ in BODY}
-        if motor.drive is not None:
-            row["place"] = motor.now_at(hand.now)
-        body.append(row)
+    body = kept(hand.motors, BODY)
+    body["place"] = [motor.now_at(hand.now) for motor in hand.motors]
     return {
-        "ram": {"motor": memory.motor, "global": memory.common},
-        "eeprom": {"motor": memory.saved_motor, "global": memory.saved_common},
-        "saves": memory.saves,
+        "ram": _book(memory.motor.values, memory.common.values),
+        "eeprom": _book(memory.motor.saved, memory.common.saved),
+        "saves": [memory.motor.saves, memory.common.saves],
         "serial": hand.serial,
-        "heat": {name: getattr(hand, name) for name, _, _ in HEAT},
-        "motors": body,
+        "heat": {name: value for name, (value,) in kept([hand], HEAT).items()},
+        "motors": rows_of(body),
         "image": device.monitor.image.snapshot(),
     }
+
+
+def _book(motor: dict[str, list[int]], common: dict[str, list[int]]) -> dict[str, Any]:
+    return {"motor": motor, "global": {name: value for name, (value,) in common.items()}}
 
 
 def restore(device: Device, state: dict[str, Any]) -> None:
     """All or nothing: everything is read and checked before anything is used."""
     memory, hand = device.memory, device.hand
-    motor, common = _values(memory, state["ram"])
-    saved_motor, saved_common = _values(memory, state["eeprom"])
-    saves = [_number("saves", count, 0, 1000000) for count in state["saves"]]
-    serial = _number("serial", state["serial"], 0, 65535)
-    heat = {name: float(_number(name, state["heat"][name], low, high)) for name, low, high in HEAT}
-    if len(saves) != 2 or len(state["motors"]) != 4:
-        raise ValueError("there are not 2 counts of saves and 4 motors")
-    body = [
-        {
-            name: None if optional and row[name] is None else _number(name, row[name], low, high)
-            for name, low, high, optional in BODY
-        }
-        for row in state["motors"]
-    ]
+    books = []
+    for book in (state["ram"], state["eeprom"]):
+        common = {name: [value] for name, value in book["global"].items()}
+        books.append((_values(memory.motor, book["motor"]), _values(memory.common, common)))
+        if books[-1][1]["BAUD"][0] not in BAUDS:
+            raise ValueError(f"BAUD is {books[-1][1]['BAUD'][0]}")
+    saves = checked(state, COUNTS, 2)["saves"]
+    serial = checked({"serial": [state["serial"]]}, {"serial": ("serial", int, 0, 65535)}, 1)["serial"][0]
+    heat = checked({name: [state["heat"][name]] for name in HEAT}, HEAT, 1)
+    body = checked(columns(state["motors"], BODY), BODY, 4)
     image = Image.restored(state["image"], device.monitor.needed)
-    memory.motor, memory.common = motor, common
-    memory.saved_motor, memory.saved_common = saved_motor, saved_common
-    memory.saves, hand.serial = saves, serial
-    for name, degrees in heat.items():
-        setattr(hand, name, degrees)
-    for target, row in zip(hand.motors, body, strict=True):
-        for name, value in row.items():
-            setattr(target, name, value)
-    device.monitor.image = image
+    (memory.motor.values, memory.common.values), (memory.motor.saved, memory.common.saved) = books
+    memory.motor.saves, memory.common.saves = saves
+    hand.serial, device.monitor.image = serial, image
+    spread([hand], HEAT, heat)
+    spread(hand.motors, BODY, body)
     device.settle()
 
 
-def _values(memory: Memory, book: dict[str, Any]) -> tuple[dict[str, list[int]], dict[str, int]]:
+def _values(bank: Bank, book: dict[str, list[Any]]) -> dict[str, list[int]]:
     """One set of parameters, checked; a parameter of another firmware is left out, a missing one has its default."""
-    motor = {name: list(values) for name, values in memory.motor.items()}
-    for name in motor.keys() & book["motor"].keys():
-        row = memory.motor_rows[name]
-        values = book["motor"][name]
-        if len(values) != 4:
-            raise ValueError(f"{name} has not 4 values")
-        motor[name] = [int(_number(name, value, row[1], row[2])) for value in values]
-    common = dict(memory.common)
-    for name in common.keys() & book["global"].keys():
-        row_ = memory.common_rows[name]
-        if row_[4] != STATUS:
-            common[name] = int(_number(name, book["global"][name], row_[1], row_[2]))
-    if common["BAUD"] not in BAUDS:
-        raise ValueError(f"BAUD is {common['BAUD']}")
-    return motor, common
+    rows = {name: (name, int, *bank.rows[name][1:3]) for name in bank.values.keys() & book.keys()}
+    return {**{name: list(values) for name, values in bank.values.items()}, **checked(book, rows, len(bank.all))}
 
 
-def _number(name: str, value: Any, low: int, high: int) -> Any:
-    """A number in a range, booleans included."""
-    if not isinstance(value, (int, float)) or not low <= value <= high:
-        raise ValueError(f"{name} is {value!r}, not a number from {low} to {high}")
-    return value
+def find(device: Device, state: str) -> None:
+    """Puts the hand into one of STATES at once. Raises ValueError for a state that does not exist."""
+    if state not in STATES:
+        raise ValueError(f"unknown state {state!r}. Known: {', '.join(STATES)}")
+    if state == "off":
+        device.power(False)
+        return
+    if state in ("monitor", "record"):
+        device.monitor.erase()
+    if state in ("boot", "monitor", "record"):
+        device.power(False)
+        device.power(True)
+        if state != "boot":
+            device.monitor.until = None
+            device.take()  # its ':' was said long ago
+        if state == "record":
+            device.feed(b"\xff")
+            device.take()
+        return
+    if not device.powered:
+        device.power(True)
+    device.settle()
+    for motor in device.hand.motors:
+        motor.initialized = motor.initialized or state not in ("ready", "typed", "saving")
+    lines = {"loop": b"LOOP\r", "moving": b"FSET MCV 16\rC\r", "saving": b"FSAVE\r", "typed": b"C"}
+    line = lines.get(state.partition("-")[0], b"")
+    device.feed(line)
+    if state == "loop-block":
+        device.feed(b"C" + bytes([CRUISE]))
+    elif state == "loop-moving":
+        device.feed(b"C" + (device.loop.block(CRUISE) if device.loop is not None else b""))
+    device.take()
+
+
+def use(device: Device) -> Iterator[float]:
+    """As after HI: the motors are initialized, then act without any command on the line."""
+    hand = device.hand
+    for motor in hand.motors:
+        motor.initialized = True
+        if motor.number < 3:
+            motor.obstacle = OBSTACLES[motor.number]
+    hand.disturbed()
+    while True:
+        for sign, seconds, still in ((1.0, GRASP, HOLD), (-1.0, RELEASE, REST)):
+            for motor in hand.motors:
+                motor.cruise(hand.now, sign * (SPREAD if motor.number == 3 else FINGER))
+            yield seconds * SPREAD_SHARE
+            hand.motors[3].cruise(hand.now, 0.0)
+            yield seconds * (1.0 - SPREAD_SHARE) + still

@@ -11,69 +11,36 @@ silent the behaviour is invented and the comment says so; nothing seen here is e
 
 from __future__ import annotations
 
-from handctl.sim.barrett import found, loop, monitor
-from handctl.sim.barrett import options as barrett_options
-from handctl.sim.barrett.answer import Answer
-from handctl.sim.barrett.gcl import execute
-from handctl.sim.barrett.hand import TEMPERATURE, Hand
-from handctl.sim.barrett.memory import Memory
-from handctl.sim.barrett.motor import NO_LOAD, STOPS
-from handctl.sim.barrett.tables import BAUDS, STATUS, TOO_HOT
-from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply
+from handctl.sim.barrett import board, loop, monitor
+from handctl.sim.barrett.board import Board
+from handctl.sim.barrett.gcl import Answer, execute
+from handctl.sim.barrett.motor import STOPS
+from handctl.sim.barrett.tables import TOO_HOT
+from handctl.sim.engine.model import NOTHING, Options, Random, Reply
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    pass
+    from typing import Any
 
 ABORT, RETURN = 3, 13  # ^C, CR
-SPEEDS = tuple(str(100 * baud) for baud in BAUDS)
+_OPTIONS = {**board.OPTIONS, **loop.OPTIONS, **monitor.OPTIONS}
+_FAULTS = {**board.FAULTS, **loop.FAULTS, **monitor.FAULTS}
 
 
-class Device(Model):
+class Device(Board):
     """The hand without its wire."""
 
-    KIND = "barrett"
-    USE = "handctl.sim.barrett.use"
-    CONTROL = "handctl.sim.barrett.control"
     HEADER = b"=> \n\r*:0E"
-    OPTIONS = barrett_options.OPTIONS
-    FAULTS = barrett_options.FAULTS
+    OPTIONS = _OPTIONS
+    FAULTS = _FAULTS
 
     def __init__(self, options: Options, random: Random) -> None:
         super().__init__(options, random)
-        self.firmware = options.choice("firmware", "4.33", ("4.33", "4.34", "4.4"))
-        baud = int(options.choice("baud", "9600", SPEEDS))
-        self.fastest = int(options.choice("max-baud", "38400", SPEEDS)) // 100
-        self.texts = options.choice("texts", "values", ("values", "names", "prose"))
-        self._prompt = b"=> " if options.choice("prompt", "space", ("space", "bare")) == "space" else b"=>"
-        self._end = b"\n\r" if options.choice("line-end", "lfcr", ("lfcr", "crlf")) == "lfcr" else b"\r\n"
-        self._longest = options.integer("line-limit", 128, 16, 1000)
-        self.most_arguments = options.integer("max-arguments", 64, 1, 200)
-        self._boot_time = options.seconds("boot", 1.0, 60.0)
-        self._receiver = options.choice("uart", "mid", ("mid", "sci"))
-        self._found = options.choice("found", "ready", found.STATES)
-        self.reset_monitor = options.choice("reset-monitor", "0", ("0", "1")) == "1"
-        self.loop_stops = options.choice("loop-exit", "run", ("run", "stop")) == "stop"
-        self._loop_jump = barrett_options.numbers(options, "loop-jump", "0,0,0,0", -20000, 20000)
-        self.loop_after = options.integer("loop-after", 0, 0, 1000000000)
-        self.loop_code = options.integer("loop-code", 1, 1, 32767)
-        self.lfv_per_10_ms = options.choice("lfv-unit", "sample", ("sample", "10ms")) == "10ms"
-        self._switches = barrett_options.switches(options)  # moments at which the switch is turned
-        self.write_time = options.seconds("write-time", 0.01, 1.0)
-        self.heat_stops_all = options.choice("otemp-stops", "all", ("all", "movements")) == "all"
-        clock = 2000000.0 if options.choice("hctl-clock", "2.00", ("2.00", "1.25")) == "2.00" else 1250000.0
-        self._initialized = options.choice("initialized", "0", ("0", "1")) == "1"
-        self.memory = Memory({"4.33": 433, "4.34": 434, "4.4": 440}[self.firmware], baud // 100)
-        self.hand = Hand(self.memory, clock, options.seconds("align", 0.5, 60.0))
-        self.usual_temperature = options.integer("temperature", int(TEMPERATURE), -550, 1250)
-        self.hand.set_temperature(self.usual_temperature)
-        self.no_load = (*barrett_options.numbers(options, "no-load", "112,119,126", 0, 255), NO_LOAD[3])
-        for motor in self.hand.motors:
-            motor.no_load = self.no_load[motor.number]
-        self.monitor = monitor.Monitor(self, options, self._boot_time)
-        self.off_since = 0.0  # s, when the power went; earlier if somebody has let time pass
+        self._prompt = b"=> " if self.given["prompt"] == "space" else b"=>"
+        self._end = b"\n\r" if self.given["line-end"] == "lfcr" else b"\r\n"
+        self._switches = switches(options)  # moments at which the switch is turned
+        self.monitor = monitor.Monitor(self)
         self.loop: loop.Loop | None = None
-        self.hits = NOTHING  # faults that befall the present line
         self._hear = self._hear_line  # what takes the next byte: one method for each state of the firmware
         self._line = bytearray()
         self._open = False  # a line has begun
@@ -83,15 +50,9 @@ class Device(Model):
         self._previous = b""
         self._cold = False
         self._speaking = False  # the banner is out, its prompt is not
-        self.banner_gap = options.seconds("banner-gap", 0.0, 60.0)
-        self.speed = baud
+        self.speed = int(self.given["baud"])
 
     # -- power and time ------------------------------------------------------------------------------------------------
-
-    @property
-    def version(self) -> str:
-        """What the hand says of itself; the commands stay those of the option firmware."""
-        return self.monitor.image.version or self.firmware
 
     def boot(self, now: float) -> None:
         super().boot(now)
@@ -99,8 +60,9 @@ class Device(Model):
         self._switches = [now + seconds for seconds in self._switches]
         if self.monitor.until is not None:
             self.monitor.boot(now)
-        if self._found != "ready":
-            found.put(self, self._found)
+        if self.given["found"] != "ready":
+            control: Any = self._control()
+            control.find(self, self.given["found"])
 
     def power(self, on: bool) -> None:
         self.powered = on
@@ -121,15 +83,14 @@ class Device(Model):
             self._enter_monitor()
         else:  # the first start of the simulator: the hand has been on for a while, its banner is long gone
             for motor in self.hand.motors:
-                motor.initialized = self._initialized
+                motor.initialized = self.given["initialized"]
                 motor.origin = STOPS[motor.number]
-                motor.place = motor.origin if self._initialized else motor.place
+                motor.place = motor.origin if motor.initialized else motor.place
             self.settle()
         self.dirty = True
 
     def settle(self) -> None:
-        """The hand has been on for a while: at its prompt, or in the boot monitor for want of a firmware."""
-        self.speed = 100 * self.memory.common["BAUD"]
+        self.speed = self.memory.speed
         self._hear = self._hear_line
         if not self.monitor.image.valid:
             self.monitor.sit()
@@ -142,8 +103,7 @@ class Device(Model):
         self.monitor.start()
 
     def reset(self) -> None:
-        """RESET is the same as power on (§5.2.4); whether it passes the boot monitor is not known."""
-        if self.reset_monitor:
+        if self.given["reset-monitor"]:
             self.hand.power(True)
             self._until = self._waiting = None
             self._enter_monitor()
@@ -151,21 +111,18 @@ class Device(Model):
             self.restart(self.now)
 
     def restart(self, began: float) -> None:
-        """The firmware starts: parameters from EEPROM, motors off, and the banner some time after `began`."""
         self.hand.power(True)
-        self.memory.load((0, 1, 2, 3))
-        self.memory.load_common()
-        self.speed = 100 * self.memory.common["BAUD"]
+        self.memory.load()
+        self.speed = self.memory.speed
         self._line.clear()
         self._open = self._noisy_echo = False
         self.loop = self._waiting = None
-        self._until = max(self.now, began + self._boot_time)
+        self._until = max(self.now, began + self.given["boot"])
         self._hear = self._hear_nothing
         self._speaking = False
         self.dirty = True
 
     def hang(self) -> None:
-        """Deaf until a power cycle."""
         self._hear = self._hear_nothing
 
     def advance(self, now: float) -> None:
@@ -189,9 +146,9 @@ class Device(Model):
         if self._waiting is None and not self._speaking:  # banner (our guess, apart from its first words)
             banner = self._end + b"BarrettHand Firmware" + self._end + b"Version " + self.version.encode()
             held, self.monitor.held = self.monitor.held, b""
-            if self.banner_gap:
+            if self.given["banner-gap"]:
                 self._replies.append(Reply(self.now, held + banner, self.hits))
-                self._speaking, self._hear, self._until = True, self._hear_nothing, self.now + self.banner_gap
+                self._speaking, self._hear, self._until = True, self._hear_nothing, self.now + self.given["banner-gap"]
             else:
                 self._replies.append(Reply(self.now, held + banner + self._end + self._prompt, self.hits))
         elif self._waiting is None:
@@ -256,7 +213,7 @@ class Device(Model):
             if "no-echo" not in self.hits:
                 befall = self.hits & {"silent", "noise"} if self._noisy_echo and not self._line else NOTHING
                 self._replies.append(Reply(self.now, bytes([byte]), befall | (self.hits & {"silent"})))
-            if len(self._line) <= self._longest:
+            if len(self._line) <= self.given["line-limit"]:
                 self._line.append(byte)
 
     def _run(self) -> None:
@@ -265,8 +222,8 @@ class Device(Model):
         if "hang" in self.hits and text:
             self.hang()
             return
-        answer = execute(self, text if len(text) <= self._longest else "(too long)")
-        self.speed = 100 * self.memory.common["BAUD"]  # BAUD acts at once: the rest of the answer has the new speed
+        answer = execute(self, text if len(text) <= self.given["line-limit"] else "(too long)")
+        self.speed = self.memory.speed  # BAUD acts at once: the rest of the answer has the new speed
         if answer is None:
             if self.hand.movement is not None:
                 self._hear = self._hear_movement
@@ -296,10 +253,6 @@ class Device(Model):
             self._replies.append(Reply(self.now, self._previous, self.hits & {"silent"}))
 
     def post(self, data: bytes) -> None:
-        """Bytes of RealTime mode or of the boot monitor, with the faults of the present request.
-
-        The first byte of a sound answer goes by itself: a client may act on it before the rest has come.
-        """
         hits = self.hits - {"stale"} - ({"noise"} if self._noisy_echo else NOTHING)
         self._post_stale()
         pieces = (data,) if hits else (data[:1], data[1:])
@@ -314,59 +267,22 @@ class Device(Model):
         self.hits -= {"stale"}  # that answer came before the echo
         self.post(b"*")
         self._noisy_echo = False
-        for motor, counts in zip(self.hand.motors, self._loop_jump, strict=True):
+        for motor, counts in zip(self.hand.motors, self.given["loop-jump"], strict=True):
             if counts:
                 motor.jump(self.now, motor.position(self.now) + counts)
 
     def leave_loop(self, code: int) -> None:
-        """Back to the prompt, with a status if it is not 0 (§6.1). What the motors do then is not known."""
         for motor in self.loop.motors if self.loop is not None else ():
-            if self.loop_stops or code == TOO_HOT:
+            if self.given["loop-exit"] == "stop" or code == TOO_HOT:
                 motor.cruise(self.now, 0.0)
-                motor.powered = code != TOO_HOT and bool(self.memory.get("HOLD", motor.number))
+                motor.powered = code != TOO_HOT and bool(self.memory.motor.get("HOLD", motor.number))
         self.loop = None
         self._hear = self._hear_line
         self._post_stale()
         self._finish(Answer(code))
         self.dirty = True
 
-    # -- readings --------------------------------------------------------------------------------------------------------
-
-    def read(self, name: str, number: int) -> int:
-        """A motor parameter (§5.3)."""
-        if self.memory.motor_rows[name][5] != STATUS:
-            return self.memory.get(name, number)
-        motor = self.hand.motors[number]
-        motor.flipped = bool(self.memory.get("SGFLIP", number))
-        if name == "S":
-            return motor.status() | (520 if number == 2 and "unknown-codes" in self.faults else 0)
-        if name == "OD":
-            return motor.odometer(self.now)
-        if name == "P":
-            return motor.position(self.now)
-        if name == "SG":
-            return motor.gauge(self.now)
-        return int(motor.broke) if name == "BD" else motor.broke_at
-
-    def read_common(self, name: str) -> int:
-        """A global parameter (§5.4)."""
-        if name == "TEMP":
-            return self.hand.tenths()
-        if name == "PTEMP":
-            return max(0, round(self.hand.peak))
-        if name == "UPSECS":
-            return int(self.hand.uptime + 0.000001) % 4294967296
-        return self.hand.serial if name == "SN" else self.memory.common[name]
-
     # -- faults ----------------------------------------------------------------------------------------------------------
-
-    @property
-    def worn(self) -> bool:
-        return "eeprom-worn" in self.faults
-
-    def set_faults(self, faults: frozenset[str]) -> None:
-        before, self.faults = self.faults, faults
-        barrett_options.apply_faults(self, before)
 
     def spoil(self, data: bytes) -> bytes:
         """There is no check value: one bit of the answer is wrong instead."""
@@ -376,4 +292,15 @@ class Device(Model):
     def mishear(self, data: bytes, sent: int, heard: int) -> bytes | None:
         from handctl.sim.barrett import uart
 
-        return uart.resample(data, sent, heard, self._receiver)
+        return uart.resample(data, sent, heard, self.given["uart"])
+
+
+def switches(options: Options) -> list[float]:
+    """The option switch: moments in ascending order, off and on by turns, on at last."""
+    text = options.text("switch")
+    if text is None:
+        return []
+    times = [Options(options.kind, {"switch": t}, ["switch"]).seconds("switch", 0.0, 1e9) for t in text.split(",")]
+    if len(times) % 2 or times != sorted(times):
+        raise ValueError(f"option switch={text}: use ascending seconds, alternating off and on, such as 2,8")
+    return times

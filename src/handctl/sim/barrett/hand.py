@@ -73,13 +73,13 @@ class Hand:
         load = 0.0
         for motor in self.motors:
             if motor.powered:
-                hot = max(1.0, min(10.0, self.memory.get("TSTOP", motor.number) / 30.0))
+                hot = max(1.0, min(10.0, self.memory.motor.get("TSTOP", motor.number) / 30.0))
                 load += MOVING * hot if motor.drive is not None else HOLDING
         return min(1250.0, self.ambient + load)
 
     def _trip(self) -> list[float]:
         """The moment at which the temperature passes OTEMP, if it will under the present load."""
-        limit, settled = self.memory.common["OTEMP"] + 0.501, self._settled()  # a little more than half: see tenths
+        limit, settled = self.memory.common.get("OTEMP") + 0.501, self._settled()  # a little more than half: see tenths
         if limit < 1.0 or settled <= limit:
             return []
         if self.temperature > limit:
@@ -88,7 +88,7 @@ class Hand:
 
     def too_hot(self) -> bool:
         """OTEMP is set and exceeded (§5.4.1); compared as TEMP shows it."""
-        return 0 < self.memory.common["OTEMP"] < self.tenths()
+        return 0 < self.memory.common.get("OTEMP") < self.tenths()
 
     def tenths(self) -> int:
         """TEMP, 0.1 °C."""
@@ -108,9 +108,9 @@ class Hand:
         movement.end = self.now
         for number in motors:
             motor = self.motors[number]
-            motor.flipped = bool(self.memory.get("SGFLIP", number))
+            motor.flipped = bool(self.memory.motor.get("SGFLIP", number))
             if motor.fault or (kind != "HI" and not motor.initialized):
-                movement.code |= motor.fault or NOT_INITIALIZED
+                movement.code |= self.unready((number,))
                 continue
             motor.cruise(self.now, 0.0)
             if kind in ("O", "TO", "HI"):
@@ -125,13 +125,13 @@ class Hand:
 
     def sample(self, motor: Motor) -> float:
         """Sample time of the motor's controller in s (§5.3.4 SAMPLE)."""
-        return 16.0 * (self.memory.get("SAMPLE", motor.number) + 1) / self.clock
+        return 16.0 * (self.memory.motor.get("SAMPLE", motor.number) + 1) / self.clock
 
     def _plan(self, kind: str, motor: Motor, argument: int | None) -> Drive:
         """The drive of one motor: profile from its own parameters (§9.2)."""
 
         def value(name: str) -> int:
-            return self.memory.get(name, motor.number)
+            return self.memory.motor.get(name, motor.number)
 
         sample = self.sample(motor)
         here = motor.position(self.now)
@@ -166,7 +166,7 @@ class Hand:
         if kind in ("TC", "TO"):
             drive.speed *= FRICTION[motor.number]
             drive.press = min(120.0, PRESS * value(name) / 100.0 * value("FPG") / 10.0)
-        drive.stop_at_breakaway = "BS" in self.memory.motor and bool(value("BS"))
+        drive.stop_at_breakaway = "BS" in self.memory.motor.values and bool(value("BS"))
         return drive
 
     def _end_motors(self) -> None:
@@ -185,9 +185,9 @@ class Hand:
         error = code
         if not code and drive.goal is not None:
             short = abs(drive.goal - motor.position(self.now))
-            if short > self.memory.get("MPE", motor.number):
+            if short > self.memory.motor.get("MPE", motor.number):
                 error = NOT_REACHED
-        motor.finish(self.now, cause, bool(self.memory.get("HOLD", motor.number)), error)
+        motor.finish(self.now, cause, bool(self.memory.motor.get("HOLD", motor.number)), error)
         movement.running.remove(motor)
         movement.code |= error
         movement.end = self.now
@@ -199,16 +199,19 @@ class Hand:
                 self._end(self.movement, motor, ABORT, code)
             self.movement.code |= code
 
-    def terminate(self, motors: tuple[int, ...]) -> int:
-        """T: power off; the codes of motors that are not initialized or missing (§5.2.1)."""
+    def unready(self, motors: tuple[int, ...]) -> int:
+        """The codes of motors that are not initialized or missing."""
         code = 0
-        for number in motors:
-            motor = self.motors[number]
-            if motor.fault or not motor.initialized:
-                code |= motor.fault or NOT_INITIALIZED
-            motor.cruise(self.now, 0.0)
-            motor.powered = False
+        for motor in [self.motors[number] for number in motors]:
+            code |= motor.fault or (0 if motor.initialized else NOT_INITIALIZED)
         return code
+
+    def terminate(self, motors: tuple[int, ...]) -> int:
+        """T: power off; the codes of motors that are not ready (§5.2.1)."""
+        for number in motors:
+            self.motors[number].cruise(self.now, 0.0)
+            self.motors[number].powered = False
+        return self.unready(motors)
 
     def disturbed(self) -> None:
         """Something in the way of the motors has changed."""

@@ -25,12 +25,12 @@ CONTROL = (("LCV", 1), ("LCPG", 1), ("LCT", 2))  # bytes
 FEEDBACK = ("LFV", "LFS", "LFAP", "LFDP", "LFBP", "LFAIN")
 
 OPTIONS = {
-    "loop-exit": "what the motors do after RealTime mode: run (default: the last velocity goes on) or stop",
-    "loop-jump": "F1,F2,F3,S: counts by which the joints jump once LOOP is entered (default 0,0,0,0)",
-    "loop-after": "blocks of each LOOP that the RealTime faults spare (default 0)",
-    "loop-code": "status of the fault loop-error (default 1)",
-    "lfv-unit": "LFV in counts per sample (default) or per 10 ms: sample, 10ms",
-}
+    "loop-exit": (("run", "stop"), "what the motors do after RealTime mode: run (default: the last velocity goes on) or stop"),
+    "loop-jump": (("0,0,0,0", -20000, 20000), "F1,F2,F3,S: counts by which the joints jump once LOOP is entered (default 0,0,0,0)"),
+    "loop-after": ((0, 0, 1000000000), "blocks of each LOOP that the RealTime faults spare (default 0)"),
+    "loop-code": ((1, 1, 32767), "status of the fault loop-error (default 1)"),
+    "lfv-unit": (("sample", "10ms"), "LFV in counts per sample (default) or per 10 ms: sample, 10ms"),
+}  # fmt: skip
 FAULTS = {
     "loop-error": "RealTime: an error takes the place of '*'",
     "loop-silent": "RealTime: deaf until a power cycle, the motors go on",
@@ -43,7 +43,7 @@ class Loop:
     """RealTime mode from `*` to its end; the flags are those at its entry (§6.1)."""
 
     def __init__(self, device: Board, motors: tuple[int, ...]) -> None:
-        get, known = device.memory.get, device.memory.motor
+        get, known = device.memory.motor.get, device.memory.motor.values
         self.device = device
         self.motors = [device.hand.motors[number] for number in motors]
         self._control = [
@@ -56,9 +56,9 @@ class Loop:
         self._feedback = [
             (motor, name) for motor in self.motors for name in FEEDBACK if name in known and get(name, motor.number)
         ]
-        self._temperature = device.memory.common["LFT"] != 0
+        self._temperature = device.memory.common.get("LFT") != 0
         self._short_temperature = "LCT" in known  # 4.4: one byte
-        self._discard = device.memory.common["LFDPD"] != 0
+        self._discard = device.memory.common.get("LFDPD") != 0
         # A coefficient of 0 (§5.3.3 allows it, §6.3 does not) stops the motor, or divides by 1: our guess.
         self._scale = {motor: get("LCVC", motor.number) for motor in self.motors}
         self._per_velocity = {motor: get("LFVC", motor.number) or 1 for motor in self.motors}
@@ -93,11 +93,11 @@ class Loop:
     def _hear_block(self, header: int) -> None:
         device = self.device
         self._blocks += 1
-        befall = device.hits if self._blocks > device.loop_after else frozenset()
+        befall = device.hits if self._blocks > device.given["loop-after"] else frozenset()
         if "loop-silent" in befall:
             device.hang()
             return
-        code = device.loop_code if "loop-error" in befall else TOO_HOT if device.hand.too_hot() else 0
+        code = device.given["loop-code"] if "loop-error" in befall else TOO_HOT if device.hand.too_hot() else 0
         if code and not self._lost:  # control data that follow are typed at the prompt
             device.leave_loop(code)
             return
@@ -135,7 +135,7 @@ class Loop:
         match name:
             case "LFV":
                 # Clipped, and whole before it is divided (§6.2.2); that the nearest is taken is our guess.
-                unit = 0.01 if device.lfv_per_10_ms else device.hand.sample(motor)
+                unit = 0.01 if device.given["lfv-unit"] == "10ms" else device.hand.sample(motor)
                 velocity = int(round(motor.velocity(now) * unit) / self._per_velocity[motor])
                 return bytes([max(-128, min(127, velocity)) & 255])
             case "LFS":

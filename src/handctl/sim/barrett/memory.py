@@ -18,101 +18,88 @@ from handctl.sim.barrett.tables import (
     UNKNOWN_NAME,
 )
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable
+
+    Row = tuple[str, int, int, int, int, int, int, str]
+
 WEAR = 5000  # saves of each kind in the life of the hand (§5.2.2, §5.2.3)
 
 
-class Memory:
-    """`motor[name]` are the four values in force, `common[name]` the global ones; `saved_…` is the EEPROM."""
+class Bank:
+    """Parameters of one kind, each with as many values: `values` are those in force, `saved` is the EEPROM."""
 
-    def __init__(self, firmware: int, speed: int) -> None:
-        self.motor_rows = {row[0]: row for row in MOTOR if row[6] <= firmware}
-        self.common_rows = {row[0]: row for row in GLOBAL if row[5] <= firmware}
-        self.motor: dict[str, list[int]] = {}
-        self.common: dict[str, int] = {}
-        self.default((0, 1, 2, 3))
-        self.default_common()
-        self.common["BAUD"] = speed
-        self.saved_motor = {name: list(values) for name, values in self.motor.items()}
-        self.saved_common = dict(self.common)
-        self.saves = [0, 0]  # FSAVE, PSAVE
+    def __init__(self, rows: Iterable[Row], firmware: int, width: int) -> None:
+        self.rows = {row[0]: row for row in rows if row[6] <= firmware}
+        self.all = tuple(range(width))
+        stored = [name for name, row in self.rows.items() if row[5] != STATUS and name not in ALIAS]
+        self.values = {name: [0] * width for name in stored}
+        self.default(self.all)
+        self.saved = {name: list(values) for name, values in self.values.items()}
+        self.saves = 0
+        self.only: dict[str, Collection[int]] = {}  # parameters that take some values of their range alone
 
-    # -- names -------------------------------------------------------------------------------------------------------
+    def names(self, advanced: bool) -> list[str]:
+        return [name for name, row in self.rows.items() if advanced or row[5] != ADVANCED]
 
-    def motor_names(self, advanced: bool) -> list[str]:
-        return [name for name, row in self.motor_rows.items() if advanced or row[5] != ADVANCED]
+    def get(self, name: str, number: int = 0) -> int:
+        return self.values[ALIAS.get(name, name)][number]
 
-    def common_names(self, advanced: bool) -> list[str]:
-        return [name for name, row in self.common_rows.items() if advanced or row[4] != ADVANCED]
-
-    # -- values in force ---------------------------------------------------------------------------------------------
-
-    def get(self, name: str, number: int) -> int:
-        return self.motor[ALIAS.get(name, name)][number]
-
-    def set(self, name: str, text: str, motors: tuple[int, ...]) -> int:
-        """Sets a value for these motors; the status code, 0 if it was taken."""
-        row = self.motor_rows.get(name)
+    def put(self, name: str, text: str, numbers: tuple[int, ...]) -> int:
+        """Sets a value for these; the status code, 0 if it was taken."""
+        row = self.rows.get(name)
         if row is None:
             return UNKNOWN_NAME
         if row[5] == STATUS:
             return READ_ONLY
         value = decimal_number(text, row[1], row[2])
-        if value is None:
+        if value is None or value not in self.only.get(name, (value,)):
             return BAD_VALUE
-        for number in motors:
-            self.motor[ALIAS.get(name, name)][number] = value
+        for number in numbers:
+            self.values[ALIAS.get(name, name)][number] = value
         return 0
 
-    def set_common(self, name: str, text: str, fastest: int) -> int:
-        """Sets a global value; `fastest` is the highest BAUD that this hand can do."""
-        row = self.common_rows.get(name)
-        if row is None:
-            return UNKNOWN_NAME
-        if row[4] == STATUS:
-            return READ_ONLY
-        value = decimal_number(text, row[1], row[2])
-        if value is None or (name == "BAUD" and (value not in BAUDS or value > fastest)):
-            return BAD_VALUE
-        self.common[name] = value
-        return 0
+    def default(self, numbers: tuple[int, ...]) -> None:
+        """Factory values in RAM, nothing saved."""
+        for name, values in self.values.items():
+            row = self.rows[name]
+            for number in numbers:
+                values[number] = row[4] if number == 3 else row[3]
 
-    def default(self, motors: tuple[int, ...]) -> None:
-        """FDEF: factory values in RAM, nothing saved."""
-        for name, row in self.motor_rows.items():
-            if row[5] != STATUS and name not in ALIAS:
-                values = self.motor.setdefault(name, [0, 0, 0, 0])
-                for number in motors:
-                    values[number] = row[4] if number == 3 else row[3]
+    def load(self, numbers: tuple[int, ...]) -> None:
+        """From the EEPROM."""
+        for name, values in self.saved.items():
+            for number in numbers:
+                self.values[name][number] = values[number]
 
-    def default_common(self) -> None:
-        for name, row in self.common_rows.items():
-            if row[4] != STATUS:
-                self.common[name] = row[3]
-
-    # -- EEPROM --------------------------------------------------------------------------------------------------------
-
-    def load(self, motors: tuple[int, ...]) -> None:
-        for name, values in self.saved_motor.items():
-            for number in motors:
-                self.motor[name][number] = values[number]
-
-    def load_common(self) -> None:
-        self.common.update(self.saved_common)
-
-    def save(self, motors: tuple[int, ...], worn: bool) -> int:
+    def save(self, numbers: tuple[int, ...], worn: bool) -> int:
         """Counts one write; returns how many bytes it programs, two for each value. A worn EEPROM keeps the old ones."""
-        self.saves[0] += 1
-        if not worn and self.saves[0] <= WEAR:
-            for name, values in self.motor.items():
-                for number in motors:
-                    self.saved_motor[name][number] = values[number]
-        return 2 * len(self.motor) * len(motors)
+        self.saves += 1
+        if not worn and self.saves <= WEAR:
+            for name, values in self.values.items():
+                for number in numbers:
+                    self.saved[name][number] = values[number]
+        return 2 * len(self.values) * len(numbers)
 
-    def save_common(self, worn: bool) -> int:
-        self.saves[1] += 1
-        if not worn and self.saves[1] <= WEAR:
-            self.saved_common.update(self.common)
-        return 2 * len(self.common)
+
+class Memory:
+    """The parameters of the motors, and those of the whole hand."""
+
+    def __init__(self, firmware: int, speed: int, fastest: int) -> None:
+        """`fastest` is the highest BAUD that this hand can do."""
+        self.motor, self.common = Bank(MOTOR, firmware, 4), Bank(GLOBAL, firmware, 1)
+        self.common.values["BAUD"][0] = self.common.saved["BAUD"][0] = speed
+        self.common.only["BAUD"] = [baud for baud in BAUDS if baud <= fastest]
+
+    @property
+    def speed(self) -> int:
+        """BAUD, in bit/s."""
+        return 100 * self.common.get("BAUD")
+
+    def load(self) -> None:
+        for bank in (self.motor, self.common):
+            bank.load(bank.all)
 
 
 def decimal_number(text: str, low: int, high: int) -> int | None:

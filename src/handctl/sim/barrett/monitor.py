@@ -12,7 +12,7 @@ The end of a download has no mark: an image is whole when the last record is.
 
 from __future__ import annotations
 
-from handctl.sim.engine.model import Options, Random
+from handctl.sim.engine.model import Random
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -28,23 +28,22 @@ KEPT = 64  # records after which a state file is brought up to date in the middl
 TEXT = b"\n\rNo firmware: please download\n\r:"  # invented; the manual says that the hand prompts for it (§8)
 
 OPTIONS = {
-    "image": "firmware in RAM at the first start: valid (default) or blank",
-    "window": "seconds that the boot monitor waits for FF after ':' (default: as boot, our guess)",
-    "echo-triggers": "1: the boot monitor echoes its triggers FF too (default 0)",
-    "retention": "seconds without power that the RAM survives (default 172800). Twice as long clears it",
-    "decay": "how the RAM decays then: both (default: bit errors, later blank), errors or blank",
-    "boot-chunk": "':' at once (apart, default), or together with banner and prompt as a serial server hands it on",
-    "banner-gap": "seconds between the banner and its prompt (default 0: one chunk)",
-    "monitor-echo": "1: while it waits, the boot monitor echoes bytes that are not a trigger (default 0: it is silent)",
-    "reset-monitor": "1: RESET passes the boot monitor (default 0)",
-    "download-end": "what starts a downloaded firmware, beside a power cycle: reset (default: CR, RESET), quiet, power",
-    "download-quiet": "seconds of silence that start it with download-end=quiet (default 2)",
-    "download-version": "what VERS says after a download (default: as before)",
-    "download-at": "where the download faults are: hex address of a data byte (0x2C40) or +N, the N-th byte with an"
-    " echo. Without this option each byte counts as a request, as for other faults",
-    "image-records": "records without which an image is not whole (default 1)",
-    "switch": "seconds at which someone turns the power switch, off first: 2,8 is off at 2 and on at 8",
-}
+    "image": (("valid", "blank"), "firmware in RAM at the first start: valid (default) or blank"),
+    "window": ((None, 60.0), "seconds that the boot monitor waits for FF after ':' (default: as boot, our guess)"),
+    "echo-triggers": (False, "1: the boot monitor echoes its triggers FF too (default 0)"),
+    "retention": ((RETENTION, 1e9), "seconds without power that the RAM survives (default 172800). Twice as long clears it"),
+    "decay": (("both", "errors", "blank"), "how the RAM decays then: both (default: bit errors, later blank), errors or blank"),
+    "boot-chunk": (("apart", "together"), "':' at once (apart, default), or together with banner and prompt as a serial server hands it on"),
+    "banner-gap": ((0.0, 60.0), "seconds between the banner and its prompt (default 0: one chunk)"),
+    "monitor-echo": (False, "1: while it waits, the boot monitor echoes bytes that are not a trigger (default 0: it is silent)"),
+    "reset-monitor": (False, "1: RESET passes the boot monitor (default 0)"),
+    "download-end": (("reset", "quiet", "power"), "what starts a downloaded firmware, beside a power cycle: reset (default: CR, RESET), quiet, power"),
+    "download-quiet": ((2.0, 3600.0), "seconds of silence that start it with download-end=quiet (default 2)"),
+    "download-version": (None, "what VERS says after a download (default: as before)"),
+    "download-at": (None, "where the download faults are: hex address of a data byte (0x2C40) or +N, the N-th byte with an echo. Without this option each byte counts as a request, as for other faults"),
+    "image-records": ((1, 1, 1000000), "records without which an image is not whole (default 1)"),
+    "switch": (None, "seconds at which someone turns the power switch, off first: 2,8 is off at 2 and on at 8"),
+}  # fmt: skip
 FAULTS = {
     "blank-firmware": "the RAM holds no firmware: the hand stays in its boot monitor",
     "wrong-echo": "download: the hand receives, keeps and echoes a wrong byte, which spoils the image",
@@ -139,22 +138,15 @@ WAIT, RECORD, LOW, HIGH, COUNT, DATA_TRIGGER, DATA = range(7)
 class Monitor:
     """Waits for the first trigger, then takes records; `until` is when it does something by itself."""
 
-    def __init__(self, device: Board, options: Options, boot: float) -> None:
+    def __init__(self, device: Board) -> None:
         self.device = device
-        self.window = options.seconds("window", boot, 60.0)
-        self.echoes_triggers = options.choice("echo-triggers", "0", ("0", "1")) == "1"
-        self.retention = options.seconds("retention", RETENTION, 1e9)
-        self.decay = options.choice("decay", "both", ("both", "errors", "blank"))
-        self.end = options.choice("download-end", "reset", ("reset", "quiet", "power"))
-        self.quiet = options.seconds("download-quiet", 2.0, 3600.0)
-        self.version = options.text("download-version")
-        self.together = options.choice("boot-chunk", "apart", ("apart", "together")) == "together"
-        self.echoes_waiting = options.choice("monitor-echo", "0", ("0", "1")) == "1"
+        self.given = given = device.given
+        self.window = given["boot"] if given["window"] is None else given["window"]
         self.held = b""  # what comes out with the banner
-        self.needed = options.integer("image-records", 1, 1, 1000000)
-        self.image = Image(options.choice("image", "valid", ("valid", "blank")) == "blank", self.needed)
+        self.needed = given["image-records"]
+        self.image = Image(given["image"] == "blank", self.needed)
         self.place: tuple[str, int] | None = None
-        self.aim(options.text("download-at") or "off")
+        self.aim(given["download-at"] or "off")
         self.until: float | None = None
         self.began = 0.0  # s, of the power
         self._state = WAIT
@@ -181,9 +173,11 @@ class Monitor:
 
     def age(self, seconds: float) -> None:
         """So long without power (§3.7)."""
-        if seconds <= self.retention:
+        if seconds <= self.given["retention"]:
             return
-        if self.decay == "blank" or (self.decay == "both" and seconds > 2.0 * self.retention):
+        if self.given["decay"] == "blank" or (
+            self.given["decay"] == "both" and seconds > 2.0 * self.given["retention"]
+        ):
             self.erase()
         else:
             self.image.decay(self.device.random)
@@ -194,7 +188,7 @@ class Monitor:
     def start(self) -> None:
         """Power on: the prompt, whatever is in RAM."""
         self.sit()
-        if self.together and self.image.valid:
+        if self.given["boot-chunk"] == "together" and self.image.valid:
             self.held = b":"
         else:
             self.device.post(b":")
@@ -224,7 +218,7 @@ class Monitor:
     def hear(self, byte: int) -> None:
         device = self.device
         if self._state == WAIT and byte != TRIGGER:
-            if self.echoes_waiting:
+            if self.given["monitor-echo"]:
                 device.post(bytes([byte]))
             return  # our guess
         device.hits = device.judge()
@@ -240,7 +234,7 @@ class Monitor:
             self._hear_byte(byte)
 
     def _echo_trigger(self) -> None:
-        if self.echoes_triggers:
+        if self.given["echo-triggers"]:
             self.device.post(b"\xff")
 
     def _hear_trigger(self, byte: int) -> None:
@@ -248,7 +242,9 @@ class Monitor:
             self.until = None
             self._state, self._typed = (LOW, b"") if self._state == RECORD else (DATA, b"")
             self._echo_trigger()
-        elif self._state == RECORD and self.end == "reset":  # CR and RESET come back like any byte (our guess)
+        elif (
+            self._state == RECORD and self.given["download-end"] == "reset"
+        ):  # CR and RESET come back like any byte (our guess)
             self._typed = (self._typed + bytes([byte]))[-6:]
             self.device.post(bytes([byte]))
             if self._typed.upper() == b"RESET\r":
@@ -295,15 +291,15 @@ class Monitor:
         elif not self._left:
             self.image.end_record()
             self._state = RECORD
-            if self.end == "quiet":
-                self.until = self.device.now + self.quiet
+            if self.given["download-end"] == "quiet":
+                self.until = self.device.now + self.given["download-quiet"]
 
     def _begin(self) -> None:
         """The first byte of a download ends what was there."""
         if self._fresh:
             self._fresh = False
             self.erase()
-            self.image.version = self.version
+            self.image.version = self.given["download-version"]
             self.device.dirty = True
 
     def _store(self, byte: int) -> None:

@@ -56,17 +56,16 @@ MOTOR = (
 )
 ALIAS = {"MSG": "HSG"}  # one value under two names (§5.3.1)
 
-# Global parameters (§5.4): (name, lowest, highest, default, group, first firmware times 100, name in words).
-# BAUD in 100 bit/s, temperatures in 0.1 °C.
+# Global parameters (§5.4), rows alike. BAUD in 100 bit/s, temperatures in 0.1 °C.
 GLOBAL = (
-    ("BAUD", 6, 384, 96, MOVEMENT, 433, "Baud Rate"),
-    ("LFT", 0, 1, 0, MOVEMENT, 433, "Loop Feedback Temperature"),
-    ("OTEMP", 0, 1250, 0, MOVEMENT, 433, "OverTemperature"),
-    ("TEMP", -550, 1250, 0, STATUS, 433, "Temperature"),
-    ("PTEMP", 0, 1250, 0, STATUS, 433, "Peak Temperature"),
-    ("UPSECS", 0, 4294967295, 0, STATUS, 433, "Uptime Seconds"),
-    ("SN", 0, 65535, 0, STATUS, 433, "Serial Number"),
-    ("LFDPD", 0, 1, 0, ADVANCED, 433, "Loop Feedback Delta Position Discard"),
+    ("BAUD", 6, 384, 96, 96, MOVEMENT, 433, "Baud Rate"),
+    ("LFT", 0, 1, 0, 0, MOVEMENT, 433, "Loop Feedback Temperature"),
+    ("OTEMP", 0, 1250, 0, 0, MOVEMENT, 433, "OverTemperature"),
+    ("TEMP", -550, 1250, 0, 0, STATUS, 433, "Temperature"),
+    ("PTEMP", 0, 1250, 0, 0, STATUS, 433, "Peak Temperature"),
+    ("UPSECS", 0, 4294967295, 0, 0, STATUS, 433, "Uptime Seconds"),
+    ("SN", 0, 65535, 0, 0, STATUS, 433, "Serial Number"),
+    ("LFDPD", 0, 1, 0, 0, ADVANCED, 433, "Loop Feedback Delta Position Discard"),
 )
 BAUDS = (6, 12, 24, 48, 96, 192, 384)
 

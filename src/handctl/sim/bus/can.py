@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from handctl.sim.bus.file import BUS_FAULTS, Plan
 from handctl.sim.bus.rack import IDLE, Master, Rack
-from handctl.sim.engine.canline import BACKLOG, SOON, CanLine, Frame
+from handctl.sim.engine.can import BACKLOG, SOON, CanLine, Frame
 
 Sender = CanLine | Master | None  # None: the client
 

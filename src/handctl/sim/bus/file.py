@@ -12,7 +12,7 @@ from typing import Any
 from handctl.digits import number_in
 from handctl.sim import folder_of, kinds, model_class
 from handctl.sim.bus.models import MODELS
-from handctl.sim.engine.plug import Plug
+from handctl.sim.engine.line import Plug
 from handctl.sim.engine.slcan import ADAPTER_FAULTS
 
 if sys.version_info >= (3, 11):

@@ -8,14 +8,13 @@ from typing import Generic, TypeVar
 from handctl.digits import number_in
 from handctl.sim import model_class
 from handctl.sim.bus.file import Plan
-from handctl.sim.engine.cable import Cable
+from handctl.sim.engine.line import PLUG_COMMANDS, Cable, Plug
 from handctl.sim.engine.model import Model, Random
-from handctl.sim.engine.plug import COMMANDS, Plug
 
 IDLE = 0.001  # s until a device is asked again that says that it acts now, and does not
 BEHIND = 5.0  # s; a master does not catch up with more
 HELP = " | ".join((
-    "power-cycle", "power on|off", "fault NAME[,NAME]|none", "requests", "devices", *COMMANDS,
+    "power-cycle", "power on|off", "fault NAME[,NAME]|none", "requests", "devices", *PLUG_COMMANDS,
     "device NUMBER COMMAND, of the device with this number in the file, from 1",
 ))  # fmt: skip
 

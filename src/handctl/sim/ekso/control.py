@@ -1,8 +1,8 @@
-"""Control commands and the state of the simulated EksoNR. Loaded only when one of them is used."""
+"""Control commands of the simulated EksoNR, its state, and somebody who walks in it. Loaded only when one is used."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from handctl.digits import whole
 from handctl.sim.ekso import tables
@@ -10,6 +10,10 @@ from handctl.sim.ekso.body import POSTURES
 from handctl.sim.ekso.clock import WRAP
 from handctl.sim.ekso.device import Device
 from handctl.sim.engine.model import NOTHING
+from handctl.sim.engine.statefile import Fields, checked, kept, spread
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 HELP = " | ".join(
     (
@@ -18,7 +22,13 @@ HELP = " | ".join(
         "rtc [YYYY-MM-DDTHH:MM:SS] | unsolicited | counts (pose, data and state hold until live or a movement)",
     )
 )
-BODY = (("place", 0.0, 2.0), ("direction", -1, 1), ("walking", 0, 1), ("clock", 0.0, 1e12))
+BODY: Fields = {
+    "place": ("place", float, 0, 2),
+    "direction": ("direction", int, -1, 1),
+    "walking": ("walking", bool, 0, 1),
+    "clock": ("clock", float, 0, 1e12),
+}
+LOOK = 0.5  # s between two looks at whether the wearer is upright
 
 
 def command(device: Device, words: list[str]) -> str:
@@ -96,13 +106,12 @@ def _move(device: Device, words: list[str]) -> None:
 
 def snapshot(device: Device) -> dict[str, Any]:
     """Settings, counters, clocks and posture as they are; what control commands pinned is left out."""
-    body = device.body
     return {
         "settings": list(device.settings),
         "feedback": list(device.feedback),
         "boot_ms": device.boot_ms(),
         "rtc": device.calendar.text(device.now),
-        "body": {name: float(getattr(body, name)) for name, _, _ in BODY},
+        "body": {name: float(value) for name, (value,) in kept([device.body], BODY).items()},
     }
 
 
@@ -113,19 +122,14 @@ def restore(device: Device, state: dict[str, Any]) -> None:
     boot_ms = state["boot_ms"]
     if not isinstance(boot_ms, int) or not 0 <= boot_ms < WRAP:  # a float is looked for in a range one by one
         raise ValueError(f"boot_ms {boot_ms!r} is not a number of two words")
-    values = {name: state["body"][name] for name, _, _ in BODY}
-    for name, low, high in BODY:
-        if not low <= values[name] <= high:
-            raise ValueError(f"{name} {values[name]!r} is out of range {low:g} to {high:g}")
-    if values["walking"] and values["place"] != 2.0:
+    body = checked({name: [state["body"][name]] for name in BODY}, BODY, 1)
+    if body["walking"][0] and body["place"][0] != 2.0:
         raise ValueError("walking, but not upright")
     device.calendar.set(state["rtc"], device.now)
     device.settings, device.feedback = settings, feedback
     device.boot_time.restart(boot_ms, device.now)
-    body = device.body
-    body.place, body.clock = float(values["place"]), float(values["clock"])
-    body.direction = int(values["direction"])
-    body.walk(bool(values["walking"]))
+    device.body.walk(False)
+    spread([device.body], BODY, body)
 
 
 def _row(words: Any, count: int) -> list[int]:
@@ -156,3 +160,15 @@ def _degrees(text: str) -> float:
     if not -180.0 <= value <= 180.0:
         raise ValueError(f"{text!r} is not an angle from -180 to 180 degrees")
     return value
+
+
+def use(device: Device) -> Iterator[float]:
+    """Who sits stands up first; the gait, its times and the way to stand up are those of body.py."""
+    body = device.body
+    device.thaw()
+    while True:
+        if body.posture == "standing":
+            body.walk(True)
+        elif body.posture in ("sitting", "held"):
+            body.move(1)
+        yield LOOK

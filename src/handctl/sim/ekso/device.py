@@ -1,6 +1,9 @@
 """A simulated EksoNR behind its DataPort: messages in and out, settings, faults (manual §6).
 
 Written from the manual and its dossier alone, by other means than the host: decimal numbers, `struct`, a bitwise CRC.
+
+    command  length  msgID high  low  body ...  CRC high  low
+
 The manual is silent on much: length byte, status codes, states, and everything that goes wrong. What a guess fills is
 marked so here; nothing seen here is evidence about a real device.
 """
@@ -10,17 +13,18 @@ from __future__ import annotations
 import struct
 from math import ceil, floor
 
-from handctl.sim.ekso import tables, wire
+from handctl.sim.ekso import tables
 from handctl.sim.ekso.body import LEFT, POSTURES, RIGHT, Body, hips
 from handctl.sim.ekso.clock import FIRST_BOOT_MS, SIZES, WRAP, BootTime, Calendar, Unrest
-from handctl.sim.ekso.options import FAULTS, OPTIONS
-from handctl.sim.ekso.wire import BODY_SIZES, LENGTHS, crc, frame, seal, size
 from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    pass
+    from handctl.sim.engine.model import Rows
 
+TIME, SET_VALUE, CANCEL, EVENT = 150, 155, 156, 160  # commands; the last is met in the field, not in the manual
+BODY_SIZES = {150: 0, 151: 0, 152: 0, 153: 0, 154: 0, 155: 4, 156: 2, 157: 2}
+LENGTHS = {"body": 0, "n-4": 2, "n-2": 4, "frame": 6}  # convention -> what the length byte counts beside the body
 ACCEPTED, WRONG_STATE, NOT_ALLOWED = 0, 1, 3  # status codes of field clients; the manual has none
 EVENT_EVERY = 0.35  # s between frames that nobody asked for
 JUMP_MS = 5000
@@ -30,51 +34,83 @@ STUCK_COUNTS, OFFSET_TENTHS = 333, 30
 CODES = range(10, 22)  # words of GetSettings that hold codes, the PilotID aside
 PILOT_ID, STEP_LENGTH, SWING_TIME = 19, 2, 4
 
+_OPTIONS: Rows = {
+    "preset": (tables.PRESETS, "values at the first start: clinic (default), vectors (the synthetic transcripts), order or sign (ladders)"),
+    "posture": (("standing", POSTURES), f"at the first start: {', '.join(POSTURES)} (default standing)"),
+    "boot": ((None, 0, WRAP - 1), "BootTime at the first start in ms, 0..4294967295, made odd (default 7654321, vectors: 5000001)"),
+    "rtc": (None, "the device's date and time, YYYY-MM-DDTHH:MM:SS (default 2026-11-20T14:05:37)"),
+    "time-body": (("4", ("3", "4")), "bytes in the body of time and date: 4 (default, as in the field) or 3 (as printed)"),
+    "length": (tuple(LENGTHS), "what the length byte counts: body (default), n-4, n-2 or frame"),
+    "answer-length": ((None, tuple(LENGTHS)), "what the length byte of answers counts (default: as for requests)"),
+    "quantum": (("0", "10", "20"), "ms of the grid on which answers leave: 0 (default), 10 or 20"),
+    "baud": (("115200", "57600", "9600"), "speed of the port: 115200 (default), 57600 or 9600"),
+    "usb": (False, "1: on USB, where the speed means nothing, and a restart takes the port away"),
+    "gap": ((0.1, 3600.0), "seconds of silence that end an unfinished or a bad request (default 0.1)"),
+    "startup": ((1.0, 3600.0), "seconds that a reboot takes (default 1)"),
+    "persist": (True, "1: accepted settings survive power-off (default), 0: they do not"),
+    "refuse-status": ((WRONG_STATE, 1, 255), "status code under the fault refuse, 1..255 (default 1)"),
+    "bad-crc": (("silence", "acknowledge"), "answer to a bad check value: silence (default) or acknowledge"),
+    "unknown": (("acknowledge", "silence"), "answer to an unknown command: acknowledge (default) or silence"),
+    "disagree": (("", ("", *SIZES)), "little, middling or much: BootTime drifts and jumps, the device restarts, as the seed draws it"),
+    "sway": (True, "0: nothing moves at rest"),
+}  # fmt: skip
+_FAULTS = {
+    "acknowledge": "every answer is an acknowledge without a body",
+    "acknowledge-set": "SetValue is acknowledged without a status",
+    "set-unanswered": "SetValue takes effect, its answer is lost",
+    "not-taken": "SetValue is accepted without effect",
+    "neighbour": "an accepted SetValue changes the next word as well",
+    "pendant": "after each GetSettings someone changes Target Sounds at the pendant",
+    "stands-up": "the wearer starts to stand up as SetValue arrives, which the device refuses",
+    "fidget": "the hips move by more than 5 deg/s at rest",
+    "unlisted-codes": "all codes of GetSettings are unlisted",
+    "unknown-state": "State is 5040 hex",
+    "stuck-sensor": "left toe pressure never changes",
+    "hip-offset": "right hip X is 3 in too far forward",
+    "frozen-clock": "BootTime stands still",
+    "clock-jump": "BootTime jumps 5 s ahead at each request",
+    "reboot": "the device restarts instead of answering",
+    "unsolicited": "a frame with command 160 before each answer and every 0.35 s",
+    "wrong-command": "answers carry the next command",
+    "short-body": "the last word of an answer is missing, with a good check value",
+    "stray-zero": "a byte 00 after each answer",
+}
+
 
 class Device(Model):
-    """The device without its wire.
+    """The device without its
 
     Of the faults of the line `wrong-id` is a wrong msgID, `refuse` a status other than 0 to SetValue and CancelAction.
     Every fault strikes request by request, so that after and every apply to the faults of the device too.
     """
 
     KIND = "ekso"
-    USE = "handctl.sim.ekso.use"
     CONTROL = "handctl.sim.ekso.control"
     HEADER = bytes(range(150, 161))
-    OPTIONS = OPTIONS
-    FAULTS = FAULTS
+    OPTIONS = _OPTIONS
+    FAULTS = _FAULTS
 
     def __init__(self, options: Options, random: Random) -> None:
         super().__init__(options, random)
-        self.preset = options.choice("preset", "clinic", tables.PRESETS)
+        given = self.given
+        self.preset = given["preset"]
         self.first_settings = _first_settings(self.preset)
         self.settings = list(self.first_settings)
-        self.feedback = list(tables.VECTOR_FEEDBACK if self.preset == "vectors" else tables.FEEDBACK)
-        self.body = Body(options.choice("sway", "1", ("0", "1")) == "1")
-        self.body.pose(options.choice("posture", "standing", POSTURES))
+        vectors = self.preset == "vectors"
+        self.feedback = list(tables.VECTOR_FEEDBACK if vectors else tables.FEEDBACK)
+        self.body = Body(given["sway"])
+        self.body.pose(given["posture"])
         self.pinned: dict[int, int] = {}  # words of GetData that are not computed
-        if self.preset == "vectors":
-            self.pinned = {place: raw for place, raw in tables.VECTOR_DATA.items() if options.text("posture") is None}
-            self.body.frozen = tables.VECTOR_ANGLES if self.pinned else None
-        default = tables.VECTOR_BOOT if self.preset == "vectors" else 7654321
-        size = options.choice("disagree", "", ("", *SIZES))
-        self.unrest = Unrest.drawn(size, random) if size else Unrest(0)
-        self.boot_time = BootTime(options.integer("boot", default, 0, WRAP - 1), self.unrest.drift)
-        self.calendar = Calendar(options.text("rtc") or "2026-11-20T14:05:37")
-        self._pad = bytes(int(options.choice("time-body", "4", ("3", "4"))) - 3)
-        self.convention = options.choice("length", "body", tuple(LENGTHS))
-        self.answer_convention = options.choice("answer-length", self.convention, tuple(LENGTHS))
-        self._quantum = int(options.choice("quantum", "0", ("0", "10", "20"))) / 1000.0
-        baud = int(options.choice("baud", "115200", ("115200", "57600", "9600")))
-        self._on_usb = options.choice("usb", "0", ("0", "1")) == "1"
-        self.speed = None if self._on_usb else baud
-        self._gap = options.seconds("gap", 0.1, 3600.0)
-        self._startup = options.seconds("startup", 1.0, 3600.0)
-        self._persist = options.choice("persist", "1", ("0", "1")) == "1"
-        self._refuse_status = options.integer("refuse-status", WRONG_STATE, 1, 255)
-        self._bad_crc_answered = options.choice("bad-crc", "silence", ("silence", "acknowledge")) == "acknowledge"
-        self._unknown_answered = options.choice("unknown", "acknowledge", ("silence", "acknowledge")) == "acknowledge"
+        if vectors and options.text("posture") is None:
+            self.pinned = dict(tables.VECTOR_DATA)
+            self.body.frozen = tables.VECTOR_ANGLES
+        default = tables.VECTOR_BOOT if vectors else 7654321
+        self.unrest = Unrest.drawn(given["disagree"], random) if given["disagree"] else Unrest(0)
+        self.boot_time = BootTime(default if given["boot"] is None else given["boot"], self.unrest.drift)
+        self.calendar = Calendar(given["rtc"] or "2026-11-20T14:05:37")
+        self.convention = given["length"]
+        self.answer_convention = given["answer-length"] or self.convention
+        self.speed = None if given["usb"] else int(given["baud"])
         self.sets = self.cancels = self.violations = 0  # SetValue, CancelAction, and command 157, which nobody may send
         self._started = False
         self._grid = 0.0
@@ -101,7 +137,7 @@ class Device(Model):
                 self.boot_time.start = (self.boot_time.start + ms) % WRAP
         self.now = now
         self._count()
-        if now - self._heard > self._gap:
+        if now - self._heard > self.given["gap"]:
             self._inbox.clear()
             self._lost = False
         if "unsolicited" not in self.faults or not self.powered:
@@ -121,7 +157,7 @@ class Device(Model):
     @property
     def absent(self) -> bool:
         """On USB the port goes with a restart, and is listed again when that is over (ekso dossier §7)."""
-        return self._on_usb and self.now < self._deaf_until
+        return bool(self.given["usb"]) and self.now < self._deaf_until
 
     def elapse(self, seconds: float) -> None:
         """The clocks go on as well."""
@@ -139,7 +175,7 @@ class Device(Model):
             self.boot_time.restart(FIRST_BOOT_MS, self.now)
             self.feedback[:3] = [0, 0, 0]
             self.body.stop()
-            if not self._persist:
+            if not self.given["persist"]:
                 self.settings = list(self.first_settings)
             self.dirty = True
         self._started = True
@@ -148,7 +184,7 @@ class Device(Model):
         """Off, on, and deaf for as long as that takes."""
         self.power(False)
         self.power(True)
-        self._deaf_until = self.now + (self._startup if seconds is None else seconds)
+        self._deaf_until = self.now + (self.given["startup"] if seconds is None else seconds)
         self.boot_time.since = self._deaf_until
 
     def thaw(self) -> None:
@@ -206,9 +242,10 @@ class Device(Model):
         """Acts on a whole request; False when its check value is bad and nothing is answered."""
         command, ident = request[0], request[2] * 256 + request[3]
         if crc(request):
-            if self._bad_crc_answered:
+            answered: bool = self.given["bad-crc"] == "acknowledge"
+            if answered:
                 self._reply(frame(command, ident, b"", self.answer_convention), NOTHING)
-            return self._bad_crc_answered
+            return answered
         hits = self.judge()
         if "deaf" in hits:
             return True
@@ -219,58 +256,59 @@ class Device(Model):
         if "clock-jump" in hits:
             self.boot_time.start = (self.boot_time.start + JUMP_MS) % WRAP
         answer = self._answer(command, request[4:-2], hits)
-        if answer is None or ("set-unanswered" in hits and command == wire.SET_VALUE):
+        if answer is None or ("set-unanswered" in hits and command == SET_VALUE):
             return True
-        if "acknowledge" in hits or ("acknowledge-set" in hits and command == wire.SET_VALUE):
+        if "acknowledge" in hits or ("acknowledge-set" in hits and command == SET_VALUE):
             answer = b""
         if "short-body" in hits:
             answer = answer[:-2]
         if "unsolicited" in hits:
             self.send_event(hits)
         if "wrong-command" in hits:
-            command = command + 1 if command < wire.CANCEL else wire.TIME
+            command = command + 1 if command < CANCEL else TIME
         tail = b"\0" if "stray-zero" in hits else b""
         self._reply(frame(command, ident, answer, self.answer_convention) + tail, hits)
         return True
 
     def _reply(self, data: bytes, hits: frozenset[str]) -> None:
         due = self.now
-        if self._quantum:
-            due = self._grid + self._quantum * ceil((self.now - self._grid) / self._quantum - 0.000001)
+        if quantum := int(self.given["quantum"]) / 1000.0:
+            due = self._grid + quantum * ceil((self.now - self._grid) / quantum - 0.000001)
         self._replies.append(Reply(due, data, hits))
 
     def send_event(self, hits: frozenset[str]) -> None:
         """A frame that nobody asked for; the manual says there are none, field clients know this one."""
-        self._reply(frame(wire.EVENT, 0, b"\0\1", self.answer_convention), hits & {"silent"})
+        self._reply(frame(EVENT, 0, b"\0\1", self.answer_convention), hits & {"silent"})
 
     def _answer(self, command: int, body: bytes, hits: frozenset[str]) -> bytes | None:
         """The body of the answer; None: silence."""
         if command in BODY_SIZES and len(body) != BODY_SIZES[command]:
             return b""  # "at least an acknowledge" (manual §6); a guess for a body of the wrong size
+        pad = bytes(int(self.given["time-body"]) - 3)
         year, month, day, hour, minute, second = self.calendar.read(self.now)
         match command:
-            case wire.TIME:
-                return bytes([hour, minute, second]) + self._pad
-            case wire.DATE:
-                return bytes([year - 2000, month, day]) + self._pad
-            case wire.SETTINGS:
+            case 150:  # GetTime
+                return bytes([hour, minute, second]) + pad
+            case 151:  # GetDate
+                return bytes([year - 2000, month, day]) + pad
+            case 152:  # GetSettings
                 return _pack(self._settings_words(hits))
-            case wire.DATA:
+            case 153:  # GetData
                 return _pack(self.data_words(hits))
-            case wire.FEEDBACK:
+            case 154:  # GetFeedback
                 return _pack(self._feedback_words(hits))
-            case wire.SET_VALUE:
+            case 155:  # SetValue
                 return _pack([self._set(int.from_bytes(body[:2], "big"), int.from_bytes(body[2:], "big"), hits)])
-            case wire.CANCEL:
+            case 156:  # CancelAction
                 return _pack([self._cancel(int.from_bytes(body, "big"), hits)])
-            case wire.MOVE:
+            case 157:  # a movement: met in the field, not in the manual, as the next two
                 self.violations += 1
                 return _pack([NOT_ALLOWED])
-            case wire.STATE_DATA:
+            case 158:  # the state
                 return _pack([self.data_words(hits)[STATE_WORD], MIN_STATE, 0])
-            case wire.STEP_READY:
+            case 159:  # whether a step may follow
                 return _pack([1 if self.body.posture == "standing" else 0])
-        return b"" if self._unknown_answered else None
+        return b"" if self.given["unknown"] == "acknowledge" else None
 
     # -- what they say ------------------------------------------------------------------------------------------------
 
@@ -330,7 +368,7 @@ class Device(Model):
             self.thaw()
             self.body.pose("rising")
         if "refuse" in hits:
-            return self._status(self._refuse_status, hits)
+            return self._status(self.given["refuse-status"], hits)
         place = tables.PLACE.get(parameter)
         verdict = NOT_ALLOWED if place is None else tables.judge_value(place, raw)
         if place is None or verdict == NOT_ALLOWED:
@@ -351,7 +389,7 @@ class Device(Model):
         if word == 0:
             return NOT_ALLOWED
         if "refuse" in hits:
-            return self._status(self._refuse_status, hits)
+            return self._status(self.given["refuse-status"], hits)
         self.body.stop()
         return ACCEPTED
 
@@ -386,3 +424,35 @@ def _raw(value: float, scale: int) -> int:
 
 def _pack(words: list[int]) -> bytes:
     return struct.pack(f">{len(words)}H", *words)
+
+
+# -- messages ----------------------------------------------------------------------------------------------------------
+
+
+def crc(data: bytes) -> int:
+    """CRC-CCITT: polynomial x^16 + x^12 + x^5 + 1, start FFFF, not reflected, no final XOR (manual §6, CRC table)."""
+    register = 65535
+    for byte in data:
+        for place in (128, 64, 32, 16, 8, 4, 2, 1):
+            top = register >= 32768
+            register = register * 2 % 65536
+            if top != bool(byte & place):
+                register ^= 4129
+    return register
+
+
+def frame(command: int, ident: int, body: bytes, convention: str = "body") -> bytes:
+    """A message in either direction; the length byte counts by this convention (the manual does not say by which)."""
+    head = bytes([command, (len(body) + LENGTHS[convention]) % 256, ident // 256, ident % 256])
+    return seal(head + body)
+
+
+def seal(data: bytes) -> bytes:
+    """The bytes with their check value, high byte first."""
+    return data + crc(data).to_bytes(2, "big")
+
+
+def size(length: int, convention: str) -> int | None:
+    """Bytes of the whole message by its length byte; None when no message can be that short."""
+    count = length - LENGTHS[convention]
+    return None if count < 0 else count + 6

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Generic, Protocol, TypeVar
 
-from handctl.sim.engine.canhub import Hub, Seat
+from handctl.sim.engine.can import Hub, Seat
 from handctl.sim.engine.ports import Port, TcpDoor
 from handctl.sim.engine.serve import UNREAD, Served, tell_hung_up
 from handctl.sim.engine.slcan import Adapter

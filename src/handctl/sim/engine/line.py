@@ -1,32 +1,36 @@
-"""The cable of a simulated device: transmission time, line faults, the client's serial speed.
+"""The cable of a simulated device: options, faults, power, control, the state file; transmission time, the client's speed.
 
 Generic: knows bytes, replies and time, no protocol. Both directions are independent (full duplex), one byte is 10 bits
 (start, 8 data, stop; exo §2.1). Nothing here sleeps: the driver calls `advance(now)`, then `feed` and `take`, and asks
-`next_event` how long it may sleep.
+`next_event` how long it may sleep. What is not of bytes alone (`Cable`) is that of a CAN bus too (can.py).
 """
 
 from __future__ import annotations
 
-from handctl.sim.engine.cable import Cable
-from handctl.sim.engine.model import NOTHING, Model, Reply
-from handctl.sim.engine.plug import COMMANDS, Plug
+from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply
 
-LINE_OPTIONS: dict[str, str] = {
-    "seed": "start of the random generator, 0..4294967295 (default 0)",
-    "fault": "faults and states, with commas between",
-    "after": "the first N requests are healthy (default 0)",
-    "every": "of the later requests only each N-th is hit (default 1)",
-    "wire": "transmission time of 10 bits a byte at this speed, or 'auto' for the device's own (default: none)",
-    "turnaround": "seconds from the last bit of a request to the first of its answer (default 0)",
-    "late": "seconds that the fault 'late' adds (default 0.6)",
-    "state": "file that keeps memory, flash and positions from one run to the next",
-    "save": "when the state file is written: always (default), changed (when something was done to the device), never",
-    "elapse": "seconds that have passed since the state file was written. Movements have ended",
-    "power-cycle": "1: power cycle after the state file was loaded",
-    "use": "on: someone uses the device, a slow grasp or a walk. Its state file is read, not written (default off)",
-    "unplug": "AT:SECONDS[,AT:SECONDS]: the port goes away AT seconds after the start, for SECONDS. The device goes on",
-    "clock": "used by the in-process link, ignored here",
-}
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Mapping
+
+    from handctl.sim.engine.model import Rows
+
+LINE_OPTIONS: Rows = {
+    "seed": ((0, 0, 4294967295), "start of the random generator, 0..4294967295 (default 0)"),
+    "fault": (None, "faults and states, with commas between"),
+    "after": ((0, 0, 1000000000), "the first N requests are healthy (default 0)"),
+    "every": ((1, 1, 1000000000), "of the later requests only each N-th is hit (default 1)"),
+    "wire": (None, "transmission time of 10 bits a byte at this speed, or 'auto' for the device's own (default: none)"),
+    "turnaround": ((0.0, 60.0), "seconds from the last bit of a request to the first of its answer (default 0)"),
+    "late": ((0.6, 3600.0), "seconds that the fault 'late' adds (default 0.6)"),
+    "state": (None, "file that keeps memory, flash and positions from one run to the next"),
+    "save": (("always", "changed", "never"), "when the state file is written: always (default), changed (when something was done to the device), never"),
+    "elapse": ((None, 1e9), "seconds that have passed since the state file was written. Movements have ended"),
+    "power-cycle": (False, "1: power cycle after the state file was loaded"),
+    "use": (("off", "on"), "on: someone uses the device, a slow grasp or a walk. Its state file is read, not written (default off)"),
+    "unplug": (None, "AT:SECONDS[,AT:SECONDS]: the port goes away AT seconds after the start, for SECONDS. The device goes on"),
+    "clock": (None, "used by the in-process link, ignored here"),
+}  # fmt: skip
 LINE_FAULTS: dict[str, str] = {
     "healthy": "no fault",
     "silent": "the device obeys the request, its answer is lost",
@@ -48,10 +52,225 @@ LINE_FAULTS: dict[str, str] = {
     "disconnect": "the line hangs up in the middle of the answer",
     "refuse": "writes are refused, reads are healthy",
 }
+UNTOUCHED = 0.05  # s from the start until the user of the device does anything: the first look finds it as it was left
 TICK = 0.002  # s of wire time after which a long frame is handed over in part
 DRIBBLE = 0.003  # s per byte
 SLOW = 0.020  # s
 BACKLOG = 65536  # bytes on the wire to the device that are kept; a client cannot make the simulator grow
+PLUG_COMMANDS = ("unplug [SECONDS]", "replug")
+
+
+class Plug:
+    """Out at the moments of a plan "AT:SECONDS,AT:SECONDS", counted from the start, or from `pull` to `push`."""
+
+    def __init__(self, plan: str | None) -> None:
+        """Raises ValueError for a plan that is none."""
+        self._plan = sorted(_pair(item) for item in (plan or "").split(",") if item.strip())
+        self._start = 0.0
+        self._until = 0.0  # by hand
+
+    def begin(self, now: float) -> None:
+        """The start of the plan."""
+        self._start = now
+
+    def pull(self, until: float) -> None:
+        """Out until this moment."""
+        self._until = until
+
+    def push(self) -> None:
+        """In again, whatever the plan says of the present."""
+        self._until = 0.0
+
+    def command(self, words: list[str], now: float) -> str:
+        """unplug [SECONDS] | replug, as words. Raises ValueError."""
+        match words:
+            case ["unplug", *seconds] if len(seconds) < 2:
+                self.pull(now + _seconds(seconds[0]) if seconds else float("inf"))
+            case ["replug"]:
+                self.push()
+            case _:
+                raise ValueError(f"unknown command {' '.join(words)!r}. Known: {' | '.join(PLUG_COMMANDS)}")
+        return " ".join(words)
+
+    def out(self, now: float) -> bool:
+        """Whether it is out."""
+        if not self._plan:
+            return now < self._until
+        since = now - self._start
+        return now < self._until or any(at <= since < at + seconds for at, seconds in self._plan)
+
+    def next_event(self, now: float) -> float | None:
+        """When that changes next."""
+        if not self._plan and self._until <= now:
+            return None
+        moments = [self._until, *(self._start + edge for at, seconds in self._plan for edge in (at, at + seconds))]
+        return min((moment for moment in moments if now < moment < float("inf")), default=None)
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = -1.0
+    if not 0.0 < seconds <= 1e9:
+        raise ValueError(f"{text!r} is not a number of seconds")
+    return seconds
+
+
+def _pair(text: str) -> tuple[float, float]:
+    at, _, seconds = text.partition(":")
+    try:
+        found = float(at), float(seconds)
+    except ValueError:
+        found = (-1.0, -1.0)
+    if not (0.0 <= found[0] <= 1e9 and 0.0 < found[1] <= 1e9):
+        raise ValueError(f"unplug={text}: expected AT:SECONDS, for example 2.5:1")
+    return found
+
+
+class Cable:
+    """A simulated device at the end of a cable that has options and faults of its own."""
+
+    def __init__(self, model: type[Model], raw: dict[str, str], options: Rows, faults: Mapping[str, str]) -> None:
+        """`options` and `faults` are those of the cable."""
+        self._options = Options(model.KIND, raw, [*options, *model.OPTIONS])
+        self.kind = model.KIND
+        self.given = given = self._options.read(options)
+        self._random = Random(given["seed"])
+        self._known = {**faults, **model.FAULTS}
+        self._faults = self._parse_faults(given["fault"] or "")
+        self.device = model(self._options, self._random)
+        self.device.judge = self._judge
+        self.device.faults = self._faults
+        self.device.power(True)
+        self.hung_up = False
+        self.second = False  # another device than the first of its kind: what it measures differs a little
+        self.requests = 0  # requests that the device understood so far
+        self._now: float | None = None
+        self._closed = False
+        self._save = "never" if given["use"] == "on" else given["save"]
+        self._changed = False
+        self._user: Iterator[float] | None = None  # acts, then tells for how many seconds it does nothing else
+        self._acts = 0.0  # when it acts next
+        self._load()
+        if given["use"] == "on":
+            self._user = self.device.user()
+        if given["power-cycle"]:
+            self.device.power(False)
+            self.device.power(True)
+        self.device.set_faults(self._faults)
+        self.device.dirty = False
+
+    def reconnect(self) -> None:
+        """A new client: what was on the wire is lost, the device goes on."""
+        self.hung_up = False
+        self._drop()
+
+    # -- power and control ----------------------------------------------------------------------------------------
+
+    def power_cycle(self) -> None:
+        self.power(False)
+        self.power(True)
+
+    def power(self, on: bool) -> None:
+        """Off: whatever was on the wire or still to come is gone."""
+        if not on:
+            self._drop()
+        if on != self.device.powered:
+            self.device.power(on)
+        self._persist()
+
+    def command(self, text: str) -> str:
+        """A control command for the simulator; returns one line, raises ValueError."""
+        words = text.split()
+        if words == ["power-cycle"]:
+            self.power_cycle()
+            return "power cycled"
+        if words in (["power", "on"], ["power", "off"]):
+            self.power(words[1] == "on")
+            return f"power {words[1]}"
+        if words[:1] == ["fault"] and len(words) > 1:
+            self._faults = self._parse_faults(",".join(words[1:]))
+            self.device.set_faults(self._faults)
+            return f"fault {','.join(sorted(self._faults)) or 'none'}"
+        if words == ["requests"]:
+            return f"requests {self.requests}"
+        if not words or words == ["help"]:
+            return f"power-cycle | power on|off | fault NAME[,NAME]|none | requests | {self.device.command(['help'])}"
+        answer = self.device.command(words)
+        self._persist()
+        return answer
+
+    def close(self) -> None:
+        """Writes the state file, if there is one."""
+        if not self._closed:
+            self.device.dirty = self.device.dirty or self._changed or self._save == "always"
+            self._persist()
+        self._closed = True
+
+    # -- inside -----------------------------------------------------------------------------------------------------
+
+    def _drop(self) -> None:
+        """Forgets what is on the wire."""
+        raise NotImplementedError
+
+    def _pass(self, now: float) -> None:
+        """Moves time on to this moment, with all that happens until then."""
+        raise NotImplementedError
+
+    def _boot(self, now: float) -> None:
+        self.device.boot(now)
+        self._acts = now + UNTOUCHED
+
+    def _follow(self, now: float) -> None:
+        """Lets the user of the device act at each moment that has come."""
+        while self._user is not None and self._acts <= now:
+            self._pass(self._acts)
+            self._acts += next(self._user)
+
+    def _present(self) -> float:
+        return 0.0 if self._now is None else self._now
+
+    def _parse_faults(self, text: str) -> frozenset[str]:
+        names = {name.strip().replace("_", "-") for name in text.split(",")} - {"", "none", "healthy"}
+        for name in sorted(names):
+            if name not in self._known:
+                raise ValueError(
+                    f"unknown fault {name!r} of the simulated {self.kind}. {_near(name, self._known)}Known: {', '.join(sorted(self._known))}"
+                )
+        return frozenset(names)
+
+    def _hits(self, number: int) -> frozenset[str]:
+        """The faults that befall the request with this number, counted from 1."""
+        beyond = number - self.given["after"]
+        return self._faults if beyond > 0 and beyond % self.given["every"] == 0 else NOTHING
+
+    def _judge(self) -> frozenset[str]:
+        self.requests += 1
+        return self._hits(self.requests)
+
+    def _load(self) -> None:
+        if self.given["state"] is not None:
+            from handctl.sim.engine import statefile
+
+            if statefile.load(self.given["state"], self.device) and self.given["elapse"] is not None:
+                self.device.elapse(self.given["elapse"])
+
+    def _persist(self) -> None:
+        if self.given["state"] is not None and self.device.dirty and self._save != "never":
+            from handctl.sim.engine import statefile
+
+            statefile.save(self.given["state"], self.device)
+            self._changed = True
+        self.device.dirty = False
+
+
+def _near(name: str, known: Collection[str]) -> str:
+    """The one that was meant, if one is near."""
+    from difflib import get_close_matches
+
+    near = get_close_matches(name, known, n=1, cutoff=0.6)
+    return f"Did you mean {near[0]!r}? " if near else ""
 
 
 class _Segment:
@@ -100,7 +319,7 @@ class Line(Cable):
         self._tx: list[_Segment] = []
         self._tx_free = 0.0
         self._previous = b""
-        self._plug = Plug(self._options.text("unplug"))
+        self._plug = Plug(self.given["unplug"])
         self.pulled = False  # the port went away, and no client has opened it since
 
     @property
@@ -161,7 +380,7 @@ class Line(Cable):
             case ["unplug" | "replug", *_] as words:
                 answer = self._plug.command(words, self._present())
             case ["help"]:
-                return " | ".join((*COMMANDS, super().command(text)))
+                return " | ".join((*PLUG_COMMANDS, super().command(text)))
             case _:
                 answer = super().command(text)
         self._look()
@@ -304,11 +523,11 @@ class Line(Cable):
         if "noise" in hits:
             before = self._random.junk(self._random.between(1, 6), self.device.HEADER)
             frame = before + frame + self._random.junk(self._random.between(1, 6), self.device.HEADER)
-        due = reply.due + self._turnaround
+        due = reply.due + self.given["turnaround"]
         if "slow" in hits:
             due += SLOW
         if "late" in hits:
-            due += self._late
+            due += self.given["late"]
         self._send(due, frame, hits)
 
     def _send(self, due: float, data: bytes, hits: frozenset[str]) -> None:

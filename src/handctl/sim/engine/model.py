@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from typing import Any, ClassVar, Protocol
 
     class Control(Protocol):
-        """A module that knows a device from outside: its control commands, and what a state file keeps of it."""
+        """A module that knows a device from outside: its control commands, what a state file keeps of it, its use."""
 
         def command(self, device: Any, words: list[str]) -> str:
             """One control command; returns one line, raises ValueError."""
@@ -22,6 +22,14 @@ if TYPE_CHECKING:
         def restore(self, device: Any, state: dict[str, Any]) -> None:
             """Takes a snapshot back; KeyError, TypeError or ValueError when it does not fit."""
 
+        def use(self, device: Any) -> Iterator[float]:
+            """Somebody who uses the device: each step acts on it, and tells the seconds until the next one."""
+
+    Form = Any
+    Rows = dict[str, tuple[Form, str]]
+    """Options, name -> (form, help). A form is False or True (0 or 1, the default), words to choose from (the first is the
+    default, or the one before them), (default, lowest, highest) of whole numbers, the same with a default such as "0,0,0" of as many numbers,
+    (default, most) of seconds, or None: any text."""
 
 NOTHING: frozenset[str] = frozenset()
 
@@ -74,7 +82,7 @@ class Options:
             raise ValueError(f"option {name}={text}: not one of {', '.join(allowed)}")
         return text
 
-    def integer(self, name: str, default: int, low: int, high: int) -> int:
+    def integer(self, name: str, default: int | None, low: int, high: int) -> Any:
         text = self._raw.get(name)
         if text is None:
             return default
@@ -86,7 +94,7 @@ class Options:
             raise ValueError(f"option {name}={text}: out of range {low} to {high}")
         return value
 
-    def seconds(self, name: str, default: float, high: float) -> float:
+    def seconds(self, name: str, default: float | None, high: float) -> Any:
         text = self._raw.get(name)
         if text is None:
             return default
@@ -97,6 +105,34 @@ class Options:
         if not 0.0 <= value <= high:
             raise ValueError(f"option {name}={text}: out of range 0 to {high:g} seconds")
         return value
+
+    def read(self, rows: Rows) -> dict[str, Any]:
+        """The values of these options, each by its form."""
+        return {name: self.value(name, form) for name, (form, _) in rows.items()}
+
+    def value(self, name: str, form: Form) -> Any:
+        match form:
+            case bool():
+                return self.choice(name, "01"[form], ("1", "0") if form else ("0", "1")) == "1"
+            case (default, tuple(words)):
+                return self.choice(name, default, words) if name in self._raw else default
+            case (str(), str(), *_):
+                return self.choice(name, form[0], form)
+            case (str(default), int(low), int(high)):
+                return self._numbers(name, default, low, high)
+            case (default, int(low), int(high)):
+                return self.integer(name, default, low, high)
+            case (default, float(high)):
+                return self.seconds(name, default, high)
+        return self.text(name)
+
+    def _numbers(self, name: str, default: str, low: int, high: int) -> tuple[int, ...]:
+        """As many whole numbers as the default has, with commas between."""
+        text = self._raw.get(name) or default
+        numbers = [Options(self.kind, {name: part}, [name]).integer(name, 0, low, high) for part in text.split(",")]
+        if len(numbers) != default.count(",") + 1:
+            raise ValueError(f"option {name}={text}: not {default.count(',') + 1} numbers, such as {default}")
+        return tuple(numbers)
 
 
 class Reply:
@@ -118,15 +154,15 @@ class Model:
     """
 
     KIND = ""
-    OPTIONS: ClassVar[dict[str, str]] = {}  # name -> help; in addition to those of the line
+    OPTIONS: ClassVar[Rows] = {}  # in addition to those of the line
     FAULTS: ClassVar[dict[str, str]] = {}  # name -> help; states of the device, in addition to the faults of the line
-    USE = ""  # name of the module that knows what somebody does with it
     CONTROL = ""  # name of the module that is its Control, loaded on use
     HEADER = b""  # bytes that start frames here; noise is made of them to trap naive framers
     speed: int | None = None  # the speed of the wire in force, bit/s; None: it has none
 
     def __init__(self, options: Options, random: Random) -> None:
         self.random = random
+        self.given = options.read(self.OPTIONS)
         self.now = 0.0
         self.powered = False
         self.dirty = False  # something that a state file keeps has changed
@@ -232,13 +268,9 @@ class Model:
 
     def user(self) -> Iterator[float]:
         """Somebody who uses the device: each step acts on it, and tells the seconds until the next one."""
-        from importlib import import_module
         from itertools import repeat
 
-        if not self.USE:
-            return repeat(3600.0)
-        used: Iterator[float] = import_module(self.USE).use(self)
-        return used
+        return self._control().use(self) if self.CONTROL else repeat(3600.0)
 
     def _control(self) -> Control:
         from importlib import import_module

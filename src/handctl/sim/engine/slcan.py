@@ -20,8 +20,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from handctl.sim.engine.canhub import Seat
-    from handctl.sim.engine.canline import CanLine
+    from handctl.sim.engine.can import CanLine, Seat
 
 OK, ERROR = b"\r", b"\x07"
 BITRATES = (10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000, 1000000, 83300)  # S0 to S8; S9 of some

@@ -1,10 +1,17 @@
-"""The state file of a simulated device: JSON, written atomically. Loaded only when a state file is used."""
+"""The state file of a simulated device: JSON, written atomically. Loaded only when a state file or a control command is used.
+
+What a device keeps are rows, key in the file -> attribute of each thing, its type, lowest and highest value, and None where
+the value may be missing. `kept` writes them, `checked` reads them, `spread` puts them in; so all of a file is checked
+before anything of it is used.
+"""
 
 from __future__ import annotations
 
 import json
 import os
 import stat
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from handctl.sim.engine.model import Model
 from handctl.system import disk
@@ -12,6 +19,41 @@ from handctl.system import disk
 FORMAT = "handctl-sim/1"
 MOST = 4_000_000
 """Bytes of a state file: more than ten times the largest, that of a BarrettHand with its firmware."""
+
+Fields = Mapping[str, tuple[Any, ...]]
+
+
+def kept(things: Sequence[Any], fields: Fields) -> dict[str, list[Any]]:
+    """The values of these things, a list for each key."""
+    return {key: [getattr(thing, field[0]) for thing in things] for key, field in fields.items()}
+
+
+def checked(state: Mapping[str, Any], fields: Fields, count: int) -> dict[str, list[Any]]:
+    """The lists of the file; KeyError, TypeError or ValueError when one does not fit."""
+    found = {}
+    for key, (_, kind, low, high, *optional) in fields.items():
+        values = state[key]
+        if len(values) != count or not all((optional and v is None) or low <= v <= high for v in values):
+            raise ValueError(f"{key} are not {count} values from {low:g} to {high:g}")
+        found[key] = [value if value is None else kind(value) for value in values]
+    return found
+
+
+def spread(things: Iterable[Any], fields: Fields, found: Mapping[str, list[Any]]) -> None:
+    """Puts what `checked` gave into these things."""
+    for place, thing in enumerate(things):
+        for key, field in fields.items():
+            setattr(thing, field[0], found[key][place])
+
+
+def columns(rows: Sequence[Mapping[str, Any]], fields: Fields) -> dict[str, list[Any]]:
+    """The lists of a file that has a row for each thing."""
+    return {key: [row[key] for row in rows] for key in fields}
+
+
+def rows_of(lists: Mapping[str, list[Any]]) -> list[dict[str, Any]]:
+    """A row for each thing."""
+    return [dict(zip(lists, values, strict=True)) for values in zip(*lists.values(), strict=True)]
 
 
 def load(path: str, device: Model) -> bool:

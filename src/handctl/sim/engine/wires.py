@@ -6,12 +6,12 @@ Each wire, and each client of a wire that takes several, is a line of its own, w
 from __future__ import annotations
 
 from handctl.sim import model_class
-from handctl.sim.engine.canline import CAN_FAULTS, CAN_OPTIONS, CanLine
+from handctl.sim.engine.can import CAN_FAULTS, CAN_OPTIONS, CanLine
 from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS, Line
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from handctl.sim.engine.model import Model
+    from handctl.sim.engine.model import Model, Rows
     from handctl.sim.engine.ports import TcpDoor
 
 OF_FIRST = ("state", "save", "elapse", "power-cycle", "use", "unplug")  # options that only the first wire has
@@ -157,5 +157,5 @@ class Each:
         self.wires.drop(client)
 
 
-def _cable(bus: str) -> tuple[dict[str, str], dict[str, str]]:
+def _cable(bus: str) -> tuple[Rows, dict[str, str]]:
     return (CAN_OPTIONS, CAN_FAULTS) if bus == "can" else (LINE_OPTIONS, LINE_FAULTS)

@@ -8,7 +8,7 @@ in closed form from the time that passed, so a jump of virtual time gives the sa
 from __future__ import annotations
 
 from handctl.sim.engine.model import Random
-from handctl.sim.engine.servo import CLEARABLE, LOCKED_ROTOR, Servo
+from handctl.sim.inspire.servo import CLEARABLE, LOCKED_ROTOR, Servo, bounded
 
 FINGERS = ("little", "ring", "middle", "index", "thumb")
 # Power-on values, all different so that a swapped finger is seen.
@@ -96,6 +96,14 @@ class Finger(Servo):
         step = min(abs(way), FORCE_RATE * seconds)
         self.force += step if way > 0 else -step
 
+    def put(self, position: float) -> None:
+        """Puts it there, without a command."""
+        self.position, self.target = float(position), None
+
+    def rest_at(self, force: int) -> None:
+        """What its sensor shows without a command."""
+        self.rest_force, self.force, self.force_goal = force, float(force), None
+
     def clear(self) -> None:
         """Clears what can be cleared (exo §2.3.3); a cause that is still there brings its error back."""
         self.errors &= ~CLEARABLE
@@ -111,12 +119,13 @@ class Hand:
         self.fingers = [Finger(number, limit) for number in range(5)]
         self.rotation = Finger(4, limit)  # only its position is used
         self.rotation.position = float(ROTATION)
+        self.both = (*self.fingers, self.rotation)
         self.now = 0.0
         self._course: list[tuple[float, tuple[int, int, int, int, int, int] | None]] = []
 
     def power_on(self) -> None:
         self._course = []
-        for finger in (*self.fingers, self.rotation):
+        for finger in self.both:
             finger.power_on()
 
     @property
@@ -137,11 +146,11 @@ class Hand:
 
     def _run(self, seconds: float) -> None:
         if seconds > 0.0:
-            for finger in (*self.fingers, self.rotation):
+            for finger in self.both:
                 finger.run(seconds)
 
     def _aim(self, pose: tuple[int, int, int, int, int, int]) -> None:
-        for finger, target in zip((*self.fingers, self.rotation), pose, strict=True):
+        for finger, target in zip(self.both, pose, strict=True):
             finger.target = None if target < 0 else target
 
     def calibrate(self, total: float | None) -> float:
@@ -158,7 +167,7 @@ class Hand:
             (open_, open_, open_, open_, closed, closed),  # four straight, thumb bent and turned inside
             (500, 500, 500, 500, 400, hold),  # thumb touches index, the others bent alike
         )
-        places = [finger.position for finger in (*self.fingers, self.rotation)]
+        places = [finger.position for finger in self.both]
         when, starts = 0.0, []
         for pose, wait in zip(poses, (1.0, 2.0, 2.0, 2.0, 2.0), strict=True):
             starts.append(when)
@@ -167,7 +176,7 @@ class Hand:
             when += way / SPEED + wait
         scale = 1.0 if total is None else total / when
         end = self.now + when * scale
-        for finger in (*self.fingers, self.rotation):
+        for finger in self.both:
             finger.speed = SPEED / scale if scale > 0.0 else 1e9
             finger.force_goal = None
         self._course = [(self.now + start * scale, pose) for start, pose in zip(starts, poses, strict=True)]
@@ -176,7 +185,7 @@ class Hand:
 
     def _end_calibration(self) -> None:
         """The present force becomes zero; the fingers stay where they are until the next command."""
-        for finger in (*self.fingers, self.rotation):
+        for finger in self.both:
             finger.speed = SPEED
             finger.target = None
             finger.rest_force = 0
@@ -185,23 +194,19 @@ class Hand:
     # -- readings, as the registers show them ---------------------------------------------------------------------
 
     def positions(self) -> list[int]:
-        return [round(finger.position) for finger in (*self.fingers, self.rotation)]
+        return [round(finger.position) for finger in self.both]
 
     def forces(self) -> list[int]:
-        return [_bound(round(f.force) + self._noise(f, 2), -1000, 1000) for f in self.fingers]
+        return [bounded(round(f.force) + self._noise(f, 2), -1000, 1000) for f in self.fingers]
 
-    def currents(self) -> list[int]:
-        return [_bound(round(f.current()) + self._noise(f, 3), 0, 1000) for f in self.fingers]
-
-    def errors(self) -> list[int]:
-        return [finger.error() for finger in self.fingers]
-
-    def temperatures(self) -> list[int]:
-        return [_bound(int(finger.temperature + 0.0001), 0, 100) for finger in self.fingers]
+    def readings(self) -> list[tuple[str, list[int]]]:
+        return [
+            ("position", self.positions()),
+            ("force", self.forces()),
+            ("current", [bounded(round(f.current()) + self._noise(f, 3), 0, 1000) for f in self.fingers]),
+            ("error", [finger.error() for finger in self.fingers]),
+            ("temperature", [bounded(int(finger.temperature + 0.0001), 0, 100) for finger in self.fingers]),
+        ]
 
     def _noise(self, finger: Finger, width: int) -> int:
         return self.random.between(-width, width) if self.jitter or finger.moving else 0
-
-
-def _bound(value: int, low: int, high: int) -> int:
-    return max(low, min(high, value))

@@ -9,112 +9,114 @@ from __future__ import annotations
 
 from handctl.sim.inspire.space import Rows
 
+Found = tuple[int, int, int, int, int, int]
+
 MEMORY = 8192  # bytes; above, everything reads 0
 LOW, HIGH = -32768, 32767
 FINGERS = ("little", "ring", "middle", "index", "thumb_bend", "thumb_rotation")
 MOTORS = tuple(f"m{number}" for number in range(1, 14))
 
 _DF_AND_TP: Rows = (
-    (1000, 1, 1, "rw", 1, 254),  # id
-    (1004, 1, 1, "w", 0, 1),  # clear errors
-    (1005, 1, 1, "w", 0, 1),  # save
-    (1006, 1, 1, "w", 0, 1),  # factory reset
-    (1009, 1, 1, "w", 0, 1),  # calibrate the force sensors
-    (1032, 2, 6, "rw", 0, 1000),  # default speed
-    (1474, 2, 6, "rw", -1, 2000),  # stroke set
-    (1486, 2, 6, "rw", -1, 1000),  # angle set
-    (1522, 2, 6, "rw", -1, 1000),  # speed set
-    (1534, 2, 6, "r", LOW, HIGH),  # stroke
-    (1546, 2, 6, "r", LOW, HIGH),  # angle
-    (1582, 2, 6, "r", LOW, HIGH),  # force
-    (1594, 2, 6, "r", LOW, HIGH),  # current
-    (1606, 1, 6, "r", 0, 255),  # error
-    (1612, 1, 6, "r", 0, 255),  # status
-    (1618, 1, 6, "r", 0, 255),  # temperature
+    ("id", 1000, 1, 1, "rw", 1, 254),
+    ("clear", 1004, 1, 1, "w", 0, 1),
+    ("save", 1005, 1, 1, "w", 0, 1),
+    ("reset", 1006, 1, 1, "w", 0, 1),
+    ("calibrate", 1009, 1, 1, "w", 0, 1),  # the force sensors
+    ("default-speed", 1032, 2, 6, "rw", 0, 1000),
+    ("stroke-set", 1474, 2, 6, "rw", -1, 2000),
+    ("angle-set", 1486, 2, 6, "rw", -1, 1000),
+    ("speed-set", 1522, 2, 6, "rw", -1, 1000),
+    ("stroke", 1534, 2, 6, "r", LOW, HIGH),
+    ("angle", 1546, 2, 6, "r", LOW, HIGH),
+    ("force", 1582, 2, 6, "r", LOW, HIGH),
+    ("current", 1594, 2, 6, "r", LOW, HIGH),
+    ("error", 1606, 1, 6, "r", 0, 255),
+    ("status", 1612, 1, 6, "r", 0, 255),
+    ("temperature", 1618, 1, 6, "r", 0, 255),
 )
 DF: Rows = (
     *_DF_AND_TP,
-    (1002, 1, 1, "rw", 0, 2),  # speed code
-    (1020, 2, 6, "rw", 0, 1500),  # current limit
-    (1044, 2, 4, "rw", 0, 1000),  # default force, four fingers
-    (1052, 2, 2, "rw", 0, 1500),  # default force, thumb
-    (1472, 2, 1, "r", LOW, HIGH),  # voltage
-    (1498, 2, 6, "rw", -1, 1000),  # force limit
-    (2000, 1, 3, "rw", 0, 255),  # stored action: 90 EB, number of steps
-    (2016, 2, 152, "rw", LOW, HIGH),  # its steps, 8 times 19 words
-    (2320, 1, 1, "rw", 0, 40),  # which one
-    (2321, 1, 1, "w", 0, 1),  # save it
-    (2322, 1, 1, "rw", 0, 1),  # run it
-    (2324, 2, 1, "rw", LOW, HIGH),  # force adjust
+    ("speed", 1002, 1, 1, "rw", 0, 2),  # code
+    ("current-limit", 1020, 2, 6, "rw", 0, 1500),
+    ("default-force", 1044, 2, 4, "rw", 0, 1000),
+    ("default-force-thumb", 1052, 2, 2, "rw", 0, 1500),
+    ("voltage", 1472, 2, 1, "r", LOW, HIGH),
+    ("force-set", 1498, 2, 6, "rw", -1, 1000),
+    ("action", 2000, 1, 3, "rw", 0, 255),  # stored: 90 EB, number of steps
+    ("steps", 2016, 2, 152, "rw", LOW, HIGH),  # 8 times 19 words
+    ("action-number", 2320, 1, 1, "rw", 0, 40),
+    ("action-save", 2321, 1, 1, "w", 0, 1),
+    ("run", 2322, 1, 1, "rw", 0, 1),
+    ("force-adjust", 2324, 2, 1, "rw", LOW, HIGH),
 )
 TP: Rows = (
     *_DF_AND_TP,
-    (1002, 1, 1, "rw", 0, 3),  # speed code
-    (1044, 2, 6, "rw", 0, 3000),  # default force
-    (1498, 2, 6, "rw", -1, 3000),  # force limit
-    (1700, 1, 4, "rw", 0, 255),  # IP address
-    (3000, 2, 1062, "r", 0, 65535),  # tactile
+    ("speed", 1002, 1, 1, "rw", 0, 3),
+    ("default-force", 1044, 2, 6, "rw", 0, 3000),
+    ("force-set", 1498, 2, 6, "rw", -1, 3000),
+    ("address", 1700, 1, 4, "rw", 0, 255),
+    ("tactile", 3000, 2, 1062, "r", 0, 65535),
 )
 
 
-def _words(*rows: tuple[int, int, str, int, int]) -> Rows:
-    """Rows in words: (word address, elements, access, lowest, highest)."""
-    return tuple((2 * word, 2, count, access, low, high) for word, count, access, low, high in rows)
+def _words(*rows: tuple[str, int, int, str, int, int]) -> Rows:
+    """Rows that count words: (word, address, elements, access, lowest, highest)."""
+    return tuple((word, 2 * place, 2, count, access, low, high) for word, place, count, access, low, high in rows)
 
 
 _F1_AND_DG2 = (
-    (1000, 1, "rw", 1, 254),  # id
-    (1001, 1, "rw", 0, 3),  # speed code
-    (1003, 1, "w", 0, 1),  # clear errors
-    (1004, 1, "w", 0, 1),  # save
-    (1005, 1, "w", 0, 1),  # factory reset
-    (1007, 1, "w", 0, 1),  # calibrate the force sensors
-    (2160, 1, "rw", 0, 40),  # stored action
-    (2162, 1, "rw", 0, 1),  # run it
-    (3000, 34, "r", 0, 65535),  # touch
+    ("id", 1000, 1, "rw", 1, 254),
+    ("speed", 1001, 1, "rw", 0, 3),
+    ("clear", 1003, 1, "w", 0, 1),
+    ("save", 1004, 1, "w", 0, 1),
+    ("reset", 1005, 1, "w", 0, 1),
+    ("calibrate", 1007, 1, "w", 0, 1),
+    ("action-number", 2160, 1, "rw", 0, 40),
+    ("run", 2162, 1, "rw", 0, 1),
+    ("touch", 3000, 34, "r", 0, 65535),
 )
 # Angles are 0.1°. The editions disagree about the ends of angles and forces: the widest are taken here.
 F1: Rows = _words(
     *_F1_AND_DG2,
-    (1016, 6, "rw", 0, 1500),  # current limit
-    (1022, 6, "rw", 0, 4000),  # default speed
-    (1028, 6, "rw", -1000, 12000),  # default force
-    (1034, 6, "rw", -1, 2000),  # stroke set
-    (1040, 6, "rw", -1, 1800),  # angle set
-    (1046, 6, "rw", -1000, 12000),  # force limit
-    (1052, 6, "rw", -1, 4000),  # speed set
-    (1058, 6, "r", LOW, HIGH),  # stroke
-    (1064, 6, "r", LOW, HIGH),  # angle
-    (1070, 6, "r", LOW, HIGH),  # force
-    (1076, 6, "r", LOW, HIGH),  # current
-    (1082, 6, "r", 0, 65535),  # error
-    (1088, 6, "r", 0, 65535),  # status
-    (1094, 6, "r", 0, 65535),  # temperature
-    (1100, 6, "rw", 0, 2),  # mode
-    (1130, 1, "rw", 0, 1),  # pause
-    (1131, 1, "rw", 0, 1),  # emergency stop
+    ("current-limit", 1016, 6, "rw", 0, 1500),
+    ("default-speed", 1022, 6, "rw", 0, 4000),
+    ("default-force", 1028, 6, "rw", -1000, 12000),
+    ("stroke-set", 1034, 6, "rw", -1, 2000),
+    ("angle-set", 1040, 6, "rw", -1, 1800),
+    ("force-set", 1046, 6, "rw", -1000, 12000),
+    ("speed-set", 1052, 6, "rw", -1, 4000),
+    ("stroke", 1058, 6, "r", LOW, HIGH),
+    ("angle", 1064, 6, "r", LOW, HIGH),
+    ("force", 1070, 6, "r", LOW, HIGH),
+    ("current", 1076, 6, "r", LOW, HIGH),
+    ("error", 1082, 6, "r", 0, 65535),
+    ("status", 1088, 6, "r", 0, 65535),
+    ("temperature", 1094, 6, "r", 0, 65535),
+    ("mode", 1100, 6, "rw", 0, 2),
+    ("pause", 1130, 1, "rw", 0, 1),
+    ("stop", 1131, 1, "rw", 0, 1),
 )
 DG2: Rows = _words(
     *_F1_AND_DG2,
-    (1024, 13, "rw", 0, 1500),  # current limit
-    (1038, 13, "rw", 0, 2500),  # default speed
-    (1052, 13, "rw", -1000, 12000),  # default force
-    (1066, 13, "rw", -1, 2000),  # stroke set
-    (1080, 13, "rw", -1, 1800),  # angle set
-    (1094, 13, "rw", -1000, 12000),  # force limit
-    (1108, 13, "rw", -1, 4000),  # speed set
-    (1122, 13, "r", LOW, HIGH),  # stroke
-    (1136, 13, "r", LOW, HIGH),  # angle
-    (1150, 13, "r", LOW, HIGH),  # force
-    (1164, 13, "r", LOW, HIGH),  # current
-    (1178, 13, "r", 0, 65535),  # error
-    (1192, 13, "r", 0, 65535),  # status
-    (1206, 13, "r", 0, 65535),  # temperature
-    (1220, 13, "rw", 0, 2),  # mode
-    (1300, 1, "rw", 0, 1),  # pause
-    (1301, 1, "rw", 0, 1),  # emergency stop
-    (1431, 1, "rw", 0, 40),  # built-in action
-    (1432, 1, "rw", 0, 1),  # run it
+    ("current-limit", 1024, 13, "rw", 0, 1500),
+    ("default-speed", 1038, 13, "rw", 0, 2500),
+    ("default-force", 1052, 13, "rw", -1000, 12000),
+    ("stroke-set", 1066, 13, "rw", -1, 2000),
+    ("angle-set", 1080, 13, "rw", -1, 1800),
+    ("force-set", 1094, 13, "rw", -1000, 12000),
+    ("speed-set", 1108, 13, "rw", -1, 4000),
+    ("stroke", 1122, 13, "r", LOW, HIGH),
+    ("angle", 1136, 13, "r", LOW, HIGH),
+    ("force", 1150, 13, "r", LOW, HIGH),
+    ("current", 1164, 13, "r", LOW, HIGH),
+    ("error", 1178, 13, "r", 0, 65535),
+    ("status", 1192, 13, "r", 0, 65535),
+    ("temperature", 1206, 13, "r", 0, 65535),
+    ("mode", 1220, 13, "rw", 0, 2),
+    ("pause", 1300, 1, "rw", 0, 1),
+    ("stop", 1301, 1, "rw", 0, 1),
+    ("built-in-number", 1431, 1, "rw", 0, 40),
+    ("run-built-in", 1432, 1, "rw", 0, 1),
 )
 
 
@@ -123,7 +125,6 @@ class Generation:
 
     unit      bytes that one address counts
     names     of its fingers or motors
-    places    byte addresses of what the hand knows by meaning
     ends      angle closed and open, of each finger
     full      s from end to end at the speed `fast`
     speeds    bit/s by speed code, on the serial pair
@@ -133,7 +134,6 @@ class Generation:
         self,
         name: str,
         rows: Rows,
-        places: dict[str, int],
         *,
         unit: int = 1,
         names: tuple[str, ...] = FINGERS,
@@ -145,7 +145,7 @@ class Generation:
     ) -> None:
         self.name = name
         self.rows = rows
-        self.places = {word: unit * address for word, address in places.items()}
+        self.words = {row[0] for row in rows}
         self.unit = unit
         self.names = names
         self.ends = ends
@@ -153,8 +153,6 @@ class Generation:
         self.fast = fast
         self.speeds = speeds
         self.first_angle = first
-        sizes = {row[0]: row[1] for row in rows}
-        self.size_of = {word: sizes.get(place, unit) for word, place in self.places.items()}  # bytes an element
 
     @property
     def count(self) -> int:
@@ -167,55 +165,20 @@ class Generation:
         return {"stroke-set": 2000, "speed-set": 4 * self.fast}.get(word, HIGH)
 
 
-_OLD = {
-    "id": 1000, "speed": 1002, "clear": 1004, "save": 1005, "reset": 1006, "calibrate": 1009,
-    "default-speed": 1032, "default-force": 1044, "stroke-set": 1474, "angle-set": 1486, "force-set": 1498, "speed-set": 1522,
-    "stroke": 1534, "angle": 1546, "force": 1582, "current": 1594, "error": 1606, "status": 1612, "temperature": 1618,
-}  # fmt: skip
-_NEW = {
-    "id": 1000,
-    "speed": 1001,
-    "clear": 1003,
-    "save": 1004,
-    "reset": 1005,
-    "calibrate": 1007,
-    "run": 2162,
-    "touch": 3000,
-}
-
-GENERATIONS: dict[str, Generation] = {
-    "df": Generation(
-        "df", DF, {**_OLD, "current-limit": 1020, "voltage": 1472, "run": 2322, "gesture": 1008},
-        full=0.8, speeds=(115200, 57600, 19200),
-    ),
-    "tp": Generation(
-        "tp", TP, {**_OLD, "address": 1700, "tactile": 3000, "gesture": 1008},
-        full=0.6, speeds=(115200, 57600, 19200, 921600),
-    ),
-    "f1": Generation(
-        "f1", F1,
-        {
-            **_NEW, "current-limit": 1016, "default-speed": 1022, "default-force": 1028, "stroke-set": 1034, "angle-set": 1040,
-            "force-set": 1046, "speed-set": 1052, "stroke": 1058, "angle": 1064, "force": 1070, "current": 1076,
-            "error": 1082, "status": 1088, "temperature": 1094, "mode": 1100, "pause": 1130, "stop": 1131,
-        },
-        unit=2, ends=((900, 1740),) * 4 + ((1100, 1400), (600, 1800)), full=1.0, fast=2000,
-        speeds=(115200, 57600, 19200, 921600), first=1001,
-    ),
+_NEW_SPEEDS = (115200, 57600, 19200, 921600)
+_F1_ENDS = ((900, 1740),) * 4 + ((1100, 1400), (600, 1800))
+GENERATIONS = {
+    "df": Generation("df", DF, full=0.8, speeds=(115200, 57600, 19200)),
+    "tp": Generation("tp", TP, full=0.6, speeds=_NEW_SPEEDS),
+    "f1": Generation("f1", F1, unit=2, ends=_F1_ENDS, full=1.0, fast=2000, speeds=_NEW_SPEEDS, first=1001),
     "dg2": Generation(
-        "dg2", DG2,
-        {
-            **_NEW, "current-limit": 1024, "default-speed": 1038, "default-force": 1052, "stroke-set": 1066, "angle-set": 1080,
-            "force-set": 1094, "speed-set": 1108, "stroke": 1122, "angle": 1136, "force": 1150, "current": 1164,
-            "error": 1178, "status": 1192, "temperature": 1206, "mode": 1220, "pause": 1300, "stop": 1301, "run-built-in": 1432,
-        },
-        unit=2, names=MOTORS, ends=((500, 1800),) * 13, full=1.0, fast=2000,
-        speeds=(115200, 57600, 19200, 921600), first=1200,
+        "dg2", DG2, unit=2, names=MOTORS, ends=((500, 1800),) * 13, full=1.0, fast=2000, speeds=_NEW_SPEEDS, first=1200
     ),
-}  # fmt: skip
+}
 
 FACTORY_ADDRESS = (192, 168, 11, 210)  # left and right alike (dossier §2.3)
 POWER_ON_SPEED, POWER_ON_FORCE, POWER_ON_ROTATION = 500, 500, 259  # of a hand as it is delivered (dossier §6)
+VOLTAGE = 558  # of DF
 NEVER_COMMANDED = 255  # status behind power-on (dossier §3.1)
 
 
@@ -243,10 +206,10 @@ def factory(generation: Generation) -> dict[str, tuple[int, ...]]:
         "default-speed": (POWER_ON_SPEED,) * count,
         "default-force": (POWER_ON_FORCE,) * (count - 1) + (POWER_ON_ROTATION,),
     }
-    return found | ({"current-limit": (1500,) * count} if "current-limit" in generation.places else {})
+    return found | ({"current-limit": (1500,) * count} if "current-limit" in generation.words else {})
 
 
-def readings(generation: Generation, number: int) -> tuple[int, int, int, int, int, int]:
+def readings(generation: Generation, number: int) -> Found:
     """Stroke, angle, force, current, status and temperature of one finger of the golden hand."""
     if number < 6:
         stroke = (211, 322, 433, 544, 655, 766)[number]

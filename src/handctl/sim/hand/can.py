@@ -10,84 +10,54 @@ A message is passed as its identifier in 4 bytes, high byte first, and then the 
 
 from __future__ import annotations
 
-import struct
-
-from handctl.sim.engine.model import Options, Random, Reply
-from handctl.sim.hand.front import Front
+from handctl.sim.engine.model import Options, Random
 from handctl.sim.hand.model import Hand
 from handctl.sim.hand.options import CAN_OPTIONS, FAULTS, OPTIONS
+from handctl.sim.hand.wires import Front
+from handctl.sim.inspire.frames import Can
 
-READ, WRITE = 0, 1  # flags
-SPEEDS = (1000000, 500000)  # by speed code
 _OPTIONS = {**OPTIONS, **CAN_OPTIONS}
 
 
-class Device(Front):
+class Device(Can, Front):
     """The hand on its CAN bus."""
 
+    BUS = "can"
     OPTIONS = _OPTIONS
     FAULTS = FAULTS
 
     def __init__(self, options: Options, random: Random, hand: Hand | None = None) -> None:
         super().__init__(options, random, hand)
-        options.choice("bus", "can", ("can",))
-        code = SPEEDS.index(int(options.choice("bitrate", "1000000", tuple(str(value) for value in SPEEDS))))
+        self.speed = int(self.given["bitrate"])
         if hand is None:
-            self.hand.flash_code = code
-        self.speed = SPEEDS[code]
-        self._counts = options.choice("ack", "count", ("count", "empty")) == "count"
-        self._asked: dict[bytes, int] = {}  # answer to a read -> its byte address
+            self.hand.flash_code = self.SPEEDS.index(self.speed)
+        self.IDS = (0, 16383 if self.unit == 1 else 255)
 
     def power(self, on: bool) -> None:
         super().power(on)
-        if on:
-            self.restored()
+        self.restored()
 
     def restored(self) -> None:
-        self.speed = SPEEDS[min(1, self.hand.speed_code)]
+        self.speed = self.SPEEDS[min(1, self.hand.speed_code)]
+
+    def parts(self, identifier: int) -> tuple[int, int, int]:
+        if self.unit == 1:
+            return super().parts(identifier)
+        return identifier >> 28, (identifier >> 8) % 4096, identifier % 256
+
+    def possible(self, flag: int, identifier: int, body: bytes) -> bool:
+        fits = self.unit == 1 or (identifier >> 20) % 256 == len(body)
+        return fits and super().possible(flag, identifier, body)
+
+    def ack(self, written: int) -> bytes:
+        if self.given["ack"] == "empty":
+            return b""
+        return bytes([written if self.unit == 1 else min(1, written)])
+
+    def replying(self, identifier: int, answer: bytes) -> int:
+        """With that of CAN FD the length is that of its own frame."""
+        return identifier if self.unit == 1 else identifier - ((identifier >> 20) % 256 - len(answer) << 20)
 
     def feed(self, data: bytes) -> None:
-        identifier, body = struct.unpack_from(">I", data)[0], data[4:]
-        unit = self.hand.generation.unit
-        if unit == 1:
-            flag, address, number = identifier >> 26, (identifier >> 14) % 4096, identifier % 16384
-        else:
-            flag, address, number = identifier >> 28, (identifier >> 8) % 4096, identifier % 256
-            if (identifier >> 20) % 256 != len(body):
-                return
-        if number != self.hand.number or not _possible(flag, body):
-            return
-        hits = self.judge()
-        if "deaf" in hits:
-            return
-        if flag == READ:
-            answer = self.hand.read(address * unit, body[0])
-        else:
-            done = self.write(address * unit, body, hits)
-            # The ack cannot tell a refusal but by its number: only reading back does (open).
-            answer = None if done is None else bytes([(len(body) if unit == 1 else 1) if done else 0])
-            answer = b"" if answer is not None and not self._counts else answer
+        super().feed(data)
         self.hand.events.clear()  # nothing on CAN tells an end (open)
-        if answer is not None:
-            if unit == 2:  # the length in the identifier is that of its own frame
-                identifier = identifier - ((identifier >> 20) % 256 << 20) + (len(answer) << 20)
-            reply = struct.pack(">I", identifier) + answer
-            self._asked = {reply: address * unit} if flag == READ else {}
-            self._replies.append(Reply(self.now, reply, hits))
-
-    # -- faults that know the frame -----------------------------------------------------------------------------------------
-
-    def readdress(self, data: bytes) -> bytes:
-        """With another id."""
-        identifier = struct.unpack_from(">I", data)[0]
-        ids = 16384 if self.hand.generation.unit == 1 else 256
-        return struct.pack(">I", identifier - identifier % ids + (identifier % ids + 1) % ids) + data[4:]
-
-    def twin(self, data: bytes) -> bytes:
-        address = self._asked.get(data)
-        return data if address is None else data[:4] + self.twin_of(address, data[4:])
-
-
-def _possible(flag: int, body: bytes) -> bool:
-    """A read has one data byte, a count of 1 to 8; a write has 1 to 8. Else silence."""
-    return (len(body) == 1 and 1 <= body[0] <= 8) if flag == READ else flag == WRITE and len(body) > 0

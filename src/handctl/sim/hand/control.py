@@ -1,17 +1,44 @@
-"""Control commands and the state of the simulated RH56 hands. Loaded only when one of them is used."""
+"""Control commands of the simulated RH56 hands, their state, and somebody who works with one. Loaded only when one is used.
+
+Poses are thousandths of the way of each finger, 1000 open. How fast and how firm somebody grasps is invented, well below what
+crushes anything.
+"""
 
 from __future__ import annotations
 
-import struct
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from handctl.digits import whole
-from handctl.sim.engine.servo import OVER_TEMPERATURE
+from handctl.sim.engine.statefile import checked, columns, kept, rows_of, spread
 from handctl.sim.hand.books import MEMORY
-from handctl.sim.hand.finger import Finger
-from handctl.sim.hand.front import Front
+from handctl.sim.hand.fingers import COURSE, Body, Finger
 from handctl.sim.hand.model import ACTS, Hand
-from handctl.sim.inspire.space import hex_bytes
+from handctl.sim.hand.wires import Front
+from handctl.sim.inspire.space import poking
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+FIELDS = {  # of a finger in a state file
+    "angle": ("angle", float, -4000, 4000),
+    "stroke": ("stroke", float, -4000, 4000),
+    "stroke_goal": ("stroke_goal", float, -4000, 4000),
+    "rest_force": ("rest_force", int, -32768, 32767),
+    "rest_current": ("rest_current", int, -32768, 32767),
+    "state": ("state", int, 0, 255),
+    "blocked": ("blocked", bool, 0, 1),
+    "errors": ("errors", int, 0, 255),
+    "forced": ("forced", int, 0, 8000),
+    "command": ("command", float, -4000, 4000, None),
+    "goal": ("goal", float, -4000, 4000, None),
+    "object": ("object", float, -4000, 4000, None),
+    "thing": ("thing", float, -4000, 4000, None),
+    "temperature": ("temperature", float, 0, 255),
+}
+STRAIGHT = (960, 955, 950, 945, 900, 700)
+ROUND = (310, 285, 260, 300, 360, 830)
+THING = 400  # where the fingers touch it
+MOVING, HOLDING, RESTING = 2.5, 1.5, 1.5  # s
 
 HELP = (
     "set ADDRESS HEX | get ADDRESS COUNT | temperature FINGER DEGREES | block FINGER | release FINGER"
@@ -27,16 +54,15 @@ def command(device: Front, words: list[str]) -> str:
         case ["help"]:
             return f"{HELP}. FINGER: {', '.join(hand.generation.names)}"
         case ["set", address, *digits] if digits:
-            data = hex_bytes("".join(digits))
-            poke(hand, whole(address, 0, MEMORY // unit - 1) * unit, data)
+            place, data = poking(words[1:], MEMORY // unit - 1)
+            poke(hand, place * unit, data)
             device.dirty = True
             return f"set {address} {data.hex(' ').upper()}"
-        case ["get", address, count]:
+        case ["get", _, _]:
             hand.publish()
-            place = whole(address, 0, MEMORY // unit - 1) * unit
-            return hand.space.memory[place : place + whole(count, 1, MEMORY)].hex(" ").upper()
+            return hand.space.peek(words[1:], unit)
         case ["temperature", name, degrees]:
-            _finger(hand, name).set_temperature(whole(degrees, 0, 100))
+            _finger(hand, name).temperature = whole(degrees, 0, 100)
         case ["block" | "release", name]:
             _finger(hand, name).blocked = words[0] == "block"
         case ["object", name, "none"]:
@@ -57,38 +83,15 @@ def command(device: Front, words: list[str]) -> str:
 
 def poke(hand: Hand, place: int, data: bytes) -> None:
     """Writes memory past all rules; readings that are poked become the state of the hand."""
-    if place + len(data) > MEMORY:
-        raise ValueError("the memory ends before")
-    generation, memory = hand.generation, hand.space.memory
     hand.publish()
-    before = bytes(memory)
-    memory[place : place + len(data)] = data
     hand.felt = None
-
-    def changed(word: str, number: int) -> int | None:
-        """The new value of this reading, None if it is still the old one."""
-        size = generation.size_of[word]
-        at, layout = generation.places[word] + size * number, "B" if size == 1 else "<h"
-        new: int = struct.unpack_from(layout, memory, at)[0]
-        return None if new == struct.unpack_from(layout, before, at)[0] else new
-
-    for number, finger in enumerate(hand.body.fingers):
-        if (angle := changed("angle", number)) is not None:
-            finger.hold(float(angle))
-        if (stroke := changed("stroke", number)) is not None:
-            finger.stroke = finger.stroke_goal = float(stroke)
-        if (force := changed("force", number)) is not None:
-            finger.rest_force, finger.object = force, None
-        if (current := changed("current", number)) is not None:
-            finger.rest_current = current
-        if (error := changed("error", number)) is not None:
-            finger.errors = error & ~(OVER_TEMPERATURE if finger.hot else 0)
-        if (status := changed("status", number)) is not None:
-            finger.state = status
-        if (degrees := changed("temperature", number)) is not None:
-            finger.set_temperature(float(degrees))
+    takers = {
+        "angle": "hold", "stroke": "put_stroke", "force": "rest_at", "current": "rest_current", "error": "show_error",
+        "status": "state", "temperature": "temperature",
+    }  # fmt: skip
+    hand.space.poke(place, data, [(word, hand.body.fingers, taker) for word, taker in takers.items()])
     hand.use_set_values()
-    hand.number = memory[generation.places["id"]]
+    hand.number = hand.space.memory[hand.space.place("id")]
 
 
 def _finger(hand: Hand, name: str) -> Finger:
@@ -108,8 +111,8 @@ def snapshot(device: Front) -> dict[str, Any]:
         "kept": {word: list(values) for word, values in hand.kept.items()},
         "in_force": [hand.number, hand.speed_code, list(hand.address)],
         "acts": dict(hand.acts),
-        "fingers": hand.body.snapshot(),
-    }  # fmt: skip
+        "fingers": fingers_of(hand.body),
+    }
 
 
 def restore(device: Front, state: dict[str, Any]) -> None:
@@ -119,19 +122,19 @@ def restore(device: Front, state: dict[str, Any]) -> None:
         raise ValueError(f"it is of a hand of generation {state['model']!r}, expected {hand.generation.name!r}")
     memory = hand.space.memory_of(state["memory"])
     flash, in_force = _identity(hand, state["flash"]), _identity(hand, state["in_force"])
-    kept = {str(word): tuple(int(value) for value in values) for word, values in state["kept"].items()}
-    if set(kept) != set(hand.kept) or any(
-        len(values) != count or not all(-32768 <= value <= 32767 for value in values) for values in kept.values()
+    values_kept = {str(word): tuple(int(value) for value in values) for word, values in state["kept"].items()}
+    if set(values_kept) != set(hand.kept) or any(
+        len(values) != count or not all(-32768 <= value <= 32767 for value in values) for values in values_kept.values()
     ):
         raise ValueError("impossible kept values")
     acts = {str(name): int(number) for name, number in state["acts"].items()}
     if set(acts) != set(ACTS):
         raise ValueError("impossible acts")
-    body = hand.body.check(state["fingers"])
-    hand.space.memory, hand.kept, hand.acts, hand.felt = memory, kept, acts, None
+    body = check_fingers(hand.body, state["fingers"])
+    hand.space.memory, hand.kept, hand.acts, hand.felt = memory, values_kept, acts, None
     hand.flash_number, hand.flash_code, hand.flash_address = flash
     hand.number, hand.speed_code, hand.address = in_force
-    hand.body.use(*body)
+    use_fingers(hand.body, *body)
     hand.use_set_values()
     device.restored()
 
@@ -144,3 +147,50 @@ def _identity(hand: Hand, row: list[Any]) -> tuple[int, int, tuple[int, ...]]:
     if len(address) != 4 or not all(part in range(256) for part in address):
         raise ValueError(f"impossible IP address {address!r}")
     return number, code, tuple(address)
+
+
+Course = list[tuple[float, int]]
+
+
+def fingers_of(body: Body) -> dict[str, Any]:
+    """Where the fingers are and go, and what is left of a calibration."""
+    rows = rows_of(kept(body.fingers, FIELDS))
+    for row, finger in zip(rows, body.fingers, strict=True):
+        row["waiting"] = [[when - body.now, angle] for when, angle in finger.waiting]
+    return {"rows": rows, "course": [[when - body.now, number] for when, number in body.course]}
+
+
+def check_fingers(
+    body: Body, state: dict[str, Any], longest: float = 3600.0
+) -> tuple[dict[str, list[Any]], list[list[tuple[float, float]]], Course]:
+    """What the file says of the fingers; KeyError, TypeError or ValueError when it does not fit."""
+    found = checked(columns(state["rows"], FIELDS), FIELDS, len(body.fingers))
+    waiting = [[(float(when), float(angle)) for when, angle in row["waiting"]] for row in state["rows"]]
+    course = [(float(when), int(number)) for when, number in state["course"]]
+    if not all(0 <= when <= longest and 0 <= number <= len(COURSE) for when, number in course):
+        raise ValueError("impossible calibration")
+    return found, waiting, course
+
+
+def use_fingers(
+    body: Body, found: dict[str, list[Any]], waiting: list[list[tuple[float, float]]], course: Course
+) -> None:
+    """Takes what `check_fingers` gave."""
+    body.course = [(body.now + when, number) for when, number in course]
+    spread(body.fingers, FIELDS, found)
+    for finger, commands in zip(body.fingers, waiting, strict=True):
+        finger.waiting = [(body.now + when, angle) for when, angle in commands]
+
+
+def use(device: Front) -> Iterator[float]:
+    """Closes around an object, holds it, lets it go; each step tells for how long it takes."""
+    fingers = device.hand.body.fingers
+    for finger in fingers:
+        finger.place(finger.closed + finger.span * THING / 1000.0)
+    while True:
+        for pose, rest in ((ROUND, MOVING + HOLDING), (STRAIGHT, MOVING + RESTING)):
+            for number, finger in enumerate(fingers):
+                goal = finger.closed + finger.span * pose[min(number, 5)] / 1000.0
+                finger.forced = max(1, round(abs(goal - finger.angle) / MOVING / finger.rate))
+                finger.aim(goal)
+            yield rest

@@ -15,7 +15,7 @@ import struct
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from handctl.sim.hand.front import Front
+    from handctl.sim.hand.wires import Front
 
 READ, WRITE_ONE, WRITE = 3, 6, 16
 BAD_FUNCTION, BAD_ADDRESS, BAD_VALUE, FAILED = 1, 2, 3, 4  # exceptions, by the standard: none was seen on a hand
@@ -29,31 +29,24 @@ def size_of(pdu: bytes | bytearray) -> int:
     return 6 + pdu[5] if len(pdu) > 5 and pdu[0] == WRITE else 0
 
 
-def answer(
-    front: Front, pdu: bytes, hits: frozenset[str], most_written: int, unpacked: bool = False
-) -> tuple[bytes | None, bool]:
-    """What follows the unit in the answer, None: silence; and whether it was a write that was carried out."""
+def answer(front: Front, pdu: bytes, hits: frozenset[str], unpacked: bool = False) -> bytes | None:
+    """What follows the unit in the answer, None: silence."""
     function = pdu[0]
     if function not in (READ, WRITE_ONE, WRITE):
-        return _exception(function, BAD_FUNCTION), False
+        return _exception(function, BAD_FUNCTION)
     if len(pdu) < 5 or (function == WRITE and len(pdu) < 6):
-        return _exception(function, BAD_VALUE), False
+        return _exception(function, BAD_VALUE)
     first, count = struct.unpack_from(">HH", pdu, 1)
-    unit = front.hand.generation.unit
     if function == READ:
         if not 1 <= count <= MOST_READ:
-            return _exception(function, BAD_VALUE), False
-        if first + count > 65536:
-            return _exception(function, BAD_ADDRESS), False
-        data = read(front, first * unit, count, unpacked)
-        return (_exception(function, BAD_ADDRESS) if data is None else bytes((READ, len(data))) + data), False
-    words = pdu[3:5] if function == WRITE_ONE else pdu[6:]
-    if function == WRITE and (not 1 <= count <= most_written or pdu[5] != 2 * count or len(words) != 2 * count):
-        return _exception(function, BAD_VALUE), False
-    done = front.write(first * unit, _swapped(words), hits)
-    if not done:
-        return _exception(function, BAD_VALUE if done is None else FAILED), False
-    return pdu[:5], True
+            return _exception(function, BAD_VALUE)
+        data = read(front, first * front.unit, count, unpacked) if first + count <= 65536 else None
+        return _exception(function, BAD_ADDRESS) if data is None else bytes((READ, len(data))) + data
+    words, most = pdu[3:5] if function == WRITE_ONE else pdu[6:], int(front.given["most-written"])
+    if function == WRITE and (not 1 <= count <= most or pdu[5] != 2 * count or len(words) != 2 * count):
+        return _exception(function, BAD_VALUE)
+    done = front.write("", first * front.unit, _swapped(words), hits)
+    return pdu[:5] if done else _exception(function, BAD_VALUE if done is None else FAILED)
 
 
 def read(front: Front, address: int, count: int, unpacked: bool) -> bytes | None:
@@ -78,9 +71,8 @@ def read(front: Front, address: int, count: int, unpacked: bool) -> bytes | None
 
 def _narrow(front: Front) -> range:
     """The bytes of which two share a register: error, status and temperature of DF and TP."""
-    generation = front.hand.generation
-    places = generation.places
-    return range(places["error"], places["temperature"] + generation.count) if generation.unit == 1 else range(0)
+    space = front.hand.space
+    return range(space.place("error"), space.place("temperature", 6)) if front.unit == 1 else range(0)
 
 
 def _swapped(words: bytes) -> bytes:
@@ -95,8 +87,8 @@ def twin(front: Front, request: bytes, pdu: bytes) -> bytes:
     """The answer of a second hand to the same request: only what it measures differs."""
     if pdu[0] != READ or request[0] != READ:
         return pdu
-    address = struct.unpack_from(">H", request, 1)[0] * front.hand.generation.unit
-    return pdu[:2] + _swapped(front.twin_of(address, _swapped(pdu[2:])))
+    address = struct.unpack_from(">H", request, 1)[0] * front.unit
+    return pdu[:2] + _swapped(front.second("", address, _swapped(pdu[2:])))
 
 
 def crc(data: bytes | bytearray) -> bytes:

@@ -11,9 +11,9 @@ import struct
 
 from handctl.sim.engine.model import Options, Random, Reply
 from handctl.sim.hand import modbus
-from handctl.sim.hand.front import Front
 from handctl.sim.hand.model import Hand
 from handctl.sim.hand.options import FAULTS, MODBUS_FAULTS, MODBUS_OPTIONS, OPTIONS, TCP_FAULTS
+from handctl.sim.hand.wires import Front
 
 LONGEST = 254  # unit and what follows it, by the standard
 _OPTIONS = {**OPTIONS, **MODBUS_OPTIONS}
@@ -23,16 +23,15 @@ _FAULTS = {**FAULTS, **MODBUS_FAULTS, **TCP_FAULTS}
 class Device(Front):
     """One connection to the hand."""
 
+    BUS = "modbus-tcp"
     HEADER = b"\0\0\xff\x03"
     OPTIONS = _OPTIONS
     FAULTS = _FAULTS
 
     def __init__(self, options: Options, random: Random, hand: Hand | None = None) -> None:
         super().__init__(options, random, hand)
-        options.choice("bus", "modbus-tcp", ("modbus-tcp",))
-        if "address" not in self.hand.generation.places:
+        if "address" not in self.hand.generation.words:
             raise ValueError(f"option bus=modbus-tcp: a hand of generation {self.hand.generation.name} has no Ethernet")
-        self._most_written = int(options.choice("most-written", "120", ("120", "123")))
         self.reached = self.hand.address  # where the client found it
         self._inbox = bytearray()
         self._other = False  # by another hand that has the same address
@@ -81,7 +80,7 @@ class Device(Front):
         hits = self.judge()
         if "deaf" in hits:
             return
-        pdu, _ = modbus.answer(self, request[7:], hits, self._most_written)
+        pdu = modbus.answer(self, request[7:], hits)
         self.hand.events.clear()  # nothing on Modbus tells an end (dossier Q9)
         if pdu is None:
             return

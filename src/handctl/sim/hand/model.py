@@ -9,19 +9,22 @@ from __future__ import annotations
 
 import struct
 
+from handctl.digits import number_in
 from handctl.sim.hand import books, tactile
-from handctl.sim.hand.body import Body
-from handctl.sim.hand.books import FACTORY_ADDRESS, MEMORY
-from handctl.sim.hand.finger import Finger
-from handctl.sim.hand.options import ALL_FAULTS, LATCHED
+from handctl.sim.hand.books import FACTORY_ADDRESS, GENERATIONS, MEMORY, Generation
+from handctl.sim.hand.fingers import Body, Finger
+from handctl.sim.hand.options import ALL_FAULTS
+from handctl.sim.inspire.servo import heat, strike
 from handctl.sim.inspire.space import Space
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from handctl.sim.engine.model import Random
-    from handctl.sim.hand.setup import Setup
+    from typing import Any
+
+    from handctl.sim.engine.model import Options, Random
     from handctl.sim.inspire.space import Rows
 
+Values = dict[str, tuple[int, ...]]
 RESERVED = (1003, 1007, 1008)  # of DF and TP: nothing is known to be there, or fingers move (dossier §3.1)
 ACTS = (
     "clear", "save", "factory-reset", "calibrate", "run", "gesture", "reserved",
@@ -34,61 +37,69 @@ DANGERS = ("factory-reset", "run", "gesture", "reserved")
 class Hand:
     """A hand that has been used a while when it is found, or came out of a power-on."""
 
-    def __init__(self, setup: Setup, random: Random) -> None:
-        self.setup = setup
-        self.generation = generation = setup.generation
+    def __init__(
+        self,
+        generation: Generation,
+        given: dict[str, Any],
+        random: Random,
+        golden: Values,
+        readings: list[books.Found],
+        factory: Values,
+        stays: bool = False,
+    ) -> None:
+        """`given` are the options. `golden` are the set values and `readings` the readings (books.py) of the hand as it is
+        found, also behind every power-on when it `stays` so; `factory` are its settings after a factory reset."""
+        self.generation, self.given, self.golden, self.factory, self.stays = generation, given, golden, factory, stays
         self.now = 0.0
         self.powered = False
         self.dirty = False
         self.faults: frozenset[str] = frozenset()
         self.acts = dict.fromkeys(ACTS, 0)
         self.events: list[tuple[str, float]] = []  # "saved" or "calibrated", and when its end is told
-        self.speed_place = generation.places["speed"] - (1 if setup.other_speed and generation.unit == 1 else 0)
         self.space = Space(self._rows(), MEMORY)
-        rate = [(ends[1] - ends[0]) / generation.full / generation.fast for ends in generation.ends]
         fingers = [
-            Finger(ends, setup.readings[number], rate[number], setup.limit)
-            for number, ends in enumerate(generation.ends)
+            Finger(ends, found, (ends[1] - ends[0]) / generation.full / generation.fast, float(given["limit"]))
+            for ends, found in zip(generation.ends, readings, strict=True)
         ]
-        self.body = Body(random, generation, setup.jitter, fingers)
-        if setup.thing is not None:
+        self.body = Body(random, generation, given["jitter"], fingers)
+        if given["object"] is not None:
             for finger in fingers:
-                finger.place(finger.closed + finger.span * setup.thing / 1000.0)
+                finger.place(finger.closed + finger.span * given["object"] / 1000.0)
         self._used = True  # it was used a while since its power-on, before it is found
-        self.number = setup.number
+        self.number: int = given["id"]
         self.speed_code = 0  # the one in force
-        self.address = setup.address  # the one in force
+        self.address = _address(given["ip"])  # the one in force
         self.flash_number, self.flash_code, self.flash_address = self.number, 0, self.address
-        self.kept = {word: setup.golden[word] for word in self._kept_words()}
+        words = ["current-limit", "default-speed", "default-force"]
+        words += ["angle-set", "force-set", "speed-set"] if given["set-points-kept"] else []
+        self.kept = {word: golden[word] for word in words if word in generation.words}
         self.connections = 0  # clients that came over the network so far
         self._told = 0.0  # when the readings were refreshed
         self.felt: object = None  # what the skin in memory shows
 
     def _rows(self) -> Rows:
         """Those of the generation; the speed code at its other place, and the gestures of older firmware."""
-        places = self.generation.places
-        rows = [(self.speed_place, *row[1:]) if row[0] == places["speed"] else row for row in self.generation.rows]
-        if self.setup.gestures and "gesture" in places:
-            rows.append((places["gesture"], 1, 1, "rw", 0, 40))
+        old = self.generation.unit == 1
+        other = self.given["baud-register"] == "1001" and old
+        rows = [("speed", row[1] - 1, *row[2:]) if other and row[0] == "speed" else row for row in self.generation.rows]
+        if self.given["gestures"] and old:
+            rows.append(("gesture", 1008, 1, 1, "rw", 0, 40))
         return tuple(rows)
-
-    def _kept_words(self) -> list[str]:
-        words = ["current-limit", "default-speed", "default-force"]
-        words += ["angle-set", "force-set", "speed-set"] if self.setup.saves_all else []
-        return [word for word in words if word in self.generation.places]
 
     # -- values by meaning ------------------------------------------------------------------------------------------------
 
     def values(self, word: str) -> tuple[int, ...]:
         """What a group of signed words shows."""
-        place, count = self.generation.places[word], self.generation.count
-        return struct.unpack_from(f"<{count}h", self.space.memory, place)
+        return struct.unpack_from(f"<{self.generation.count}h", self.space.memory, self.space.place(word))
 
     def put(self, word: str, values: tuple[int, ...] | list[int]) -> None:
-        """Fills a group, of bytes or words as its row has it."""
-        if word in self.generation.places:
-            layout = "B" if self.generation.size_of[word] == 1 else "h" if min(values) < 0 else "H"
-            struct.pack_into(f"<{len(values)}{layout}", self.space.memory, self.generation.places[word], *values)
+        """Fills a group, of bytes or words as its row has it, where the hand has it."""
+        if word in self.space.row:
+            self.space.put(word, values)
+
+    def code(self) -> int:
+        """The speed code in memory."""
+        return self.space.memory[self.space.place("speed")]
 
     # -- power, time, faults ----------------------------------------------------------------------------------------------
 
@@ -97,8 +108,8 @@ class Hand:
 
     def advance(self, now: float) -> None:
         self.now = now
-        if self.setup.refresh > 0.0:
-            told = self._told + int((now - self._told) / self.setup.refresh + 0.000001) * self.setup.refresh
+        if (refresh := self.given["refresh"]) > 0.0:
+            told = self._told + int((now - self._told) / refresh + 0.000001) * refresh
             if told > self._told:
                 self._told = told
                 self.body.advance(told)
@@ -117,23 +128,20 @@ class Hand:
         self.body.power_on()
         if not on:
             return
-        self.space.memory, self.felt = bytearray(MEMORY), None
+        self.space.clear()
+        self.felt = None
         self.number, self.speed_code, self.address = self.flash_number, self.flash_code, self.flash_address
         self.put("id", [self.number])
-        self.space.memory[self.speed_place] = self.flash_code
-        if "voltage" in self.generation.places:
-            self.put("voltage", [self.setup.voltage])
-        if "address" in self.generation.places:
-            self.put("address", list(self.address))
-        if (self._used or self.setup.stays) and "fresh" not in self.faults:
-            self._start({"speed-set": self.kept["default-speed"], **self.setup.golden, **self.kept})
+        self.space.memory[self.space.place("speed")] = self.flash_code
+        self.put("voltage", [books.VOLTAGE])
+        self.put("address", self.address)
+        if (self._used or self.stays) and "fresh" not in self.faults:
+            self._start({"speed-set": self.kept["default-speed"], **self.golden, **self.kept})
         else:
             self._fresh()
         self._used = False
         self.set_faults(self.faults)
-        if "hot" in self.faults:
-            for number, finger in enumerate(self.body.fingers):
-                finger.set_temperature(finger.limit + 1.0 + number)
+        heat(self.body.fingers, self.faults)
         self.publish()
         self.dirty = True
 
@@ -146,7 +154,7 @@ class Hand:
         """Behind a power-on: what was kept, speeds and force limits from their defaults, nothing commanded."""
         none = (-1,) * self.generation.count
         if "fresh" in self.faults:
-            self.kept = {**self.kept, **self.setup.factory}
+            self.kept = {**self.kept, **self.factory}
         values = {"stroke-set": none, "angle-set": none, **self.kept}
         values.setdefault("speed-set", self.kept["default-speed"])
         values.setdefault("force-set", self.kept["default-force"])
@@ -156,7 +164,7 @@ class Hand:
 
     def use_set_values(self) -> None:
         """Tells the fingers what memory says of speeds and limits."""
-        limits = self.values("current-limit") if "current-limit" in self.generation.places else None
+        limits = self.values("current-limit") if "current-limit" in self.space.row else None
         for number, finger in enumerate(self.body.fingers):
             finger.speed, finger.force_limit = self.values("speed-set")[number], self.values("force-set")[number]
             finger.current_limit = limits[number] if limits else 0
@@ -168,14 +176,7 @@ class Hand:
                 finger.blocked = "blocked" in faults
             finger.stubborn = "force-deaf" in faults
             finger.short = 0.046 * finger.span if "stops-short" in faults and number == 1 else 0.0
-            byte = ALL_FAULTS[number] if "faults" in faults and number < len(ALL_FAULTS) else 0
-            for name, (place, bits) in LATCHED.items():
-                byte |= bits if name in faults and place == number else 0
-            finger.errors |= byte & ~2
-            if byte & 2:
-                finger.overheat()
-            else:
-                finger.cool_down()
+        strike(self.body.fingers, faults, ALL_FAULTS)
         self.publish()
 
     # -- requests ---------------------------------------------------------------------------------------------------------
@@ -184,7 +185,7 @@ class Hand:
         """The bytes, or None: silence."""
         if "block-silent" in self.faults and not self.space.documented(address, count):
             return None
-        if self.setup.refresh <= 0.0:
+        if self.given["refresh"] <= 0.0:
             self.publish()
         return self.space.read(address, count)
 
@@ -194,7 +195,7 @@ class Hand:
         Gaps, read-only bytes and values out of range are ignored but acknowledged (open), or met with silence in the state
         "strict".
         """
-        accepted, covered = self.space.plan(address, data, self.setup.unchecked)
+        accepted, covered = self.space.plan(address, data, self.given["out-of-range"] == "stored")
         if self.generation.unit == 1:
             self.acts["reserved"] += sum(
                 place == address or (address < place < address + len(data) and data[place - address] != 0)
@@ -205,55 +206,45 @@ class Hand:
         if "refuse" in hits:
             return False
         self.dirty = True
-        for place, value, raw in accepted:
-            self._store(place, value, raw)
+        for element in accepted:
+            self._store(*element)
         return True
 
-    def _store(self, place: int, value: int, raw: bytes) -> None:
+    def _store(self, word: str, number: int, value: int, place: int, raw: bytes) -> None:
         """One register element that was written with a value that it takes."""
-        places, words = self.generation.places, range(0, 2 * self.generation.count, 2)
-        for word in ("clear", "save", "reset", "calibrate", "gesture", "run", "run-built-in"):
-            if places.get(word) == place:
-                if value:
-                    self._trigger(word)
+        if word in _TRIGGERS:
+            if value:
+                self._trigger(word)
+            return
+        if value == -1 and self.given["minus-one"] == "kept" and word in _SET:
+            return
+        self.space.store(place, raw)
+        act = {"id": "id", "speed": "baud", "address": "ip", "stop": "stop"}.get(word, "settings")
+        if word in _SET:
+            if not 0 <= value <= self.generation.most(word):
                 return
-        found = next((word for word, first in places.items() if place - first in words and word in _GROUPS), "")
-        if value == -1 and self.setup.keeps and found in _SET:
-            return
-        self.space.memory[place : place + len(raw)] = raw
-        number = (place - places[found]) // 2 if found else 0
-        finger = self.body.fingers[number]
-        if place == places["id"]:
-            self.acts["id"] += 1
+            act = {"speed-set": "speed", "force-set": "force"}.get(word, "move")
+        self.acts[act] += 1
+        finger = self.body.fingers[number] if number < self.generation.count else self.body.fingers[0]
+        if word == "id":
             self.number = value
-        elif place == self.speed_place:
-            self.acts["baud"] += 1
-        elif 0 <= place - places.get("address", -1000) < 4:
-            self.acts["ip"] += 1
-        elif place == places.get("stop"):
-            self.acts["stop"] += 1
+        elif word == "stop":
             self.body.stop(value == 1)
-        elif found in _SET and not 0 <= value <= self.generation.most(found):
-            return
-        elif found == "angle-set":
+        elif word == "angle-set":
             self._move(number, float(value))
-        elif found == "stroke-set":
+        elif word == "stroke-set":
             self._move(number, finger.open - finger.span * value / 2000.0)
-        elif found == "speed-set":
-            self.acts["speed"] += 1
+        elif word == "speed-set":
             self.body.use_speed(number, value)
-        elif found == "force-set":
-            self.acts["force"] += 1
+        elif word == "force-set":
             self.body.use_force(number, value)
-        else:
-            self.acts["settings"] += 1
-            finger.current_limit = value if found == "current-limit" else finger.current_limit
+        elif word == "current-limit":
+            finger.current_limit = value
 
     def _move(self, number: int, angle: float) -> None:
         """Acts at once, also with the same value again; beyond its ends a finger does not go."""
-        self.acts["move"] += 1
         finger = self.body.fingers[number]
-        self.body.command(number, max(float(finger.closed), min(float(finger.open), angle)), self.setup.dead_time)
+        self.body.command(number, max(float(finger.closed), min(float(finger.open), angle)), self.given["dead-time"])
 
     def _trigger(self, word: str) -> None:
         self.acts[{"reset": "factory-reset", "run-built-in": "run"}.get(word, word)] += 1
@@ -267,56 +258,71 @@ class Hand:
         elif word == "reset":
             self._reset()
         elif word == "calibrate":
-            self.events.append(("calibrated", self.body.calibrate(self.setup.calibration, self.setup.still)))
+            self.events.append(
+                ("calibrated", self.body.calibrate(self.given["calibration"], self.given["calibration-moves"]))
+            )
         else:  # a stored action or a gesture: what it holds is not known, so all fingers close half
             for number, finger in enumerate(self.body.fingers):
-                self.body.command(number, finger.open - finger.span / 2.0, self.setup.dead_time)
+                self.body.command(number, finger.open - finger.span / 2.0, self.given["dead-time"])
 
     def _save(self) -> None:
         """Flash is written at once, so that a client that leaves before the result finds it saved."""
         if "save-fails" in self.faults:
             return
         self.flash_number = self.number
-        if self.setup.saves_speed:
-            self.flash_code = self.space.memory[self.speed_place]
-        if "address" in self.generation.places:
-            place = self.generation.places["address"]
+        if self.given["baud-kept"]:
+            self.flash_code = self.code()
+        if "address" in self.space.row:
+            place = self.space.place("address")
             self.flash_address = tuple(self.space.memory[place : place + 4])
-        self.kept = {word: self.values(word) for word in self._kept_words()}
+        self.kept = {word: self.values(word) for word in self.kept}
 
     def _reset(self) -> None:
         """Id at once, speed and IP address with the next power-on; what else is kept comes back too (open)."""
-        self._start(self.setup.factory)
+        self._start(self.factory)
         self.number = 1
         self.put("id", [1])
-        self.space.memory[self.speed_place] = 0
-        if "address" in self.generation.places:
-            self.put("address", list(FACTORY_ADDRESS))
-        if self.setup.resets_flash:
+        self.space.memory[self.space.place("speed")] = 0
+        self.put("address", FACTORY_ADDRESS)
+        if self.given["reset"] == "flash":
             self._save()
 
     # -- readings ---------------------------------------------------------------------------------------------------------
 
     def publish(self) -> None:
         """Puts the readings of this moment into memory."""
-        body, generation = self.body, self.generation
-        body.jitters()
-        self.put("stroke", body.strokes())
-        self.put("angle", [3000 + n for n in range(generation.count)] if "foreign" in self.faults else body.angles())
-        self.put("force", body.forces())
-        self.put("current", body.currents())
-        self.put("error", body.errors())
-        self.put("status", body.statuses())
-        self.put("temperature", body.temperatures())
-        presses = [finger.pressed() for finger in body.fingers]
-        if "tactile" in generation.places:
+        self.body.jitters()
+        for word, values in self.body.readings("foreign" in self.faults):
+            self.put(word, values)
+        presses = [finger.pressed() for finger in self.body.fingers]
+        if "tactile" in self.space.row:
             dead, saturated = "tactile-dead" in self.faults, "tactile-saturated" in self.faults
             if self.felt != (felt := (presses, dead, saturated)):
-                self.put("tactile", tactile.skin(presses, dead, saturated, self.setup.quiet))
+                self.put("tactile", tactile.skin(presses, dead, saturated, self.given["tactile"] == "quiet"))
                 self.felt = felt
-        elif "touch" in generation.places:
+        elif "touch" in self.space.row:
             self.put("touch", tactile.words(presses))
 
 
 _SET = ("stroke-set", "angle-set", "force-set", "speed-set")
-_GROUPS = (*_SET, "current-limit", "default-speed", "default-force")
+_TRIGGERS = ("clear", "save", "reset", "calibrate", "gesture", "run", "run-built-in")
+
+
+def from_options(options: Options, given: dict[str, Any], random: Random) -> Hand:
+    """The golden hand of a generation, with what the options say."""
+    generation = GENERATIONS[given["model"]]
+    golden = books.golden(generation)
+    if given["speed"] is not None:
+        golden["speed-set"] = (options.integer("speed", 0, 0, generation.fast),) * generation.count
+    readings = [books.readings(generation, number) for number in range(generation.count)]
+    return Hand(generation, given, random, golden, readings, books.factory(generation))
+
+
+def _address(text: str | None) -> tuple[int, ...]:
+    if text is None:
+        return FACTORY_ADDRESS
+    parts = text.split(".")
+    numbers = [number for part in parts if (number := number_in(part)) is not None and number < 256]
+    if len(parts) != 4 or len(numbers) != 4:
+        raise ValueError(f"option ip={text}: not an IP address, as 192.168.11.210")
+    return tuple(numbers)

@@ -1,16 +1,19 @@
-"""Serial frames of the simulated Inspire devices (exo §2.2, wrist §2.2): requests found in a stream, answers built.
+"""Frames of the simulated Inspire devices, serial and CAN (exo §2.2, wrist §2.2, §2.3): requests found, answers built.
 
-Knows bytes only. EB 90 starts what the host sends, 90 EB what the device sends. Which flags there are, and how long
-their requests may be, is the business of each device.
+EB 90 starts what the host sends, 90 EB what the device sends. Which flags there are, and what a read and a write do, is the
+business of each device: a flag is a row (space that it means, whether it writes).
 """
 
 from __future__ import annotations
 
 import struct
 
+from handctl.sim.engine.model import NOTHING, Model, Reply
+
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from typing import Any, ClassVar
 
 
 def find(buffer: bytes | bytearray, device_id: int, possible: Callable[[int, int], bool]) -> tuple[int, int, int]:
@@ -56,3 +59,178 @@ def _sum(data: bytes | bytearray) -> int:
     for byte in data:
         total += byte
     return total % 256
+
+
+class Asked(Model):
+    """A device with address spaces that are read and written. `unit` is how many bytes one address counts."""
+
+    FLAGS: ClassVar[dict[int, tuple[str, bool]]] = {}
+    IDS = (1, 254)
+    unit = 1
+    id: int
+
+    def read(self, space: str, address: int, count: int) -> bytes | None:
+        """The bytes from this byte address, None: silence."""
+        raise NotImplementedError
+
+    def write(self, space: str, address: int, data: bytes, hits: frozenset[str]) -> bool | None:
+        """Whether the write is accepted, None: silence."""
+        raise NotImplementedError
+
+    def second(self, space: str, address: int, data: bytes) -> bytes:
+        """What a second device with the same commands would answer to a read at this byte address."""
+        raise NotImplementedError
+
+
+class Serial(Asked):
+    """The device on its serial wire; it has the options ack-id, result-flag and gap."""
+
+    HEADER = b"\x90\xeb"
+    SAVE_TIME = 1.0  # s from the ack to the result (RH56)
+
+    def __init__(self, *made: Any) -> None:
+        super().__init__(*made)
+        self._inbox = bytearray()
+        self._heard = -1.0
+        self._hits = NOTHING  # that befall the present request
+
+    def advance(self, now: float) -> None:
+        super().advance(now)
+        if now - self._heard > self.given["gap"]:
+            self._inbox.clear()
+
+    def power(self, on: bool) -> None:
+        self._inbox.clear()
+        super().power(on)
+
+    def possible(self, flag: int, length: int) -> bool:
+        """Whether a request can have this flag and length: reads 4, writes 3 + data."""
+        return flag in self.FLAGS and (length >= 4 if self.FLAGS[flag][1] else length == 4)
+
+    def due(self, pending: bytes) -> int | None:
+        _, size, decided = find(self._inbox + pending, self.id, self.possible)
+        return decided - len(self._inbox) if size else None
+
+    def feed(self, data: bytes) -> None:
+        self._heard = self.now
+        self._inbox += data
+        while True:
+            skip, size, _ = find(self._inbox, self.id, self.possible)
+            request = bytes(self._inbox[skip : skip + size])
+            del self._inbox[: skip + size]
+            if not request:
+                return
+            self._handle(request)
+
+    @property
+    def busy(self) -> bool:
+        """Whether it hears nothing just now."""
+        return False
+
+    def _handle(self, request: bytes) -> None:
+        self._hits = hits = self.judge()
+        if "deaf" in hits or self.busy:
+            return
+        flag, sender, before = request[4], self.id, len(self._replies)
+        answer = self.answer(flag, request[5:-1], hits)
+        if answer is not None:
+            # An id change acts at once: the ack comes from the new id already (RH56), or from the old one (ack-id).
+            # Ahead of what the request itself set off, a late frame that may be due at once.
+            number = sender if self.given["ack-id"] == "old" else self.id
+            self._replies.insert(before, Reply(self.now, frame(number, flag, answer), hits))
+
+    def answer(self, flag: int, body: bytes, hits: frozenset[str]) -> bytes | None:
+        """The body of the answer, None: silence. An ack ends in 01; 00 is taken to mean refused (open)."""
+        space, writes = self.FLAGS[flag]
+        address: int = struct.unpack_from("<H", body)[0]
+        if writes:
+            done = self.write(space, address * self.unit, body[2:], hits)
+            data = None if done is None else bytes([done])
+        else:  # no count of 0 and none above 252 (the length byte is count + 3), none past the last address
+            good = 1 <= body[2] <= 252 and address * self.unit + body[2] <= 65536 * self.unit
+            data = self.read(space, address * self.unit, body[2]) if good else None
+        return None if data is None else body[:2] + data
+
+    def tell_saved(self, when: float, address: int, hits: frozenset[str]) -> None:
+        """The result of a save: 00 is saved, FF is failed (RH56 §2.2.2)."""
+        result = struct.pack("<HB", address, 255 if "save-fails" in self.faults else 0)
+        self._tell(when, int(self.given["result-flag"]), result, hits)
+
+    def tell_calibrated(self, when: float, hits: frozenset[str]) -> None:
+        """The end of a calibration, with address 2 and a 00 of unknown meaning (RH56 chapter 3, example 5)."""
+        self._tell(when, 17, struct.pack("<HB", 2, 0), hits)
+
+    def _tell(self, when: float, flag: int, body: bytes, hits: frozenset[str]) -> None:
+        if "no-late-frames" not in self.faults:
+            self._replies.append(Reply(when, frame(self.id, flag, body), hits))
+
+    def spoil(self, data: bytes) -> bytes:
+        return data[:-1] + bytes([(data[-1] + 1) % 256])
+
+    def readdress(self, data: bytes) -> bytes:
+        return frame(data[2] % 254 + 1, data[4], data[5:-1])
+
+    def twin(self, data: bytes) -> bytes:
+        """The second device got the same commands, so only what it measures differs."""
+        space, writes = self.FLAGS[data[4]]
+        if writes:
+            return data
+        address = struct.unpack_from("<H", data, 5)[0] * self.unit
+        return frame(data[2], data[4], data[5:7] + self.second(space, address, data[7:-1]))
+
+
+class Can(Asked):
+    """The device on its CAN bus: reads and writes of up to 8 bytes (wrist §2.3).
+
+        bit  28 27 26 | 25 ...... 14 | 13 ....... 0
+             flag     |   address    |   hand id
+
+    The reply carries the identifier of its request. A message is passed as its identifier in 4 bytes, high byte first, and
+    then the data (engine/can.py).
+    """
+
+    SPEEDS = (1000000, 500000)  # by speed code
+    IDS = (0, 16383)
+
+    def parts(self, identifier: int) -> tuple[int, int, int]:
+        """Flag, address and id."""
+        return identifier >> 26, (identifier >> 14) % 4096, identifier % 16384
+
+    def ack(self, written: int) -> bytes:
+        """What follows the identifier when so many bytes were written. It cannot tell a refusal but by that (open)."""
+        raise NotImplementedError
+
+    def replying(self, identifier: int, answer: bytes) -> int:
+        """The identifier of this answer; after an id change too that of its request (open)."""
+        return identifier
+
+    def feed(self, data: bytes) -> None:
+        identifier, body = struct.unpack_from(">I", data)[0], data[4:]
+        flag, address, number = self.parts(identifier)
+        if number != self.id or flag not in self.FLAGS or not self.possible(flag, identifier, body):
+            return
+        hits = self.judge()
+        if "deaf" in hits:
+            return
+        space, writes = self.FLAGS[flag]
+        if writes:
+            done = self.write(space, address * self.unit, body, hits)
+            answer = None if done is None else self.ack(len(body) if done else 0)
+        else:
+            answer = self.read(space, address * self.unit, body[0])
+        if answer is not None:
+            self._replies.append(Reply(self.now, struct.pack(">I", self.replying(identifier, answer)) + answer, hits))
+
+    def possible(self, flag: int, identifier: int, body: bytes) -> bool:
+        """A read has one data byte, a count of 1 to 8; a write has 1 to 8 (wrist §2.3.1, §2.3.2). Else silence."""
+        return len(body) > 0 if self.FLAGS[flag][1] else len(body) == 1 and 1 <= body[0] <= 8
+
+    def readdress(self, data: bytes) -> bytes:
+        identifier, ids = struct.unpack_from(">I", data)[0], self.IDS[1] + 1
+        return struct.pack(">I", identifier - identifier % ids + (identifier % ids + 1) % ids) + data[4:]
+
+    def twin(self, data: bytes) -> bytes:
+        """The second device got the same commands, so only what it measures differs."""
+        flag, address, _ = self.parts(struct.unpack_from(">I", data)[0])
+        space, writes = self.FLAGS[flag]
+        return data if writes else data[:4] + self.second(space, address * self.unit, data[4:])

@@ -1,7 +1,7 @@
 """The memory of a simulated Inspire device: a byte for every address, and which of them are registers.
 
-Knows bytes and ranges, no frames and no motion. A register row is (address, bytes per element, elements, access, lowest,
-highest); the values of a row whose lowest is negative are signed.
+Knows bytes and ranges, no frames and no motion. A register row is (word, address, bytes per element, elements, access,
+lowest, highest); the values of a row whose lowest is negative are signed.
 """
 
 from __future__ import annotations
@@ -12,16 +12,38 @@ from handctl.digits import whole
 
 MEMORY = 4096  # bytes kept where nothing else is said; above, everything reads 0
 
-Row = tuple[int, int, int, str, int, int]
+Row = tuple[str, int, int, int, str, int, int]
 Rows = tuple[Row, ...]
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
 
 
 class Space:
     """One address space: a byte for every address, and which of them can be written."""
 
-    def __init__(self, rows: Rows, size: int = MEMORY) -> None:
-        self.rows = rows
+    def __init__(self, rows: Rows, size: int = MEMORY, most: int = 32767) -> None:
+        """`most` is the greatest value that a second device measures."""
+        self.use(rows)
         self.memory = bytearray(size)
+        self.most = most
+
+    def use(self, rows: Rows) -> None:
+        self.rows = rows
+        self.row = {row[0]: row for row in reversed(rows)}
+
+    def clear(self) -> None:
+        self.memory = bytearray(len(self.memory))
+
+    def place(self, word: str, number: int = 0) -> int:
+        """Address of an element."""
+        return self.row[word][1] + self.row[word][2] * number
+
+    def put(self, word: str, values: Sequence[int]) -> None:
+        """Fills a row, also beyond its ranges, or with more values than it has."""
+        _, place, size, *_ = self.row[word]
+        layout = "B" if size == 1 else "h" if min(values) < 0 else "H"
+        struct.pack_into(f"<{len(values)}{layout}", self.memory, place, *values)
 
     def read(self, address: int, count: int) -> bytes:
         """Undocumented bytes read 0."""
@@ -32,21 +54,25 @@ class Space:
         last = address + count
         known = sum(
             len(range(max(first, address), min(first + size * number, last)))
-            for first, size, number, _, _, _ in self.rows
+            for _, first, size, number, _, _, _ in self.rows
         )
         return known == count
 
-    def plan(self, address: int, data: bytes, unchecked: bool = False) -> tuple[list[tuple[int, int, bytes]], int]:
-        """What a write would do: (address, value, bytes) of each element it may set, and how many bytes that takes up.
+    def plan(
+        self, address: int, data: bytes, unchecked: bool = False
+    ) -> tuple[list[tuple[str, int, int, int, bytes]], int]:
+        """What a write would do: (word, number, value, address, bytes) of each element it may set, and how many bytes that
+        takes up.
 
         Gaps, read-only bytes and values out of range, unless `unchecked`, are left out; half an element is completed
         from memory.
         """
         accepted, covered = [], 0
-        for first, size, count, access, low, high in self.rows:
+        for word, first, size, count, access, low, high in self.rows:
             if "w" not in access or first + size * count <= address or address + len(data) <= first:
                 continue
-            for place in range(first, first + size * count, size):
+            for number in range(count):
+                place = first + size * number
                 begin, end = max(place, address), min(place + size, address + len(data))
                 if begin >= end:
                     continue
@@ -55,19 +81,41 @@ class Space:
                 layout = "B" if size == 1 else "<h" if low < 0 else "<H"
                 value = struct.unpack(layout, raw)[0]
                 if low <= value <= high or unchecked:
-                    accepted.append((place, value, raw))
+                    accepted.append((word, number, value, place, raw))
                     covered += end - begin
         return accepted, covered
+
+    def store(self, place: int, raw: bytes) -> None:
+        self.memory[place : place + len(raw)] = raw
 
     def twin(self, address: int, data: bytes) -> bytes:
         """What a second device would send for a read: every whole 16-bit reading differs by 3."""
         other = bytearray(data)
-        for first, size, count, access, _, _ in self.rows:
+        for _, first, size, count, access, _, _ in self.rows:
             for place in range(first, first + size * count, size) if (size, access) == (2, "r") else ():
                 if address <= place and place + 2 <= address + len(data):
-                    value = struct.unpack_from("<h", other, place - address)[0]
-                    struct.pack_into("<h", other, place - address, value + 3 if value <= 32764 else value - 3)
+                    differ(other, place - address, self.most)
         return bytes(other)
+
+    def peek(self, words: Sequence[str], unit: int = 1) -> str:
+        """The control command get ADDRESS COUNT."""
+        place = whole(words[0], 0, len(self.memory) // unit - 1) * unit
+        return self.memory[place : place + whole(words[1], 1, len(self.memory))].hex(" ").upper()
+
+    def poke(self, place: int, data: bytes, shown: Iterable[tuple[str, Sequence[object], str]]) -> None:
+        """Writes memory past all rules. `shown` are rows (word, things whose readings it shows, what takes another value)."""
+        if place + len(data) > len(self.memory):
+            raise ValueError(f"memory ends at {len(self.memory) - 1}")
+        before = bytes(self.memory)
+        self.store(place, data)
+        for word, things, name in shown:
+            _, first, size, *_ = self.row[word]
+            for number, thing in enumerate(things):
+                at, layout = first + size * number, "B" if size == 1 else "<h"
+                new = struct.unpack_from(layout, self.memory, at)[0]
+                if new != struct.unpack_from(layout, before, at)[0]:
+                    taker = getattr(thing, name)
+                    taker(new) if callable(taker) else setattr(thing, name, new)
 
     def runs(self) -> dict[str, str]:
         """What is not 0, for a state file: address -> hex bytes. A run may hold up to three zeros in a row."""
@@ -91,8 +139,16 @@ class Space:
         return memory
 
 
-def hex_bytes(text: str) -> bytes:
+def differ(data: bytearray, offset: int, most: int) -> None:
+    """Another 16-bit value there."""
+    value = struct.unpack_from("<h", data, offset)[0]
+    struct.pack_into("<h", data, offset, value + 3 if value <= most - 3 else value - 3)
+
+
+def poking(words: Sequence[str], last: int) -> tuple[int, bytes]:
+    """Address and bytes of the control command set ADDRESS HEX; the bytes may be in groups."""
+    place, digits = whole(words[0], 0, last), "".join(words[1:])
     try:
-        return bytes.fromhex(text)
+        return place, bytes.fromhex(digits)
     except ValueError:
-        raise ValueError(f"{text!r} is not a row of hex bytes") from None
+        raise ValueError(f"{digits!r} is not a row of hex bytes") from None

@@ -10,7 +10,7 @@ Which actuator drives which axis is not said; here both work for either, so a st
 from __future__ import annotations
 
 from handctl.sim.engine.model import Random
-from handctl.sim.engine.servo import CLEARABLE, LOCKED_ROTOR, Servo
+from handctl.sim.inspire.servo import CLEARABLE, LOCKED_ROTOR, Servo, bounded
 
 PITCH, YAW = 0, 1
 AXES = ("pitch", "yaw")
@@ -82,7 +82,22 @@ class Body:
 
     def hold(self, axis: int, angle: float) -> None:
         """Puts an axis there, without a command."""
-        self.angles[axis], self.targets[axis] = angle, None
+        self.angles[axis], self.targets[axis] = float(angle), None
+
+    def hold_pitch(self, angle: int) -> None:
+        self.hold(PITCH, angle)
+
+    def hold_yaw(self, angle: int) -> None:
+        self.hold(YAW, angle)
+
+    @property
+    def movement(self) -> list[float]:
+        """Seconds that the movement under way takes, and that are left of it."""
+        return [self.duration, self.left]
+
+    @movement.setter
+    def movement(self, seconds: list[float]) -> None:
+        self.duration, self.left = seconds
 
     def clear(self) -> None:
         """Clears what can be cleared; a cause that is still there brings its error back."""
@@ -145,14 +160,6 @@ class Body:
         """Of actuators #1 and #2, mA."""
         noisy = self.jitter or self.moving
         return [
-            max(
-                -32768, min(32767, round(a.rest_current + self._rise(a)) + (self.random.between(-3, 3) if noisy else 0))
-            )
+            bounded(round(a.rest_current + self._rise(a)) + (self.random.between(-3, 3) if noisy else 0), -32768, 32767)
             for a in self.actuators
         ]
-
-    def errors(self) -> list[int]:
-        return [actuator.error() for actuator in self.actuators]
-
-    def temperatures(self) -> list[int]:
-        return [max(0, min(255, int(actuator.temperature + 0.0001))) for actuator in self.actuators]

@@ -1,21 +1,46 @@
-"""Control commands and the state of the simulated wrist. Loaded only when one of them is used."""
+"""Control commands of the simulated wrist, its state, and somebody who works with it. Loaded only when one is used.
+
+Angles are well within the ranges of the set values (wrist §2.1: yaw ±25.5°, pitch -22.66° to 22.12°); the course is invented.
+"""
 
 from __future__ import annotations
 
 import struct
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from handctl.digits import whole
-from handctl.sim.hand.body import CALIBRATION
-from handctl.sim.hand.control import poke
-from handctl.sim.inspire.space import MEMORY, hex_bytes
-from handctl.sim.wrist.body import AXES
-from handctl.sim.wrist.memory import KEPT
-from handctl.sim.wrist.model import Module
+from handctl.sim.engine.statefile import Fields, checked, kept, spread
+from handctl.sim.hand.control import check_fingers, fingers_of, poke, use_fingers
+from handctl.sim.hand.fingers import CALIBRATION
+from handctl.sim.inspire.space import MEMORY, poking
+from handctl.sim.wrist.body import AXES, PITCH, YAW
+from handctl.sim.wrist.model import KEPT, Module
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 HELP = (
     "set ADDRESS HEX | get ADDRESS COUNT | hand-set ADDRESS HEX | hand-get ADDRESS COUNT"
     " | temperature 1|2 DEGREES | block pitch|yaw | release pitch|yaw"
+)
+
+
+OF_BODY: Fields = {  # of both axes; of the movement its duration and what is left of it
+    "angles": ("angles", float, -32768, 32767),
+    "targets": ("targets", int, -32768, 32767, None),
+    "movement": ("movement", float, 0, 65.535),
+    "blocked": ("blocked", bool, 0, 1),
+}
+OF_ACTUATORS: Fields = {
+    "errors": ("errors", int, 0, 255),
+    "rest_currents": ("rest_current", int, -32768, 32767),
+    "temperatures": ("temperature", float, 0, 255),
+}
+COURSE = (  # pitch and yaw in 0.01°, seconds to get there, seconds there
+    (1500, -1250, 2.5, 0.8),
+    (600, 1800, 3.0, 0.5),
+    (-1400, 950, 2.5, 1.0),
+    (-345, 1125, 2.0, 0.7),
 )
 
 
@@ -25,15 +50,14 @@ def command(device: Module, words: list[str]) -> str:
         case ["help"]:
             return HELP
         case ["set" | "hand-set", address, *digits] if digits:
-            _poke(device, words[0] == "set", whole(address, 0, MEMORY - 1), data := hex_bytes("".join(digits)))
+            place, data = poking(words[1:], MEMORY - 1)
+            _poke(device, words[0] == "set", place, data)
             return f"{words[0]} {address} {data.hex(' ').upper()}"
-        case ["get" | "hand-get", address, count]:
+        case ["get" | "hand-get", _, _]:
             device.publish()
-            space = device.wrist if words[0] == "get" else device.hand
-            place = whole(address, 0, MEMORY - 1)
-            return space.memory[place : place + whole(count, 1, MEMORY)].hex(" ").upper()
+            return device.space("wrist" if words[0] == "get" else "carrier").peek(words[1:])
         case ["temperature", "1" | "2" as number, degrees]:
-            device.body.actuators[int(number) - 1].set_temperature(whole(degrees, 0, 100))
+            device.body.actuators[int(number) - 1].temperature = whole(degrees, 0, 100)
         case ["block", "pitch" | "yaw" as axis]:
             device.body.blocked[AXES.index(axis)] = True
         case ["release", "pitch" | "yaw" as axis]:
@@ -46,8 +70,6 @@ def command(device: Module, words: list[str]) -> str:
 
 def _poke(device: Module, of_wrist: bool, address: int, data: bytes) -> None:
     """Writes memory past all rules; readings that are poked become the state of what is behind them."""
-    if address + len(data) > MEMORY:
-        raise ValueError(f"memory ends at {MEMORY - 1}")
     device.publish()
     device.dirty = True
     if not of_wrist:
@@ -55,47 +77,30 @@ def _poke(device: Module, of_wrist: bool, address: int, data: bytes) -> None:
         poke(device.carrier, address, data)
         device.id = device.id if device.hand.memory[1000] == number else device.hand.memory[1000]
         return
-    space = device.wrist
-    before = bytes(space.memory)
-    space.memory[address : address + len(data)] = data
-
-    def changed(place: int, layout: str) -> int | None:
-        """The new value of this reading, None if it is still the old one."""
-        new: int = struct.unpack_from(layout, space.memory, place)[0]
-        return None if new == struct.unpack_from(layout, before, place)[0] else new
-
     body = device.body
-    for axis, place in enumerate((1020, 1022)):
-        if (angle := changed(place, "<h")) is not None:
-            body.hold(axis, float(angle))
-    rows = zip(body.actuators, (1026, 1024), (1028, 1030), (1032, 1033), strict=True)
-    for actuator, current_place, error_place, heat_place in rows:
-        if (current := changed(current_place, "<h")) is not None:
-            actuator.rest_current = current
-        if (error := changed(error_place, "B")) is not None:
-            actuator.set_error(error)
-        if (degrees := changed(heat_place, "B")) is not None:
-            actuator.set_temperature(float(degrees))
+    shown: list[tuple[str, list[Any], str]] = [("pitch", [body], "hold_pitch"), ("yaw", [body], "hold_yaw")]
+    for number, actuator in enumerate(body.actuators, 1):
+        shown += [
+            (f"current-{number}", [actuator], "rest_current"),
+            (f"error-{number}", [actuator], "set_error"),
+            (f"temperature-{number}", [actuator], "temperature"),
+        ]
+    device.wrist.poke(address, data, shown)
 
 
 def snapshot(device: Module) -> dict[str, Any]:
     """Both memories as runs of bytes that are not all 0, flash, the speed in force, and the body."""
     device.publish()
-    body = device.body
+    values = [value for word in KEPT for value in device.carrier.kept[word]]
     return {
         "wrist": device.wrist.runs(),
         "carrier": device.hand.runs(),
-        "flash": {**device.flash, "kept": _kept(device).hex(" ").upper()},
+        "flash": {**device.flash, "kept": struct.pack("<18h", *values).hex(" ").upper()},
         "id": device.id,
         "speed_code": device.speed_code,
-        "angles": list(body.angles),
-        "targets": list(body.targets),
-        "movement": [body.duration, body.left],
-        "blocked": list(body.blocked),
-        "temperatures": [actuator.temperature for actuator in body.actuators],
-        "errors": [actuator.errors for actuator in body.actuators],
-        "rest_currents": [actuator.rest_current for actuator in body.actuators],
-        "fingers": device.carrier.body.snapshot(),
+        **{key: list(getattr(device.body, name)) for key, (name, *_) in OF_BODY.items()},
+        **kept(device.body.actuators, OF_ACTUATORS),
+        "fingers": fingers_of(device.carrier.body),
     }
 
 
@@ -103,44 +108,34 @@ def restore(device: Module, state: dict[str, Any]) -> None:
     """All or nothing: everything is read and checked before anything is used."""
     flash_id, flash_code = state["flash"]["id"], state["flash"]["speed_code"]
     number, code, (low, high) = state["id"], state["speed_code"], device.IDS
-    kept = bytes.fromhex(state["flash"]["kept"])
+    saved = bytes.fromhex(state["flash"]["kept"])
     codes = range(len(device.SPEEDS))
     if flash_id not in range(low, high + 1) or number not in range(low, high + 1):
         raise ValueError(f"impossible id {flash_id!r} or {number!r}")
-    if flash_code not in codes or code not in codes or len(kept) != 36:
-        raise ValueError(f"impossible speed code {flash_code!r} or {code!r}, or flash of {len(kept)} bytes")
+    if flash_code not in codes or code not in codes or len(saved) != 36:
+        raise ValueError(f"impossible speed code {flash_code!r} or {code!r}, or flash of {len(saved)} bytes")
     wrist, hand = device.wrist.memory_of(state["wrist"]), device.hand.memory_of(state["carrier"])
-    angles, targets = _row(state, "angles", -32768, 32767), _row(state, "targets", -32768, 32767, True)
-    movement, blocked = _row(state, "movement", 0, 65.535), _row(state, "blocked", 0, 1)
-    temperatures, errors = _row(state, "temperatures", 0, 255), _row(state, "errors", 0, 255)
-    currents = _row(state, "rest_currents", -32768, 32767)
-    fingers = state.get("fingers", {})
-    course = device.carrier.body.check(fingers, CALIBRATION) if "rows" in fingers else None  # an older file has no rows
+    body, actuators = checked(state, OF_BODY, 2), checked(state, OF_ACTUATORS, 2)
+    carrier, fingers = device.carrier, state.get("fingers", {})
+    found = (
+        check_fingers(carrier.body, fingers, CALIBRATION) if "rows" in fingers else None
+    )  # an older file has no rows
     device.wrist.memory, device.hand.memory = wrist, hand
-    if course is not None:
-        device.carrier.body.use(*course)
-    values = struct.unpack("<18h", kept)
-    device.carrier.kept = {word: values[6 * place : 6 * place + 6] for place, word in enumerate(KEPT)}
-    device.carrier.use_set_values()
+    if found is not None:
+        use_fingers(carrier.body, *found)
+    values = struct.unpack("<18h", saved)
+    carrier.kept = {word: values[6 * place : 6 * place + 6] for place, word in enumerate(KEPT)}
+    carrier.use_set_values()
     device.flash, device.id = {"id": flash_id, "speed_code": flash_code}, number
     device.use_speed(code)
-    body = device.body
-    body.angles, body.targets = [float(angle) for angle in angles], targets
-    body.duration, body.left = movement
-    body.blocked = [bool(value) for value in blocked]
-    for place, actuator in enumerate(body.actuators):
-        actuator.errors, actuator.rest_current = int(errors[place]), int(currents[place])
-        actuator.set_temperature(float(temperatures[place]))
+    for name, row in body.items():
+        setattr(device.body, name, row)
+    spread(device.body.actuators, OF_ACTUATORS, actuators)
 
 
-def _kept(device: Module) -> bytes:
-    """What the hand's flash holds of limits, speeds and forces."""
-    return struct.pack("<18h", *(value for word in KEPT for value in device.carrier.kept[word]))
-
-
-def _row(state: dict[str, Any], name: str, low: float, high: float, may_be_none: bool = False) -> list[Any]:
-    """Two numbers in a range."""
-    values: list[Any] = state[name]
-    if len(values) != 2 or not all((may_be_none and v is None) or low <= v <= high for v in values):
-        raise ValueError(f"{name} are not 2 values from {low} to {high}")
-    return values
+def use(device: Module) -> Iterator[float]:
+    """It lifts, turns over and comes back. Each step tells for how long nothing else is done."""
+    while True:
+        for pitch, yaw, seconds, rest in COURSE:
+            device.body.move({PITCH: pitch, YAW: yaw}, seconds)
+            yield seconds + rest

@@ -7,17 +7,62 @@ evidence about a real wrist.
 
 from __future__ import annotations
 
-import struct
-
-from handctl.sim.engine.model import Model, Options, Random
+from handctl.sim.engine.model import Options, Random
+from handctl.sim.hand import books
 from handctl.sim.hand.model import Hand
+from handctl.sim.hand.options import OPTIONS as OF_HAND
+from handctl.sim.inspire.frames import Asked
+from handctl.sim.inspire.servo import bounded, heat, strike
 from handctl.sim.inspire.space import Space
 from handctl.sim.wrist.body import PITCH, YAW, Body
-from handctl.sim.wrist.memory import WRIST, carrier, power_on_wrist
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    pass
+# wrist §2.1; angles in 0.01° with the ranges of wrist §1, currents in mA, time in ms.
+WRIST = (
+    ("pitch", 1020, 2, 1, "r", -2266, 2212),
+    ("yaw", 1022, 2, 1, "r", -2550, 2550),
+    ("current-2", 1024, 2, 1, "r", -32768, 32767),  # of actuator #2
+    ("current-1", 1026, 2, 1, "r", -32768, 32767),  # of actuator #1
+    ("error-1", 1028, 1, 1, "r", 0, 255),
+    ("error-2", 1030, 1, 1, "r", 0, 255),
+    ("temperature-1", 1032, 1, 1, "r", 0, 255),
+    ("temperature-2", 1033, 1, 1, "r", 0, 255),
+    ("yaw-set", 1038, 2, 1, "rw", -2550, 2550),  # yaw before pitch here
+    ("pitch-set", 1040, 2, 1, "rw", -2266, 2212),
+    ("time", 1042, 2, 1, "rw", 0, 65535),  # of a movement
+)
+
+# The hand behind the wrist, which the wrist's manual only mentions (wrist §2.3): that of RH56 §2.4, with ranges as wide as
+# a register, so that a value meant for the wrist does its harm here.
+_HAND = tuple(
+    (word, place, size, count, access, books.LOW, books.HIGH)
+    if size == 2
+    else (word, place, size, count, access, low, high)
+    for word, place, size, count, access, low, high in books.DF
+    if place < 2000
+)
+GENERATION = books.Generation("df", _HAND, full=0.8, speeds=(115200, 57600, 19200))
+# What is in the hand's flash when it leaves the factory: current limits, speeds and forces after power-on.
+_FACTORY: dict[str, tuple[int, ...]] = {
+    "current-limit": (1501, 1502, 1503, 1504, 1505, 1506),
+    "default-speed": (901, 902, 903, 904, 905, 906),
+    "default-force": (401, 402, 403, 404, 405, 406),
+}
+KEPT = tuple(_FACTORY)
+_SET = {
+    "voltage": (562,),
+    "stroke-set": (1161, 1262, 1363, 1464, 1565, 1666),
+    "angle-set": (161, 262, 363, 464, 565, 666),
+    "force-set": (501, 502, 503, 504, 505, 506),
+}
+_READINGS = [  # of each finger: stroke, angle, force, current, state, temperature
+    (1121, 921, -21, 41, 2, 36),
+    (1133, 933, 22, 42, 1, 37),
+    (1145, 945, -23, 43, 3, 38),
+    (1169, 969, 24, 44, 2, 39),  # the angle as in a field capture of an RH56
+    (1157, 957, -25, 45, 0, 40),
+    (1181, 981, 26, 46, 5, 41),
+]
+
 
 LATCHED = {  # fault -> (actuator, error byte)
     "locked-rotor": (0, 1),
@@ -27,13 +72,13 @@ LATCHED = {  # fault -> (actuator, error byte)
     "communication": (0, 16),
     "unknown-bits": (1, 160),
 }
-OF_HAND = frozenset(("strict", "save-fails"))  # what its requests meet too
+HAND_FAULTS = frozenset(("strict", "save-fails"))  # what its requests meet too
 ALL_FAULTS = (1, 4)  # error bytes of the state "faults"
 
 OPTIONS = {
-    "bus": "serial (RS-232 or RS-485, default) or can",
-    "jitter": "1: currents jitter also at rest",
-    "limit": "temperature in °C that sets the over-temperature error (default 70)",
+    "bus": (("serial", "can"), "serial (RS-232 or RS-485, default) or can"),
+    "jitter": (False, "1: currents jitter also at rest"),
+    "limit": ((70, 40, 100), "temperature in °C that sets the over-temperature error (default 70)"),
 }
 FAULTS = {
     "strict": "silence instead of an acknowledgement for a write of anything that cannot be written or is out of range",
@@ -53,28 +98,31 @@ FAULTS = {
 }
 
 
-class Module(Model):
+def carrier(random: Random) -> Hand:
+    """The hand that carries the wrist: it moves at once and shows it at once, and begins as it was at every power-on."""
+    given = Options("wrist", {}, OF_HAND).read(OF_HAND)
+    given |= {"refresh": 0.0, "dead-time": 0.0, "reset": "ram", "jitter": None}
+    return Hand(GENERATION, given, random, {**_FACTORY, **_SET}, _READINGS, _FACTORY, stays=True)
+
+
+class Module(Asked):
     """Wrist and hand. The id, the speed and what is kept live in the hand's space: the wrist's manual has none."""
 
     KIND = "wrist"
-    USE = "handctl.sim.wrist.use"
     CONTROL = "handctl.sim.wrist.control"
     OPTIONS = OPTIONS
     FAULTS = FAULTS
     SPEEDS: tuple[int, ...] = ()  # bit/s by speed code
-    IDS = (1, 254)
+    SPEED = "baud"  # the option
 
-    def __init__(self, options: Options, random: Random, speed_code: int) -> None:
+    def __init__(self, options: Options, random: Random) -> None:
         super().__init__(options, random)
-        options.choice("bus", "serial", ("serial", "can"))
-        self.id = options.integer("id", 1, *self.IDS)
-        self.flash = {"id": self.id, "speed_code": speed_code}
-        self.speed_code = speed_code  # the one in force
-        jitter = options.choice("jitter", "0", ("0", "1")) == "1"
-        self.body = Body(random, jitter, float(options.integer("limit", 70, 40, 100)))
-        self.wrist = Space(WRIST)
-        self.carrier = Hand(carrier(), random)
-        self.hand = self.carrier.space
+        self.id = self.given["id"]
+        self.speed_code = self.SPEEDS.index(int(self.given[self.SPEED]))  # the one in force
+        self.flash = {"id": self.id, "speed_code": self.speed_code}
+        self.body = Body(random, self.given["jitter"], float(self.given["limit"]))
+        self.carrier = carrier(random)
+        self.wrist, self.hand = Space(WRIST), self.carrier.space
 
     # -- power, time, faults ----------------------------------------------------------------------------------------
 
@@ -84,7 +132,7 @@ class Module(Model):
         self.carrier.boot(now)
 
     def advance(self, now: float) -> None:
-        self.now = now
+        super().advance(now)
         self.body.advance(now)
         self.carrier.advance(now)
 
@@ -95,41 +143,32 @@ class Module(Model):
     def power(self, on: bool) -> None:
         """Id and speed come from flash, set values start anew, late frames are gone; angles and heat stay."""
         self.publish()
-        self.powered = on
+        super().power(on)
         self._replies.clear()
         self.body.power_on()
         self.carrier.power(on)
         if not on:
             return
-        power_on_wrist(self.wrist)
+        self.wrist.clear()  # set values; they move nothing until they are written
+        for word, value in (("yaw-set", 1100), ("pitch-set", -300), ("time", 700)):
+            self.wrist.put(word, [value])
         self.use_id(self.flash["id"])
         self.hand.memory[1002] = self.flash["speed_code"]
         self.use_speed(self.flash["speed_code"])
         self.set_faults(self.faults)
-        if "hot" in self.faults:
-            for number, actuator in enumerate(self.body.actuators):
-                actuator.set_temperature(actuator.limit + 1.0 + number)
+        heat(self.body.actuators, self.faults)
         self.dirty = True
 
     def set_faults(self, faults: frozenset[str]) -> None:
         before, self.faults = self.faults, faults
-        self.carrier.faults = faults & OF_HAND
+        self.carrier.faults = faults & HAND_FAULTS
         body = self.body
         if "blocked" in faults:
             body.blocked = [True, True]
         elif "blocked" in before:
             body.release(PITCH)
             body.release(YAW)
-        for number, actuator in enumerate(body.actuators):
-            byte = ALL_FAULTS[number] if "faults" in faults else 0
-            for name, (place, bits) in LATCHED.items():
-                if name in faults and place == number:
-                    byte |= bits
-            actuator.errors |= byte & ~2
-            if byte & 2:
-                actuator.overheat()
-            else:
-                actuator.cool_down()
+        strike(body.actuators, faults, ALL_FAULTS, LATCHED)
 
     def use_id(self, number: int) -> None:
         """Acts at once. The id register has one byte, an id on CAN may have 14 bits: only the low ones show (open)."""
@@ -142,37 +181,46 @@ class Module(Model):
 
     # -- requests ---------------------------------------------------------------------------------------------------
 
-    def read(self, space: Space, address: int, count: int) -> bytes | None:
-        """The bytes, or None: silence."""
-        if space is self.wrist and "no-wrist" in self.faults:
+    def space(self, name: str) -> Space:
+        return self.wrist if name == "wrist" else self.hand
+
+    def read(self, space: str, address: int, count: int) -> bytes | None:
+        if space == "wrist" and "no-wrist" in self.faults:
             return None
-        if "block-silent" in self.faults and not space.documented(address, count):
+        if "block-silent" in self.faults and not self.space(space).documented(address, count):
             return None
-        if space is self.hand:
-            self.carrier.publish()
-        else:
+        if space == "wrist":
             self._publish_wrist()
-        return space.read(address, count)
+        else:
+            self.carrier.publish()
+        return self.space(space).read(address, count)
 
-    def write(self, space: Space, address: int, data: bytes, hits: frozenset[str]) -> bool | None:
-        """Whether the write is accepted, or None: silence.
+    def second(self, space: str, address: int, data: bytes) -> bytes:
+        return self.space(space).twin(address, data)
 
-        Gaps, read-only bytes and values out of range are ignored but acknowledged (open on hardware), or met with
+    def write(self, space: str, address: int, data: bytes, hits: frozenset[str]) -> bool | None:
+        """Gaps, read-only bytes and values out of range are ignored but acknowledged (open on hardware), or met with
         silence in the state "strict".
         """
-        if space is self.hand:
+        if space != "wrist":
             return self._write_hand(address, data, hits)
         if "no-wrist" in self.faults:
             return None
-        accepted, covered = space.plan(address, data)
+        accepted, covered = self.wrist.plan(address, data)
         if "strict" in self.faults and covered < len(data):
             return None
         if "refuse" in hits:
             return False
         self.dirty = True
-        for place, _, raw in accepted:
-            space.memory[place : place + len(raw)] = raw
-        self._move({place: value for place, value, _ in accepted})
+        values = {}
+        for word, _, value, place, raw in accepted:
+            self.wrist.store(place, raw)
+            values[word] = value
+        # The time of the same write counts for its angles; a time alone is for the next movement (open).
+        targets = {axis: values[word] for axis, word in ((YAW, "yaw-set"), (PITCH, "pitch-set")) if word in values}
+        if targets:
+            place = self.wrist.place("time")
+            self.body.move(targets, int.from_bytes(self.wrist.memory[place : place + 2], "little") / 1000.0)
         return True
 
     def _write_hand(self, address: int, data: bytes, hits: frozenset[str]) -> bool | None:
@@ -192,18 +240,12 @@ class Module(Model):
             if event == "saved":
                 # Flash is written at once, so that a client that leaves before the result finds it saved.
                 if "save-fails" not in self.faults:
-                    self.flash = {"id": self.id, "speed_code": self.hand.memory[1002]}
+                    self.flash = {"id": self.id, "speed_code": self.carrier.code()}
                 self.saved(hits)
             else:
                 self.calibrates(when, hits)
         hand.events.clear()
         return done
-
-    def _move(self, values: dict[int, int]) -> None:
-        """The time of the same write counts for its angles; a time alone is for the next movement (open)."""
-        targets = {axis: values[place] for axis, place in ((YAW, 1038), (PITCH, 1040)) if place in values}
-        if targets:
-            self.body.move(targets, struct.unpack_from("<H", self.wrist.memory, 1042)[0] / 1000.0)
 
     def saved(self, hits: frozenset[str]) -> None:
         """A save was tried; a wire that reports the result overrides this."""
@@ -217,11 +259,11 @@ class Module(Model):
         self._publish_wrist()
 
     def _publish_wrist(self) -> None:
-        body, memory = self.body, self.wrist.memory
-        pitch, yaw = (3000, 3001) if "foreign" in self.faults else body.positions()
-        struct.pack_into("<hh", memory, 1020, pitch, yaw)
-        first, second = body.currents()
+        pitch, yaw = (3000, 3001) if "foreign" in self.faults else self.body.positions()
+        first, second = self.body.currents()
         # The register table has #2 before #1; the CAN example calls 1024 the first (wrist §2.1, §2.3.1: open).
-        struct.pack_into("<hh", memory, 1024, second, first)
-        memory[1028], memory[1030] = body.errors()
-        memory[1032], memory[1033] = body.temperatures()
+        for word, value in (("pitch", pitch), ("yaw", yaw), ("current-1", first), ("current-2", second)):
+            self.wrist.put(word, [value])
+        for number, actuator in enumerate(self.body.actuators, 1):
+            self.wrist.put(f"error-{number}", [actuator.error()])
+            self.wrist.put(f"temperature-{number}", [bounded(int(actuator.temperature + 0.0001), 0, 255)])

@@ -1,4 +1,4 @@
-"""One finger of a simulated RH56 hand: it moves, meets something soft or hard, and gets warm.
+"""The fingers of a simulated RH56 hand: each moves, meets something soft or hard, and gets warm; together they calibrate.
 
 Knows units and time, no addresses and no frames. Angles are those of the generation (larger is more open), strokes run from 0
 (open) to 2000, forces are grams, currents mA, temperatures °C. Everything is computed in closed form from the time that
@@ -7,11 +7,14 @@ passed, so a jump of virtual time gives the same as many small steps. What the d
 
 from __future__ import annotations
 
-from handctl.sim.engine.servo import CLEARABLE, LOCKED_ROTOR, OVER_CURRENT, OVER_TEMPERATURE, Servo
+from copy import copy
+
+from handctl.sim.engine.model import Random
+from handctl.sim.inspire.servo import CLEARABLE, LOCKED_ROTOR, OVER_CURRENT, OVER_TEMPERATURE, Servo, bounded
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import Any
+    from handctl.sim.hand.books import Generation
 
 OPENING, CLOSING, ARRIVED, FORCE_REACHED, PROTECTED, LOCKED, FAULTY, EMERGENCY = 0, 1, 2, 3, 5, 6, 7, 8  # status
 DRIVE_CURRENT = 150.0  # mA more than at rest while a finger moves (100 to 194 were measured, dossier §6)
@@ -158,8 +161,19 @@ class Finger(Servo):
 
     def hold(self, angle: float) -> None:
         """Puts it there, without a command."""
-        self.angle = angle
+        self.angle = float(angle)
         self._forget()
+
+    # What somebody sees who pokes into memory.
+
+    def put_stroke(self, stroke: float) -> None:
+        self.stroke = self.stroke_goal = float(stroke)
+
+    def rest_at(self, force: int) -> None:
+        self.rest_force, self.object = force, None
+
+    def show_error(self, error: int) -> None:
+        self.errors = error & ~(OVER_TEMPERATURE if self.hot else 0)
 
     def clear(self) -> None:
         """Clears what can be cleared: not the heat. The finger stays where it is."""
@@ -203,23 +217,142 @@ class Finger(Servo):
             self.errors |= LOCKED_ROTOR if until == STALL_TIME else OVER_CURRENT
 
 
-FIELDS = {  # of a finger in a state file, with the least and the greatest value
-    "angle": (-4000, 4000), "stroke": (-4000, 4000), "stroke_goal": (-4000, 4000), "rest_force": (-32768, 32767),
-    "rest_current": (-32768, 32767), "state": (0, 255), "blocked": (0, 1), "errors": (0, 255), "temperature": (0, 255),
-    "forced": (0, 8000),
-}  # fmt: skip
-GOALS = ("command", "goal", "object", "thing")  # None, or an angle
+CALIBRATION = 6.0  # s (dossier Q8)
+HELD, OPEN, BENT = -1, 1, 0
+COURSE = (  # opens, closes four fingers, opens, bends the thumb, opens (dossier Q8)
+    (OPEN,) * 6,
+    (BENT, BENT, BENT, BENT, HELD, HELD),
+    (OPEN, OPEN, OPEN, OPEN, HELD, HELD),
+    (HELD, HELD, HELD, HELD, BENT, BENT),
+    (HELD, HELD, HELD, HELD, OPEN, OPEN),
+)
 
 
-def fields_of(row: dict[str, Any]) -> dict[str, Any]:
-    """What a finger is made of, within what registers show."""
-    for name, (low, high) in FIELDS.items():
-        if not low <= row[name] <= high:
-            raise ValueError(f"impossible {name} {row[name]!r} of a finger")
-    for name in GOALS:
-        if row[name] is not None and not -4000 <= row[name] <= 4000:
-            raise ValueError(f"impossible {name} {row[name]!r} of a finger")
-    counts = ("rest_force", "rest_current", "state", "errors", "forced")
-    found: dict[str, Any] = {name: int(row[name]) if name in counts else row[name] for name in (*FIELDS, *GOALS)}
-    waiting = [(float(when), float(angle)) for when, angle in row["waiting"]]
-    return {**found, "blocked": bool(row["blocked"]), "waiting": waiting}
+class Body:
+    """All fingers, what is on its way to them, and a calibration."""
+
+    def __init__(self, random: Random, generation: Generation, jitter: bool | None, fingers: list[Finger]) -> None:
+        self._seed = copy(random).between(0, 1 << 20)
+        self.random = Random(self._seed)
+        self.generation = generation
+        self.jitter = jitter
+        self.fingers = fingers
+        self.now = 0.0
+        self.stopped = False  # emergency stop
+        self.course: list[tuple[float, int]] = []  # of a calibration: when, number of the pose or of their end
+
+    def power_on(self) -> None:
+        self.course = []
+        self.stopped = False
+        for finger in self.fingers:
+            finger.power_on()
+
+    @property
+    def calibrating(self) -> bool:
+        return bool(self.course)
+
+    def advance(self, now: float) -> None:
+        while (event := self.next_event()) is not None and event <= now:
+            self._run(event - self.now)
+            self.now = max(self.now, event)
+            if self.course and self.course[0][0] <= event:
+                self._pose(self.course.pop(0)[1])
+            for finger in self.fingers:
+                while finger.waiting and finger.waiting[0][0] <= event:
+                    finger.aim(finger.waiting.pop(0)[1])
+        self._run(now - self.now)
+        self.now = max(self.now, now)
+
+    def _run(self, seconds: float) -> None:
+        if seconds > 0.0:
+            for finger in self.fingers:
+                finger.run(seconds)
+
+    def next_event(self) -> float | None:
+        """When a command reaches its motor, or the next pose of a calibration begins."""
+        first = self.course[0][0] if self.course else None
+        for finger in self.fingers:
+            if finger.waiting and (first is None or finger.waiting[0][0] < first):
+                first = finger.waiting[0][0]
+        return first
+
+    # -- commands -------------------------------------------------------------------------------------------------------
+
+    def command(self, number: int, angle: float, dead_time: float) -> None:
+        """Sends a finger on its way, after the dead time. None moves while it calibrates or is stopped (invented)."""
+        if self.calibrating or self.stopped:
+            return
+        if dead_time > 0.0:
+            self.fingers[number].waiting.append((self.now + dead_time, angle))
+        else:
+            self.fingers[number].aim(angle)
+
+    def use_speed(self, number: int, speed: int) -> None:
+        """From now on; at 0 a finger stands still, and goes on when it has a speed again (open)."""
+        self.fingers[number].speed = speed
+        self.fingers[number].renew()
+
+    def use_force(self, number: int, grams: int) -> None:
+        """From now on; a finger that stands at its limit needs another command (open)."""
+        finger = self.fingers[number]
+        if finger.stubborn and finger.force_limit != grams and finger.state == FORCE_REACHED:
+            finger.state = ARRIVED
+        finger.force_limit = grams
+        finger.renew()
+
+    def stop(self, stopped: bool) -> None:
+        """The emergency stop of F1 and DG2. Nothing moves on when it is released (open)."""
+        if stopped and not self.stopped:
+            self.course = []
+            for finger in self.fingers:
+                finger.hold(finger.angle)
+                finger.state = EMERGENCY
+        elif self.stopped and not stopped:
+            for finger in self.fingers:
+                finger.state = ARRIVED
+        self.stopped = stopped
+
+    def calibrate(self, seconds: float, moves: bool) -> float:
+        """Begins a calibration, of the open and unloaded hand; the moment of its end."""
+        step = seconds / len(COURSE)
+        poses = len(COURSE) if moves else 0
+        self.course = [(self.now + step * number, number) for number in range(poses)]
+        self.course.append((self.now + seconds, len(COURSE)))
+        if moves:
+            self._pose(self.course.pop(0)[1])
+        return self.now + seconds
+
+    def _pose(self, pose: int) -> None:
+        """The next pose, at the greatest speed; behind the last the forces are zero."""
+        for number, finger in enumerate(self.fingers):
+            if pose == len(COURSE):
+                finger.rest_force = finger.forced = 0
+            elif (way := COURSE[pose][min(number, 5)]) != HELD:
+                finger.forced = self.generation.fast
+                finger.aim(float(finger.open if way == OPEN else finger.closed))
+
+    # -- readings, as the registers show them ---------------------------------------------------------------------------
+
+    def jitters(self) -> None:
+        """Before readings are taken: they jitter by the moment, not by what the wire did before."""
+        self.random = Random(self._seed + int(1000 * self.now + 0.25))
+
+    def readings(self, foreign: bool) -> list[tuple[str, list[int]]]:
+        """Those of each word; of a `foreign` hand no angle can be."""
+        fingers = self.fingers
+        angles = range(3000, 3000 + len(fingers)) if foreign else [round(finger.angle) for finger in fingers]
+        forces = [finger.rest_force + round(finger.pressed()) + self._noise(finger, 2) for finger in fingers]
+        currents = [round(finger.current()) + self._noise(finger, 3) for finger in fingers]
+        return [
+            ("stroke", [round(finger.stroke) for finger in fingers]),
+            ("angle", list(angles)),
+            ("force", [bounded(force, -32768, 32767) for force in forces]),
+            ("current", [bounded(current, -32768, 32767) for current in currents]),
+            ("error", [finger.error() for finger in fingers]),
+            ("status", [finger.status() for finger in fingers]),
+            ("temperature", [bounded(int(finger.temperature + 0.0001), 0, 255) for finger in fingers]),
+        ]
+
+    def _noise(self, finger: Finger, width: int) -> int:
+        noisy = self.jitter is not None and (self.jitter or finger.moving)
+        return self.random.between(-width, width) if noisy else 0

@@ -1,24 +1,30 @@
-"""The CAN bus between a client and a simulated device: frame times, arbitration, faults of the bus, acknowledgement.
+"""The CAN bus between clients and a simulated device: frame times, arbitration, faults of the bus, acknowledgement.
 
 Generic: knows frames and time, no protocol. A message reaches the device as its identifier in 4 bytes, high byte first,
 followed by the data; replies have the same form. Nothing here sleeps: the driver calls `advance(now)`, then
-`feed_frame` and `take_frames`, and asks `next_event` how long it may sleep.
+`feed_frame` and `take_frames`, and asks `next_event` how long it may sleep. A `CanLine` knows one client; with a `Hub` there
+are several, each in a `Seat` that behaves as a `CanLine` towards an adapter.
 """
 
 from __future__ import annotations
 
 import struct
 
-from handctl.sim.engine.cable import Cable
-from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS, SLOW
+from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS, SLOW, Cable
 from handctl.sim.engine.model import Model, Reply
 
-CAN_OPTIONS: dict[str, str] = {
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from typing import Any
+
+    from handctl.sim.engine.model import Rows
+
+CAN_OPTIONS: Rows = {
     **LINE_OPTIONS,
-    "wire": "1 or 'auto': frames take their time on the bus (67 bits and 8 a data byte, default 0: none)",
-    "turnaround": "seconds from the end of a request to its answer (default 0)",
-    "traffic": "frames a second that others send to each other, 0..1000 (default 0). They acknowledge as well",
-}
+    "wire": (("0", "1", "auto"), "1 or 'auto': frames take their time on the bus (67 bits and 8 a data byte, default 0: none)"),
+    "turnaround": ((0.0, 60.0), "seconds from the end of a request to its answer (default 0)"),
+    "traffic": ((0, 0, 1000), "frames a second that others send to each other, 0..1000 (default 0). They acknowledge as well"),
+}  # fmt: skip
 CAN_FAULTS: dict[str, str] = {
     **{name: LINE_FAULTS[name] for name in ("healthy", "silent", "deaf", "late", "slow", "duplicate", "stale")},
     "noise": "frames with other identifiers before and after each answer, also if the answer is lost",
@@ -65,10 +71,10 @@ class CanLine(Cable):
 
     def __init__(self, model: type[Model], raw: dict[str, str]) -> None:
         super().__init__(model, raw, CAN_OPTIONS, CAN_FAULTS)
-        self._traffic = self._options.integer("traffic", 0, 0, 1000)
+        self._traffic = self.given["traffic"]
         self._traffic_due = 0.0  # when the next of these frames is sent
         self._traffic_near = 0  # an identifier of the client, which they avoid
-        self._timed = self._options.choice("wire", "0", ("0", "1", "auto")) != "0"
+        self._timed = self.given["wire"] != "0"
         self.client_bitrate: int | None = None  # None: taken for the right one
         self.taking_part = True  # whether the client's controller acknowledges what others send
         self.acknowledged = True  # whether anybody acknowledged the last frame of the client
@@ -242,11 +248,11 @@ class CanLine(Cable):
             frames.insert(0, previous)
         if "noise" in hits:
             frames = [*self._foreigners(identifier), *frames, *self._foreigners(identifier)]
-        due = reply.due + self._turnaround
+        due = reply.due + self.given["turnaround"]
         if "slow" in hits:
             due += SLOW
         if "late" in hits:
-            due += self._late
+            due += self.given["late"]
         queue = [Frame(due, *frame) for frame in frames]
         if "disconnect" in hits:
             queue = [Frame(due, identifier, b"")]
@@ -275,3 +281,127 @@ class CanLine(Cable):
 def _split(message: bytes) -> tuple[int, bytes]:
     identifier: int = struct.unpack_from(">I", message)[0]
     return identifier, message[4:]
+
+
+class Hub:
+    """The bus with the seats of its clients."""
+
+    def __init__(self, line: Any) -> None:
+        """`line` is a `CanLine`, or the CAN bus of a file."""
+        self.line = line
+        self.seats: list[Seat] = []
+        self.asked: Seat | None = None  # who sent last
+
+    def join(self) -> Seat:
+        self.seats.append(Seat(self))
+        return self.seats[-1]
+
+    def leave(self, seat: Seat) -> None:
+        if seat in self.seats:
+            self.seats.remove(seat)
+
+    def advance(self, now: float) -> None:
+        self.line.advance(now)
+        self.collect()
+
+    def next_event(self) -> float | None:
+        event: float | None = self.line.next_event()
+        return event
+
+    @property
+    def away(self) -> bool:
+        """Whether all adapters are unplugged, as those of a bus of a file can be."""
+        return bool(getattr(self.line, "away", False))
+
+    def reconnect(self) -> None:
+        """The adapters are back."""
+        self.line.reconnect()
+
+    def power_cycle(self) -> None:
+        self.line.power_cycle()
+
+    def command(self, text: str) -> str:
+        answer: str = self.line.command(text)
+        return answer
+
+    def close(self) -> None:
+        self.line.close()
+
+    def send(self, seat: Seat, can_id: int, data: bytes, extended: bool, remote: bool) -> None:
+        """A frame of this seat, for the bus and for all other seats."""
+        line, others = self.line, [other for other in self.seats if other is not seat and other.hears()]
+        self.asked = seat
+        deafened = line.deafened
+        line.client_bitrate, line.bus_off = seat.client_bitrate, seat.bus_off
+        line.feed_frame(can_id, data, extended, remote)
+        seat.acknowledged, seat.bus_off = line.acknowledged, line.bus_off
+        line.client_bitrate, line.bus_off = None, False
+        if not seat.acknowledged and not deafened and seat.hears():
+            seat.acknowledged = any(other.taking_part for other in others)
+        if seat.acknowledged and extended and not remote:
+            for other in others:
+                other.arrived.append((can_id, data))
+        self.collect()
+
+    def collect(self) -> None:
+        """Gives what has come to every seat that hears it."""
+        line = self.line
+        frames = line.take_frames()
+        errors, line.bus_errors = line.bus_errors, 0
+        for seat in self.seats:
+            seat.bus_errors += errors
+            if seat.hears():
+                seat.arrived += frames
+        if line.hung_up and not self.away:  # the adapter of who asked goes away
+            line.reconnect()
+            if self.asked is not None:
+                self.asked.hung_up = True
+
+
+class Seat:
+    """One client's controller on the bus."""
+
+    def __init__(self, hub: Hub) -> None:
+        self.hub = hub
+        self.client_bitrate: int | None = None  # None: taken for the right one
+        self.acknowledged = True
+        self.bus_errors = 0
+        self.bus_off = False
+        self.hung_up = False
+        self.taking_part = False  # whether it acknowledges what others send
+        self.arrived: list[tuple[int, bytes]] = []
+
+    @property
+    def device(self) -> Any:
+        return self.hub.line.device
+
+    def hears(self) -> bool:
+        return not self.bus_off and self.client_bitrate in (None, self.device.speed)
+
+    def advance(self, now: float) -> None:
+        self.hub.advance(now)
+
+    def feed_frame(self, can_id: int, data: bytes, extended: bool = True, remote: bool = False) -> None:
+        if not self.hung_up:
+            self.hub.send(self, can_id, data, extended, remote)
+
+    def take_frames(self) -> list[tuple[int, bytes]]:
+        self.hub.collect()
+        frames, self.arrived = self.arrived, []
+        return frames
+
+    def next_event(self) -> float | None:
+        return 0.0 if self.arrived else self.hub.next_event()
+
+    def reconnect(self) -> None:
+        self.arrived.clear()
+        self.bus_off = self.hung_up = False
+
+    def power_cycle(self) -> None:
+        self.hub.power_cycle()
+
+    def command(self, text: str) -> str:
+        return self.hub.command(text)
+
+    def close(self) -> None:
+        self.hub.close()

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 from handctl.sim.engine.model import Model, Options, Random
-from handctl.sim.hand.model import Hand
-from handctl.sim.hand.setup import from_options
+from handctl.sim.hand.model import Hand, from_options
+from handctl.sim.inspire.frames import Asked
 
 
-class Front(Model):
+class Front(Asked):
     """The hand as one of its wires shows it. A wire beside another one is made with that one's hand."""
 
     KIND = "hand"
-    USE = "handctl.sim.hand.use"
     CONTROL = "handctl.sim.hand.control"
+    BUS = ""
+    FLAGS = {0: ("", False), 1: ("", True)}  # noqa: RUF012
 
     def __init__(self, options: Options, random: Random, hand: Hand | None = None) -> None:
         super().__init__(options, random)
-        options.text("bus")
+        options.choice("bus", self.BUS, (self.BUS,))
         self.alone = hand is None
-        self.hand = Hand(from_options(options), random) if hand is None else hand
+        self.hand = from_options(options, self.given, random) if hand is None else hand
+        self.unit = self.hand.generation.unit
+
+    @property
+    def id(self) -> int:  # type: ignore[override]
+        return self.hand.number
 
     def beside(self, model: type[Model]) -> type[Model]:
         """Another wire of this hand, of a class like this one."""
@@ -46,7 +52,7 @@ class Front(Model):
 
     def power(self, on: bool) -> None:
         """Late frames are gone; a wire that joins a hand that is on leaves it so."""
-        self.powered = on
+        super().power(on)
         self._replies.clear()
         if on != self.hand.powered:
             self.hand.faults = self.faults
@@ -60,12 +66,13 @@ class Front(Model):
     def restored(self) -> None:
         """A state file has changed the hand."""
 
-    def write(self, address: int, data: bytes, hits: frozenset[str]) -> bool | None:
-        """A write at a byte address, after which the state file is another one."""
-        done = self.hand.write(address, data, hits)
-        self.dirty = True
-        return done
+    def read(self, space: str, address: int, count: int) -> bytes | None:
+        return self.hand.read(address, count)
 
-    def twin_of(self, address: int, data: bytes) -> bytes:
-        """What a second hand with the same commands would answer to a read at this byte address."""
+    def write(self, space: str, address: int, data: bytes, hits: frozenset[str]) -> bool | None:
+        """A write, after which the state file is another one."""
+        self.dirty = True
+        return self.hand.write(address, data, hits)
+
+    def second(self, space: str, address: int, data: bytes) -> bytes:
         return self.hand.space.twin(address, data)

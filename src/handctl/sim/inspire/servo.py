@@ -6,27 +6,50 @@ taken to be those of the hands of the same maker (exo §2.3.12).
 
 from __future__ import annotations
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    Latched = Mapping[str, tuple[int, int]]
+
 HEATING = 0.06  # °C above rest per mA above rest, once settled
 SETTLING = 60.0  # s, time constant of heating and cooling
 COOLER = 10.0  # °C below the limit at which the over-temperature error goes away
 E = 2.718281828459045
 
 LOCKED_ROTOR, OVER_TEMPERATURE, OVER_CURRENT, MOTOR_ABNORMAL, COMMUNICATION = 1, 2, 4, 8, 16  # exo §2.3.12
+LATCHED = {  # fault -> (finger, error byte): another finger for each bit, so that a swap is seen
+    "locked-rotor": (0, 1),
+    "over-temperature": (1, 2),
+    "over-current": (2, 4),
+    "motor-abnormal": (4, 8),
+    "communication": (4, 16),
+    "unknown-bits": (3, 160),
+}
 CLEARABLE = LOCKED_ROTOR + OVER_CURRENT + MOTOR_ABNORMAL + COMMUNICATION  # exo §2.3.3
 
 
 class Servo:
     """Heat and errors of one actuator that settles at `at_rest` °C and is too hot from `limit` on."""
 
-    __slots__ = ("ambient", "at_rest", "errors", "hot", "limit", "temperature")
+    __slots__ = ("_temperature", "ambient", "at_rest", "errors", "hot", "limit")
 
     def __init__(self, at_rest: float, limit: float) -> None:
         self.at_rest = at_rest
         self.limit = limit
-        self.temperature = at_rest
         self.ambient = at_rest  # where it settles at rest
         self.errors = 0
         self.hot = False
+        self.temperature = at_rest
+
+    @property
+    def temperature(self) -> float:
+        """Heated or cooled at once, it drifts from there to where it settles."""
+        return self._temperature
+
+    @temperature.setter
+    def temperature(self, degrees: float) -> None:
+        self._temperature = degrees
         self._check_heat()
 
     def warm(self, seconds: float, rise: float) -> None:
@@ -34,7 +57,6 @@ class Servo:
         settled = self.ambient + HEATING * rise
         if self.temperature != settled:
             self.temperature = settled + (self.temperature - settled) * E ** (-seconds / SETTLING)
-            self._check_heat()
 
     def error(self) -> int:
         """The error byte. Bit 1 follows the temperature alone (exo §2.3.3 note)."""
@@ -47,17 +69,12 @@ class Servo:
             self.overheat()
         elif self.hot:
             self.cool_down()
-            self.set_temperature(self.limit - COOLER)
-
-    def set_temperature(self, degrees: float) -> None:
-        """Heats or cools at once; from there it drifts to where it settles."""
-        self.temperature = degrees
-        self._check_heat()
+            self.temperature = self.limit - COOLER
 
     def overheat(self) -> None:
         """Heats it above the limit, for good."""
         self.ambient = self.limit + 8.0
-        self.set_temperature(max(self.temperature, self.ambient))
+        self.temperature = max(self.temperature, self.ambient)
 
     def cool_down(self) -> None:
         """Takes the cause of lasting heat away."""
@@ -65,3 +82,26 @@ class Servo:
 
     def _check_heat(self) -> None:
         self.hot = self.temperature >= self.limit or (self.hot and self.temperature > self.limit - COOLER)
+
+
+def strike(servos: Sequence[Servo], faults: frozenset[str], every: Sequence[int], latched: Latched = LATCHED) -> None:
+    """Puts the actuators into the states of these faults; `every` are the error bytes of the fault "faults"."""
+    for number, servo in enumerate(servos):
+        byte = every[number] if "faults" in faults and number < len(every) else 0
+        for name, (place, bits) in latched.items():
+            byte |= bits if name in faults and place == number else 0
+        servo.errors |= byte & ~OVER_TEMPERATURE
+        if byte & OVER_TEMPERATURE:
+            servo.overheat()
+        else:
+            servo.cool_down()
+
+
+def heat(servos: Sequence[Servo], faults: frozenset[str]) -> None:
+    """Behind a power-on: with the fault "hot" all begin above the limit."""
+    for number, servo in enumerate(servos) if "hot" in faults else ():
+        servo.temperature = servo.limit + 1.0 + number
+
+
+def bounded(value: int, low: int, high: int) -> int:
+    return max(low, min(high, value))
