@@ -41,8 +41,7 @@ from handctl.model.result import Journal, Table
 from handctl.system import clock
 from handctl.tools.machine import Machine
 from handctl.tools.probes import family_of, probe_of, wire_of
-from handctl.tools.scan_look import Looking
-from handctl.tools.scan_plan import plan
+from handctl.tools.scan_look import Looking, plan
 from handctl.tools.scan_report import Search, report
 
 LONG = 1800.0
