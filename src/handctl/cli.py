@@ -22,7 +22,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is None:
         gc.disable()  # until the command runs: what is imported stays, and looking through it costs a twentieth of the start
     from handctl.frame.clikit import run_root
-    from handctl.screen.streams import substitute_what_is_missing
+    from handctl.screen.filter import substitute_what_is_missing
 
     substitute_what_is_missing()
 

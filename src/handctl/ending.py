@@ -89,7 +89,7 @@ def end_on_signals(*, suspend: bool) -> None:
 
     SIGINT too: a script's background job starts with it ignored, and must be stoppable all the same.
     """
-    from handctl.system import clock, signals, streams  # noqa: F401 - all that the handler needs: it must not import
+    from handctl.system import clock, signals, waits  # noqa: F401 - all that the handler needs: it must not import
 
     _state.__init__()  # type: ignore[misc]
 
@@ -196,9 +196,9 @@ def _ring(_number: int, _frame: Any) -> None:
 
 def has_room(descriptor: int, seconds: float | None = 0.0) -> bool:
     """Wait until a pipe or a terminal takes something, or its reader is gone; None = for ever. A wish to end is raised here."""
-    from handctl.system import streams
+    from handctl.system import waits
 
-    return descriptor < 0 or streams.takes(descriptor, seconds)
+    return descriptor < 0 or waits.takes(descriptor, seconds)
 
 
 def make_room(descriptor: int) -> None:

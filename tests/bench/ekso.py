@@ -32,13 +32,14 @@ def run(*, quick: bool) -> Iterator[Figure]:
 def bare(link: str, count: int) -> float:
     """Samples a second of the port alone, in this process."""
     from handctl.devices.ekso.dataport import DataPort
+    from handctl.devices.ekso.frames import Command
     from handctl.link import open_link
     from handctl.model.result import Journal
 
     opened = open_link(link, baud=115200)
     try:
-        samples = DataPort(opened, Journal()).samples()  # type: ignore[arg-type]
-        moments = [next(samples)[0] for _ in range(count)]
+        port = DataPort(opened, Journal())  # type: ignore[arg-type]
+        moments = [port.moment.middle for _ in range(count) if port.read(Command.GET_DATA)]
     finally:
         opened.close()
     return (count - 1) / (moments[-1] - moments[0])

@@ -19,7 +19,7 @@ import handctl
 import handctl.docgen.__main__ as program
 from handctl import __version__, errors, guides
 from handctl.devices.barrett.care import upkeep
-from handctl.docgen import generate
+from handctl.docgen.__main__ import generate
 from handctl.docgen.roff import Page, escape, marked
 from handctl.docgen.tree import map_of
 from handctl.families import COMMANDS, FAMILIES, WIRES

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl import guides
-from handctl.docgen import guides as pages
+from handctl.docgen import man as pages
 from handctl.guides import Code, Heading, Item, Para, Table
 
 TEXT = """# handctl-some-guide(7): how to do it
@@ -68,7 +68,7 @@ def test_names_are_those_of_the_package() -> None:
 
 
 def test_page() -> None:
-    body = pages.page(TEXT, "2026-01-01").partition(".SH DESCRIPTION\n")[2].partition(".SH SEE ALSO")[0]
+    body = pages.guide(TEXT).partition(".SH DESCRIPTION\n")[2].partition(".SH SEE ALSO")[0]
     assert body == (
         "One line, and its second.\nSee \\%\\fBhandctl\\-links\\fR(7).\n.SH A HEADING\n.IP \\(bu 2\nfirst\n"
         ".IP \\(bu 2\nsecond, which goes on\n.IP \\(bu 2\nthird\n.PP\nA paragraph behind a list.\n"
@@ -78,5 +78,5 @@ def test_page() -> None:
 
 def test_further_columns_of_a_table_say_what_they_are() -> None:
     text = "# handctl-a(7): a\n| figure | value | goal |\n|---|---|---|\n| dump | 1 ms | |\n| scan | 2 s | 3 s |\n"
-    body = pages.page(text, "2026-01-01").partition(".SH DESCRIPTION\n")[2].partition(".SH SEE ALSO")[0]
+    body = pages.guide(text).partition(".SH DESCRIPTION\n")[2].partition(".SH SEE ALSO")[0]
     assert body == ".TP\n\\fBdump\\fR\nValue: 1 ms.\n.TP\n\\fBscan\\fR\nValue: 2 s.\nGoal: 3 s.\n"

@@ -172,7 +172,7 @@ def test_every_example_is_a_line_that_handctl_takes(name: str) -> None:
 def test_every_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In order and in one directory, as a reader would: one example's file is the next one's input."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("handctl.system.network.source", lambda _address: "")  # `doctor` asks which address is its own
+    monkeypatch.setattr("handctl.tools.machine.source", lambda _address: "")  # `doctor` asks which address is its own
     for file, text in GIVEN.items():
         (tmp_path / file).write_text(text, encoding="ascii")
     if "devices add left" not in PAGES[name]:

@@ -7,9 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from handctl.devices.ekso.log.feedback import FeedbackLine
-from handctl.devices.ekso.log.format import RowLayout
-from handctl.devices.ekso.log.source import USUAL_MS
+from handctl.devices.ekso.log import USUAL_MS, FeedbackLine, RowLayout
 from handctl.errors import HandctlError
 from handctl.model.clocks import Moment
 from handctl.model.guide import Guide

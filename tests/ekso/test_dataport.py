@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from handctl.devices.ekso.dataport import QUIET
 from handctl.devices.ekso.frames import Command
-from handctl.devices.ekso.lengthmode import find_mode
 from handctl.errors import HandctlError, LinkError, NoAnswer, NotIdentified, ProtocolError
 from handctl.link import Deadline
 from handctl.model.gate import Gate
@@ -246,22 +245,11 @@ def test_whatever_a_device_does_ends_in_an_answer_or_an_error(parts: list[bytes 
 def test_samples_as_fast_as_the_device_answers() -> None:
     unit = Unit()
     port = port_on(unit)
-    taken = [sample for sample, _ in zip(port.samples(), range(50), strict=False)]
-    assert [words[:2] for _, words in taken] == [(450, -75)] * 50
-    moments = [moment for moment, _ in taken]
+    taken = [(port.read(Command.GET_DATA).words, port.moment.middle) for _ in range(50)]
+    assert [words[:2] for words, _ in taken] == [(450, -75)] * 50
+    moments = [moment for _, moment in taken]
     assert moments[0] == pytest.approx(QUIET + unit.turn / 2)
     assert [b - a for a, b in pairwise(moments)] == [pytest.approx(unit.turn)] * 49
-    assert len(list(port.samples(unit.deadline(0.1)))) == 50
-
-
-def test_samples_raise_what_goes_wrong() -> None:
-    unit = Unit()
-    port = port_on(unit)
-    stream = port.samples()
-    next(stream)
-    unit.on = {DATA: lambda _msg_id, _body: []}
-    with pytest.raises(NoAnswer):
-        next(stream)
 
 
 # -- length conventions -----------------------------------------------------------------------------------------------
@@ -278,7 +266,7 @@ def test_a_convention_is_found_with_reads_only(mode: str, more: int) -> None:
 
     unit.answer = answer
     port = port_on(unit)
-    assert find_mode(port) == mode
+    assert port.find_mode() == mode
     assert set(unit.commands()) == {TIME}
     gaps = [b - a for a, b in pairwise(unit.sent_at)]
     assert all(gap >= 0.5 for gap in gaps), "a swallowed request must be over before the next"
@@ -294,7 +282,7 @@ def test_no_convention_fits() -> None:
     unit.on = {TIME: lambda _msg_id, _body: []}
     port = port_on(unit)
     with pytest.raises(NoAnswer):
-        find_mode(port)
+        port.find_mode()
     assert port.mode == "body"
     assert [request[1] for request in unit.sent] == [0, 6, 4, 2]
 
@@ -304,7 +292,7 @@ def test_the_line_rests_for_half_a_second_whatever_the_timeout(timeout: float, g
     unit = Unit()
     unit.on = {TIME: lambda _msg_id, _body: []}
     with pytest.raises(NoAnswer):
-        find_mode(port_on(unit, timeout=timeout))
+        port_on(unit, timeout=timeout).find_mode()
     assert [b - a for a, b in pairwise(unit.sent_at)] == [pytest.approx(gap, abs=0.05)] * 3
 
 
@@ -313,7 +301,7 @@ def test_looking_for_a_convention_ends_at_the_deadline() -> None:
     unit.on = {TIME: lambda _msg_id, _body: []}
     port = port_on(unit, timeout=3.0, bound=unit.deadline(1.0))
     with pytest.raises(NoAnswer) as caught:
-        find_mode(port)
+        port.find_mode()
     assert unit.clock == pytest.approx(1.0)
     assert "no answer to GetTime (96 00 00 01 75 E7) before --deadline was over" in caught.value.text
     assert (len(unit.sent), port.mode) == (1, "body")

@@ -7,10 +7,9 @@ from typing import Any
 
 import pytest
 
-from handctl.devices.ekso.device import one_setting
+from handctl.devices.ekso.device import dump_view, one_setting, words_view
 from handctl.devices.ekso.map import EKSO, MESSAGES
 from handctl.devices.ekso.status import status_view, unfit
-from handctl.devices.ekso.views import dump_view, words_view
 from handctl.errors import (
     CheckFailed,
     DeviceRefused,

@@ -14,8 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from handctl.devices.ekso.log.export import motion, table
-from handctl.devices.ekso.log.file import LogFile
+from handctl.devices.ekso.export import LogFile, motion, table
 from handctl.devices.ekso.map import DATA
 from handctl.errors import UsageError
 from handctl.model.clocks import Moment

@@ -6,7 +6,6 @@ from decimal import Decimal
 
 import pytest
 
-from handctl.devices.ekso.kinematics import hip, residuals
 from handctl.devices.ekso.map import (
     DATA,
     EKSO,
@@ -19,6 +18,7 @@ from handctl.devices.ekso.map import (
     plain,
     state_text,
 )
+from handctl.devices.ekso.status import hip, residuals
 from handctl.errors import UsageError
 from tests.support.each_row import each_row
 from tests.support.refused import refused

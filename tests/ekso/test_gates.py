@@ -11,10 +11,9 @@ from typing import Any
 
 import pytest
 
-from handctl.devices.ekso import gates, settings, stillness
-from handctl.devices.ekso.audit import AuditLog
+from handctl.devices.ekso import change, gates, settings
+from handctl.devices.ekso.audit import WINDOW, AuditLog
 from handctl.devices.ekso.map import DRIVEN, SETTINGS
-from handctl.devices.ekso.memory import WINDOW
 from handctl.frame import console
 from handctl.model.clocks import WITHIN_MS
 from tests.ekso.commands import ME
@@ -179,7 +178,7 @@ def test_what_is_wrong_first_by_the_table_is_refused_first() -> None:
 def test_no_refusal_has_a_code_beside_the_table() -> None:
     """The writer, its memory, its looks and its verdict raise what the table holds; each row is one that somebody raises."""
     named: set[str] = set()
-    for name in ("settings", "verdict", "change", "memory", "stillness", "audit", "map"):
+    for name in ("settings", "change", "audit", "map"):
         source = Path(str(importlib.import_module(f"handctl.devices.ekso.{name}").__file__)).read_text(encoding="utf-8")
         nodes = list(ast.walk(ast.parse(source)))
         codes = [word for node in nodes if isinstance(node, ast.Call) for word in node.keywords if word.arg == "code"]
@@ -194,7 +193,7 @@ def test_a_gate_that_is_asked_twice_is_one_gate() -> None:
         assert gate._replace(moment="") == gates.GATES[gate.name]._replace(moment=""), gate.name
     assert gates.at(gates.READ) == (gates.LOG, gates.LISTED, gates.STEP, gates.STILL, gates.RESTARTED)
     assert gates.at(gates.ALONE) == (gates.SAME, gates.STILL, gates.RESTARTED, gates.INTENT)
-    assert gates.at(gates.LOOK) + gates.at(gates.LOOKS) == (*stillness.ONE_LOOK, *stillness.BOTH_LOOKS)
+    assert gates.at(gates.LOOK) + gates.at(gates.LOOKS) == tuple(change.STILL)
     looks = [gates.GATES[name] for name in gates.at(gates.LOOK) + gates.at(gates.LOOKS)]
     assert {(gate.error, gate.code) for gate in looks} == {gates.GATES[gates.STILL][4:6]}
 
@@ -202,8 +201,8 @@ def test_a_gate_that_is_asked_twice_is_one_gate() -> None:
 def test_the_numbers_in_the_words_are_those_of_the_policy() -> None:
     words = {name: f"{gate.looked_at} {gate.refused}" for name, gate in gates.GATES.items()}
     for name, number in (
-        (gates.STILL, f"{stillness.APART} s"), (gates.FRESH, f"{WITHIN_MS} ms"),
-        (gates.SPEED, f"{stillness.MOST_SPEED:.0f} deg/s"), (gates.PACE, f"{WINDOW:.0f} s"), (gates.WAITED, f"{3 * WINDOW:.0f} s"),
+        (gates.STILL, f"{change.APART} s"), (gates.FRESH, f"{WITHIN_MS} ms"),
+        (gates.SPEED, f"{change.MOST_SPEED:.0f} deg/s"), (gates.PACE, f"{WINDOW:.0f} s"), (gates.WAITED, f"{3 * WINDOW:.0f} s"),
         (gates.EDITED, f"{WINDOW:.0f} s"), (gates.DAMAGED, f"{WINDOW:.0f} s"), (gates.READ_BACK, f"{len(SETTINGS)} settings"),
         (gates.DRIVEN, f"0x{DRIVEN:04X}"),
     ):  # fmt: skip

@@ -13,10 +13,8 @@ from typing import Any
 
 import pytest
 
-from handctl.devices.ekso.audit import AuditLog, logs
-from handctl.devices.ekso.change import way
+from handctl.devices.ekso.audit import WINDOW, AuditLog, Past, logs, recent
 from handctl.devices.ekso.map import EKSO
-from handctl.devices.ekso.memory import WINDOW, Past, recent
 from handctl.devices.ekso.settings import Writer
 from handctl.errors import CheckFailed, DeviceRefused, Interrupted, NoAnswer, OutputError, UsageError
 from handctl.frame.console import TerminalGuide
@@ -288,8 +286,8 @@ def test_a_log_without_memory_is_no_log(place: str, tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_the_way(name: str, old: int, new: int, expected: list[int]) -> None:
-    assert way(change(name, old, new), override=False) == expected
-    assert way(change(name, old, new), override=True) == ([new] if not EKSO[name].firm else expected)
+    assert [one.new for one in change(name, old, new).way(False)] == expected
+    assert [one.new for one in change(name, old, new).way(True)] == ([new] if not EKSO[name].firm else expected)
 
 
 def far_away(folder: Path) -> tuple[str, Path]:

@@ -18,8 +18,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handctl.devices.ekso.log.format import RowLayout, parse, text_of
-from handctl.devices.ekso.log.source import USUAL_MS, EksoSource
+from handctl.devices.ekso.log import USUAL_MS, EksoSource, RowLayout, parse, text_of
 from handctl.devices.ekso.map import DATA, SETTINGS
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.model.clocks import WITHIN_MS, Moment

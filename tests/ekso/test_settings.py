@@ -13,10 +13,8 @@ from typing import Any
 
 import pytest
 
-from handctl.devices.ekso.change import check_change, needs_second_answer
+from handctl.devices.ekso.change import Change, differences, moving
 from handctl.devices.ekso.map import EKSO
-from handctl.devices.ekso.stillness import moving
-from handctl.devices.ekso.verdict import differences
 from handctl.errors import (
     CheckFailed,
     DeviceRefused,
@@ -133,6 +131,12 @@ def test_a_no_sends_nothing(bench: Bench) -> None:
 
 # -- step limits ------------------------------------------------------------------------------------------------------
 
+
+def check_change(wanted: Change, override: bool) -> None:
+    wanted.check_code()
+    wanted.check_step(override)
+
+
 LIMITS = {  # raw step that is allowed
     "upper_leg_length": 50, "lower_leg_length": 50, "step_length": 100, "step_height": 50, "swing_time": 10,
     "stand_time": 25, "knee_flexion": 200, "hip_flexion": 200, "forward_shift": 50, "lateral_shift": 50,
@@ -190,7 +194,7 @@ def test_the_override_is_for_steps_only(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_modes_that_are_asked_for_twice(name: str, old: int, new: int, twice: bool) -> None:
-    assert needs_second_answer(change(name, old, new)) is twice
+    assert change(name, old, new).asked_twice is twice
 
 
 def test_the_second_question(bench: Bench) -> None:

@@ -11,7 +11,7 @@ import random
 from pathlib import Path
 
 from handctl.devices.barrett.firmware import srecord
-from handctl.devices.ekso.log.file import LogFile
+from handctl.devices.ekso.export import LogFile
 from handctl.errors import LinkError, UsageError
 from handctl.frame import config, snapshot
 from handctl.frame.options import checks
@@ -230,7 +230,7 @@ class EksoLog:
     """A recorded log with its sidecar: rows as they were written, or a UsageError naming the line."""
 
     def __init__(self, folder: Path) -> None:
-        from handctl.devices.ekso.log.format import RowLayout
+        from handctl.devices.ekso.log import RowLayout
         from handctl.model.clocks import Moment
         from handctl.record.layout import Stamp
         from handctl.record.timeline import Timeline

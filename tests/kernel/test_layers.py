@@ -38,7 +38,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("ending", ("system.*",)),
     ("files", ("errors", "system.*")),
     ("sentence", ("families",)),
-    ("cli", (*GROUND, "frame.clikit", "frame.several", "screen.streams")),
+    ("cli", (*GROUND, "frame.clikit", "frame.several", "screen.filter")),
     ("__main__", ("cli",)),
     ("model.device", (*GROUND, "link.deadman", "model.*")),
     ("model.gate", (*GROUND, "link", "model.*")),
@@ -52,7 +52,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("frame.console", (*GROUND, "model.guide", "screen.filter")),
     ("record*", (*GROUND, "model.*", "record.*")),
     ("frame*", (*GROUND, "frame.*", "link*", "model.*", "record.*", "report", "screen.*", "stop.*", "tools.doctor")),
-    ("report.facts", ("link.urls", "system.*", "tools.machine", "tools.packages")),
+    ("report.facts", ("link.urls", "system.*", "tools.machine")),
     ("report*", (*GROUND, "frame.*", "link.tap", "model.*", "report.*", "screen.render")),
     ("api", (*GROUND, "frame.*", "model.result")),
     ("hands", ("api", "families", "frame.call", "model.result")),
@@ -95,7 +95,7 @@ OUTSIDE: list[tuple[str, tuple[str, ...]]] = [
     ("packaging", ("build_zipapp",)),
     ("tomllib", ("frame.config", "sim.bus.file")),
     ("tomli", ("frame.config", "sim.bus.file")),
-    ("socket", ("link.tcp", "sim.*", "system.*", "tools.doctor")),
+    ("socket", ("link.tcp", "sim.*", "system.*", "tools.machine")),
     ("_socket", ("system.local",)),
 ]
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from handctl.docgen import promises
+from handctl.docgen import texts
 from handctl.families import FAMILIES
 from handctl.frame.clikit import Command
 from handctl.frame.family import Family, load, map_of
@@ -95,7 +95,7 @@ def has_serial(family: str) -> bool:
 
 @cache
 def _exempt(family: str, promise: str) -> frozenset[str]:
-    rows = [row for row in promises.exceptions(family) if row.promise == promise]
+    rows = [row for row in texts.exceptions(family) if row.promise == promise]
     return frozenset(word for row in rows for word in re.findall(r"`([^`]+)`", row.where))
 
 
@@ -148,7 +148,7 @@ def commands_in(text: str) -> Iterator[list[str]]:
 
 def step(key: str, family: str, link: str, number: int = 0) -> list[str]:
     """The words of a command of README's next step, for this family and this link."""
-    (row,) = [row for row in promises.SYMPTOMS if row.key == key]
+    (row,) = [row for row in texts.SYMPTOMS if row.key == key]
     words = list(commands_in(row.step))[number]
     words = [family if word == next(iter(FAMILIES)) else word for word in words]
     return [link if words[place - 1] == "-p" else word for place, word in enumerate(words)]

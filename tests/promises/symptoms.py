@@ -11,7 +11,7 @@ from unittest import mock
 
 import serial
 
-from handctl.docgen.promises import SYMPTOMS
+from handctl.docgen.texts import SYMPTOMS
 from handctl.families import FAMILIES
 from handctl.frame.clikit import Command
 from handctl.link import owners, tcp

@@ -17,7 +17,7 @@ from handctl.link.lock import Holder, InUse, hold, last_family
 from handctl.model.result import Journal
 from handctl.stop.command import _end
 from handctl.system import processes
-from handctl.tools import whose
+from handctl.tools import stop
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
 
@@ -33,7 +33,7 @@ class Bench:
         self.there = ""
         self.asked: list[float] = []
         patch.setattr(simulated, "open_link", self._open)
-        patch.setattr(whose, "open_link", self._ask)
+        patch.setattr(stop, "open_link", self._ask)
 
     def _open(self, name: str, **options: Any) -> Link:
         link = name if name.startswith("fake://") else f"fake://{self.there}clock=virtual"
@@ -143,7 +143,7 @@ def test_who_answers_tells_the_family(family: str, bench: Bench) -> None:
     bench.there, bench.asked = f"{family}?", []
     result = run("stop", "-p", at(family), "--json")
     assert stopped(family, result) and "found" in result.codes(), result
-    assert len(bench.asked) == 1 and bench.asked[0] <= whose.SECONDS, bench.asked
+    assert len(bench.asked) == 1 and bench.asked[0] <= stop.SECONDS, bench.asked
 
 
 @each_row("family", FAMILIES)
@@ -151,7 +151,7 @@ def test_where_nobody_answers_the_next_step_is_said(family: str, bench: Bench) -
     bench.there, bench.asked = f"{family}?fault=silent&", []
     result = run("stop", "-p", at(family), "--json")
     assert result.code == 2 and result.error["code"] == "no-family", result
-    assert f"handctl FAMILY stop -p {at(family)}" in result.error["hint"] and bench.asked[0] <= whose.SECONDS + 0.05
+    assert f"handctl FAMILY stop -p {at(family)}" in result.error["hint"] and bench.asked[0] <= stop.SECONDS + 0.05
     assert run("stop", "-p", "replay:/nothing", "--json").error["code"] == "no-family"
 
 

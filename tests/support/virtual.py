@@ -26,7 +26,7 @@ import serial
 
 from handctl.sim.cli import cli
 from handctl.sim.engine import ports, serve
-from handctl.system import clock, pseudo
+from handctl.system import clock, terminal
 from tests.support.cli import PATIENCE
 
 TICK = 0.00002
@@ -336,8 +336,10 @@ class Loop(Clock):
 
         enter = self._patches.enter_context
         enter(self.installed())
-        stand_in = SimpleNamespace(opened=self._opened, name=self._name, speed_of=self._speed_of, unread=pseudo.unread)
-        enter(mock.patch.object(ports, "pseudo", stand_in))
+        stand_in = SimpleNamespace(
+            pseudo=self._opened, pseudo_name=self._name, speed_of=self._speed_of, unread=terminal.unread
+        )
+        enter(mock.patch.object(ports, "terminal", stand_in))
         enter(mock.patch.object(ports.TcpDoor, "_open", listen))
         enter(mock.patch.object(serve, "Signals", lambda: self.signals))
         enter(mock.patch.object(serve, "select", SimpleNamespace(select=self._select)))

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from handctl.system import lines
+from handctl.system import terminal
 
 
 @pytest.mark.parametrize(
@@ -23,5 +23,5 @@ def test_tab_is_bound_as_the_library_wants_it(library: str, binding: str, monkey
         setattr(fake, name, lambda *_: None)
     fake.parse_and_bind = told.append  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "readline", fake)
-    assert lines.prepare("/nowhere/history", 10, lambda _line, _word: [])
+    assert terminal.edit_lines("/nowhere/history", 10, lambda _line, _word: [])
     assert told == [binding]

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from handctl.model.piece import DEVICE, HOST, Piece
-from handctl.tools.trace_read import Stamp, Told
-from handctl.tools.trace_text import row_text
+from handctl.tools.trace_read import Stamp, Told, row_text
 from tests.support.cli import fake, run
 
 ASK, REPLY = "EB 90 01 04 11 C0 05 02 DD", "90 EB 01 05 11 C0 05 2E 02 0C"

@@ -19,9 +19,8 @@ from handctl.link import ByteLink, Deadline
 from handctl.model.result import Journal
 from handctl.tools import doctor, link_checks, machine_checks
 from handctl.tools.link_checks import LinkChecks
-from handctl.tools.machine_checks import Check
-from handctl.tools.packages import needed
-from handctl.tools.port_checks import port_checks
+from handctl.tools.machine import needed
+from handctl.tools.machine_checks import Check, port_checks
 from handctl.tools.probes import probe_of
 from tests.support.cli import Result, Simulator, run, sent, wait_until, writes
 from tests.support.each_row import each_row

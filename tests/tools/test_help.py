@@ -9,7 +9,7 @@ import click
 import pytest
 
 from handctl import guides
-from handctl.docgen.plain import plain
+from handctl.docgen.roff import plain
 from handctl.families import COMMANDS
 from handctl.frame.clikit import root
 from tests.support.cli import run

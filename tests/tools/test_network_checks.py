@@ -9,7 +9,7 @@ from unittest import mock
 import pytest
 
 from handctl.tools import doctor
-from handctl.tools.network_checks import host_in, is_local, subnet
+from handctl.tools.link_checks import host_in, is_local, subnet
 from tests.support.cli import Result, Simulator, run
 from tests.support.machine import System
 
@@ -106,7 +106,7 @@ def test_a_hand_that_serves_one_client_only(system: System) -> None:
 
 def test_a_moving_hand_proves_nothing(system: System) -> None:
     from handctl.model.result import Journal
-    from handctl.tools.network_checks import same_address
+    from handctl.tools.link_checks import same_address
 
     numbers = iter(range(0, 1000, 10))
     with mock.patch("handctl.link.open_link") as opened:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from handctl.frame.config import from_toml
-from handctl.tools.chips import CHIPS
+from handctl.tools.machine import CHIPS
 from tests.support.each_row import each_row
 from tests.support.places import PROJECT
 

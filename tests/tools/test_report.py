@@ -15,13 +15,11 @@ from handctl.model.param import Param, ParamMap
 from handctl.model.result import Cell, Grid, Message, Sample
 from handctl.report import private as report_private
 from handctl.report.facts import environment, port
-from handctl.report.html import Report, page
+from handctl.report.html import Curve, Report, curves, draw, page
 from handctl.report.private import Privacy
-from handctl.report.svg import Curve, curves, draw
 from handctl.report.transcript import LONGEST, explained, shortened
-from handctl.tools import packages
-from handctl.tools.chips import Chip
-from handctl.tools.machine import Machine, Port
+from handctl.tools import machine
+from handctl.tools.machine import Chip, Machine, Port
 from tests.support.page import Page
 
 OPEN: ParamMap[Param] = ParamMap("exo", [Param(name="speed", doc="", source="")])
@@ -317,10 +315,10 @@ def test_an_incomplete_page_says_so_first() -> None:
 
 def test_the_environment_names_versions_and_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
     facts = dict(environment())
-    assert set(facts) == {"system", "Python", *packages.needed()}
+    assert set(facts) == {"system", "Python", *machine.needed()}
     assert re.fullmatch(r"\d+\.\d+.*", facts["click"])
     assert os.uname().nodename not in " ".join(facts.values()).split()
-    monkeypatch.setattr(packages, "needed", lambda: ("no-such-package",))
+    monkeypatch.setattr(machine, "needed", lambda: ("no-such-package",))
     assert dict(environment())["no-such-package"] == "not installed as a package"
 
 

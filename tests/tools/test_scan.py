@@ -23,7 +23,7 @@ from handctl.sim.barrett.uart import resample
 from handctl.sim.bus import models
 from handctl.tools import scan, scan_report
 from handctl.tools.probes import probe_of
-from handctl.tools.scan_plan import plan
+from handctl.tools.scan_look import plan
 from handctl.tools.scan_report import Step
 from tests.support.cli import Result, Simulator, run, sent
 from tests.support.machine import System

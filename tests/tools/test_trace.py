@@ -14,7 +14,7 @@ from handctl.errors import UsageError
 from handctl.families import FAMILIES, TOLD
 from handctl.model.piece import DEVICE, HOST, Piece
 from handctl.tools import trace_diff
-from handctl.tools.trace_bytes import Given, parse_given
+from handctl.tools.trace import Given, parse_given
 from handctl.tools.trace_read import Teller, Told, chosen, explainer_of, family_in, lines_of
 from tests.support.each_row import each_row
 from tests.support.places import TRANSCRIPTS

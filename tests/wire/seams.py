@@ -21,13 +21,13 @@ from handctl.link import deadman
 from handctl.link.base import Outlet
 from handctl.link.fake import FakeFrames, FakeLink
 from handctl.stop.holding import Hold
-from handctl.system import child, network
-from handctl.tools import doctor
+from handctl.system import child
+from handctl.tools import doctor, machine
 
 SPEAKS = ((FakeLink, "write"), (FakeFrames, "send"))
 LISTENS = ((FakeLink, "read"), (FakeFrames, "receive"))
 WAITS = (*LISTENS, (FakeLink, "sleep"), (FakeFrames, "sleep"))
-THIS_MACHINE = ((doctor, "machine_checks", list), (report, "environment", list), (network, "source", str))
+THIS_MACHINE = ((doctor, "machine_checks", list), (report, "environment", list), (machine, "source", str))
 """What tells of the machine: says nothing here."""
 EVENTS = ((FakeLink, "set_baud"), (FakeLink, "reopen"), (FakeLink, "power_cycle"), (FakeFrames, "power_cycle"))
 

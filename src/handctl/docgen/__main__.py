@@ -6,9 +6,25 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from handctl.docgen import generate
+from handctl import guides
+from handctl.docgen.completion import SHELLS
+from handctl.docgen.library import stub
+from handctl.docgen.man import guide, pages
 from handctl.docgen.readme import filled
 from handctl.docgen.tree import read_tree
+
+
+def generate() -> dict[str, str]:
+    """Every generated file: path below the project -> text. A guide is one where it holds generated tables."""
+    tree = read_tree()
+    files = {f"completions/{shell.path}": shell.script(tree) for shell in SHELLS.values()}
+    files |= {f"man/man1/{name}": text for name, text in pages(tree).items()}
+    files["src/handctl/hands.pyi"] = stub()
+    for name in guides.names():
+        text = filled(guides.source(name), tree)
+        files[f"src/handctl/guides/{name}.md"] = text
+        files[f"man/man7/{guides.title(text)[0]}.7"] = guide(text)
+    return files
 
 
 def main(argv: Sequence[str]) -> int:

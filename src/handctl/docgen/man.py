@@ -1,4 +1,4 @@
-"""The man pages: handctl(1), and one for each top-level command, as git has it.
+"""The man pages: handctl(1), one for each top-level command, as git has it, and one of section 7 for each guide.
 
 Everything but the prose of `texts` comes from the command tree, the parameter maps, the error tree and the options.
 """
@@ -13,15 +13,16 @@ from typing import Any
 
 from handctl import __version__, guides
 from handctl.docgen import texts
-from handctl.docgen.guides import page_names
+from handctl.docgen.completion import mnemonic
 from handctl.docgen.roff import Page, bold, escape, italic, marked
-from handctl.docgen.tables import common, mnemonic
 from handctl.docgen.tree import Node, Option
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
 from handctl.frame.examples import examples_of
+from handctl.guides import Code, Heading, Item, Para, Table
 from handctl.model.param import MEASURED, Param
 
+REFERENCE = re.compile(r"\b(handctl(?:-[a-z]+)*)\(([17])\)")
 EDITION = "2026-11-21"
 """Date of the pages: of their wording, not of the day they are generated."""
 
@@ -81,7 +82,7 @@ def _command(node: Node, tree: Node) -> str:
     page.literal([_usage(leaf) for leaf in leaves])
     page.section("DESCRIPTION")
     _paragraphs(page, node.help, inside=False)
-    shared = common(tree)
+    shared = tree.shared
     if node.children:
         page.section("COMMANDS")
         for leaf in leaves:
@@ -211,7 +212,7 @@ def _closing(page: Page, node: Node, tree: Node) -> str:
     page.section("EXIT STATUS")
     for code, text in exit_codes():
         page.item(bold(str(code)), _sentence(text))
-    if common(node):
+    if node.shared:
         page.section("ENVIRONMENT")
         for variable, text in _environment(node):
             page.item(bold(variable), text)
@@ -277,3 +278,64 @@ def _sentence(text: str) -> str:
     text = text.strip()
     text = text[:1].upper() + text[1:]
     return marked(text if text.endswith((".", "?", "!")) else f"{text}.")
+
+
+# -- guides -------------------------------------------------------------------------------------------------------------
+
+
+def page_names() -> tuple[str, ...]:
+    """The pages of section 7, without their section."""
+    return tuple(guides.title(guides.source(name))[0] for name in guides.names())
+
+
+def guide(text: str) -> str:
+    """One guide as a page of section 7."""
+    name, summary = guides.title(text)
+    made = Page(name, EDITION, f"handctl {__version__}", "handctl manual", section=7)
+    made.section("NAME")
+    made.para(f"{escape(name)} \\- {escape(summary)}")
+    for number, block in enumerate(guides.blocks(text)):
+        if not number and not isinstance(block, Heading):
+            made.section("DESCRIPTION")
+        if isinstance(block, Heading) and block.level == 2:
+            made.section(escape(block.text.upper()))
+        elif isinstance(block, Heading):
+            made.subsection(block.text)
+        elif isinstance(block, Para):
+            made.para(words(block.text))
+        elif isinstance(block, Item):
+            made.bullet(words(block.text))
+        elif isinstance(block, Code):
+            made.literal([f"    {escape(line)}".rstrip() or "\\&" for line in block.lines])
+        else:
+            _table(made, block)
+    made.section("SEE ALSO")
+    own = name.removesuffix("-guide")
+    first = ["handctl(1)", *([f"{own}(1)"] if own != name else [])]
+    others = [*first, *(f"{other}(7)" for other in page_names() if other != name)]
+    made.para(",\n".join(words(other) for other in others))
+    return made.text
+
+
+def words(text: str) -> str:
+    """Marked text in which the names of pages are bold."""
+    made, place = "", 0
+    for found in REFERENCE.finditer(text):
+        made += marked(text[place : found.start()]) + f"\\%{bold(found[1])}({found[2]})"
+        place = found.end()
+    return made + marked(text[place:])
+
+
+def _table(made: Page, table: Table) -> None:
+    """The first cell is the tag; of further columns each says its heading."""
+    heading, *rows = table.rows
+    for first, *rest in rows:
+        if len(rest) == 1:
+            text = rest[0]
+        else:
+            text = " ".join(_said(name, cell) for name, cell in zip(heading[1:], rest, strict=True) if cell)
+        made.item(words(first) if "`" in first else bold(first), words(text))
+
+
+def _said(name: str, cell: str) -> str:
+    return f"{name[:1].upper()}{name[1:]}: {cell if cell.endswith('.') else cell + '.'}"

@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterable
 
 from handctl import guides
 from handctl.docgen.man import exit_codes
-from handctl.docgen.promises import SYMPTOMS, VERBS, WORDS, exceptions
-from handctl.docgen.texts import LINKS
+from handctl.docgen.texts import LINKS, SYMPTOMS, VERBS, WORDS, exceptions
 from handctl.docgen.tree import Node
 from handctl.families import COMMANDS, FAMILIES
 from handctl.guides import Heading, Para

@@ -88,6 +88,11 @@ class Node:
         """``exo dump``, or ``""`` for the root."""
         return " ".join(self.path)
 
+    @property
+    def shared(self) -> tuple[Option, ...]:
+        """Its options that work at any level; the root's are those of every device. A wire belongs to one family."""
+        return tuple(option for option in self.options if option.shared)
+
     def walk(self) -> Iterator[Node]:
         """This node and all below it, in order."""
         yield self

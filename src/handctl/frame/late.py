@@ -12,7 +12,7 @@ from handctl.errors import HandctlError
 from handctl.families import COMMANDS
 from handctl.frame.envelope import make_envelope
 from handctl.frame.options import config_path, read_config
-from handctl.screen.streams import utf8_stdout
+from handctl.screen.filter import utf8_stdout
 
 
 def in_file(key: str) -> Any:

@@ -18,7 +18,7 @@ from handctl.frame.console import print_message
 from handctl.frame.family import load, map_of
 from handctl.frame.lines import defaults, line
 from handctl.frame.session import Session
-from handctl.system import lines
+from handctl.system import terminal
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
@@ -57,14 +57,14 @@ class Shell:
         path = state_path("shell-history")
         with contextlib.suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
-        editing = lines.prepare(str(path), HISTORY, self.candidates)
+        editing = terminal.edit_lines(str(path), HISTORY, self.candidates)
         run.guide.say("Lines are commands without `handctl`. TAB completes them. Ctrl-D or `exit` ends.")
         try:
             while self._one():
                 pass
         finally:
             if editing:
-                lines.keep(str(path))
+                terminal.keep_history(str(path))
             failure = self._session.close(run.journal)
         if failure is not None:
             raise failure

@@ -137,7 +137,11 @@ class Described(click.Command):
         if self._shared is None:
             family = self.family
             wires, own = (family.wires, own_options(family.kind)) if family is not None else ((), ())
-            self._shared = shared_options(wires, own, self.refused())
+            named = {
+                name for param in self.params for name in param.opts
+            }  # an option of its own stands for the shared one
+            shared = shared_options(wires, own, self.refused())
+            self._shared = [option for option in shared if not named & {*option.opts}]
         return [*super().get_params(ctx), *self._shared]
 
     def make_parser(self, ctx: click.Context) -> Any:

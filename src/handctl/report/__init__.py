@@ -23,9 +23,8 @@ from handctl.link.tap import Tap
 from handctl.model.param import ParamMap
 from handctl.model.result import Cell, Column, Grid, Sample, Table
 from handctl.report.facts import environment, port
-from handctl.report.html import Report, page
+from handctl.report.html import Report, curves, page
 from handctl.report.private import REDACTED, Privacy
-from handctl.report.svg import curves
 from handctl.report.transcript import explained, shortened
 from handctl.screen.render import default_view
 from handctl.sentence import plural

@@ -15,7 +15,7 @@ Facts = list[tuple[str, str]]
 
 def environment() -> Facts:
     """System, Python and the versions of the packages that handctl uses."""
-    from handctl.tools.packages import needed
+    from handctl.tools.machine import needed
 
     facts = [
         ("system", system_name()),

@@ -2,10 +2,13 @@
 
 A device, a file, the environment and a peer may hold anything: an escape sequence that fills the clipboard, a bidi mark
 that turns a line round, a byte that is not UTF-8. `shown` spells such characters out. `encodable` names what stands in
-for a character that the encoding of stdout or stderr lacks. Imports nothing: help loads it.
+for a character that the encoding of stdout or stderr lacks. Imports next to nothing: help loads it.
 """
 
 from __future__ import annotations
+
+import contextlib
+import sys
 
 _NAMED = {"\t": "\\t", "\n": "\\n", "\r": "\\r"}
 _SUBSTITUTES = {
@@ -82,3 +85,33 @@ def no_formula(text: str) -> str:
     except ValueError:
         return f"'{text}"
     return text
+
+
+# -- stdout and stderr of this process ---------------------------------------------------------------------------------
+
+
+ERRORS = "handctl"
+"""Name of our error handler for streams."""
+
+
+def substitute_what_is_missing() -> None:
+    """A character that the encoding of stdout or stderr lacks gets a substitute, never an error."""
+    import codecs
+
+    from handctl.system.waits import settings
+
+    codecs.register_error(ERRORS, encodable)
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors=ERRORS, **settings(stream))
+
+
+def utf8_stdout() -> None:
+    """From now on stdout is UTF-8 with plain newlines, whatever the locale says: JSON is that everywhere."""
+    from handctl.system.waits import CHANGES_LINE_ENDS
+
+    reconfigure = getattr(sys.stdout, "reconfigure", None)
+    if reconfigure is not None and ((sys.stdout.encoding or "").lower() != "utf-8" or CHANGES_LINE_ENDS):
+        with contextlib.suppress(OSError):  # it flushes: what cannot be written is told when the data are
+            reconfigure(encoding="utf-8", errors="strict", newline="\n")

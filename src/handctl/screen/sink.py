@@ -12,8 +12,7 @@ from typing import IO, TYPE_CHECKING
 from handctl import ending
 from handctl.errors import HandctlError, OutputError
 from handctl.files import atomic_write
-from handctl.screen.filter import no_formula
-from handctl.screen.streams import utf8_stdout
+from handctl.screen.filter import no_formula, utf8_stdout
 
 if TYPE_CHECKING:
     from handctl.frame.options import Settings

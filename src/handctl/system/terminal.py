@@ -1,10 +1,11 @@
-"""Single keys of the terminal, without waiting for a line. Only while this process is in the foreground."""
+"""The terminal: single keys without waiting for a line, editing of lines at a prompt, and pseudo terminals."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import sys
+from collections.abc import Callable
 from typing import Any
 
 BACKGROUND_SECONDS = 0.5
@@ -149,3 +150,101 @@ else:
 
     FINE = True
     """Whether eighths of a block can be shown."""
+
+
+# -- lines at a prompt: history and TAB, where the system has readline; Windows edits lines by itself ----------------
+
+
+if sys.platform == "win32":
+
+    def edit_lines(history: str, longest: int, complete: Callable[[str, str], list[str]]) -> bool:
+        """False: there is no readline."""
+        return False
+
+    def keep_history(history: str) -> None: ...
+
+else:
+
+    def edit_lines(history: str, longest: int, complete: Callable[[str, str], list[str]]) -> bool:
+        """From now on `input` knows the lines of the file `history`, and TAB; False where there is no readline.
+
+        `complete` gives for what stands before the cursor, and for the word there, the words that fit.
+        """
+        try:
+            import readline
+        except ImportError:
+            return False
+        with contextlib.suppress(OSError):  # none yet, or one that cannot be read
+            readline.read_history_file(history)
+        readline.set_history_length(longest)
+        readline.set_completer_delims(" ")
+
+        def completer(word: str, state: int) -> str | None:
+            found = complete(readline.get_line_buffer()[: readline.get_endidx()], word)
+            return found[state] if state < len(found) else None
+
+        readline.set_completer(completer)
+        libedit = "libedit" in (readline.__doc__ or "")  # on macOS it stands in for readline
+        readline.parse_and_bind("bind ^I rl_complete" if libedit else "tab: complete")
+        return True
+
+    def keep_history(history: str) -> None:
+        """Write the history, as far as that can be."""
+        import readline
+
+        with contextlib.suppress(OSError):
+            readline.write_history_file(history)
+
+
+# -- pseudo terminals, and the serial speed that a client sets on one ---------------------------------------------------
+
+
+if sys.platform == "win32":
+    HERE = False
+
+    def pseudo(speed: int | None) -> tuple[int, int]:
+        """Raises OSError: there are none."""
+        raise OSError("this system has no pseudo terminals")
+
+    def pseudo_name(slave: int) -> str:
+        raise OSError("this system has no pseudo terminals")
+
+    def speed_of(master: int) -> int:
+        return -1
+
+    def unread(slave: int) -> bool:
+        return False
+
+else:
+    HERE = True
+    """Whether the system has such things."""
+    SPEEDS = {getattr(termios, name): int(name[1:]) for name in dir(termios) if name[0] == "B" and name[1:].isdigit()}
+
+    def pseudo(speed: int | None) -> tuple[int, int]:
+        """Master and slave of a new one, raw, at this speed in bit/s; the master does not wait. Raises OSError."""
+        import pty
+
+        master, slave = pty.openpty()
+        tty.setraw(slave)
+        attributes = termios.tcgetattr(slave)
+        constant = {rate: value for value, rate in SPEEDS.items()}.get(speed or 0)
+        if constant is not None:
+            # A client that sets no speed, such as a shell redirection, then talks at the right one.
+            attributes[4] = attributes[5] = constant
+            termios.tcsetattr(slave, termios.TCSANOW, attributes)
+        os.set_blocking(master, False)
+        return master, slave
+
+    def pseudo_name(slave: int) -> str:
+        """What a client opens."""
+        return os.ttyname(slave)
+
+    def speed_of(master: int) -> int:
+        """The speed that the client set, visible on the master side; -1 for one without a constant."""
+        return SPEEDS.get(termios.tcgetattr(master)[5], -1)
+
+    def unread(slave: int) -> bool:
+        """Whether the client has something to read still."""
+        import fcntl
+
+        return any(fcntl.ioctl(slave, termios.FIONREAD, bytes(4)))

@@ -1,4 +1,4 @@
-"""Waiting for a descriptor or a socket, until it is ready or the time is over."""
+"""Waiting for a descriptor, a socket or a pipe, until it is ready or the time is over; how stdout and stderr write."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from typing import Any
 
 if sys.platform == "win32":
     import contextlib
-    import ctypes
-    import socket
 
     from handctl.system.clock import SLICE, now
 
@@ -33,6 +31,9 @@ if sys.platform == "win32":
 
     def connect(what: Any, address: Any, seconds: float) -> None:
         """Connect a socket, which does not block then. Raises OSError, TimeoutError where nothing answers."""
+        import ctypes
+        import socket
+
         what.setblocking(False)
         with contextlib.suppress(BlockingIOError):
             what.connect(address)
@@ -42,6 +43,11 @@ if sys.platform == "win32":
             raise ctypes.WinError(code)
 
 else:
+
+    def _polled(descriptor: int, event: int, seconds: float | None) -> bool:
+        poll = select.poll()
+        poll.register(descriptor, event)
+        return bool(poll.poll(None if seconds is None else seconds * 1000))
 
     def readable(what: Any, seconds: float) -> bool:
         """Whether a descriptor or a socket has something, or is closed."""
@@ -56,3 +62,27 @@ else:
         what.settimeout(seconds)
         what.connect(address)
         what.setblocking(False)
+
+
+# -- stdin, stdout, stderr and pipes --------------------------------------------------------------------------------------
+
+
+CHANGES_LINE_ENDS = sys.platform == "win32"
+"""Whether a text stream writes other line ends than it is given, unless it is told not to."""
+
+
+def settings(stream: Any) -> dict[str, str]:
+    """What `reconfigure` is told of stdout and stderr: on Windows a pipe or a file gets UTF-8 and plain line ends, too."""
+    if sys.platform == "win32" and not stream.isatty():
+        return {"encoding": "utf-8", "newline": "\n"}
+    return {}
+
+
+def takes(descriptor: int, seconds: float | None) -> bool:
+    """Wait until a pipe or a terminal takes something, or its reader is gone; None = for ever. Where it cannot be told: True."""
+    return sys.platform == "win32" or _polled(descriptor, select.POLLOUT, seconds)
+
+
+def gives(descriptor: int, seconds: float | None) -> bool:
+    """Wait until there is something to read, or the end, as long; a pipe that nobody has opened to write has no end yet."""
+    return sys.platform == "win32" or _polled(descriptor, select.POLLIN, seconds)

@@ -28,10 +28,11 @@ def cli(shell: str, install: bool) -> Table:
 
     TAB then works without starting handctl: commands, options, choices and the names of quantities are in the script.
     """
-    from handctl.docgen import completion
+    from handctl.docgen.completion import SHELLS as WRITERS
+    from handctl.docgen.tree import read_tree
 
     run: Run = click.get_current_context().obj
-    text = completion(shell)
+    text = WRITERS[shell].script(read_tree())
     if not install:
         if run.settings.dry_run:
             raise UsageError("printing changes nothing", hint="run it without -n, or add --install")
@@ -79,7 +80,7 @@ def next_step(shell: str, path: Path) -> str:
 
 def _state(path: Path, text: str) -> str:
     """What installing does: "installed", "replaced" or "unchanged". Raises UsageError for a file that is not ours."""
-    from handctl.docgen.tables import MARK
+    from handctl.docgen.completion import MARK
 
     try:
         present = path.read_text(encoding="utf-8", errors="replace")

@@ -7,25 +7,28 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from handctl.errors import CheckFailed, Interrupted, LinkError, UsageError
-from handctl.families import FAMILIES, WIRES
+from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, UsageError
+from handctl.families import FAMILIES, SCANNED, WIRES
 from handctl.frame.clikit import Command, reads_option
 from handctl.frame.family import Family
 from handctl.frame.run import Run
+from handctl.link import ByteLink, Deadline, Link
 from handctl.model.result import Cell, Column, Grid, Row, Table
+from handctl.tools.link_checks import LinkChecks, failed_open, host_in, is_local, same_address, subnet
 from handctl.tools.machine import Machine
-from handctl.tools.machine_checks import Check, machine_checks
-from handctl.tools.network_checks import host_in, is_local, same_address, subnet
-from handctl.tools.probes import family_of, probe_of
+from handctl.tools.machine_checks import Check, machine_checks, port_checks
+from handctl.tools.probes import family_of, has_speed, listened, probe_of, wire_of
+from handctl.tools.scan_look import Looking
+from handctl.tools.scan_report import Search, Step, report
 
 if TYPE_CHECKING:
     from handctl.frame.options import Settings
-    from handctl.link import Link
     from handctl.model.result import Journal
+
 
 LINK_SECONDS = 8.0
 FIND_SECONDS = 45.0
@@ -97,9 +100,6 @@ def _telling(check: Check) -> tuple[bool, bool]:
 
 def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterator[Check]:
     """The checks of the link that the user named, each as soon as it is known."""
-    from handctl.tools.link_checks import LinkChecks, failed_open
-    from handctl.tools.port_checks import port_checks
-
     if kind is None and run.settings.fake:
         raise UsageError("no simulator given", hint=f"add --family with one of {', '.join(FAMILIES)}", code="no-family")
     if kind is not None:
@@ -128,8 +128,6 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
     speed = getattr(link, "baud", None)
     yield Check("open", "ok", f"{name} opens" + (f" at {speed} bit/s" if speed else ""))
     if kind is None:
-        from handctl.tools.present import present
-
         found = present(run, link, link.deadline(run.settings.deadline or FIND_SECONDS))
         yield found.check
         if kind := found.family or None:
@@ -183,3 +181,56 @@ def _view(rows: list[Row]) -> list[Grid]:
     lines = [(row["check"], Cell(row["status"], TONES[row["status"]]), row["evidence"]) for row in rows]
     notes = [f"{row['check']}: {row['remedy']}" for row in rows if row["remedy"]]
     return [Grid(("Check", "Status", "Evidence"), tuple(lines), notes=tuple(notes))]
+
+
+# -- who is there on a link that is open: by the rows of a scan, and by whose the destroyed answers are ----------------
+
+
+DESTROYED = ("bad-checksum", "cut-short", "wrong-id")
+"""Codes of an answer that was one, of somebody who speaks this family's frames."""
+
+
+LATE = 0.05
+
+
+class Present(NamedTuple):
+    """The family that answers, its id, and the row that says so; family "" = nobody that is known."""
+
+    family: str
+    id: int | None
+    check: Check
+
+
+def present(run: Run, link: Link, bound: Deadline) -> Present:
+    """Look for a device of any family. Leaves the port at the speed at which it was found. Raises LinkError."""
+    search, was = Search(link.name), getattr(link, "baud", None)
+    Looking(run, link, search, [run.settings.id or 1], False, bound).at(wire_of(link.name), SCANNED)
+    if isinstance(link, ByteLink):
+        listened(link, link.deadline(LATE))  # answers that came too late are nobody's
+    if search.rows:
+        row = search.rows[0]
+        speed = row.get("baud") if has_speed(link) else None
+        _set(link, speed or was)
+        where = "".join(
+            (f" with id {row['id']}" if row["id"] is not None else "", f" at {speed} bit/s" if speed else "")
+        )
+        return Present(row["family"], row["id"], Check("device", "ok", f"{row['family']}{where}: {row['evidence']}"))
+    if (damaged := _destroyed(search)) is not None:
+        step, error = damaged
+        _set(link, step.speed or was)
+        text = f"something replies like {step.family}, but no reply is complete: {error.text}"
+        return Present(step.family, None, Check("device", "warning", text, error.hint))
+    _set(link, was)
+    nobody = report([search], SCANNED, run.journal).failure
+    assert nobody is not None
+    return Present("", None, Check("device", "fail", nobody.text, nobody.hint))
+
+
+def _destroyed(search: Search) -> tuple[Step, HandctlError] | None:
+    """The first family whose answer came, and not whole."""
+    return next(((step, error) for step, error in search.met.items() if error.code in DESTROYED), None)
+
+
+def _set(link: Link, speed: int | None) -> None:
+    if speed is not None and has_speed(link) and getattr(link, "baud", None) != speed:
+        link.set_baud(speed)  # type: ignore[attr-defined]

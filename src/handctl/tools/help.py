@@ -73,8 +73,7 @@ def _text(words: list[str]) -> str:
     name = words[0]
     if len(words) == 1:
         from handctl.docgen import man
-        from handctl.docgen.guides import page
-        from handctl.docgen.plain import plain
+        from handctl.docgen.roff import plain
         from handctl.docgen.tree import read_tree
 
         if name == OPTIONS:
@@ -82,7 +81,7 @@ def _text(words: list[str]) -> str:
         if name in COMMANDS or name == "handctl":
             return plain(man.one(read_tree(), name))
         if name in (guides := _guides()):
-            return plain(page(guides[name][0], man.EDITION))
+            return plain(man.guide(guides[name][0]))
     else:
         context: click.Context | None = click.Context(root, info_name="handctl", **root.context_settings)
         for word in words:

@@ -6,18 +6,19 @@ Asks nothing but the family's cheapest documented read. Every check has an end; 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
+from ipaddress import IPv4Address, ip_network
 from typing import Any
 
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
-from handctl.link import ByteLink, Deadline, FrameLink, Link
+from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
 from handctl.model.latency import RoundTrips
-from handctl.model.profile import SLOW
+from handctl.model.profile import SLOW, Profile
 from handctl.model.result import Journal, hex_bytes
 from handctl.sentence import plural
-from handctl.tools import can_checks
-from handctl.tools.line_checks import ONE_MASTER, line_checks
+from handctl.tools.machine import Machine
 from handctl.tools.machine_checks import Check
 from handctl.tools.probes import FamilyProbe
 
@@ -150,7 +151,7 @@ class LinkChecks:
     def run(self) -> Iterator[Check]:
         """All rows, each as soon as it is known. Raises LinkError when the link is lost on the way."""
         if isinstance(self._link, FrameLink):
-            yield can_checks.adapter_check(self._link)
+            yield adapter_check(self._link)
         yield self._unasked()
         if self._probe is None:
             yield Check("answer", "skipped", "no device was found", "name its family with --family")
@@ -162,7 +163,7 @@ class LinkChecks:
         series.stray = self._counters.stray_bytes - stray
         yield self._answer(series)
         if isinstance(self._link, FrameLink):
-            yield from can_checks.bus_checks(self._link, before, series.failed, bool(len(series.trips)), self._bound)
+            yield from bus_checks(self._link, before, series.failed, bool(len(series.trips)), self._bound)
         if len(series.trips) and hasattr(self._probe, "identify"):
             yield self._identity(self._probe.identify)
         yield self._speed(series, first)
@@ -185,7 +186,7 @@ class LinkChecks:
     def _unasked(self) -> Check:
         """What comes before anything is sent."""
         if isinstance(self._link, FrameLink):
-            return can_checks.traffic(self._link, self._bound, LISTEN)
+            return traffic(self._link, self._bound, LISTEN)
         assert isinstance(self._link, Watched)
         deadline = self._link.deadline(LISTEN).earlier(self._bound)
         came = b""
@@ -394,3 +395,279 @@ def _answers(probe: FamilyProbe, link: Link, end: Deadline) -> bool:
 def failed_open(error: LinkError) -> list[Check]:
     """The rows of a link that cannot be opened."""
     return [Check("open", "fail", error.text, error.hint), Check("answer", "skipped", "the link is not open")]
+
+
+# -- what a serial line does to answers: what a family measured of it, in words ----------------------------------------
+
+
+BLUETOOTH = 20
+"""Bytes of a packet of Bluetooth 4.0 as serial modules send them (exo §1.1)."""
+ONE_MASTER = "leave only one device and one master on the line: end other programs, or disconnect the second master"
+
+
+def line_checks(line: Profile, failed: Collection[str], unasked: bool) -> Iterator[Check]:
+    """First byte, half duplex, packets, others. `failed`: codes of reads that failed; `unasked`: data came by itself."""
+    answered = bool(len(line.trips))
+    yield _first_byte(failed, answered)
+    yield _half_duplex(line)
+    yield _packets(line)
+    yield _others(line, unasked)
+
+
+def _first_byte(failed: Collection[str], answered: bool) -> Check:
+    if "first-byte-lost" in failed:
+        remedy = "use another RS-485 adapter, or set this one to switch its direction sooner"
+        return Check("first_byte", "warning" if answered else "fail", "replies arrive without their first byte", remedy)
+    if not answered:
+        return Check("first_byte", "skipped", "no reply arrived")
+    return Check("first_byte", "ok", "replies arrive with their first byte")
+
+
+def _half_duplex(line: Profile) -> Check:
+    if line.half_duplex is None:
+        return Check("half_duplex", "skipped", "only a reply shows whether the line is full duplex")
+    if line.half_duplex:
+        text = "a reply is lost while handctl is sending: half duplex, as on RS-485"
+        return Check("half_duplex", "ok", text, "let other programs wait for each answer, as handctl does")
+    return Check("half_duplex", "ok", "a reply arrives while handctl is sending: full duplex")
+
+
+def _packets(line: Profile) -> Check:
+    if line.longest is None:
+        return Check("packets", "skipped", "no long answer was read")
+    if line.packet is None:
+        return Check("packets", "ok", f"an answer of {line.longest} bytes arrives byte by byte, not in packets")
+    if line.packet == line.longest:
+        text = f"an answer of {line.longest} bytes arrives in one piece: something in between buffers the data"
+        return Check("packets", "ok", text, "if you need quick replies, turn off buffering in the serial server")
+    text = f"an answer of {line.longest} bytes arrives in packets of {line.packet}"
+    if line.packet == BLUETOOTH:
+        text += ", the size of Bluetooth 4.0"
+    return Check("packets", "ok", text, "let other programs wait for the whole answer, not for its first packet")
+
+
+def _others(line: Profile, unasked: bool) -> Check:
+    if line.others:
+        return Check(
+            "others",
+            "warning",
+            "received frames that are not replies to handctl: another program uses this line",
+            ONE_MASTER,
+        )
+    if unasked:
+        return Check("others", "skipped", "data came unasked, but no whole frame of this family")
+    return Check("others", "ok", "no frames from other programs")
+
+
+# -- what a CAN bus has of its own -------------------------------------------------------------------------------------
+
+
+LISTEN_SECONDS = 0.25
+BITRATES = (1_000_000, 500_000, 250_000, 125_000, 800_000)
+"""Those of hands first: 1 Mbit/s (wrist §2.3), 500 kbit/s on sibling hands."""
+REMEDIES = {
+    "no-ack": "check the hand's power, CAN high and low, and the termination (120 ohm at both ends)",
+    "bus-off": "check CAN high, CAN low and the bitrate. Opening the link starts the controller again",
+    "refused": "unplug the adapter and plug it in again",
+    "bel": "check the hand's power, CAN high and low, and the termination (120 ohm at both ends)",
+    "bus-errors": "disconnect one of two devices that have one id, or check the termination (120 ohm at both ends)",
+}
+NAMES = {
+    "no-ack": "no device acknowledges",
+    "bus-off": "the CAN controller has left the bus (bus off)",
+    "refused": "the adapter refuses frames (BEL)",
+    "bel": "the adapter answers frames with BEL",
+    "bus-errors": "frames are destroyed on the bus",
+}
+
+
+def adapter_check(link: FrameLink) -> Check:
+    """Who the adapter says it is."""
+    if link.adapter is None:
+        return Check("adapter", "skipped", "this interface has no adapter that could be asked")
+    return Check("adapter", "ok", link.adapter or "it answers, but reports neither version nor serial number")
+
+
+def traffic(link: FrameLink, bound: Deadline, seconds: float) -> Check:
+    """Frames of others before anything is sent."""
+    deadline = link.deadline(seconds).earlier(bound)
+    frames: list[CanFrame] = []
+    while not deadline.expired and len(frames) < 1000:
+        frame = link.receive(deadline)
+        if frame is None:
+            break
+        frames.append(frame)
+    if link.error_frames:
+        remedy = "check bitrate, termination (120 ohm at both ends) and that a device is powered"
+        return Check("unasked", "warning", f"{plural(link.error_frames, 'error frame')} on the bus", remedy)
+    if link.damaged:
+        remedy = "check the adapter's cable and hub, and that no other program reads its port"
+        return Check(
+            "unasked",
+            "warning",
+            f"{plural(link.damaged, 'damaged line')} of the adapter, such as {link.damage}",
+            remedy,
+        )
+    return Check("unasked", "ok", f"{plural(len(frames), 'frame')} of others within {seconds:g} s")
+
+
+def bus_checks(link: FrameLink, before: int, failed: Iterable[str], answered: bool, bound: Deadline) -> Iterator[Check]:
+    """What the controller reports after the reads, and where no one answered, the bitrate.
+
+    `failed` are the codes of reads that failed: their reports are over, as asking for them clears them.
+    """
+    trouble = link.trouble(before)
+    if known := [code for code in failed if code in NAMES]:
+        yield Check("bus", "warning" if answered else "fail", NAMES[known[0]], REMEDIES[known[0]])
+    elif trouble is None:
+        yield Check("bus", "skipped", "this interface reports no state of the bus")
+    elif trouble.code:
+        status = "warning" if answered else "fail"
+        yield Check("bus", status, f"{NAMES[trouble.code]}. {trouble.evidence}", REMEDIES[trouble.code])
+    else:
+        yield Check("bus", "ok", f"no bus error. {trouble.evidence}")
+    if not answered:
+        yield _bitrate(link, bound)
+
+
+def _bitrate(link: FrameLink, bound: Deadline) -> Check:
+    """The bitrate at which frames of others are heard."""
+    given = link.bitrate
+    tried: list[int] = []
+    noisy = False
+    try:
+        for bitrate in dict.fromkeys((given or BITRATES[0], *BITRATES)):
+            if bound.expired:
+                break
+            heard = link.listen(bitrate, LISTEN_SECONDS)
+            if heard is None:
+                hint = (
+                    "see the bitrate of a Linux interface with `ip -details link show can0`, "
+                    "and the frames with `candump can0`"
+                )
+                return Check("bitrate", "skipped", "this interface cannot be set to listen only", hint)
+            frames, errors = heard
+            tried.append(bitrate)
+            noisy = noisy or errors
+            if frames and bitrate == given:
+                return Check("bitrate", "ok", f"frames of others are heard at {given} bit/s")
+            if frames:
+                text = f"frames of others are heard at {bitrate} bit/s, not at {given}"
+                return Check("bitrate", "fail", text, f"add ?bitrate={bitrate} to the LINK")
+    finally:
+        link.resume()
+    at = f"handctl only listened, at {', '.join(map(str, tried))} bit/s"
+    if noisy:
+        hint = "check the termination (120 ohm at both ends), and add the bitrate of the bus to the LINK: ?bitrate=N"
+        return Check("bitrate", "warning", f"the bus has traffic, but no whole frame was heard. {at}", hint)
+    hint = "try adding ?bitrate=500000 to the LINK, but only while no other device is on the bus"
+    return Check("bitrate", "skipped", f"no other device sends on this bus, so its bitrate cannot be heard. {at}", hint)
+
+
+# -- a device on a network: our own address towards it, and who answers there ------------------------------------------
+
+
+MASK = 24
+"""Bits of a network: that of the devices here, where nothing else is known."""
+CONNECTIONS = 4
+"""So many, one behind the other: two devices with one address take turns, or one of them answers all."""
+APART = 2
+"""Counts by which readings of one resting device may differ."""
+
+
+def host_in(link: str) -> str:
+    """The host of a LINK over TCP, "" = it is none."""
+    from urllib.parse import urlsplit
+
+    return urlsplit(link).hostname or "" if link.startswith("tcp://") else ""
+
+
+def subnet(machine: Machine, address: str, *, reached: bool | None) -> Iterator[Check]:
+    """Whether this computer is in the network of an address.
+
+    reached  the device answers there, whatever the way; None = nobody asked there, the device was read over another wire
+    """
+    there = _ipv4(address)
+    if there is None or there.is_loopback:
+        return
+    ours = machine.source(address)
+    network = ip_network(f"{address}/{MASK}", strict=False)
+    mine = _ipv4(ours)
+    if mine is not None and mine in network:
+        yield Check("subnet", "ok", f"this computer has {ours}, in the network of {address}")
+        return
+    free = next(str(one) for one in network.hosts() if one != there)
+    text = f"this computer has {ours} towards {address}" if ours else f"this computer has no way to {address}"
+    text += f", and no address in its network {network.network_address}"
+    if reached:
+        yield Check("subnet", "ok", f"{text}. A router leads there")
+        return
+    remedy = f"give this computer an address such as {free}, mask 255.255.255.0"
+    yield Check("subnet", "skipped" if reached is None else "fail", text, remedy)
+
+
+def is_local(host: str) -> bool:
+    """Whether a host is this computer: a simulator, or a tunnel."""
+    there = _ipv4(host)
+    return host == "localhost" or (there is not None and there.is_loopback)
+
+
+def _ipv4(text: str) -> IPv4Address | None:
+    with suppress(ValueError):
+        return IPv4Address(text)
+    return None
+
+
+def same_address(
+    link: str, device: Any, make: Callable[[Any], Any], fingerprint: Callable[[Any], list[int]]
+) -> Iterator[Check]:
+    """Whether one device answers all connections. The first connection, that of `device`, may not survive the others."""
+    from handctl.link import open_link
+
+    seen: list[list[int]] = []
+    try:
+        seen += _prints(device, fingerprint)
+        for _ in range(CONNECTIONS - 1):
+            with closing(open_link(link)) as opened:
+                seen += _prints(make(opened), fingerprint)
+    except HandctlError as exc:
+        yield Check("same_address", "skipped", f"not every connection could be read: {exc.text}")
+        return
+    pairs = list(zip(seen[0::2], seen[1::2], strict=True))
+    if any(_apart(*pair) for pair in pairs):
+        yield Check("same_address", "skipped", "the readings change: let the device rest, then run this again")
+    elif any(_apart(pairs[0][0], one) for one, _ in pairs):
+        others = {tuple(one) for one, _ in pairs}
+        text = f"{plural(len(others), 'device')} answer at {host_in(link)}: connections read {' and '.join(map(_short, sorted(others)))}"
+        remedy = "leave one of them powered and give it another address: `handctl hand network` or `handctl hand pair`"
+        yield Check("same_address", "fail", text, remedy)
+    else:
+        yield Check(
+            "same_address", "ok", f"{plural(len(pairs), 'connection')} read the same: one device has this address"
+        )
+    yield from _second_client(device, fingerprint)
+
+
+def _second_client(device: Any, fingerprint: Callable[[Any], list[int]]) -> Iterator[Check]:
+    """Whether the first connection lived through the others."""
+    try:
+        fingerprint(device)
+    except LinkError:
+        remedy = "let one program at a time use this device: end the others before you run handctl"
+        yield Check("clients", "warning", "another connection ended the first one", remedy)
+    except HandctlError as exc:
+        yield Check("clients", "warning", exc.text, exc.hint)
+    else:
+        yield Check("clients", "ok", "other connections leave the first one alone")
+
+
+def _prints(device: Any, fingerprint: Callable[[Any], list[int]]) -> list[list[int]]:
+    return [fingerprint(device) for _ in range(2)]
+
+
+def _apart(one: list[int], other: list[int]) -> bool:
+    return len(one) != len(other) or any(abs(a - b) > APART for a, b in zip(one, other, strict=False))
+
+
+def _short(values: tuple[int, ...]) -> str:
+    return " ".join(map(str, values[:6]))

@@ -14,8 +14,7 @@ from handctl.frame.run import Run
 from handctl.link.owners import Process, group_remedy
 from handctl.model.result import Cell, Column, Grid, Journal, Row, Table
 from handctl.system import advice
-from handctl.tools.chips import Chip
-from handctl.tools.machine import CanInterface, Machine, Port
+from handctl.tools.machine import CanInterface, Chip, Machine, Port
 from handctl.tools.probes import on_can
 
 BITRATE = 1_000_000

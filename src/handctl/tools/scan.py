@@ -30,7 +30,6 @@ from handctl import __version__
 from handctl.errors import Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES, SCANNED
 from handctl.frame.clikit import Command
-from handctl.frame.options import SharedOption
 from handctl.frame.run import Run
 from handctl.frame.scanverb import scan_options
 from handctl.link import ByteLink, Deadline, Link, is_can, open_link
@@ -41,8 +40,7 @@ from handctl.model.result import Journal, Table
 from handctl.system import clock
 from handctl.tools.machine import Machine
 from handctl.tools.probes import family_of, probe_of, wire_of
-from handctl.tools.scan_look import Looking
-from handctl.tools.scan_plan import plan
+from handctl.tools.scan_look import Looking, plan
 from handctl.tools.scan_report import Search, report
 
 LONG = 1800.0
@@ -50,16 +48,7 @@ LONG = 1800.0
 WIRE_NAMES = {"serial": "a serial line", "tcp": "TCP", "can": "CAN"}
 
 
-class _ScanCommand(Command):
-    """Takes -p several times."""
-
-    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        params = super().get_params(ctx)
-        own = {name for param in self.params for name in param.opts}
-        return [param for param in params if not (isinstance(param, SharedOption) and own & set(param.opts))]
-
-
-@click.command("scan", cls=_ScanCommand)
+@click.command("scan", cls=Command)
 @click.option(
     "-p",
     "--port",

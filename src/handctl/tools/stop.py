@@ -1,15 +1,28 @@
-"""`handctl stop`: stop a device at once, named by its LINK or its name: `tools.whose` finds out of which family it is."""
+"""`handctl stop`: stop a device at once, named by its LINK or its name, whatever family it is of.
+
+Nothing that is asked to find that out writes to a device or moves it: they are the questions of a scan, each once, in its order.
+"""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import click
 
-from handctl.errors import UsageError
-from handctl.families import FAMILIES
+from handctl.errors import HandctlError, UsageError
+from handctl.families import FAMILIES, SCANNED
 from handctl.frame.clikit import Command
+from handctl.frame.config import Device
 from handctl.frame.family import load
+from handctl.frame.options import NAMED, Settings, Source, config_path, read_config
 from handctl.frame.run import Run
-from handctl.model.result import Table
+from handctl.link import ByteLink, open_link
+from handctl.link.lock import canonical, hold, last_family
+from handctl.model.result import Journal, Row, Table
+from handctl.tools.probes import family_of, has_speed, probe_of, wire_of
+
+if TYPE_CHECKING:
+    from handctl.link import Link
 
 
 @click.command("stop", cls=Command, writes=True, stops=True)
@@ -42,6 +55,127 @@ def _kind(run: Run) -> str:
     simulated = settings.port.removeprefix("fake://").partition("?")[0].rstrip("/")
     if settings.port.startswith("fake://") and simulated in FAMILIES:
         return simulated
-    from handctl.tools.whose import family_at
-
     return family_at(run)
+
+
+# -- whose the device at a LINK is, told by what is kept, else by who answers ------------------------------------------
+
+
+SECONDS = 0.5
+"""For all questions together: by then the bytes of the stop have to go out."""
+EACH = 0.03
+"""For the answer to one of them: an adapter that holds answers back for 16 ms is within that."""
+
+
+def family_at(run: Run) -> str:
+    """The family of the device at --port: of who has it or had it last, of a named device there, of who answers.
+
+    What a named device there says of it holds, as with -d. Raises UsageError where nothing tells the family.
+    """
+    link = run.settings.port or ""
+    found = last_family(link) or next(filter(None, (last_family(link, port) for port in _usual_ports(link))), "")
+    found = found if found in FAMILIES else ""
+    named = [one for one in _named_at(link) if found in ("", one.kind)]
+    kinds = {one.kind for one in named}
+    if len(kinds) == 1:
+        found = named[0].kind
+        _as_named(run, named)
+    if not found:
+        found = _answering(run, link)
+    if found:
+        return found
+    raise UsageError(
+        f"{link}: no handctl command has used this device, it has no name, and its family could not be detected",
+        hint=f"run `handctl FAMILY stop -p {link}` with one of {', '.join(FAMILIES)}",
+        code="no-family",
+    )
+
+
+def _usual_ports(link: str) -> list[int]:
+    """The ports that a tcp:// without one may mean."""
+    if not link.startswith("tcp://"):
+        return []
+    return [port for family in FAMILIES if (port := family_of(family).tcp_port) is not None]
+
+
+def _place(link: str, kind: str) -> str:
+    return canonical(link, family_of(kind).tcp_port if link.startswith("tcp://") else None)
+
+
+def _named_at(link: str) -> list[Device]:
+    """The named devices whose LINK leads to the same place. What is wrong in the file tells nothing."""
+    try:
+        devices = read_config(config_path(), []).devices.values()
+    except UsageError:
+        return []
+    ports = [(one, one.entries["port"].value) for one in devices if "port" in one.entries]
+    return [one for one, port in ports if _place(port, one.kind) == _place(link, one.kind)]
+
+
+def _as_named(run: Run, named: list[Device]) -> None:
+    """Take over what the named device says and nobody else does; of several on one line only that there are several."""
+    if len(named) > 1:
+        names = ",".join(one.name for one in named)
+        run.journal.warn("several", f"{names} are at {run.settings.port}", f"`handctl stop -d {names}` stops each")
+        return
+    (device,) = named
+    said = {key: entry for key, entry in device.entries.items() if key not in ("port", *run.sources)}
+    sources = {key: Source(NAMED, f"{config_path()}:{entry.line}") for key, entry in said.items()}
+    shared: dict[str, Any] = {key: entry.value for key, entry in said.items() if key in Settings._fields}
+    own = {key: entry.value for key, entry in said.items() if key not in shared}
+    run.settings = run.settings._replace(**shared, own={**run.settings.own, **own})
+    run.sources = {**run.sources, **sources}
+
+
+def _answering(run: Run, link: str) -> str:
+    """Who answers within SECONDS, with the speed that it was asked at; "" for nobody, or where somebody has the link."""
+    if link.startswith("replay:") or run.settings.dry_run:
+        return ""
+    wire = wire_of(link)
+    try:
+        lock = hold(link, f"handctl {run.command}", patience=0.0)
+        try:
+            opened = open_link(link, exclusive=False)
+            try:
+                row = _asked(opened, wire, run.settings.id, run.journal)
+            finally:
+                opened.close()
+        finally:
+            if lock is not None:
+                lock.release()
+    except HandctlError:
+        return ""  # the stop itself says what is wrong with the link
+    if row is None:
+        return ""
+    if row["baud"] is not None:
+        run.settings = run.settings._replace(baud=row["baud"])
+    run.journal.info("found", f"{link}: {row['family']} answers: {row['evidence']}")
+    return str(row["family"])
+
+
+def _asked(link: Link, wire: str, number: int | None, journal: Journal) -> Row | None:
+    """The first row of a scan's questions, each family at its usual speed."""
+    from handctl.tools.scan_look import plan, port_of
+
+    speeds = has_speed(link) and wire == "serial"
+    bound = link.deadline(SECONDS)
+    ids = [number] if number is not None and 1 <= number <= 254 else [1]
+    done: set[str] = set()
+    quiet = Journal()
+    quiet.counters = journal.counters
+    for step in plan(wire, SCANNED, speeds, port_of(link.name) if wire == "tcp" else None):
+        if step.family in done or bound.expired:
+            continue
+        done.add(step.family)
+        try:
+            if step.speed is not None and isinstance(link, ByteLink) and link.baud != step.speed:
+                link.set_baud(step.speed)
+            speed = step.speed
+            rows = probe_of(step.family).probe(link, quiet, bound, ids, EACH)
+        except HandctlError as exc:
+            if exc.code == "boot-monitor":
+                return None  # what comes next could be a trigger
+            continue
+        if rows:
+            return {"family": step.family, "evidence": "", **rows[0], "baud": speed}
+    return None

@@ -42,8 +42,8 @@ ROWS = (
         "wrong id accepted",
         PORT,
         "DataPort._judge",
-        "if (frame.command, frame.msg_id) != attempt.key:",
-        "if frame.command != attempt.key[0]:",
+        "if frame.key != key_of(attempt.request):",
+        "if frame.command != attempt.request[0]:",
         "tests/ekso/test_dataport.py::test_always_late_says_so",
     ),
     mistake(
@@ -69,8 +69,8 @@ ROWS = (
         "identity left out",
         PORT,
         "DataPort._send",
-        "if command in WRITING:",
-        "if not command:",
+        "if row.writes:",
+        "if not row:",
         "tests/ekso/test_dataport.py::test_nothing_is_written_to_a_line_on_which_no_eksonr_has_answered",
     ),
     mistake(
@@ -114,7 +114,7 @@ ROWS = (
     mistake(
         "ekso-memory-of-a-port",
         "one witness believed",
-        "handctl.devices.ekso.memory",
+        "handctl.devices.ekso.audit",
         "_counts",
         'if not (entry.get("simulated") or always.get("simulated")):',
         "if not entry:",
@@ -143,7 +143,7 @@ ROWS = (
     mistake(
         "ekso-log-inches-are-centimetres",
         "unit",
-        "handctl.devices.ekso.log.format",
+        "handctl.devices.ekso.log",
         "to_si",
         'return f"{quantity.name}_m", lambda number: f"{number * 254 / 10 ** (decimals + 4):.{decimals + 4}f}"',
         'return f"{quantity.name}_m", lambda number: f"{number * 254 / 10 ** (decimals + 2):.{decimals + 4}f}"',

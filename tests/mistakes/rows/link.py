@@ -144,7 +144,7 @@ ROWS = (
     mistake(
         "scan-monitor-hears-ff",
         "boot trigger",
-        "handctl.tools.scan_plan",
+        "handctl.tools.scan_look",
         "plan",
         "if guard is not None:",
         "if guard is not None and port:",
@@ -180,7 +180,7 @@ ROWS = (
     mistake(
         "trace-can-frame-of-nine-bytes",
         "range off by one",
-        "handctl.tools.trace_bytes",
+        "handctl.tools.trace",
         "_can_frame",
         "if can_id >= 1 << 29 or len(data) > 8 or announced != len(data):",
         "if can_id >= 1 << 29 or len(data) > 9 or announced != len(data):",

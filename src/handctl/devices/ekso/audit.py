@@ -9,15 +9,15 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from handctl.devices.ekso import gates
-from handctl.devices.ekso.chain import Checked, check, held, linked
 from handctl.errors import OutputError
 from handctl.files import clash, in_turn, opened, state_path
 from handctl.system import disk, locks
@@ -188,3 +188,228 @@ def _torn(file: int) -> bool:
 def _write_all(file: int, data: bytes) -> None:
     while data:
         data = data[os.write(file, data) :]
+
+
+# -- the chain: each entry ends with a hash over itself and the entry before it -------------------------------------------
+#
+#     {"event": "intent", …, "chain": "<SHA-256 of the chain before, then of this line without its own>"}
+#
+# An entry that was edited does not fit its hash; where one was removed, added or moved, the next does not fit. What was cut off
+# at the end does not show, and who knows this can write a new chain: it shows an edit, it is no signature.
+
+
+_LINK = re.compile(rb', "chain": "([0-9a-f]{64})"\}$')
+
+
+class Finding(NamedTuple):
+    """A line of the log that does not fit: its number, counted from 1, the line, and what is wrong with it."""
+
+    number: int
+    line: bytes
+    text: str
+
+
+class Checked(NamedTuple):
+    """A log that was looked through: entries with a hash, older ones without, halves of killed writers, what is wrong."""
+
+    chained: int
+    unchained: int
+    torn: int
+    findings: tuple[Finding, ...]
+
+
+def linked(entry: bytes, before: str) -> bytes:
+    """A JSON object as the line of an entry behind `before`."""
+    return entry[:-1] + b', "chain": "' + _digest(before.encode() + entry).encode() + b'"}'
+
+
+def held(lines: Iterable[bytes]) -> str:
+    """What the next entry builds on, the lines given from the last to the first; "" for the first entry."""
+    for line in lines:
+        if (link := _link(line.rstrip())) is not None:
+            return link
+    return ""
+
+
+ENTRY = 8192
+"""Bytes kept of a line that is no entry of the chain: no entry of ours is longer."""
+
+
+def check(lines: Iterable[bytes], *, whole: bool = True) -> Checked:
+    """Look through a log; without `whole` the lines begin somewhere in it, and the first is taken as it is."""
+    before = "" if whole else None
+    counts = {"chained": 0, "unchained": 0, "torn": 0}
+    findings: list[Finding] = []
+    for number, raw in enumerate(lines, 1):
+        line = raw.rstrip()
+        if not line:
+            continue
+        found, link = _LINK.search(line), _link(line)
+        if found is not None:
+            counts["chained"] += 1
+            if before is not None and _digest(before.encode() + line[: found.start()] + b"}") != link:
+                findings.append(
+                    Finding(number, line[:ENTRY], "was edited, or an entry before it is missing or was moved")
+                )
+        elif link is not None and not counts["chained"]:
+            counts["unchained"] += 1  # of a handctl that knew no chain
+        elif link is None and line.startswith(b'{"event"'):
+            counts["torn"] += 1  # half a line of a killed writer
+        else:
+            findings.append(
+                Finding(number, line[:ENTRY], "has no hash: an older handctl wrote it, or it was added by hand")
+            )
+        before = link if link is not None else before
+    return Checked(**counts, findings=tuple(findings))
+
+
+def told(checked: Checked) -> Iterator[str]:
+    """The findings for people: ``line 7 (2026-11-22T10:00:00.000+00:00, intent step_length) was edited, …``."""
+    for finding in checked.findings:
+        try:
+            entry = json.loads(finding.line)
+            words = f"{entry['utc']}, {entry['event']} {entry.get('name', '')}".rstrip()
+        except (ValueError, TypeError, KeyError, RecursionError):
+            words = "no entry"
+        yield f"line {finding.number} ({words}) {finding.text}"
+
+
+def _link(line: bytes) -> str | None:
+    """What the entry behind this line builds on; None for a line that is no whole entry."""
+    found = _LINK.search(line)
+    if found is not None:
+        return found[1].decode()
+    try:
+        return _digest(line) if isinstance(json.loads(line), dict) else None
+    except (ValueError, RecursionError):
+        return None
+
+
+def _digest(data: bytes) -> str:
+    import hashlib
+
+    return hashlib.sha256(data).hexdigest()
+
+
+# -- what the logs remember: the policy holds for any EksoNR that was written to, not for one run, port or log -----------
+#
+# An EksoNR reports nothing that tells it from another, and a port's name or number leads to another one after it was plugged
+# in again. So each write of the last seconds counts, but those to simulators, which are what their LINK says. How old an entry
+# is at least, the monotonic clock proves: it never goes back, and since a restart of this machine at least its uptime has
+# passed. The wall clock, which is set, decides only over entries of another machine, and one from the future is refused.
+
+
+WINDOW = 10.0
+"""Seconds: a step is measured against each value of so long."""
+NOT_SENT = "not sent"
+"""How the verdict on a write begins that never went out."""
+
+
+class Past(NamedTuple):
+    """A write of the last seconds: when at the earliest on the link's clock, which setting, its raw values."""
+
+    at: float
+    name: str
+    old: int
+    new: int
+
+
+def recent(audit: AuditLog, now: float) -> list[Past]:
+    """The writes to any EksoNR within the last WINDOW seconds, the newest first; `now` is the link's clock.
+
+    A write whose result nobody noted counts. Raises CheckFailed where a log does not tell: nothing may be written then.
+    """
+    found = [past for log in audit.every for past in _recent(log, now)]
+    return sorted(found, key=lambda past: past.at, reverse=True)
+
+
+def _recent(audit: AuditLog, now: float) -> list[Past]:
+    found: list[Past] = []
+    ended: dict[str, tuple[float, bool]] = {}
+    for entry in _entries(audit):
+        if not _counts(entry, audit.always):
+            continue
+        age = _age(entry, now, audit)
+        name = str(entry["name"])
+        if entry["event"] == "result":
+            ended[name] = age, str(entry.get("verdict", "")).startswith(NOT_SENT)
+            continue
+        age, unsent = ended.pop(name, (age, False))
+        if age > WINDOW:
+            break
+        if not unsent:
+            found.append(Past(now - age, name, entry["old"]["raw"], entry["new"]["raw"]))
+    return found
+
+
+def _entries(audit: AuditLog) -> Iterator[dict[str, Any]]:
+    """Intents and results from the last to the first that the tail of the log holds whole."""
+    unfit = {finding.line for finding in audit.checked().findings}
+    for line in reversed(audit.tail()):
+        if not line.strip() or _half(line):
+            continue
+        try:
+            entry = json.loads(line)
+            if not isinstance(entry, dict):
+                raise TypeError(line)
+            if line.rstrip() in unfit:
+                _refuse(audit, gates.EDITED)
+            elif entry.get("event") == "intent":
+                unfit = set()  # it was not refused: what had been done by hand before it was long past
+            if entry.get("event") not in ("intent", "result"):
+                continue
+            moments = float(entry["host_monotonic_s"]), datetime.fromisoformat(entry["utc"]).timestamp()
+            if entry["event"] == "intent" and not all(isinstance(entry[key]["raw"], int) for key in ("old", "new")):
+                raise TypeError(line)
+            if not isinstance(entry["name"], str) or any(moment != moment for moment in moments):
+                raise TypeError(line)
+        except (ValueError, TypeError, KeyError, RecursionError):
+            _refuse(audit, gates.DAMAGED)
+            continue
+        yield entry
+
+
+def _half(line: bytes) -> bool:
+    """Half a line of a killed writer: an intent that was not whole on the disk was never sent, and a result follows its intent."""
+    return line.startswith(b'{"event"') and not line.rstrip().endswith(b"}")
+
+
+def _counts(entry: Mapping[str, Any], always: Mapping[str, Any]) -> bool:
+    """Whether the entry may be of the device that is written to now."""
+    if not (entry.get("simulated") or always.get("simulated")):
+        return True
+    return bool(entry.get("place", entry.get("port")) in (always.get("place"), always.get("port")))
+
+
+def _age(entry: Mapping[str, Any], now: float, audit: AuditLog) -> float:
+    """Seconds that have passed since at least. Raises CheckFailed for what lies in the future."""
+    noted = float(entry["host_monotonic_s"])
+    bound = now - noted if noted <= now else now  # the machine has restarted since: its clock began at 0 then
+    if entry.get("host") == audit.always.get("host"):
+        return bound
+    passed = (datetime.now(timezone.utc) - datetime.fromisoformat(entry["utc"])).total_seconds()
+    if passed < 0:
+        raise gates.refusal(
+            gates.CLOCK,
+            f"{audit.path}: the last write was at {entry['utc']}, which is {-passed:.0f} s in the future, so a clock was set back",
+            "set the clock of this computer, then repeat the command. Nothing was sent.",
+        )
+    return min(bound, passed)
+
+
+WRONG = {
+    gates.EDITED: ("its last entries were edited or removed by hand", " `handctl ekso policy` shows which."),
+    gates.DAMAGED: ("its end is damaged", ""),
+}
+
+
+def _refuse(audit: AuditLog, gate: str) -> None:
+    """Raise CheckFailed for what was done to the log by hand or by a fault, if that may be of the last seconds."""
+    if datetime.now(timezone.utc).timestamp() - audit.changed_at() > WINDOW:
+        return
+    wrong, more = WRONG[gate]
+    raise gates.refusal(
+        gate,
+        f"{audit.path}: {wrong}, so handctl does not know what was written last, and when",
+        f"repeat the command in {WINDOW:.0f} s, when the last write no longer matters.{more} Nothing was sent.",
+    )

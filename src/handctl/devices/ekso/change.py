@@ -1,11 +1,32 @@
-"""A change of one setting, and the step limits that this tool keeps to (`ekso policy` shows them). Never limits of the device."""
+"""A change of one setting: its limits, whether the wearer keeps still for it, and what came of it. Knows no link.
+
+The limits are this tool's policy (`ekso policy` shows them), never those of the device.
+"""
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 from handctl.devices.ekso import gates
-from handctl.devices.ekso.map import ASSIST, NOTHING_SENT, PERCENT_CODES, Word
+from handctl.devices.ekso.frames import Frame, set_value_body, status_text
+from handctl.devices.ekso.map import (
+    ASSIST,
+    DATA,
+    DRIVEN,
+    NOTHING_SENT,
+    PERCENT_CODES,
+    SETTINGS,
+    SITTING,
+    STANDING,
+    Word,
+    boot_ms,
+    state_text,
+)
+from handctl.errors import HandctlError, Interrupted
+from handctl.model.clocks import Span
 
 
 class Change(NamedTuple):
@@ -21,54 +42,49 @@ class Change(NamedTuple):
         before, after = (self.param.shown(self.param.from_raw(raw)) for raw in (self.old, self.new))
         return f"{self.param.name} {before} -> {after}"
 
+    @property
+    def body(self) -> bytes:
+        """What its SetValue holds."""
+        assert self.param.id is not None
+        return set_value_body(self.param.id, self.new)
 
-def check_code(change: Change) -> None:
-    """Raise UsageError for a code that nobody knows."""
-    if change.param.choices and change.new not in change.param.choices:
+    @property
+    def asked_twice(self) -> bool:
+        """Whether it enters or leaves a mode that is asked for twice."""
+        return any(self.param.choices.get(raw) in self.param.twice for raw in (self.old, self.new))
+
+    def most(self, override: bool) -> int | None:
+        """The largest step of this change as a raw value, None where the policy has none."""
+        param = self.param
+        if param.step is None or (param.choices and not {self.old, self.new} <= set(PERCENT_CODES)):
+            return None
+        return None if override and not param.firm else param.to_raw(param.step)
+
+    def way(self, override: bool) -> list[Change]:
+        """From the old value to the new one in permitted steps."""
+        step = self.most(override)
+        if step is None or abs(self.new - self.old) <= step:
+            return [self]
+        places = [*range(self.old, self.new, step if self.new > self.old else -step), self.new]
+        return [Change(self.param, *pair) for pair in pairwise(places)]
+
+    def check_code(self) -> None:
+        """Raise UsageError for a code that nobody knows."""
+        if self.param.choices and self.new not in self.param.choices:
+            text = f"{self.text}: this code is not documented, so handctl does not write it"
+            raise gates.refusal(gates.LISTED, text, NOTHING_SENT)
+
+    def check_step(self, override: bool) -> None:
+        """Raise UsageError for a step beyond the policy without `override`."""
+        if len(self.way(override)) == 1:
+            return
+        firm = self.param.firm
+        instead = "there is no override for leg lengths" if firm else "--override-step-limit"
         raise gates.refusal(
-            gates.LISTED, f"{change.text}: this code is not documented, so handctl does not write it", NOTHING_SENT
+            gates.STEP,
+            f"{self.text}: more than {limit_of(self.param)} at once is beyond this tool's policy (not the device's limit)",
+            f"use smaller steps{': ' if firm else ', or '}{instead}. {NOTHING_SENT}",
         )
-
-
-def most(change: Change, override: bool) -> int | None:
-    """The largest step of this change as a raw value, None where the policy has none."""
-    param = change.param
-    if param.step is None or (param.choices and not {change.old, change.new} <= set(PERCENT_CODES)):
-        return None
-    return None if override and not param.firm else param.to_raw(param.step)
-
-
-def way(change: Change, override: bool) -> list[int]:
-    """The raw values on the way from the old to the new one in permitted steps; the new one is the last."""
-    step = most(change, override)
-    if step is None or abs(change.new - change.old) <= step:
-        return [change.new]
-    step = step if change.new > change.old else -step
-    return [*range(change.old + step, change.new, step), change.new]
-
-
-def check_change(change: Change, override: bool) -> None:
-    """Raise UsageError for an unlisted code, or a step beyond the policy without `override`."""
-    check_code(change)
-    check_step(change, override)
-
-
-def check_step(change: Change, override: bool) -> None:
-    """Raise UsageError for a step beyond the policy without `override`."""
-    param = change.param
-    step = most(change, override)
-    if step is None or abs(change.new - change.old) <= step:
-        return
-    instead = (
-        "use smaller steps: there is no override for leg lengths"
-        if param.firm
-        else "use smaller steps, or --override-step-limit"
-    )
-    raise gates.refusal(
-        gates.STEP,
-        f"{change.text}: more than {limit_of(param)} at once is beyond this tool's policy (not the device's limit)",
-        f"{instead}. {NOTHING_SENT}",
-    )
 
 
 def limit_of(param: Word) -> str:
@@ -76,6 +92,152 @@ def limit_of(param: Word) -> str:
     return "10 %" if param.choices is ASSIST else param.shown(param.step or 0)
 
 
-def needs_second_answer(change: Change) -> bool:
-    """Whether it enters or leaves a mode that is asked for twice."""
-    return any(change.param.choices.get(raw) in change.param.twice for raw in (change.old, change.new))
+# -- whether the wearer keeps still: two looks at GetData, before any setting is written --------------------------------
+
+
+APART = 0.1
+"""Seconds between the two looks at the joints."""
+MOST_SPEED = 5.0
+"""deg/s; above, the wearer moves."""
+STATE = 18
+JOINTS = tuple(param for param in DATA if param.name.endswith(("hip_angle", "knee_angle")))
+
+
+class Looks(NamedTuple):
+    """Two looks: State of the one that is judged, the settings that are written only while sitting, the words of both, and
+    the ms of BootTime and those of ours between them."""
+
+    state: int
+    sitting: Sequence[Word]
+    first: Sequence[int]
+    second: Sequence[int]
+    passed: int
+    span: Span
+
+
+def _posture(seen: Looks) -> str | None:
+    if seen.state >> 12 in (SITTING, STANDING):
+        return None
+    return f"the posture is {state_text(seen.state)}, neither sitting nor standing"
+
+
+def _driven(seen: Looks) -> str | None:
+    return f"the joints are being driven: {state_text(seen.state)}" if seen.state & DRIVEN else None
+
+
+def _seated(seen: Looks) -> str | None:
+    if not seen.sitting or seen.state >> 12 == SITTING:
+        return None
+    names = ", ".join(param.name for param in seen.sitting)
+    return f"{names}: only while sitting, but the state is {state_text(seen.state)}"
+
+
+def _reboot(seen: Looks) -> str | None:
+    return "BootTime went back: the device has restarted" if seen.passed >= 2**31 else None
+
+
+def _fresh(seen: Looks) -> str | None:
+    if seen.span.fits(seen.passed):
+        return None
+    return f"BootTime advanced by {seen.passed} ms in {seen.span}: the values are not fresh"
+
+
+def _speed(seen: Looks) -> str | None:
+    for param in JOINTS:
+        turned = abs(param.raw_of(seen.second[param.word]) - param.raw_of(seen.first[param.word])) / 100
+        speed = turned / (seen.passed / 1000 or 1e-3)
+        if speed >= MOST_SPEED:
+            return f"{param.name} moves at {speed:.1f} deg/s"
+    return None
+
+
+STILL: Mapping[str, Callable[[Looks], str | None]] = {
+    gates.POSTURE: _posture, gates.DRIVEN: _driven, gates.SEATED: _seated,
+    gates.REBOOT: _reboot, gates.FRESH: _fresh, gates.SPEED: _speed,
+}  # fmt: skip
+
+
+def moving(first: Sequence[int], second: Sequence[int], span: Span, sitting: Sequence[Word] = ()) -> str | None:
+    """Why two GetData that are `span` apart are not those of somebody who sits or stands still; None when they are.
+
+    `sitting` are settings that are written only while sitting.
+    """
+    passed = (boot_ms(second) - boot_ms(first)) % 2**32
+    looks = [Looks(words[STATE] & 0xFFFF, sitting, first, second, passed, span) for words in (first, second)]
+    found = [STILL[gate](look) for look in looks for gate in gates.at(gates.LOOK)]
+    found += [] if any(found) else [STILL[gate](looks[0]) for gate in gates.at(gates.LOOKS)]
+    return next(filter(None, found), None)
+
+
+# -- what came of one SetValue: what its status and the read-back say together ------------------------------------------
+
+
+Raws = tuple[int, ...]
+"""The 22 settings as raw integers."""
+REFUSALS = {
+    1: "sit or stand still, then repeat: the device does not accept it now",
+    2: "try a smaller step: the device has its own limits, which are not documented",
+    3: "use another value: the device does not allow this value or command",
+}
+
+
+def judge(
+    where: str, change: Change, before: Raws, after: Raws, answer: Frame | None, lost: HandctlError | None
+) -> HandctlError | None:
+    """What the status and the read-back say together; None when the setting is as wanted and nothing else changed."""
+    word = change.param.word
+    wanted = (*before[:word], change.new, *before[word + 1 :])
+    status = answer.status if answer is not None else None
+    accepted = status is not None and status & 0xFF == 0
+    if status is not None and not accepted and after == wanted:
+        return gates.refusal(
+            gates.READ_BACK,
+            f"{where}: {change.text}: {status_text(status)}, but the new value reads back",
+            "check with `handctl ekso settings` before anything else. Report it",
+        )
+    if after != wanted and (after != before or accepted):
+        return gates.refusal(
+            gates.READ_BACK,
+            f"{where}: {change.text}: the read-back differs: {differences(wanted, after)}"
+            + (f"; status {status_text(status)}" if status is not None else ""),
+            _way_back(before, after),
+        )
+    if status is not None and not accepted:
+        return gates.refusal(
+            gates.STATUS,
+            f"{where}: {change.text}: {status_text(status)} (status 0x{status:04X})",
+            REFUSALS.get(status & 0xFF, "report it: this status is not documented"),
+            status & 0xFF,
+        )
+    if after == before and status is None:
+        if lost is None:
+            return Interrupted(f"interrupted. {change.text} was not applied")
+        return lost.retold(
+            f"{change.text}: not applied, the old value was read twice. {lost.text}",
+            hint="nothing was changed. Repeat the command if you still want it",
+        )
+    return None
+
+
+def _way_back(before: Raws, after: Raws) -> str:
+    """What would set the settings that changed to what they were."""
+    changed = [param for param in SETTINGS if after[param.word] != before[param.word]]
+    if not changed:
+        return "check with `handctl ekso settings`. The old value is still set, so nothing needs to be undone"
+    # a code that nobody knows is never written
+    able = [p for p in changed if p.id is not None and (not p.choices or before[p.word] in p.choices)]
+    ways = ", ".join(
+        f"`handctl ekso set {shlex.quote(f'{p.name}={p.typed(p.from_raw(before[p.word]))}')}`" for p in able
+    )
+    left = ", ".join(p.name for p in changed if p not in able)
+    text = "check with `handctl ekso settings` first" + (f". Then {ways} undoes the change" if ways else "")
+    return text + (f". handctl cannot undo {left}" if left else "")
+
+
+def differences(expected: Raws, found: Raws) -> str:
+    """``step_length 15.50 in, expected 16.00 in; …`` for every word that differs."""
+    return "; ".join(
+        f"{param.name} is {param.shown(param.from_raw(is_))}, expected {param.shown(param.from_raw(should))}"
+        for param, should, is_ in zip(SETTINGS, expected, found, strict=True)
+        if should != is_
+    )

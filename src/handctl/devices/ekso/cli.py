@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
@@ -12,15 +13,18 @@ from handctl import __version__
 from handctl.devices.ekso import gates
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.device import Ekso, one_setting, written_table
-from handctl.devices.ekso.lengthmode import check_mode
-from handctl.devices.ekso.log.cli import add_log_commands
+from handctl.devices.ekso.frames import LENGTH_MODES
 from handctl.devices.ekso.map import EKSO
+from handctl.errors import UsageError
 from handctl.frame import stored, verbs
 from handctl.frame.clikit import Command, Group
 from handctl.frame.family import Family
 from handctl.frame.filetypes import InFile, OutFile
 from handctl.frame.mapverbs import NAMES, add_map_verbs
+from handctl.frame.numbers import FiniteRange, WholeRange
 from handctl.frame.own import Own
+from handctl.frame.recorder import Wishes, log_options
+from handctl.frame.recorder import log as record
 from handctl.frame.run import Run
 from handctl.model.device import limits_of
 from handctl.model.gate import Gate
@@ -28,9 +32,12 @@ from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.audit import AuditLog
+    from handctl.devices.ekso.export import Exported
     from handctl.frame.options import Settings
     from handctl.link import ByteLink
     from handctl.model.result import Journal
+    from handctl.record.source import Source
+
 
 NOT_MEDICAL = "handctl is not a medical device, and you are responsible for the settings you change"
 
@@ -50,7 +57,100 @@ cli = Group(
     f"Reading changes nothing. Every write of a setting is checked, asks first, is read back and logged. {NOT_MEDICAL}.",
 )
 add_map_verbs(cli, EKSO, example="step_length left_knee_angle 216", without=("set", "describe", "log", "restore"))
-add_log_commands(cli)
+
+
+# -- recordings ---------------------------------------------------------------------------------------------------
+
+
+@cli.verb("log", "Files")
+@log_options
+@click.option("--raw", is_flag=True, help="Append the 27 raw words to each row.")
+@click.option("--include-pilot-id", is_flag=True, help="Keep the wearer's number in the sidecar.")
+def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -> Table:
+    """Record GetData to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.
+
+    FILE can be a directory. On a terminal, press any letter or space to set a mark.
+    """
+
+    def source(again: Callable[[], bool]) -> Source:
+        from handctl.devices.ekso.log import EksoSource
+
+        return EksoSource(run.device(), again, raw=raw, personal=include_pilot_id)
+
+    return record(run, file, Wishes(**wishes), source)
+
+
+@cli.verb("export", "Files", offline=True)
+@click.argument("log", metavar="LOG", type=InFile(beside=(".json",)))
+@click.option(
+    "--to",
+    "--format",
+    "kind",
+    type=click.Choice(["mot", "csv"]),
+    help="Output: mot (OpenSim motion file) or csv (the columns of the log). --format is the older name.",
+)
+@click.option("--si", is_flag=True, help="With csv: metres and radians instead of inches and degrees.")
+@click.option("--segment", type=WholeRange(min=1), metavar="N", help="Only segment N. A motion file holds just one.")
+@click.option(
+    "--knee-sign",
+    type=click.Choice(["1", "-1"]),
+    help="With mot: sign of knee flexion in your model (default 1, as in the device; gait2392 needs -1).",
+)
+@click.option(
+    "--rate",
+    type=FiniteRange(min=0, min_open=True, max=1000),
+    metavar="HZ",
+    help="With mot: resample linearly, but never across a gap.",
+)
+def export(
+    run: Run, log: str, kind: str | None, si: bool, segment: int | None, knee_sign: str | None, rate: float | None
+) -> Table:
+    """Turn a log into an OpenSim motion file or a table in SI units. Needs no device.
+
+    The output goes to stdout, or to FILE with -o.
+    """
+    from handctl.devices.ekso import export as exports
+    from handctl.devices.ekso.export import LogFile
+
+    as_rows = run.settings.format in ("json", "ndjson")
+    kind = kind or ("csv" if run.settings.format == "csv" else None)
+    _check_options(kind, si=si, knee_sign=knee_sign, rate=rate)
+    if run.settings.output and os.path.realpath(run.settings.output) in map(os.path.realpath, (log, f"{log}.json")):
+        raise UsageError("-o would overwrite the log itself", hint="give another name")
+    source = LogFile(log)
+    if kind == "csv":
+        result = exports.table(source, segment=segment, si=si, as_rows=as_rows)
+    else:
+        sign = int(knee_sign or "1")
+        if knee_sign is None:
+            run.journal.warn(
+                "knee-sign",
+                "knee flexion is positive, as in the device",
+                hint="use --knee-sign -1 for models like gait2392",
+            )
+        result = exports.motion(source, segment=segment, knee_sign=sign, rate=rate, tool=f"handctl {__version__}")
+    if source.simulated:
+        run.settings = run.settings._replace(port=None, fake=True)
+        run.journal.info("simulated", f"{log}: this is a recording of a simulator, not of a device")
+    return _shown(run, result, as_rows)
+
+
+def _check_options(kind: str | None, *, si: bool, knee_sign: str | None, rate: float | None) -> None:
+    if kind is None:
+        raise UsageError("no format given", hint="use --to mot or --to csv")
+    if kind == "csv" and (knee_sign is not None or rate is not None):
+        raise UsageError("--knee-sign and --rate work only with --to mot", hint="leave them out")
+    if kind == "mot" and si:
+        raise UsageError("--si works only with --to csv", hint="leave it out: a motion file is in degrees")
+
+
+def _shown(run: Run, result: Exported, as_rows: bool) -> Table:
+    for remark in result.remarks:
+        run.journal.warn("log", remark)
+    run.journal.info("exported", f"{result.length} rows, {result.seconds:.3f} s")
+    if not as_rows:  # --format names the file here; what the environment says of tables means nothing
+        run.settings = run.settings._replace(format="table")
+    return Table(rows=result.rows if as_rows else [], text=lambda _: result.text)
 
 
 # -- reading ------------------------------------------------------------------------------------------------------
@@ -215,7 +315,7 @@ def _with_writer(run: Run, file: str | None, *, override: bool, stepwise: bool =
 
 
 def _tell_edited(run: Run, audit: AuditLog) -> None:
-    from handctl.devices.ekso.chain import told
+    from handctl.devices.ekso.audit import told
 
     for place in list(told(audit.checked()))[-1:]:
         run.journal.warn(
@@ -349,9 +449,16 @@ def cancel(run: Run, word: int, audit: str | None) -> Table:
 # -- every command -------------------------------------------------------------------------------------------------
 
 
+def _check_mode(text: str) -> str:
+    """A length convention or "auto". Raises UsageError."""
+    if text not in (*LENGTH_MODES, "auto"):
+        raise UsageError(f"length convention {text!r} does not exist", hint=f"auto, {', '.join(LENGTH_MODES)}")
+    return text
+
+
 def add_length_mode(command: Command) -> None:
     """Give a command the option that says what the length byte of requests counts."""
-    command.params.append(Own(["--length-mode"], "ekso", check_mode))
+    command.params.append(Own(["--length-mode"], "ekso", _check_mode))
 
 
 for _name, _command in cli.commands.items():

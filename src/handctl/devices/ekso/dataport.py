@@ -1,18 +1,26 @@
 """The line to an EksoNR: one request, one answer, a deadline on everything; reads are repeated, writes never (ekso §6).
 
 `DataPort` speaks in frames and words; what the words mean is not known here. What is not the answer is dropped and
-counted. For recordings: `samples` yields GetData as fast as the device answers, `settings_raw` the 22 settings.
+counted.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
 from dataclasses import dataclass
 
-from handctl.devices.ekso.attempt import HINTS, Attempt, key_of, shorten
-from handctl.devices.ekso.frames import ANSWER_SIZES, OVERHEAD, Command, Decoder, Frame, encode, name_of
+from handctl.devices.ekso.frames import (
+    MESSAGES,
+    OVERHEAD,
+    Command,
+    Decoder,
+    Frame,
+    encode,
+    key_of,
+    name_of,
+)
 from handctl.devices.ekso.map import SETTINGS
-from handctl.errors import HandctlError, ProtocolError
+from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.clocks import Moment
 from handctl.model.device import Line
@@ -20,6 +28,7 @@ from handctl.model.foreign import harmless
 from handctl.model.frames import frames_in
 from handctl.model.gate import Gate
 from handctl.model.result import Journal, hex_bytes
+from handctl.sentence import plural
 
 DEFAULT_TIMEOUT = 0.5
 """Seconds for the whole answer; the manual names none."""
@@ -27,9 +36,10 @@ QUIET = 0.02
 """Seconds of silence that end a resynchronisation: an answer to somebody else's request has passed then."""
 AFTER_BROKEN = 3 * QUIET
 """How much longer an answer is waited for behind a broken one."""
-
-
-WRITING = (Command.SET_VALUE, Command.CANCEL_ACTION)
+TRIED = ("body", "frame", "n-2", "n-4")
+"""Length conventions in the order in which they are tried."""
+REST = 0.5
+"""Seconds of quiet behind an attempt that failed: a device that expects more bytes would swallow the next request."""
 
 
 @dataclass(slots=True)
@@ -44,9 +54,59 @@ class Counts:
     duplicates: int = 0
     unsolicited: int = 0
 
-    def as_dict(self) -> dict[str, int]:
-        """By name, for sidecars and reports."""
-        return {name: getattr(self, name) for name in self.__slots__}
+
+@dataclass(slots=True)
+class Attempt:
+    """What came while one answer was waited for; `sent_before` requests of ours went before it."""
+
+    request: bytes
+    sent_before: int
+    received: bytes = b""
+    broken: ProtocolError | None = None
+    foreign: Frame | None = None
+    empty: Frame | None = None
+
+    def mishap(self) -> tuple[str, str]:
+        """(code, text) of why there is no answer; the codes are keys of HINTS."""
+        name, msg_id = name_of(self.request[0]), key_of(self.request)[1]
+        if self.broken is not None:
+            return self.broken.code, f"the reply to {name} is damaged: {self.broken.text}"
+        if self.empty is not None and self.empty.data == self.request:
+            reads = len(self.request) == OVERHEAD
+            text = "acknowledged without data (or the line echoes)" if reads else "only our own bytes came back"
+            return "echo", f"{name}: {text}"
+        if self.empty is not None:
+            return "acknowledged", f"{name}: acknowledged without data"
+        if self.foreign is not None:
+            frame = self.foreign
+            behind = (msg_id - frame.msg_id) & 0xFFFF
+            code = "wrong-command" if behind == 0 else "late" if behind <= self.sent_before else "wrong-id"
+            text = f"{name_of(frame.command)} with msgID {frame.msg_id} arrived instead of {name} with msgID {msg_id}"
+            return code if frame.command in tuple(Command) else "unsolicited", text
+        for found in re.finditer(b"(?=..%s)" % re.escape(self.request[2:4]), self.received, re.DOTALL):
+            command = self.received[found.start()]
+            if command == self.request[0]:
+                return "cut-short", f"the reply to {name} was cut off after {plural(len(self.received), 'byte')}"
+            if command in tuple(Command):
+                return "wrong-command", f"a reply to {name_of(command)} arrived instead of {name}"
+        return "garbage", f"received {plural(len(self.received), 'byte')} instead of a valid frame"
+
+
+SHOWN = 40
+"""Bytes of what came that a message shows."""
+HINTS = {
+    "silence": "check that the device is on, that the USB cable is connected, and that no other program uses the port. If it is on, it may need another --length-mode (auto tries them with GetTime)",
+    "echo": "check the cable for a loop, or whether this is another kind of device. If the device replies elsewhere, it acknowledges without data: report it",
+    "acknowledged": "read the value back: an acknowledgement without a status does not mean success",
+    "bad-checksum": "check the cable and the hub, and that no other program reads the port: bytes were damaged on the line",
+    "bad-length": "report the bytes shown: this may be another protocol version, or they may be damaged",
+    "wrong-id": "check whether a second program uses this port: this is the reply to another request",
+    "late": "use a longer --timeout: replies take longer than allowed",
+    "unsolicited": "try again. The device sent something without a request and did not reply",
+    "wrong-command": "report the bytes shown: this may be another protocol version, or a second program may use this port",
+    "cut-short": "check the cable, and that no other program reads the port: the reply was cut off",
+    "garbage": "check the baud rate (usually 115200 bit/s), and whether this is another kind of device: the data contains no valid frame",
+}
 
 
 class DataPort(Line):
@@ -81,8 +141,8 @@ class DataPort(Line):
         self._met = False
         """Whether an answer of an EksoNR came since the port was opened."""
         self._last: tuple[int, int] | None = None
-        self._given_up: tuple[tuple[int, int], Deadline] | None = None  # a request that Ctrl-C left without its answer
-        self._ahead: tuple[bytes, Deadline, int] | None = None  # request, deadline, msgID
+        self._given_up: tuple[bytes, Deadline] | None = None  # a request that Ctrl-C left without its answer
+        self._ahead: tuple[bytes, Deadline] | None = None
 
     # -- reading -------------------------------------------------------------------------------------------------
 
@@ -94,15 +154,6 @@ class DataPort(Line):
         """The 22 words of GetSettings as raw integers, each in its field's own sign."""
         words = self.read(Command.GET_SETTINGS).words
         return tuple(param.raw_of(word) for param, word in zip(SETTINGS, words, strict=True))
-
-    def samples(self, deadline: Deadline | None = None) -> Iterator[tuple[float, tuple[int, ...]]]:
-        """(host moment, 27 signed words of GetData), as fast as the device answers, until `deadline`.
-
-        The moment is on the link's monotonic clock, in the middle between request and answer. Raises as `read`.
-        """
-        while deadline is None or not deadline.expired:
-            words = self.read(Command.GET_DATA).words
-            yield self.moment.middle, words
 
     @property
     def moment(self) -> Moment:
@@ -122,17 +173,16 @@ class DataPort(Line):
         A bare acknowledgement and our own bytes coming back are no answer.
         """
         ahead, self._ahead = self._ahead, None
-        fresh = ahead is not None and not ahead[1].expired  # what has lain there for longer is no present value
-        if ahead is not None and fresh and ahead[0] == encode(command, ahead[2], body, self.mode):
-            request, deadline = ahead[0], ahead[1]
-        else:
-            if ahead is not None:
-                self._given_up = key_of(ahead[0]), ahead[1]
-            request, deadline = self._send(command, body)
+        if ahead is not None and (
+            ahead[1].expired  # what has lain there for longer is no present value
+            or ahead[0] != encode(command, key_of(ahead[0])[1], body, self.mode)
+        ):
+            self._given_up, ahead = ahead, None
+        sent = ahead or self._send(command, body)
         try:
-            return self._wait(request, deadline)
+            return self._wait(*sent)
         except KeyboardInterrupt:
-            self._given_up = key_of(request), deadline
+            self._given_up = sent
             raise
 
     def identify(self) -> None:
@@ -143,30 +193,53 @@ class DataPort(Line):
         if self.gate is not None and not self._met:
             self.gate.check(self.link, self.journal, lambda: self.read(Command.GET_TIME))
 
+    def find_mode(self) -> str:
+        """Try GetTime, a read, with every length convention until one is answered; the port keeps that one.
+
+        The manual does not say what the length byte counts (ekso §6). Raises NoAnswer, ProtocolError of the first attempt when
+        none is answered, or none before the port's bound.
+        """
+        failure: HandctlError | None = None
+        for self.mode in TRIED:
+            try:
+                self.exchange(Command.GET_TIME)
+                return self.mode
+            except (NoAnswer, ProtocolError) as exc:
+                failure = failure or exc
+            if self.over:
+                break
+            self.link.sleep(self.deadline(REST).remaining)
+        self.mode = "body"
+        assert failure is not None
+        raise failure
+
     def send_ahead(self, command: Command) -> None:
         """Send a read whose answer the next `read` of the same command takes: the line works while this side does.
 
         Anything else that is asked next lets that answer pass first.
         """
         if self._settled and not self.over:
-            msg_id = self._next_id
-            self._ahead = (*self._send(command, b""), msg_id)
+            self._ahead = self._send(command, b"")
 
     def _send(self, command: Command, body: bytes) -> tuple[bytes, Deadline]:
         """One request on the line; its bytes and the deadline of its answer."""
-        if command in WRITING:
+        row = MESSAGES[command]
+        if row.writes:
             self.identify()
         if not self._settled:
             self.resynchronise()
-        self._take_waiting()
-        self.check_bound(name_of(command))
-        if command not in WRITING and not self._met and not self.link.replayed:
+        self._decoder.feed(
+            self.link.read(self.link.deadline(0))
+        )  # it answers nothing any more: looked at to be counted
+        self._drop_frames()
+        self.check_bound(row.name)
+        if not row.writes and not self._met and not self.link.replayed:
             # A stranger on this line must not act upon what is asked, and the msgID is free.
             while not harmless(self.request(command, body), self.link.baud if self.link.can_set_baud else None):
                 self._next_id = (self._next_id + 1) & 0xFFFF
         request = self.request(command, body)
         self._next_id = (self._next_id + 1) & 0xFFFF
-        seconds = self.wire_seconds(len(request) + max(ANSWER_SIZES[command]) + OVERHEAD) + self.timeout
+        seconds = self.wire_seconds(len(request) + max(row.answers) + OVERHEAD) + self.timeout
         deadline = self.deadline(seconds)
         self._decoder.expect(request)
         self._settled = False
@@ -205,7 +278,7 @@ class DataPort(Line):
 
     def _judge(self, frame: Frame, attempt: Attempt) -> bool:
         """Whether `frame` is the answer; what is none is counted."""
-        if (frame.command, frame.msg_id) != attempt.key:
+        if frame.key != key_of(attempt.request):
             attempt.foreign = frame
             self._count_foreign(frame)
             return False
@@ -221,7 +294,7 @@ class DataPort(Line):
     def _accept(self, frame: Frame) -> Frame:
         self.answered_at = self.link.now()
         self._settled = self._met = True
-        self._last = (frame.command, frame.msg_id)
+        self._last = frame.key
         self.counts.answered += 1
         self.journal.counters.received += 1
         self._count_stray()
@@ -259,26 +332,20 @@ class DataPort(Line):
         self._given_up = self._ahead = None
         self._settled = self._met = False
 
-    def _take_waiting(self) -> None:
-        """What lies in the input before a request answers nothing any more; it is looked at only to be counted."""
-        self._decoder.feed(self.link.read(self.link.deadline(0)))
-        self._drop_frames()
-
     def _drop_frames(self) -> None:
         for frame in frames_in(self._decoder, self._count_broken):
             self._count_foreign(frame)
 
     def _count_foreign(self, frame: Frame) -> None:
-        if self._given_up is not None and (frame.command, frame.msg_id) == self._given_up[0]:
+        if self._given_up is not None and frame.key == key_of(self._given_up[0]):
             self._given_up = None  # nobody waits for it any more: no fault of the line
             return
-        known = frame.command in tuple(Command)
-        if not known:
+        if MESSAGES[frame.command].asks is None:
             self.counts.unsolicited += 1
             self.journal.info(
                 "unsolicited", f"{self.link.name}: frames arrived that handctl did not request. They were discarded"
             )
-        elif (frame.command, frame.msg_id) == self._last:
+        elif frame.key == self._last:
             self.counts.duplicates += 1
             self.journal.info("duplicate", f"{self.link.name}: replies arrived twice. The second one was discarded")
         else:
@@ -310,12 +377,11 @@ class DataPort(Line):
     def _failure(self, attempt: Attempt) -> HandctlError:
         self.counts.timeouts += 1
         self._count_stray()
-        name = name_of(attempt.request[0])
-        sent = f"sent {hex_bytes(attempt.request)}"
-        if not attempt.received and attempt.foreign is None:
-            request = f"{name} ({hex_bytes(attempt.request)})"
+        sent, came = hex_bytes(attempt.request), attempt.received
+        if not came and attempt.foreign is None:
+            request = f"{name_of(attempt.request[0])} ({sent})"
             return self.unanswered(request, self.timeout, self.sent_at, HINTS["silence"])
         code, text = attempt.mishap()
-        came = bytes(attempt.received)
-        text = f"{self.where}: {text}. {sent}, received {shorten(came)}"
+        shown = hex_bytes(came[:SHOWN]) + (f" … ({len(came)} bytes)" if len(came) > SHOWN else "")
+        text = f"{self.where}: {text}. sent {sent}, received {shown}"
         return ProtocolError(text, hint=HINTS[code], code=code, came=came)

@@ -1,20 +1,30 @@
-"""What an EksoNR can tell and be told through its DataPort; returns Tables. See `model.device`.
+"""What an EksoNR can tell and be told through its DataPort, and how people see it; returns Tables. See `model.device`.
 
 Knows words and names, no bytes: those are the port's.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from handctl.devices.ekso import gates
+from handctl.devices.ekso.change import Change
 from handctl.devices.ekso.dataport import DataPort
-from handctl.devices.ekso.frames import Command, Frame, cancel_body, set_value_body, status_text
-from handctl.devices.ekso.lengthmode import find_mode
-from handctl.devices.ekso.map import CLOCKS, DATA, EKSO, MESSAGES, NOTHING_SENT, Clock, Word
-from handctl.devices.ekso.views import dump_view, words_view, written_view
+from handctl.devices.ekso.frames import READS, Command, cancel_body, status_text
+from handctl.devices.ekso.map import (
+    CLOCKS,
+    DATA,
+    EKSO,
+    MESSAGES,
+    NAMED,
+    NOTHING_SENT,
+    Clock,
+    Word,
+    boot_ms,
+    boot_text,
+)
 from handctl.errors import (
     DeviceRefused,
     HandctlError,
@@ -26,25 +36,64 @@ from handctl.errors import (
 )
 from handctl.model.device import Device
 from handctl.model.param import Element, Number, Reading, Step, elements_of
-from handctl.model.result import Column, Row, Table
+from handctl.model.result import Cell, Column, Grid, Row, Table, hex_bytes
 from handctl.sentence import plural
 
 if TYPE_CHECKING:
-    from handctl.devices.ekso.change import Change
-
-    class Writing(Protocol):
-        """Who writes settings, with all gates (`settings.Writer`)."""
-
-        override: bool
-        stepwise: bool
-
-        def write(self, wanted: Sequence[tuple[Word, int]], shown: tuple[int, ...]) -> tuple[int, ...]: ...
+    from handctl.devices.ekso.settings import Writer
 
 
-COMMANDS = {
-    "settings": Command.GET_SETTINGS, "data": Command.GET_DATA, "feedback": Command.GET_FEEDBACK,
-    "date": Command.GET_DATE, "time": Command.GET_TIME,
-}  # fmt: skip
+# -- how people see the words: units, codes in words, bits in hex, boot time; old and new of a written setting ---------
+
+
+def words_view(rows: list[Row]) -> list[Grid]:
+    """One line a word, with as many decimals as the wire has, bits in hex; units and codes in words."""
+    ids = any(row.get("id") is not None for row in rows)
+    headings = ("Name", *(["ID"] if ids else []), "Value", "Unit", "Meaning")
+    lines = []
+    for row in rows:
+        identity = [str(row["id"]) if row.get("id") is not None else ""] if ids else []
+        lines.append((row["name"], *identity, _value_cell(row), row["unit"] or "", _meaning(row)))
+    notes = dict.fromkeys(f"{row['name']}: {row['error']}" for row in rows if "error" in row)
+    boot = {row["name"]: row.get("raw") for row in rows}
+    high, low = boot.get("boot_time_high"), boot.get("boot_time_low")
+    uptime = [f"boot {boot_text(boot_ms([high, low]))}"] if isinstance(high, int) and isinstance(low, int) else []
+    right = frozenset({1, 2} if ids else {1})
+    return [Grid(headings, tuple(lines), right=right, notes=(*uptime, *notes))]
+
+
+def written_view(rows: list[Row]) -> list[Grid]:
+    """Old and new side by side."""
+    lines = [
+        (row["name"], str(row["id"]), EKSO[row["name"]].shown(row["before"]), EKSO[row["name"]].shown(row["value"]))
+        for row in rows
+    ]
+    return [Grid(("Name", "ID", "Before", "Now"), tuple(lines), right=frozenset({1, 2, 3}))]
+
+
+def _value_cell(row: Row) -> str | Cell:
+    if "error" in row:
+        return Cell("?", "bad")
+    param = NAMED.get(row["name"])
+    return param.text(row["value"]) if param is not None else str(row["value"])
+
+
+def _meaning(row: Row) -> str | Cell:
+    label = row.get("label") or ""
+    return Cell(label, "warn") if label.startswith("unknown") else label
+
+
+def dump_view(rows: list[Row]) -> list[Grid]:
+    """A grid per message."""
+    grids = []
+    clocks = [row for row in rows if row["message"] in ("date", "time")]
+    if clocks:
+        line = "  ".join(str(row.get("value", "?")) for row in clocks)
+        grids.append(Grid(("Date and time",), ((line,),), title="EksoNR"))
+    for message in MESSAGES:
+        (grid,) = words_view([row for row in rows if row["message"] == message])
+        grids.append(grid._replace(title=message.capitalize()))
+    return grids
 
 
 class Ekso(Device):
@@ -86,7 +135,7 @@ class Ekso(Device):
         super().__init__(port)
         self._port = port
         self._find_length = find_length
-        self.writer: Writing | None = None
+        self.writer: Writer | None = None
         self.known: tuple[int, ...] | None = None
 
     @property
@@ -94,7 +143,7 @@ class Ekso(Device):
         """The line; with `--length-mode auto` its convention is looked for at first use."""
         if self._find_length:
             self._find_length = False
-            mode = find_mode(self._port)
+            mode = self._port.find_mode()
             self.journal.info("length-mode", f"{self.link.name}: the device accepts requests with --length-mode {mode}")
         return self._port
 
@@ -106,7 +155,7 @@ class Ekso(Device):
 
     def words(self, message: str) -> tuple[int, ...]:
         """The words of a message as raw integers in their fields' own sign."""
-        words = self.port.read(COMMANDS[message]).words
+        words = self.port.read(READS[message]).words
         raws = tuple(param.raw_of(word) for param, word in zip(MESSAGES[message], words, strict=True))
         if message == "settings":
             self.known = raws
@@ -114,45 +163,29 @@ class Ekso(Device):
 
     def readings(self, message: str) -> list[Reading]:
         """A whole message, each word as a Reading."""
+        if message not in MESSAGES:
+            return [self.told(next(clock for clock in CLOCKS if clock.name == message))]
         return [_reading(param, raw) for param, raw in zip(MESSAGES[message], self.words(message), strict=True)]
 
     def read(self, elements: Sequence[Element]) -> list[Reading]:
         """Read elements with one request per message. Raises what went wrong when nothing could be read."""
-        found: dict[str, tuple[int, ...] | Reading | HandctlError] = {}
-        clocks = {clock.name: clock for clock in CLOCKS}
-        with self.keeping(lambda: self._found(elements, found)):
+        found: dict[str, list[Reading] | HandctlError] = {}
+        with self.keeping(lambda: _picked(elements, found)):
             for message in dict.fromkeys(_word(element).message for element in elements):
                 try:
-                    found[message] = self.told(clocks[message]) if message in clocks else self.words(message)
+                    found[message] = self.readings(message)
                 except (NoAnswer, ProtocolError) as exc:
                     found[message] = exc
         errors = [entry for entry in found.values() if isinstance(entry, HandctlError)]
         if errors and len(errors) == len(found):
             raise errors[0]
-        return self._found(elements, found)
-
-    @staticmethod
-    def _found(
-        elements: Sequence[Element], found: dict[str, tuple[int, ...] | Reading | HandctlError]
-    ) -> list[Reading]:
-        readings = []
-        for element in elements:
-            param = _word(element)
-            words = found.get(param.message) or HandctlError("not read")
-            if isinstance(words, HandctlError):
-                readings.append(Reading(element, None, b"", words))
-            elif isinstance(words, Reading):
-                readings.append(words)
-            else:
-                raw = words[param.word]
-                readings.append(Reading(element, param.from_raw(raw), (raw & 0xFFFF).to_bytes(2, "big")))
-        return readings
+        return _picked(elements, found)
 
     def ask_ahead(self, elements: Sequence[Element]) -> None:
         """Send the request of the next `read` of these elements already, when it is a single one."""
         messages = {_word(element).message for element in elements}
         if len(messages) == 1:
-            self.port.send_ahead(COMMANDS[messages.pop()])
+            self.port.send_ahead(READS[messages.pop()])
 
     def named(self, element: Element) -> Row:
         param = _word(element)
@@ -178,7 +211,7 @@ class Ekso(Device):
 
     def told(self, clock: Clock) -> Reading:
         """GetTime or GetDate."""
-        body = self.port.read(COMMANDS[clock.name]).body
+        body = self.port.read(READS[clock.name]).body
         parts = zip(clock.parts, body, strict=False)
         wrong = [f"{name} {number}" for (name, low, high), number in parts if not low <= number <= high]
         if wrong:
@@ -188,8 +221,7 @@ class Ekso(Device):
 
     def clock_row(self, what: str) -> Row:
         """GetTime or GetDate as one row, ``14:05:37`` or ``2026-11-20``; the raw integer has its bytes."""
-        (clock,) = (clock for clock in CLOCKS if clock.name == what)
-        return self.row(self.told(clock))
+        return self.row(*self.readings(what))
 
     def clock(self, what: str) -> Table:
         """`time` or `date` as a Table."""
@@ -210,28 +242,24 @@ class Ekso(Device):
         """Everything that can be read: date, time, 22 settings, 27 words of data, 17 of feedback."""
         rows: list[Row] = []
         failure: HandctlError | None = None
-        answered = False
         columns = (Column("message", "Message"), *self.columns)
         for message, words in MESSAGES.items():
             try:
-                rows += [{**self.row(reading), "message": message} for reading in self.readings(message)]
-                answered = True
+                readings = self.readings(message)
             except (NoAnswer, ProtocolError) as exc:
-                if not answered:
+                if not rows:
                     raise
-                failure = exc
-                rows += [
-                    {**self.row(Reading(elements_of(param)[0], None, b"", exc)), "message": message} for param in words
-                ]
+                failure, readings = exc, _unread(words, exc)
             except (HandctlError, KeyboardInterrupt):
                 self.journal.keep(Table(rows=rows, columns=columns, view=dump_view))
                 raise
+            rows += [{**self.row(reading), "message": message} for reading in readings]
         try:
-            rows = [{**row, "message": row["name"]} for row in self.now()] + rows
+            clocks: Sequence[Row] = self.now()
         except (NoAnswer, ProtocolError) as exc:
             failure = failure or exc
-            unread = [Reading(elements_of(clock)[0], None, b"", exc) for clock in CLOCKS]
-            rows = [{**self.row(reading), "message": reading.element.param.name} for reading in unread] + rows
+            clocks = [self.row(reading) for reading in _unread(CLOCKS, exc)]
+        rows = [{**row, "message": row["name"]} for row in clocks] + rows
         return Table(rows=rows, columns=columns, view=dump_view, failure=failure)
 
     def status(self, check: bool) -> Table:
@@ -249,45 +277,31 @@ class Ekso(Device):
         Raises UsageError for what the policy refuses. The msgID is that of the next message: a later one differs in
         msgID and CRC.
         """
-        from handctl.devices.ekso.change import Change
-
         steps: list[Step] = []
         self._note_open_length()
         for element, value in changes:
             param = _word(element)
-            assert param.id is not None
             raw = param.to_raw(value)
-            meaning = f"{param.name} = {param.shown(value)}"
             if self.known is not None:
-                change: Change = Change(param, self.known[param.word], raw)
-                steps += self._permitted(change)
-                continue
-            if param.choices and raw not in param.choices:
-                self.journal.warn("unlisted", f"{meaning}: this code is not documented, so handctl never writes it")
-                continue
-            body = set_value_body(param.id, raw)
-            steps.append(Step(meaning, self._port.request(Command.SET_VALUE, body)))
+                steps += self._permitted(Change(param, self.known[param.word], raw))
+            elif param.choices and raw not in param.choices:
+                text = f"{param.name} = {param.shown(value)}: this code is not documented, so handctl never writes it"
+                self.journal.warn("unlisted", text)
+            else:
+                steps.append(self._step(f"{param.name} = {param.shown(value)}", Change(param, raw, raw)))
         return steps
 
     def _permitted(self, change: Change) -> list[Step]:
         """The SetValue of each step on the way, where the writer leads there; else of the change, checked."""
-        from handctl.devices.ekso.change import Change, check_change, check_code, way
-
         override = self.writer is not None and self.writer.override
-        if self.writer is None or not self.writer.stepwise:
-            check_change(change, override)
-            stages = [change.new]
-        else:
-            check_code(change)
-            stages = way(change, override)
-        assert change.param.id is not None
-        return [
-            Step(
-                Change(change.param, old, new).text,
-                self._port.request(Command.SET_VALUE, set_value_body(change.param.id, new)),
-            )
-            for old, new in zip([change.old, *stages], stages, strict=False)
-        ]
+        change.check_code()
+        if self.writer is not None and self.writer.stepwise:
+            return [self._step(one.text, one) for one in change.way(override)]
+        change.check_step(override)
+        return [self._step(change.text, change)]
+
+    def _step(self, meaning: str, change: Change) -> Step:
+        return Step(meaning, self._port.request(Command.SET_VALUE, change.body))
 
     def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
         """Write settings one at a time through all gates; the settings as they are read back afterwards."""
@@ -316,47 +330,58 @@ class Ekso(Device):
         """
         body = cancel_body(word)
         self.port.identify()
-        request = self.port.request(Command.CANCEL_ACTION, body).hex(" ").upper()
-        record("cancel", {"frame": request})
-        sent = self.journal.counters.sent
+        record("cancel", {"frame": hex_bytes(self.port.request(Command.CANCEL_ACTION, body))})
+        before = self.journal.counters.sent
         try:
-            frame = self._cancelled(body, record, sent)
+            try:
+                frame = self.port.exchange(Command.CANCEL_ACTION, body)
+            except (NoAnswer, ProtocolError, LinkError) as exc:
+                record("cancel-result", {"answer": None, "verdict": exc.text})
+                if self.journal.counters.sent > before:
+                    exc.leaves(Left(hint=f"It was sent and may have taken effect. {self._state_now()}", joint=" "))
+                elif exc.code != "deadline":  # that one says by itself that nothing was sent
+                    exc.leaves(Left(hint="It was not sent, or only in part.", joint=" "))
+                raise
         except KeyboardInterrupt:
-            if self.journal.counters.sent == sent:
+            if self.journal.counters.sent == before:
                 raise
             record("cancel-result", {"answer": None, "verdict": "interrupted before its reply"})
             raise Interrupted(
                 "interrupted. CancelAction was sent and may have taken effect",
                 hint="check with `handctl ekso status`, and send it again with `handctl ekso cancel` if needed",
             ) from None
-        status = frame.words[0] & 0xFFFF
-        text = status_text(status)
-        record("cancel-result", {"answer": frame.data.hex(" ").upper(), "status": status, "verdict": text})
-        if status & 0xFF:
+        text = status_text(frame.status)
+        record("cancel-result", {"answer": hex_bytes(frame.data), "status": frame.status, "verdict": text})
+        if frame.status & 0xFF:
             raise DeviceRefused(
-                f"{self.port.where}: CancelAction 0x{word:04X}: {text} (status 0x{status:04X})",
+                f"{self.port.where}: CancelAction 0x{word:04X}: {text} (status 0x{frame.status:04X})",
                 hint="check with `handctl ekso status`: the action may still be running",
             )
-        row: Row = {"name": "cancel_action", "word": 0, "id": None, "value": 0, "raw": status, "unit": None}
+        row: Row = {"name": "cancel_action", "word": 0, "id": None, "value": 0, "raw": frame.status, "unit": None}
         return Table(rows=[{**row, "label": text}], columns=self.columns)
-
-    def _cancelled(self, body: bytes, record: Callable[[str, dict[str, object]], None], sent: int) -> Frame:
-        """The answer to CancelAction; an error says what may have become of the request. `sent` requests went before."""
-        try:
-            return self.port.exchange(Command.CANCEL_ACTION, body)
-        except (NoAnswer, ProtocolError, LinkError) as exc:
-            record("cancel-result", {"answer": None, "verdict": exc.text})
-            if self.journal.counters.sent > sent:
-                exc.leaves(Left(hint=self._state_now(), joint=" "))
-            elif exc.code != "deadline":  # that one says by itself that nothing was sent
-                exc.leaves(Left(hint="It was not sent, or only in part.", joint=" "))
-            raise
 
     def _state_now(self) -> str:
         try:
-            return f"It was sent and may have taken effect. The state is {DATA[18].label(self.words('data')[18])}."
+            return f"The state is {DATA[18].label(self.words('data')[18])}."
         except HandctlError:
-            return "It was sent and may have taken effect. The state cannot be read."
+            return "The state cannot be read."
+
+
+def _unread(params: Sequence[Word], error: HandctlError) -> list[Reading]:
+    return [Reading(Element(param, 0), None, b"", error) for param in params]
+
+
+def _picked(elements: Sequence[Element], found: Mapping[str, list[Reading] | HandctlError]) -> list[Reading]:
+    """The readings of these elements in whole messages; of one that was not read, why."""
+    readings = []
+    for element in elements:
+        param = _word(element)
+        message = found.get(param.message, HandctlError("not read"))
+        if isinstance(message, HandctlError):
+            readings.append(Reading(element, None, b"", message))
+        else:
+            readings.append(message[param.word])
+    return readings
 
 
 def _word(element: Element) -> Word:

@@ -42,24 +42,46 @@ class Command(IntEnum):
     CANCEL_ACTION = 156
 
 
-REQUEST_SIZES: dict[Command, int] = {
-    **dict.fromkeys(Command, 0), Command.SET_VALUE: 4, Command.CANCEL_ACTION: 2,
-}  # fmt: skip
-ANSWER_SIZES: dict[int, tuple[int, ...]] = {
-    # command -> sizes of the body of its answer; 0, the bare acknowledgement, may come for any
-    Command.GET_TIME: (3, 4),
-    Command.GET_DATE: (3, 4),
-    Command.GET_SETTINGS: (44,),
-    Command.GET_DATA: (54,),
-    Command.GET_FEEDBACK: (34,),
-    Command.SET_VALUE: (2,),
-    Command.CANCEL_ACTION: (2,),
-    # not in the manual, met in the field: recognised so that they can be dropped whole
-    157: (2,),
-    158: (6,),
-    159: (2,),
-    160: (2,),
+class Message(NamedTuple):
+    """One message of the DataPort.
+
+    command  its number, in request and answer
+    name     as the manual spells it
+    asks     bytes of the body of its request; None = not in the manual, met in the field: known so that it can be dropped whole
+    answers  bytes that the body of its answer may have; 0, the bare acknowledgement, may come for any
+    words    what its answer holds, by the name that this has in `map`; "" = a status word
+    """
+
+    command: int
+    name: str
+    asks: int | None
+    answers: tuple[int, ...]
+    words: str = ""
+
+    @property
+    def writes(self) -> bool:
+        """Whether it changes something: whatever tells nothing but a status, and whatever nobody knows."""
+        return not self.words
+
+
+MESSAGES = {
+    row.command: row
+    for row in (
+        Message(Command.GET_TIME, "GetTime", 0, (3, 4), "time"),
+        Message(Command.GET_DATE, "GetDate", 0, (3, 4), "date"),
+        Message(Command.GET_SETTINGS, "GetSettings", 0, (44,), "settings"),
+        Message(Command.GET_DATA, "GetData", 0, (54,), "data"),
+        Message(Command.GET_FEEDBACK, "GetFeedback", 0, (34,), "feedback"),
+        Message(Command.SET_VALUE, "SetValue", 4, (2,)),
+        Message(Command.CANCEL_ACTION, "CancelAction", 2, (2,)),
+        *(
+            Message(command, f"command {command}", None, (size,))
+            for command, size in ((157, 2), (158, 6), (159, 2), (160, 2))
+        ),
+    )
 }
+READS = {row.words: Command(row.command) for row in MESSAGES.values() if row.words}
+"""Name in `map` -> what asks for it."""
 STATUS = {
     0: "accepted",
     1: "refused in the present state",
@@ -83,6 +105,25 @@ class Frame(NamedTuple):
         """The body as signed 16-bit words, high byte first."""
         return unpack(self.body)
 
+    @property
+    def status(self) -> int:
+        """The status word of the answer to what writes; its low byte 0 = accepted."""
+        return int.from_bytes(self.body[:2], "big")
+
+    @property
+    def key(self) -> tuple[int, int]:
+        """Command and msgID, which an answer repeats."""
+        return self.command, self.msg_id
+
+    def answers(self, request: bytes) -> bool:
+        """Whether it is the answer to a request. A bare acknowledgement, and our own bytes coming back, prove nothing."""
+        return self.key == key_of(request) and bool(self.body) and self.data != request
+
+
+def key_of(request: bytes) -> tuple[int, int]:
+    """Command and msgID of a request."""
+    return request[0], int.from_bytes(request[2:4], "big")
+
 
 def crc(data: bytes) -> int:
     """CRC-CCITT as the manual has it; 0000 over a whole good frame."""
@@ -100,7 +141,7 @@ def _crc_function() -> Callable[[bytes], int]:
 
 def encode(command: Command, msg_id: int, body: bytes = b"", mode: str = "body") -> bytes:
     """A request. Raises UsageError for a command, a msgID, a size or a length convention that does not exist."""
-    if command not in REQUEST_SIZES or len(body) != REQUEST_SIZES[command]:
+    if command not in MESSAGES or len(body) != MESSAGES[command].asks:
         raise UsageError(
             f"command {int(command)} with {len(body)} body bytes does not exist (ekso §6)",
             hint="use a command of the manual",
@@ -135,12 +176,9 @@ def unpack(body: bytes) -> tuple[int, ...]:
     return struct.unpack(f">{len(body) // 2}h", body[: len(body) // 2 * 2])
 
 
-@cache
 def name_of(command: int) -> str:
     """``GetData`` for 153, ``command 160`` for what the manual does not have."""
-    if command not in REQUEST_SIZES:
-        return f"command {command}"
-    return "".join(word.capitalize() for word in Command(command).name.split("_"))
+    return MESSAGES[command].name if command in MESSAGES else f"command {command}"
 
 
 def status_text(word: int) -> str:
@@ -154,7 +192,7 @@ ORDERS = {
     met: sorted(LENGTH_MODES.items(), key=lambda item: (item[0] != met, -item[1])) for met in (None, *LENGTH_MODES)
 }
 """Conventions in the order they are tried, by the one met before."""
-_BEGIN = re.compile(b"[%s]" % re.escape(bytes(ANSWER_SIZES)))
+_BEGIN = re.compile(b"[%s]" % re.escape(bytes(MESSAGES)))
 
 
 class Decoder:
@@ -177,7 +215,7 @@ class Decoder:
     def expect(self, request: bytes) -> None:
         """What follows shall answer `request`; bytes that are still held are kept."""
         self._request = request
-        self._expected = (request[0], int.from_bytes(request[2:4], "big"))
+        self._expected = key_of(request)
 
     def feed(self, data: bytes) -> None:
         """Add received bytes."""
@@ -234,12 +272,11 @@ class Decoder:
         self.skipped += stray
 
     def _is_mine(self, at: int) -> bool:
-        head = self._buffer[at : at + 4]
-        return len(head) == 4 and (head[0], int.from_bytes(head[2:4], "big")) == self._expected
+        return len(self._buffer) >= at + 4 and key_of(bytes(self._buffer[at : at + 4])) == self._expected
 
     def _look(self, at: int) -> Frame | ProtocolError | bool:
         """What stands at `at`: a frame, a broken answer, something that may still become one (True), nothing (False)."""
-        sizes = ANSWER_SIZES[self._buffer[at]]
+        sizes = MESSAGES[self._buffer[at]].answers
         view = bytes(self._buffer[at : at + OVERHEAD + max(sizes) + 6])
         if len(view) < 4:
             return True
@@ -268,7 +305,7 @@ def _broken(view: bytes, fitting: list[tuple[str, int]]) -> ProtocolError:
     name = name_of(view[0])
     shown: Any = view[: fitting[0][1] + OVERHEAD] if fitting else view
     if not fitting:
-        sizes = " or ".join(str(size) for size in ANSWER_SIZES[view[0]])
+        sizes = " or ".join(str(size) for size in MESSAGES[view[0]].answers)
         return ProtocolError(
             f"length byte {view[1]} does not match any reply to {name} ({sizes} body bytes), in {shown.hex(' ').upper()}",
             code="bad-length",

@@ -385,6 +385,8 @@ class EksoMap(ParamMap[Word]):
 EKSO = EksoMap("ekso", (*SETTINGS, *DATA, *FEEDBACK[:15]), CLOCKS)
 """Everything with a name of its own. BootTime of GetFeedback is found as `feedback.boot_time_high`."""
 LEGS = (SETTINGS[0], SETTINGS[1])
+NAMED = {word.name: word for word in (*FEEDBACK, *DATA, *SETTINGS)}
+"""Each word by its name; BootTime is that of GetData."""
 
 
 def boot_ms(words: Sequence[int]) -> int:

@@ -5,12 +5,10 @@ The limits themselves stand with the words (`fields`), with the writer (`setting
 
 from __future__ import annotations
 
-from handctl.devices.ekso.audit import AuditLog
-from handctl.devices.ekso.chain import told
+from handctl.devices.ekso.audit import WINDOW, AuditLog, told
+from handctl.devices.ekso.change import APART, MOST_SPEED
 from handctl.devices.ekso.map import SETTINGS, Word
-from handctl.devices.ekso.memory import WINDOW
 from handctl.devices.ekso.settings import BETWEEN_WRITES
-from handctl.devices.ekso.stillness import APART, MOST_SPEED
 from handctl.errors import CheckFailed, UsageError
 from handctl.model.clocks import WITHIN_MS
 from handctl.model.result import Column, Journal, Row, Table

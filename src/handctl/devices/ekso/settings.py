@@ -9,14 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from handctl.devices.ekso import gates
-from handctl.devices.ekso.audit import AuditLog
-from handctl.devices.ekso.change import Change, check_code, check_step, limit_of, most, needs_second_answer, way
+from handctl.devices.ekso.audit import NOT_SENT, WINDOW, AuditLog, recent
+from handctl.devices.ekso.change import APART, Change, Raws, differences, judge, limit_of, moving
 from handctl.devices.ekso.dataport import DataPort
-from handctl.devices.ekso.frames import Command, Frame, set_value_body
-from handctl.devices.ekso.map import NOTHING_SENT, SETTINGS, Word
-from handctl.devices.ekso.memory import NOT_SENT, WINDOW, recent
-from handctl.devices.ekso.stillness import require_stillness
-from handctl.devices.ekso.verdict import Raws, differences, judge
+from handctl.devices.ekso.frames import Command, Frame
+from handctl.devices.ekso.map import NOTHING_SENT, SETTINGS, Word, boot_ms
 from handctl.errors import (
     HandctlError,
     Interrupted,
@@ -93,13 +90,13 @@ class Writer:
             self._pass(gates.READ, changes, shown)
         done: list[str] = []
         for change in changes:
-            stages = way(change, self.override) if self.stepwise else [change.new]
+            stages = change.way(self.override) if self.stepwise else [change]
             left: list[Change] = []
             try:
                 self._ask_for(change, stages)
-                for old, new in zip([change.old, *stages], stages, strict=False):
-                    left = [Change(change.param, old, change.new)] if old != change.old else []
-                    shown = self._write_one(Change(change.param, old, new), shown)
+                for stage in stages:
+                    left = [stage._replace(new=change.new)] if stage is not stages[0] else []
+                    shown = self._write_one(stage, shown)
             except HandctlError as exc:
                 if done or left:
                     if isinstance(exc, NotConfirmed):
@@ -123,20 +120,20 @@ class Writer:
 
     def _listed(self, changes: Sequence[Change], _shown: Raws) -> None:
         for change in changes:
-            check_code(change)
+            change.check_code()
 
     def _step(self, changes: Sequence[Change], _shown: Raws) -> None:
         for change in () if self.stepwise else changes:
-            check_step(change, self.override)
+            change.check_step(self.override)
 
-    def _ask_for(self, change: Change, stages: Sequence[int]) -> None:
+    def _ask_for(self, change: Change, stages: Sequence[Change]) -> None:
         param = change.param
         text = change.text
         if len(stages) > 1:
-            shown = ", ".join(param.typed(param.from_raw(raw)) for raw in stages)
+            shown = ", ".join(param.typed(param.from_raw(stage.new)) for stage in stages)
             text += f", in {plural(len(stages), 'step')} ({shown}), about {WINDOW * (len(stages) - 1):.0f} s"
-        self._ask(f"Set {text}. A person may be standing in the device", param.typed(_value(change)))
-        if needs_second_answer(change):
+        self._ask(f"Set {text}. A person may be standing in the device", param.typed(param.from_raw(change.new)))
+        if change.asked_twice:
             self._ask(f"{change.text}: this changes how the device drives. Really", "yes")
 
     def _write_one(self, change: Change, shown: Raws) -> Raws:
@@ -146,7 +143,8 @@ class Writer:
             with self.audit.alone():
                 seconds = self._to_wait(change)
                 if not seconds:
-                    return self._write_alone(change, shown)
+                    self._pass(gates.ALONE, [change], shown)
+                    return self._send(change, shown)
             if self.port.link.now() - begun > 3 * WINDOW:
                 raise gates.refusal(
                     gates.WAITED,
@@ -167,18 +165,15 @@ class Writer:
         beyond = [
             entry
             for entry in past
-            if entry.name == change.param.name
-            and (step := most(Change(change.param, entry.old, change.new), self.override)) is not None
-            and abs(change.new - entry.old) > step
+            if entry.name == change.param.name and len(change._replace(old=entry.old).way(self.override)) > 1
         ]
         if beyond:
             seconds = beyond[0].at + WINDOW - now
             if self.stepwise:
                 return max(seconds, SHORTEST_WAIT)
-            first = Change(change.param, beyond[0].old, change.new)
             raise gates.refusal(
                 gates.PACE,
-                f"{first.text} within {WINDOW:.0f} s: more than {limit_of(change.param)} is beyond this tool's policy (not the "
+                f"{change._replace(old=beyond[0].old).text} within {WINDOW:.0f} s: more than {limit_of(change.param)} is beyond this tool's policy (not the "
                 "device's limit)",
                 f"it is permitted in {max(seconds, 0):.0f} s. Writes to another EksoNR count as well, because it does not report which unit it is. "
                 f"{NOTHING_SENT}",
@@ -194,10 +189,6 @@ class Writer:
         if self.port.over and end.at < now + seconds:
             self.port.settings_raw()  # raises, saying that the deadline has passed
 
-    def _write_alone(self, change: Change, shown: Raws) -> Raws:
-        self._pass(gates.ALONE, [change], shown)
-        return self._send(change, shown)
-
     def _same(self, _changes: Sequence[Change], shown: Raws) -> None:
         before = self.port.settings_raw()
         if before != shown:
@@ -210,19 +201,18 @@ class Writer:
     def _intent(self, changes: Sequence[Change], _shown: Raws) -> None:
         (change,) = changes
         with self._guide.counting() as presses:
-            self._record("intent", change, frame=hex_bytes(self.port.request(Command.SET_VALUE, _body(change))))
+            self._record("intent", change, frame=hex_bytes(self.port.request(Command.SET_VALUE, change.body)))
         if presses.count:
             self._result(change, None, None, f"{NOT_SENT}: interrupted")
             raise Interrupted(f"interrupted. {change.text} was not sent", hint="this setting is as it was")
 
     def _send(self, change: Change, before: Raws) -> Raws:
         """The one SetValue; from here on nothing but a second Ctrl-C keeps the read-back from being done."""
-        body = _body(change)
         answer: Frame | None = None
         lost: HandctlError | None = None
         self._interrupted = False
         try:
-            answer = self.port.exchange(Command.SET_VALUE, body)
+            answer = self.port.exchange(Command.SET_VALUE, change.body)
         except KeyboardInterrupt:
             self._interrupted = True
         except (NoAnswer, ProtocolError) as exc:
@@ -247,7 +237,7 @@ class Writer:
         finally:
             self.port.bound = bound
         failure = judge(self.port.where, change, before, after, answer, lost)
-        step = Step(change.text, self.port.request(Command.SET_VALUE, body))
+        step = Step(change.text, self.port.request(Command.SET_VALUE, change.body))
         if after[change.param.word] == change.new:
             self.port.journal.ledger.confirm("read back", step)
         else:
@@ -279,8 +269,15 @@ class Writer:
         return after
 
     def _still(self, changes: Sequence[Change], _shown: Raws) -> None:
-        self._last = self._boot
-        self._boot = require_stillness(self.port, [change.param for change in changes if change.param.sitting])
+        """Two looks at least 100 ms apart. Raises CheckFailed naming the condition that fails."""
+        port, sitting = self.port, [change.param for change in changes if change.param.sitting]
+        first, moment = port.read(Command.GET_DATA).words, port.moment
+        port.link.sleep(APART)
+        second = port.read(Command.GET_DATA).words
+        if why := moving(first, second, port.moment.since(moment), sitting):
+            hint = f"{'sit' if sitting else 'sit or stand'} still and repeat the command. This check cannot be switched off"
+            raise gates.refusal(gates.STILL, f"{port.where}: not written: {why}", hint)
+        self._last, self._boot = self._boot, boot_ms(second)
 
     def _running_on(self, _changes: Sequence[Change], _shown: Raws) -> None:
         """A restarted device may hold other settings."""
@@ -294,34 +291,21 @@ class Writer:
     def _record(self, event: str, change: Change, **more: object) -> None:
         param = change.param
         old, new = ({"raw": raw, "value": param.from_raw(raw)} for raw in (change.old, change.new))
-        self.audit.record(
-            event,
-            self.port.link.now(),
-            boot_ms=self._boot,
-            id=param.id,
-            name=param.name,
-            unit=param.unit,
-            old=old,
-            new=new,
-            override=self.override,
-            **more,
-        )
+        said = {"boot_ms": self._boot, "id": param.id, "name": param.name, "unit": param.unit, "old": old, "new": new}
+        self.audit.record(event, self.port.link.now(), **said, override=self.override, **more)
 
     def _result(self, change: Change, answer: Frame | None, after: Raws | None, verdict: str) -> OutputError | None:
         """Note what came of it; returned is why that failed, which must not hide what came of it. Nor must a Ctrl-C."""
         failure: OutputError | None = None
+        said = (
+            {"answer": hex_bytes(answer.data), "status": answer.status}
+            if answer is not None
+            else {"answer": None, "status": None}
+        )
+        back = {p.name: after[p.word] for p in SETTINGS if p.name != PERSONAL} if after is not None else None
         with self._guide.counting() as presses:
             try:
-                self._record(
-                    "result",
-                    change,
-                    answer=hex_bytes(answer.data) if answer is not None else None,
-                    status=answer.words[0] & 0xFFFF if answer is not None else None,
-                    read_back=None
-                    if after is None
-                    else {p.name: after[p.word] for p in SETTINGS if p.name != PERSONAL},
-                    verdict=verdict,
-                )
+                self._record("result", change, **said, read_back=back, verdict=verdict)
             except OutputError as exc:
                 failure = exc
         self._interrupted = self._interrupted or presses.count > 0
@@ -339,12 +323,3 @@ def _standing(done: Sequence[str], left: Sequence[Change], verb: str) -> str:
 
 def _unread(change: Change) -> Left:
     return Left(hint=f"{change.text} was sent but could not be read back: read it before you write again", joint=". ")
-
-
-def _body(change: Change) -> bytes:
-    assert change.param.id is not None
-    return set_value_body(change.param.id, change.new)
-
-
-def _value(change: Change) -> float:
-    return change.param.from_raw(change.new)

@@ -5,12 +5,13 @@ The limits are this tool's policy, not the device's.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import datetime
+from math import cos, radians, sin
 from typing import TYPE_CHECKING
 
-from handctl.devices.ekso.kinematics import MOST_X, MOST_Y, residuals
+from handctl.devices.ekso.change import APART
 from handctl.devices.ekso.map import DATA, FEEDBACK, LEGS, POSTURES, SETTINGS, Word, boot_ms, boot_text
-from handctl.devices.ekso.stillness import APART
 from handctl.errors import CheckFailed, HandctlError, LinkError
 from handctl.model.clocks import Moment, Span
 from handctl.model.param import Reading
@@ -19,6 +20,7 @@ from handctl.sentence import plural
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.device import Ekso
+
 
 ANGLES = {"hip_angle": (-30.0, 140.0), "knee_angle": (-5.0, 135.0), "torso_pitch": (-60.0, 60.0), "torso_roll": (-60.0, 60.0)}  # fmt: skip
 LEG_LENGTHS = (10.0, 25.0)
@@ -223,3 +225,35 @@ def status_view(rows: list[Row]) -> list[Grid]:
         Grid(("Side", "Toe [raw]", "Heel [raw]", "Hip x [in]", "Hip y [in]"), feet, right=frozenset({1, 2, 3, 4})),
         Grid(("Setting", "", "Setting", ""), tuple(settings)),
     ]
+
+
+# -- where the hips must be by the angles -------------------------------------------------------------------------------
+#
+# By a log of one unit, angles in degrees, lengths in inches: thigh = hip angle - torso pitch, shank = thigh - knee angle,
+# x = -upper sin(thigh) - lower sin(shank) + 2.75, y = upper cos(thigh) + lower cos(shank) + 4.00.
+
+
+FOOT_X, FOOT_Y = 2.75, 4.00
+MOST_X, MOST_Y = 0.3, 0.1
+"""Residuals in inches that a sound unit stays within (policy; the log's worst are 0.15 and 0.015)."""
+
+
+def hip(upper: float, lower: float, pitch: float, hip_angle: float, knee_angle: float) -> tuple[float, float]:
+    """(x, y) of one hip in inches before and above the sole."""
+    thigh = radians(hip_angle - pitch)
+    shank = thigh - radians(knee_angle)
+    return (
+        -upper * sin(thigh) - lower * sin(shank) + FOOT_X,
+        upper * cos(thigh) + lower * cos(shank) + FOOT_Y,
+    )
+
+
+def residuals(values: Mapping[str, float], upper: float, lower: float) -> dict[str, tuple[float, float]]:
+    """Side -> (x, y) told minus (x, y) by the angles, in inches. `values` are those of GetData by name."""
+    found = {}
+    for side in ("left", "right"):
+        x, y = hip(
+            upper, lower, values["torso_pitch"], values[f"{side}_hip_angle"], values[f"{side}_knee_angle"]
+        )  # fmt: skip
+        found[side] = (values[f"{side}_hip_x"] - x, values[f"{side}_hip_y"] - y)
+    return found

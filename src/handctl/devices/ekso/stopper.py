@@ -29,9 +29,8 @@ def stop_talk(aim: Aim) -> Talk:
             else "CancelAction was sent, but no valid reply arrived"
         )
         return Stopped(f"{text}. {LIMIT}", HINT, ProtocolError if pieces else NoAnswer)
-    status = frame.words[0] & 0xFFFF
-    if status & 0xFF:
-        return Stopped(f"CancelAction was not accepted: {status_text(status)}. {LIMIT}", HINT, DeviceRefused)
+    if frame.status & 0xFF:
+        return Stopped(f"CancelAction was not accepted: {status_text(frame.status)}. {LIMIT}", HINT, DeviceRefused)
     return Stopped(f"CancelAction was accepted. {LIMIT}", HINT)
 
 
@@ -39,6 +38,4 @@ def _answer(request: bytes, pieces: Pieces) -> Frame | None:
     decoder = Decoder()
     decoder.expect(request)
     decoder.feed(b"".join(pieces))
-    key = (request[0], int.from_bytes(request[2:4], "big"))
-    found = frames_in(decoder)
-    return next((f for f in found if (f.command, f.msg_id) == key and f.body and f.data != request), None)
+    return next((frame for frame in frames_in(decoder) if frame.answers(request)), None)

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 
-from handctl.devices.ekso.frames import Command, Decoder, Frame
+from handctl.devices.ekso.frames import READS, Command, Decoder, Frame
 from handctl.model.ledger import Answered
 
-READS = range(Command.GET_TIME, Command.SET_VALUE)
 CRC_BYTES = 2
 
 
@@ -19,7 +18,7 @@ class EksoWrites(Answered[Frame]):
     """One connection."""
 
     def key(self, request: bytes) -> Hashable:
-        return request[:1] + request[2:4] if request and request[0] not in READS else None
+        return request[:1] + request[2:4] if request and request[0] not in READS.values() else None
 
     def same(self, request: bytes) -> Hashable:
         """The bytes without the running msgID and the sum over it."""
@@ -32,10 +31,9 @@ class EksoWrites(Answered[Frame]):
 
     def verdict(self, frame: Frame, request: bytes) -> tuple[Hashable, bool] | None:
         """CancelAction and its answer are of one length: what equals the request is an echo."""
-        key = bytes([frame.command]) + frame.msg_id.to_bytes(2, "big")
-        if key != self.key(request) or len(frame.body) != 2 or frame.data == request:
+        if not frame.answers(request) or len(frame.body) != 2:
             return None
-        return key, frame.words[0] & 0xFF == 0
+        return self.key(request), frame.status & 0xFF == 0
 
     def next(self, data: bytes, can_id: int | None) -> str:
         """See WriteWords."""

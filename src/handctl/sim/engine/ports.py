@@ -10,7 +10,7 @@ import os
 import socket
 from typing import Protocol
 
-from handctl.system import clock, pseudo
+from handctl.system import clock, terminal
 
 
 class ServeError(Exception):
@@ -57,11 +57,11 @@ class PtyPort:
         self._name = name
         self._closed = True
         self._open()
-        self.link = name or pseudo.name(self._slave)
+        self.link = name or terminal.pseudo_name(self._slave)
 
     def _open(self) -> None:
         try:
-            self._master, self._slave = pseudo.opened(self._speed)
+            self._master, self._slave = terminal.pseudo(self._speed)
         except OSError as exc:
             raise ServeError(f"cannot open a pty: {exc.strerror or exc}") from exc
         self._closed = False
@@ -69,7 +69,7 @@ class PtyPort:
             try:
                 if os.path.islink(self._name) and not os.path.exists(self._name):
                     os.unlink(self._name)  # of one that was killed
-                os.symlink(pseudo.name(self._slave), self._name)
+                os.symlink(terminal.pseudo_name(self._slave), self._name)
             except OSError as exc:
                 name, self._name = self._name, None
                 self.close()
@@ -105,14 +105,14 @@ class PtyPort:
 
     def baud(self) -> int:
         """The speed that the client set; -1 for one that has no name."""
-        return -1 if self._closed else pseudo.speed_of(self._master)
+        return -1 if self._closed else terminal.speed_of(self._master)
 
     def hang_up(self) -> bool:
         # Closing the master throws away what the client has not read: let it have the first half of the reply. The
         # kernel hands bytes to the slave side a little later, so a count of 0 means nothing at once.
         clock.sleep(0.02)
         patience = clock.now() + 0.2
-        while pseudo.unread(self._slave) and clock.now() < patience:
+        while terminal.unread(self._slave) and clock.now() < patience:
             clock.sleep(0.002)
         self.close()
         return True

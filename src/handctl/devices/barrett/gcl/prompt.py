@@ -7,7 +7,7 @@ from pathlib import Path
 
 from handctl.devices.barrett.gcl.passthrough import candidates
 from handctl.files import state_path
-from handctl.system import lines
+from handctl.system import terminal
 
 
 def line_reader() -> object:
@@ -15,10 +15,10 @@ def line_reader() -> object:
     path = state_path("gcl-history")
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-    return path if lines.prepare(str(path), 1000, candidates) else None
+    return path if terminal.edit_lines(str(path), 1000, candidates) else None
 
 
 def leave(path: object) -> None:
     """Keep the history."""
     if isinstance(path, Path):
-        lines.keep(str(path))
+        terminal.keep_history(str(path))

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from handctl.errors import NoAnswer, UsageError
 from handctl.system import clock, disk
-from handctl.system.streams import gives
+from handctl.system.waits import gives
 
 LONGEST_LINE = 65_536
 """Bytes of one line."""

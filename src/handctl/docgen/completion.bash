@@ -1,51 +1,4 @@
-"""The bash completion: tables as case statements, and a walk over the line. No process is started for a TAB.
-
-Options are looked up in words of the form `--opt=token`; see `tree.Value.token` for the tokens.
-"""
-
-from __future__ import annotations
-
-from shlex import quote
-
-from handctl.docgen.tables import INTERFACES, MARK, PORTS, PREFIXES, SLCAN, common, fill, names_of, parts, takes, words
-from handctl.docgen.tree import Node, Option
-from handctl.families import FAMILIES
-
-
-def script(tree: Node) -> str:
-    """The whole script."""
-    shared = common(tree)
-    places = {
-        "@MARK@": MARK,
-        "@SHARED@": quote(words(shared)),
-        "@SHARED_TAKES@": quote(takes(shared)),
-        "@NODES@": "\n".join(_node(node, shared) for node in tree.walk()),
-        "@MAPS@": "\n".join(_map(node) for node in tree.children if node.params),
-        "@PREFIXES@": " ".join((*PREFIXES, *(f"fake://{family}" for family in FAMILIES))),
-        "@PORTS@": " ".join(PORTS),
-        "@INTERFACES@": " ".join(INTERFACES),
-        "@SLCAN@": " ".join(SLCAN),
-    }
-    return fill(TEMPLATE, places)
-
-
-def _node(node: Node, shared: tuple[Option, ...]) -> str:
-    return f"        {quote(node.name)}) {' '.join(f'{key}={quote(text)}' for key, text in parts(node, shared).items())} ;;"
-
-
-def _map(node: Node) -> str:
-    names = names_of(node.params)
-    elements = " ".join(f"{name}={','.join(texts)}" for name, texts in names.elements.items())
-    values = " ".join(f"{name}={','.join(texts)}" for name, texts in names.values.items())
-    return (
-        f"        {node.name})\n"
-        f"            read={quote(' '.join(names.read))}\n            set={quote(' '.join(names.set))}\n"
-        f"            name={quote(' '.join(names.name))}\n            elements={quote(elements)}\n"
-        f"            values={quote(values)}\n            ;;"
-    )
-
-
-TEMPLATE = r"""# bash @MARK@: do not edit
+# bash @MARK@: do not edit
 
 _handctl_node() # PATH: what stands below it; sets cmds opts takes args
 {
@@ -90,7 +43,7 @@ _handctl_link() # HEAD
         _handctl_readline default
         return
     fi
-    _handctl_offer "$1" @PREFIXES@
+    _handctl_offer "$1" @PREFIXES@ @FAKES@
     for place in @PORTS@; do
         [[ -e $place ]] && _handctl_offer "$1" "$place"
     done
@@ -237,4 +190,3 @@ if type -t compopt >/dev/null; then
 else
     complete -o default -o nospace -F _handctl handctl handctl.pyz
 fi
-"""

@@ -1,54 +1,4 @@
-"""The PowerShell completion: the same tables and walk as in bash. No process is started for a TAB.
-
-Tables are text, not hash tables: those take -v and -V for one key.
-"""
-
-from __future__ import annotations
-
-from handctl.docgen.tables import MARK, PREFIXES, common, fill, names_of, parts, takes, words
-from handctl.docgen.tree import Node, Option
-from handctl.families import FAMILIES
-
-
-def script(tree: Node) -> str:
-    """The whole script."""
-    shared = common(tree)
-    places = {
-        "@MARK@": MARK,
-        "@SHARED@": quote(words(shared)),
-        "@SHARED_TAKES@": quote(takes(shared)),
-        "@NODES@": "\n".join(_node(node, shared) for node in tree.walk()),
-        "@MAPS@": "\n".join(_map(node) for node in tree.children if node.params),
-        "@PREFIXES@": quote(" ".join((*PREFIXES, *(f"fake://{family}" for family in FAMILIES)))),
-    }
-    return fill(TEMPLATE, places)
-
-
-def quote(text: str) -> str:
-    """A word of PowerShell: in single quotes only a quote is special."""
-    doubled = text.replace("'", "''")
-    return f"'{doubled}'"
-
-
-def _node(node: Node, shared: tuple[Option, ...]) -> str:
-    told = "; ".join(f"$found.{key} = {quote(text)}" for key, text in parts(node, shared).items())
-    return f"        {quote(node.name)} {{ {told} }}"
-
-
-def _map(node: Node) -> str:
-    names = names_of(node.params)
-    found = {
-        "read": " ".join(names.read),
-        "set": " ".join(names.set),
-        "name": " ".join(names.name),
-        "elements": " ".join(f"{name}={','.join(texts)}" for name, texts in names.elements.items()),
-        "values": " ".join(f"{name}={','.join(texts)}" for name, texts in names.values.items()),
-    }
-    told = "".join(f"            $found.{key} = {quote(text)}\n" for key, text in found.items() if text)
-    return f"        {quote(node.name)} {{\n{told}        }}"
-
-
-TEMPLATE = r"""# PowerShell @MARK@: do not edit
+# PowerShell @MARK@: do not edit
 
 function __handctl_split([string]$text) { # words of a table
     ,@($text.Split([char[]]' ', [StringSplitOptions]::RemoveEmptyEntries))
@@ -129,7 +79,7 @@ function __handctl_take([string]$token, [string]$value) { # what may stand in th
         'name' { __handctl_names $kind $detail $value }
         'device' { __handctl_devices }
         'link' {
-            __handctl_split @PREFIXES@
+            __handctl_split '@PREFIXES@ @FAKES@'
             try { [IO.Ports.SerialPort]::GetPortNames() } catch { }
         }
     }
@@ -204,4 +154,3 @@ Register-ArgumentCompleter -Native -CommandName handctl, handctl.exe, handctl.py
         }
     }
 }
-"""

@@ -1,77 +1,4 @@
-"""The fish completion: the same tables and walk as in bash, with help texts. No process is started for a TAB."""
-
-from __future__ import annotations
-
-from handctl.docgen.tables import INTERFACES, MARK, PORTS, PREFIXES, SLCAN, common, fill, names_of, own, plain
-from handctl.docgen.tree import Node, Option
-from handctl.families import FAMILIES
-
-
-def script(tree: Node) -> str:
-    """The whole script."""
-    shared = common(tree)
-    places = {
-        "@MARK@": MARK,
-        "@SHARED@": _described(shared),
-        "@SHARED_TAKES@": _takes(shared),
-        "@NODES@": "\n".join(_node(node, shared) for node in tree.walk()),
-        "@MAPS@": "\n".join(_map(node) for node in tree.children if node.params),
-        "@PREFIXES@": " ".join((*PREFIXES, *(f"fake://{family}" for family in FAMILIES))),
-        "@PORTS@": " ".join(PORTS),
-        "@INTERFACES@": " ".join(INTERFACES),
-        "@SLCAN@": " ".join(SLCAN),
-    }
-    return fill(TEMPLATE, places)
-
-
-def quote(text: str) -> str:
-    """A fish word: in single quotes only a backslash and a quote are special."""
-    escaped = text.replace("\\", "\\\\").replace("'", "\\'")
-    return f"'{escaped}'"
-
-
-def _words(key: str, words: list[str]) -> str:
-    return f"            set {key} {' '.join(words)}\n" if words else ""
-
-
-def _described(options: tuple[Option, ...]) -> str:
-    return " ".join(quote(f"{name}\t{plain(option.help)}") for option in options for name in option.names)
-
-
-def _takes(options: tuple[Option, ...]) -> str:
-    return " ".join(f"{name}={option.value.token}" for option in options if option.value for name in option.names)
-
-
-def _node(node: Node, shared: tuple[Option, ...]) -> str:
-    options, lacks = own(node, shared)
-    return (
-        f"        case {quote(node.name)}\n"
-        + _words("cmds", [quote(f"{child.path[-1]}\t{plain(child.summary)}") for child in node.children])
-        + _words("opts", [_described(options)] if options else [])
-        + _words("takes", [_takes(options)] if _takes(options) else [])
-        + _words("args", [quote(argument.value.token + "*" * argument.repeats) for argument in node.arguments])
-        + _words("lacks", lacks.split())
-    ).rstrip()
-
-
-def _map(node: Node) -> str:
-    names = names_of(node.params)
-    docs = {param.name: param.doc for param in node.params}
-
-    def table(words: tuple[str, ...]) -> list[str]:
-        return [quote(f"{word}\t{plain(docs[word])}" if word in docs else word) for word in words]
-
-    return (
-        f"        case {node.name}\n"
-        + _words("readable", table(names.read))
-        + _words("settable", table(names.set))
-        + _words("known", table(names.name))
-        + _words("elements", [f"{name}={','.join(words)}" for name, words in names.elements.items()])
-        + _words("values", [f"{name}={','.join(words)}" for name, words in names.values.items()])
-    ).rstrip()
-
-
-TEMPLATE = r"""# fish @MARK@: do not edit
+# fish @MARK@: do not edit
 
 function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets cmds opts takes args
     set shared @SHARED@
@@ -111,7 +38,7 @@ function __handctl_link # VALUE: what a LINK may be
         string replace -r -- '^' replay: (__fish_complete_path (string replace 'replay:' '' -- $argv[1]))
         return
     end
-    printf '%s\n' @PREFIXES@
+    printf '%s\n' @PREFIXES@ @FAKES@
     set -l ports @PORTS@
     set -l interfaces @INTERFACES@
     set -l slcan @SLCAN@
@@ -237,4 +164,3 @@ end
 
 complete -c handctl -f -a '(__handctl)'
 complete -c handctl.pyz -f -a '(__handctl)'
-"""

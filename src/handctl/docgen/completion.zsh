@@ -1,78 +1,4 @@
-"""The zsh completion: the same tables and walk as in bash, with help texts. No process is started for a TAB."""
-
-from __future__ import annotations
-
-from shlex import quote
-
-from handctl.docgen.tables import INTERFACES, MARK, PORTS, PREFIXES, SLCAN, common, fill, names_of, own, plain
-from handctl.docgen.tree import Node, Option
-from handctl.families import FAMILIES
-from handctl.model.param import Param
-
-
-def script(tree: Node) -> str:
-    """The whole script."""
-    shared = common(tree)
-    places = {
-        "@MARK@": MARK,
-        "@SHARED@": " ".join(_described(shared)),
-        "@SHARED_TAKES@": " ".join(_takes(shared)),
-        "@NODES@": "\n".join(_node(node, shared) for node in tree.walk()),
-        "@MAPS@": "\n".join(_map(node) for node in tree.children if node.params),
-        "@PREFIXES@": " ".join(PREFIXES),
-        "@FAKES@": " ".join(f"fake://{family}" for family in FAMILIES),
-        "@PORTS@": " ".join(f"{pattern}(N)" for pattern in PORTS),
-        "@INTERFACES@": " ".join(f"{pattern}(N:t)" for pattern in INTERFACES),
-        "@SLCAN@": " ".join(f"{pattern}(N)" for pattern in SLCAN),
-    }
-    return fill(TEMPLATE, places)
-
-
-def _pair(word: str, text: str) -> str:
-    escaped = word.replace(":", "\\:")
-    return quote(f"{escaped}:{plain(text)}")
-
-
-def _described(options: tuple[Option, ...]) -> list[str]:
-    return [_pair(name, option.help) for option in options for name in option.names]
-
-
-def _takes(options: tuple[Option, ...]) -> list[str]:
-    return [f"{name} {option.value.token}" for option in options if option.value for name in option.names]
-
-
-def _node(node: Node, shared: tuple[Option, ...]) -> str:
-    options, lacks = own(node, shared)
-    parts = {
-        "cmds": [_pair(child.path[-1], child.summary) for child in node.children],
-        "opts": _described(options),
-        "takes": _takes(options),
-        "args": [quote(argument.value.token + ("*" if argument.repeats else "")) for argument in node.arguments],
-    }
-    lines = [f"            {key}=({' '.join(words)})\n" for key, words in parts.items() if words]
-    lines += [f"            lacks=({lacks})\n"] if lacks else []
-    return f"        ({quote(node.name)})\n{''.join(lines)}            ;;"
-
-
-def _map(node: Node) -> str:
-    names = names_of(node.params)
-    texts: dict[str, Param] = {param.name: param for param in node.params}
-
-    def table(words: tuple[str, ...]) -> str:
-        return " ".join(_pair(word, texts[word].doc) if word in texts else quote(word) for word in words)
-
-    def lists(content: dict[str, tuple[str, ...]]) -> str:
-        return " ".join(f"{name} {quote(' '.join(words))}" for name, words in content.items())
-
-    return (
-        f"        ({node.name})\n"
-        f"            read=({table(names.read)})\n            set=({table(names.set)})\n"
-        f"            name=({table(names.name)})\n            elements=({lists(names.elements)})\n"
-        f"            values=({lists(names.values)})\n            ;;"
-    )
-
-
-TEMPLATE = r"""#compdef handctl handctl.pyz
+#compdef handctl handctl.pyz
 # zsh @MARK@: do not edit
 
 _handctl_node() { # PATH: what stands below it; sets cmds opts takes args
@@ -198,4 +124,3 @@ if [[ $funcstack[1] == _handctl ]]; then
 else
     compdef _handctl handctl handctl.pyz
 fi
-"""

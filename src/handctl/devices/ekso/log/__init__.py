@@ -1,1 +1,0 @@
-"""Logs of GetData: recording, reading back, export."""
