@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from handctl.devices.barrett.care import checks, diagnose, forecast, symptoms, trials
+from handctl.devices.barrett.care import checks, diagnose, health, symptoms, trials
 from handctl.devices.barrett.care.checks import CHECKS, Patient
 from handctl.devices.barrett.care.health import FAIL, OK, SKIPPED, WARNING, Finding
-from handctl.devices.barrett.care.procedures import PROCEDURES
-from handctl.devices.barrett.map import BARRETT, MOTORS, GclParam
+from handctl.devices.barrett.care.symptoms import PROCEDURES
+from handctl.devices.barrett.gcl.language import MOTORS
+from handctl.devices.barrett.map import BARRETT, GclParam
 from handctl.errors import CheckFailed, Interrupted, LinkError, UsageError
 from handctl.model.guide import Guide
 from tests.barrett.support import Simulated, hand_on, scripted, simulated
@@ -141,7 +142,7 @@ def test_the_forecast_of_every_setting_at_its_ends_comes_true(param: GclParam, e
     body = patient()
     value = (max(param.choices) if end == "high" else min(param.choices)) if param.choices else getattr(param, end)
     assert not body.hand.line.ask(f"1FSET {param.mnemonic} {value}").status
-    said = forecast.can_move("F1", body.values)
+    said = health.can_move("F1", body.values)
     went = []
     for command in ("1M 9000", "1C", "1O"):
         before = patient_position(body)

@@ -10,7 +10,7 @@ import pytest
 
 from handctl import ending
 from handctl.devices.barrett.gcl import passthrough
-from handctl.devices.barrett.gcl.commands import COMMANDS, SECONDS, split
+from handctl.devices.barrett.gcl.language import COMMANDS, SECONDS, split
 from handctl.errors import DeviceRefused, Interrupted, NoAnswer, UsageError
 from handctl.model.guide import Guide
 from handctl.system import signals

@@ -238,14 +238,6 @@ def test_every_family_has_a_codec_and_a_map() -> None:
         assert "map" in pure and len(pure) > 1, home
 
 
-LONGEST = 400
-
-
-def test_a_module_is_read_in_one_sitting() -> None:
-    lines = {module: len(path_of(module).read_text(encoding="utf-8").splitlines()) for module in MODULES}
-    assert {module: count for module, count in lines.items() if count > LONGEST} == {}
-
-
 def circles(imports: list[Import]) -> list[str]:
     """Modules that import each other, and who imports those: all but who, by turns, imports nobody of the rest."""
     targets: dict[str, set[str]] = {module: set() for module in MODULES}

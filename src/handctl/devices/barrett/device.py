@@ -7,11 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from handctl.devices.barrett.conditions import NO_GAUGE, later_settings, mark_not_homed
 from handctl.devices.barrett.gcl.language import Answer, batches, encode, explain_status, hint_for, values
 from handctl.devices.barrett.gcl.line import GclLine
-from handctl.devices.barrett.map import BARRETT, GclParam, all_elements
-from handctl.devices.barrett.views import audit, heat_hint, meaning, parameters_view, status_view, unhealthy
+from handctl.devices.barrett.map import BARRETT, GclParam, gcl_name
+from handctl.devices.barrett.views import (
+    NO_GAUGE,
+    audit,
+    heat_hint,
+    later_settings,
+    mark_not_homed,
+    meaning,
+    parameters_view,
+    status_view,
+    unhealthy,
+)
 from handctl.errors import DeviceRefused, HandctlError, Left, NoAnswer, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Number, Reading, Step
@@ -57,7 +66,7 @@ class BarrettHand(Device):
         if stopped.error is not None or not powered:
             return stopped
         try:
-            readings = self.read(all_elements([BARRETT.by_mnemonic("P")]))
+            readings = self.read(BARRETT.elements("P"))
         except HandctlError as exc:
             return stopped._replace(text=f"{stopped.text}. Their positions could not be read: {exc.text}")
         places = ", ".join(f"{reading.element.part} {reading.value}" for reading in readings)
@@ -65,7 +74,7 @@ class BarrettHand(Device):
 
     def identity(self) -> dict[str, object]:
         """Serial number (0 on hands upgraded in the field) and firmware as the hand says it."""
-        (serial,) = self.read(all_elements([BARRETT.by_mnemonic("SN")]))
+        (serial,) = self.read(BARRETT.elements("SN"))
         self.about |= {"serial": str(serial.value)} if serial.value else {}
         return {"kind": self.kind, "serial_number": serial.value, "firmware": self.version()}
 
@@ -119,7 +128,7 @@ class BarrettHand(Device):
         if not error.code.startswith("err-") or not int(error.code[4:]) & 8192:
             return error
         try:
-            now, limit = self.read([Element(BARRETT.by_mnemonic(name), 0) for name in ("TEMP", "OTEMP")])
+            now, limit = self.read(BARRETT.elements("TEMP", "OTEMP"))
         except HandctlError:
             return error
         if now.value is not None and limit.value is not None:
@@ -144,22 +153,30 @@ class BarrettHand(Device):
                     found[element] = Reading(element, None, b"", exc)
         return [found[element] for element in elements]
 
+    def numbers(self, elements: Sequence[Element]) -> list[int]:
+        """The values of these, in their order. Raises why one of them could not be read."""
+        found = self.read(elements)
+        for reading in found:
+            if reading.error is not None:
+                raise reading.error
+        return [int(reading.value or 0) for reading in found]
+
     def _read_numbers(self, elements: Sequence[Element]) -> list[Reading]:
         by_mnemonic: dict[str, dict[int, int] | HandctlError] = {}
 
         def so_far() -> list[Reading]:
             rest = HandctlError("not read")
             there = any(isinstance(found, dict) for found in by_mnemonic.values())
-            return [_reading(e, by_mnemonic.get(_gcl(e), rest)) for e in elements] if there else []
+            return [_reading(e, by_mnemonic.get(gcl_name(e), rest)) for e in elements] if there else []
 
         with self.keeping(so_far):
             self._read(elements, by_mnemonic)
-        return [_reading(element, by_mnemonic[_gcl(element)]) for element in elements]
+        return [_reading(element, by_mnemonic[gcl_name(element)]) for element in elements]
 
     def _read(self, elements: Sequence[Element], by_mnemonic: dict[str, dict[int, int] | HandctlError]) -> None:
         motors = sorted({element.index for element in elements if element.param.elements})
         prefix = "" if len(motors) in (0, 4) else "".join(str(motor + 1) for motor in motors)
-        names = list(dict.fromkeys(_gcl(element) for element in elements))
+        names = list(dict.fromkeys(gcl_name(element) for element in elements))
         for chosen, verb, count in (
             ([name for name in names if not BARRETT.by_mnemonic(name).is_global], f"{prefix}FGET", len(motors)),
             ([name for name in names if BARRETT.by_mnemonic(name).is_global], "PGET", 1),
@@ -198,7 +215,7 @@ class BarrettHand(Device):
             into[name] = dict(zip(motors, numbers, strict=True))
 
     def named(self, element: Element) -> Row:
-        return {"name": element.param.name, "parameter": _gcl(element), "motor": element.part}
+        return {"name": element.param.name, "parameter": gcl_name(element), "motor": element.part}
 
     def valued(self, reading: Reading) -> Row:
         param = reading.element.param
@@ -227,14 +244,14 @@ class BarrettHand(Device):
     def _speed_last(
         changes: Sequence[tuple[Element, Number]],
     ) -> tuple[list[tuple[Element, Number]], list[tuple[Element, Number]]]:
-        calm = [change for change in changes if _gcl(change[0]) != "BAUD"]
-        return calm, [change for change in changes if _gcl(change[0]) == "BAUD"]
+        calm = [change for change in changes if gcl_name(change[0]) != "BAUD"]
+        return calm, [change for change in changes if gcl_name(change[0]) == "BAUD"]
 
     def _commands(self, changes: Sequence[tuple[Element, Number]]) -> list[tuple[str, list[tuple[Element, Number]]]]:
         """The lines that write `changes`, each with those that stand in it, in their order."""
         motors: dict[tuple[str, Number], list[int]] = {}
         for element, value in changes:
-            motors.setdefault((_gcl(element), value), []).append(element.index)
+            motors.setdefault((gcl_name(element), value), []).append(element.index)
         pairs: dict[str, list[tuple[str, ...]]] = {}
         for (mnemonic, value), indices in motors.items():
             if BARRETT.by_mnemonic(mnemonic).is_global:
@@ -251,7 +268,7 @@ class BarrettHand(Device):
                     change
                     for mnemonic, value in items
                     for change in changes
-                    if (_gcl(change[0]), str(change[1])) == (mnemonic, value)
+                    if (gcl_name(change[0]), str(change[1])) == (mnemonic, value)
                     and (verb == "PSET" or not digits or str(change[0].index + 1) in digits)
                 ]))  # fmt: skip
         return found
@@ -299,7 +316,7 @@ class BarrettHand(Device):
             return
         if answer.status:
             error = self.name_heat(self.refusal(answer))
-            names = list(dict.fromkeys(_gcl(element) for element, _ in changes))
+            names = list(dict.fromkeys(gcl_name(element) for element, _ in changes))
             if len(names) > 1:  # the first wrong pair ends the line, those before it stay
                 error.leaves(Left(behind=f"perhaps also set: {', '.join(names[:-1])}. Check: `handctl barrett get`"))
             raise error
@@ -337,7 +354,7 @@ class BarrettHand(Device):
 
     def partial(self, failed: Sequence[Reading]) -> HandctlError | None:
         """Which parameters, by their names in GCL, and why."""
-        first, names = failed[0].error, dict.fromkeys(_gcl(reading.element) for reading in failed)
+        first, names = failed[0].error, dict.fromkeys(gcl_name(reading.element) for reading in failed)
         assert first is not None
         said = first.text.removeprefix(self.link.name).lstrip(": ")
         return first.retold(f"{self.link.name}: {', '.join(names)}: {said}")
@@ -361,12 +378,12 @@ class BarrettHand(Device):
     def status(self, check: bool) -> Table:
         """Position, strain, status, way, temperature against its limit, firmware. With `check`, unhealthy is exit 7."""
         names = ("P", "SG", "S", "OD", "EN", "TEMP", "OTEMP", "PTEMP", "UPSECS", "SN", "BAUD")
-        table = self.table(self.read(all_elements([BARRETT.by_mnemonic(name) for name in names])))
+        table = self.table(self.read(BARRETT.elements(*names)))
         try:
             firmware = self.version()
         except HandctlError as exc:
             firmware = f"? ({exc.text})"
-        (version,) = all_elements([BARRETT.by_mnemonic("VERS")])
+        (version,) = BARRETT.elements("VERS")
         table.rows.append(self.row(Reading(version, 0, firmware.encode())))
         table.view = status_view
         findings = unhealthy(table.rows)
@@ -379,11 +396,6 @@ class BarrettHand(Device):
 
 def _step(text: str) -> Step:
     return Step(text, encode(text), strands="BAUD" in text.split())
-
-
-def _gcl(element: Element) -> str:
-    assert isinstance(element.param, GclParam)
-    return element.param.mnemonic
 
 
 def _by_firmware(names: list[str]) -> list[list[str]]:

@@ -12,7 +12,7 @@ from typing import Any
 from handctl.devices.barrett import hostfile
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import motors_of
-from handctl.devices.barrett.map import BARRETT, all_elements, standard
+from handctl.devices.barrett.map import BARRETT, standard
 from handctl.errors import DeviceRefused, HandctlError, Interrupted, Left, NotIdentified, UsageError
 from handctl.files import state_path
 from handctl.model.result import Column, Row, Table
@@ -47,11 +47,8 @@ def store_journal(content: dict[str, Any]) -> None:
 
 def present(hand: BarrettHand) -> dict[str, int]:
     """All settings as they are in RAM, by full name."""
-    readings = hand.read(all_elements([param for param in standard() if param.writable]))
-    for reading in readings:
-        if reading.error is not None:
-            raise reading.error
-    return {reading.element.full_name: int(reading.value) for reading in readings if reading.value is not None}
+    elements = BARRETT.elements(*(param.mnemonic for param in standard() if param.writable))
+    return dict(zip((element.full_name for element in elements), hand.numbers(elements), strict=True))
 
 
 def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -> Table:
@@ -150,7 +147,7 @@ class Ledger:
 
 
 def _key(hand: BarrettHand, simulated: bool) -> str:
-    (serial,) = hand.read(all_elements([BARRETT.by_mnemonic("SN")]))
+    (serial,) = hand.read(BARRETT.elements("SN"))
     return f"{'simulated-' if simulated else ''}{int(serial.value or 0)}"
 
 

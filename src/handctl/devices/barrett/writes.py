@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
 
-from handctl.devices.barrett.gcl.commands import split
 from handctl.devices.barrett.gcl.connecting import FILL, LOOPED, QUESTION, SAFE_ABORT
-from handctl.devices.barrett.gcl.language import ABORT, CR, Decoder, has_prompt
+from handctl.devices.barrett.gcl.language import ABORT, CR, Decoder, has_prompt, split
 from handctl.devices.barrett.realtime.blocks import ACKNOWLEDGE, FEEDBACK_ONLY, NEITHER
 from handctl.model.ledger import Frame
 

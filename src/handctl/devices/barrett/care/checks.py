@@ -9,15 +9,14 @@ import re
 from collections.abc import Callable
 
 from handctl.devices.barrett.care import health, strain, upkeep
-from handctl.devices.barrett.care.forecast import forecast
 from handctl.devices.barrett.care.health import FAIL, OK, SKIPPED, WARNING, Finding
 from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.gcl.language import MOTORS
 from handctl.devices.barrett.gcl.meet import look_for_motion
-from handctl.devices.barrett.map import BARRETT, MOTORS, all_elements, standard
+from handctl.devices.barrett.map import BARRETT, FINGERS, NO_GAUGE, OFF, gcl_name, standard
 from handctl.errors import HandctlError
 from handctl.sentence import plural
 
-FINGERS = MOTORS[:3]
 DEFAULTS_MATTER = ("OT", "IVEL", "IOFF", "IHIT")
 
 
@@ -48,12 +47,12 @@ class Patient:
     def read(self, *names: str) -> Values:
         """Parameters of all motors, all of them without names."""
         found = Values()
-        for reading in self.hand.read(all_elements([BARRETT.by_mnemonic(name) for name in names] or standard())):
-            mnemonic = str(self.hand.row(reading)["parameter"])
+        for reading in self.hand.read(BARRETT.elements(*(names or (param.mnemonic for param in standard())))):
+            name = gcl_name(reading.element)
             if reading.error is not None:
-                found.errors[mnemonic] = reading.error
+                found.errors[name] = reading.error
             else:
-                found[mnemonic, reading.element.part] = int(reading.value or 0)
+                found[name, reading.element.part] = int(reading.value or 0)
         return found
 
 
@@ -103,7 +102,7 @@ def _statuses(patient: Patient) -> list[Finding]:
 
 def can_move(patient: Patient) -> list[Finding]:
     """One forecast per motor from limits, gains, enables, targets, temperature and state; nothing is moved."""
-    return forecast(patient.values)
+    return health.forecast(patient.values)
 
 
 def parameters(patient: Patient) -> list[Finding]:
@@ -202,11 +201,11 @@ def strain_limits(patient: Patient) -> list[Finding]:
         sg, high, low = (patient.values[name, finger] for name in ("SG", "HSG", "LSG"))
         check, source = f"strain_limits.{finger}", "barrett §8, §5.5"
         off = f"`handctl barrett set HSG.{finger}=256 LSG.{finger}=256`"
-        if sg == health.NO_GAUGE and (high < 255 or low < 255):
+        if sg == NO_GAUGE and min(high, low) < OFF:
             found.append(
                 Finding(check, FAIL, f"no gauge, but limits {low} to {high} are set, so it never moves", off, source)
             )
-        elif (high < 255 and sg >= high) or (low < 255 and sg <= low):
+        elif (high < OFF and sg >= high) or (low < OFF and sg <= low):
             remedy = f"zero the gauge (§7.4), or switch the limits off with {off}"
             found.append(Finding(check, FAIL, f"SG {sg} is outside LSG {low} to HSG {high}", remedy, source))
         else:

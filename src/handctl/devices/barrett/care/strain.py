@@ -6,19 +6,17 @@ A reading is without load only when the fingers stand open at their stops; `prep
 from __future__ import annotations
 
 from handctl.devices.barrett import motion
-from handctl.devices.barrett.care import health, procedures
+from handctl.devices.barrett.care import health, symptoms
 from handctl.devices.barrett.care.sampling import moments
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.language import MOTORS
-from handctl.devices.barrett.map import BARRETT
+from handctl.devices.barrett.map import BARRETT, FINGERS, NO_GAUGE, gcl_name
 from handctl.errors import CheckFailed
 from handctl.model.guide import Guide
 from handctl.model.moving import ANY
-from handctl.model.param import Element, Step
+from handctl.model.param import Step
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.model.sampling import Sampler
 
-FINGERS = MOTORS[:3]
 READINGS = 20
 OPEN_WITHIN = 250
 """Counts from the open target that count as open: two degrees of the inner link."""
@@ -57,13 +55,8 @@ def _raise_failure(table: Table) -> None:
 
 
 def _read(hand: BarrettHand, *names: str) -> dict[tuple[str, str], int]:
-    at = {}
-    elements = [Element(BARRETT.by_mnemonic(name), index) for name in names for index in range(3)]
-    for reading in hand.read(elements):
-        if reading.error is not None:
-            raise reading.error
-        at[(str(hand.row(reading)["parameter"]), str(reading.element.part))] = int(reading.value or 0)
-    return at
+    elements = BARRETT.elements(*names, motors=range(3))
+    return {(gcl_name(one), str(one.part)): value for one, value in zip(elements, hand.numbers(elements), strict=True)}
 
 
 def measure(hand: BarrettHand, count: int = READINGS) -> dict[str, list[int]]:
@@ -163,7 +156,7 @@ def view(rows: list[Row]) -> list[Grid]:
         notes.append(f"{rows[0]['evidence']} ({rows[0]['source']})")
     notes += [f"{row['motor']}: {row['remedy']} ({row['source']})" for row in rows if row["remedy"]]
     if any(row["status"] == health.WARNING for row in rows):
-        notes += procedures.lines("strain")
+        notes += symptoms.lines("strain")
     headings = ("Finger", "Mean", "Min", "Max", "No load", "Status")
     return [Grid(headings, lines, right=frozenset({1, 2, 3}), notes=tuple(notes))]
 
@@ -186,7 +179,7 @@ class _Adjusting:
                 "motor": finger,
                 "value": at["SG", finger],
                 "unit": None,
-                "doubt": "no gauge" if at["SG", finger] == health.NO_GAUGE else None,
+                "doubt": "no gauge" if at["SG", finger] == NO_GAUGE else None,
             }
             for finger in FINGERS
         ]
@@ -201,7 +194,7 @@ class _Adjusting:
 def beside(value: int) -> tuple[int | None, str]:
     """How far a reading is outside 100 to 140, signed, and in words; None without a gauge."""
     low, high = health.NO_LOAD
-    if value == health.NO_GAUGE:
+    if value == NO_GAUGE:
         return None, "no gauge"
     if value > high:
         return value - high, f"{value - high} above 140"

@@ -14,6 +14,7 @@ from handctl.devices.barrett.care import health
 from handctl.devices.barrett.care.checks import Patient
 from handctl.devices.barrett.care.health import FAIL, OK, SKIPPED, WARNING, Finding
 from handctl.devices.barrett.gcl.language import motors_of
+from handctl.devices.barrett.map import NO_GAUGE, TRAVEL, sample_seconds
 from handctl.errors import HandctlError
 from handctl.model.guide import Guide
 from handctl.model.moving import ANY, REACHED
@@ -123,7 +124,7 @@ def strain_curve(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
     width = health.NO_LOAD[1] - health.NO_LOAD[0]
     for motor, values in seen.items():
         check, source = f"strain_curve.{motor}", "barrett §8, §9.4"
-        if not values or set(values) == {health.NO_GAUGE}:
+        if not values or set(values) == {NO_GAUGE}:
             found.append(Finding(check, SKIPPED, "no strain gauge", source=source))
             continue
         evidence = f"{min(values)} to {max(values)} in {plural(len(values), 'step')} of {STEP_COUNTS} counts"
@@ -158,9 +159,8 @@ def spread_time(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
     found = []
     for text, velocity in (("4C", "MCV"), ("4O", "MOV")):
         seconds = _timed(patient, text, guide)
-        # 1/16 count a sample of 16 (SAMPLE + 1) / 2 MHz (dossier 13)
-        sample = 16 * (patient.values["SAMPLE", "SPREAD"] + 1) / 2e6
-        usual = motion.USUAL["spread"] * 16 / max(1, patient.values[velocity, "SPREAD"]) * sample
+        samples = TRAVEL[1] * 16 / max(1, patient.values[velocity, "SPREAD"])  # 1/16 count a sample
+        usual = samples * sample_seconds(patient.values["SAMPLE", "SPREAD"])
         evidence = f"{text}: {seconds:.2f} s, about {usual:.2f} s at {velocity} {patient.values[velocity, 'SPREAD']}"
         if seconds > 2 * usual + 0.4:
             found.append(Finding("spread_time", WARNING, evidence, "grease the spread's gears", "barrett §7.3, §8"))

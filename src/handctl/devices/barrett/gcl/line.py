@@ -7,17 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from handctl.devices.barrett.gcl.commands import SECONDS, split
 from handctl.devices.barrett.gcl.connecting import MONITOR_SPEED, QUESTION, RESTARTED_TEXT, SILENCE, abort_at, is_answer
 from handctl.devices.barrett.gcl.language import (
     BANNER,
     DISTURBED,
     PROMPT,
+    SECONDS,
     Answer,
     Decoder,
     encode,
     has_colon,
     has_prompt,
+    split,
     whole,
 )
 from handctl.errors import HandctlError, Left, LinkError, NoAnswer, ProtocolError

@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from handctl.devices.barrett import eeprom
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.commands import COMMANDS, split
-from handctl.devices.barrett.gcl.language import Answer, encode, explain_status, motor_prefix, motors_of, whole
+from handctl.devices.barrett.gcl.language import (
+    COMMANDS,
+    Answer,
+    encode,
+    explain_status,
+    motor_prefix,
+    motors_of,
+    split,
+    whole,
+)
 from handctl.devices.barrett.map import BARRETT, careful
 from handctl.ending import afresh
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.files import state_path
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table
 from handctl.model.stopping import interrupted
+from handctl.system import lines
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
@@ -245,3 +256,17 @@ def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None]) 
         if exc.exit_code == 3:
             raise
         run.guide.say(f"{exc.text}\n  Next: {exc.hint}" if exc.hint else exc.text)
+
+
+@contextmanager
+def history() -> Iterator[None]:
+    """While it lasts the line editor knows the lines typed before, and TAB; they are kept where there is an editor."""
+    path = state_path("gcl-history")
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    edits = lines.prepare(str(path), 1000, candidates)
+    try:
+        yield
+    finally:
+        if edits:
+            lines.keep(str(path))

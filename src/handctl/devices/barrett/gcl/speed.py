@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from handctl.devices.barrett.gcl.commands import SECONDS
-from handctl.devices.barrett.gcl.language import CR, encode
+from handctl.devices.barrett.gcl.language import CR, SECONDS, encode
 from handctl.devices.barrett.gcl.line import GclLine
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError, UsageError
 from handctl.model.param import Step

@@ -237,7 +237,7 @@ def _controls(
 def _from_file(path: str, motors: list[int], start: dict[tuple[int, str], int], seconds: float | None) -> Controls:
     """Control values of a file, or of a pipe or stdin that is waited for `seconds`."""
     from handctl.devices.barrett.realtime import schedule
-    from handctl.devices.barrett.realtime.intake import Lines
+    from handctl.devices.barrett.realtime.schedule import Lines
 
     if path == "-" or is_pipe(path):
         lines = Lines(path, seconds)

@@ -12,9 +12,8 @@ from typing import Any
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.connecting import ends_alone
-from handctl.devices.barrett.realtime.blocks import Decoder, Layout, LoopError
+from handctl.devices.barrett.realtime.blocks import Decoder, Layout, LoopError, Values
 from handctl.devices.barrett.realtime.flags import Wish
-from handctl.devices.barrett.realtime.schedule import Values
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link import Deadline
 from handctl.link.deadman import Guard, Shot
