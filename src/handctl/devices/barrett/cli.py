@@ -14,6 +14,8 @@ from handctl.devices.barrett.firmware.cli import add_firmware
 from handctl.devices.barrett.gcl.language import (
     COMMANDS,
     ERRORS,
+    KINDS,
+    SPEED,
     encode,
     explain_status,
     hint_for,
@@ -23,7 +25,7 @@ from handctl.devices.barrett.gcl.language import (
     split_status,
 )
 from handctl.devices.barrett.gcl.line import GclLine
-from handctl.devices.barrett.map import BARRETT, SPEEDS, check_careful
+from handctl.devices.barrett.map import BARRETT, BAUD_CODES, SPEEDS, check_careful
 from handctl.devices.barrett.realtime.cli import add_realtime
 from handctl.errors import UsageError
 from handctl.frame import stored, verbs
@@ -50,12 +52,6 @@ FORCE = click.option("--force", is_flag=True, help="Write a value the manual war
 HARM = click.option(
     "--force", is_flag=True, help="Open even if faster than IVEL allows, or if OT and CT reverse the movement."
 )
-SPEED = "The hand may change its baud rate immediately"
-QUESTIONS = {
-    **dict.fromkeys(("baud", "speed", "reset"), SPEED),
-    "save": "This writes the EEPROM, which is rated for 5,000 saves",
-}
-"""Kind of a GCL command (`language`) -> what is asked before it."""
 
 
 def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> BarrettHand:
@@ -108,8 +104,8 @@ def prefix_of(text: str | None) -> str:
 
 def step_of(text: str) -> Step:
     """A GCL line as a step of a plan."""
-    kind = kind_of(text)
-    return Step(text, encode(text), moves=kind in ("motion", "init"), strands=kind in QUESTIONS)
+    kind = KINDS[kind_of(text)]
+    return Step(text, encode(text), moves=kind.moves, strands=bool(kind.question))
 
 
 def ask(run: Run, texts: Sequence[str], question: str = "") -> None:
@@ -119,7 +115,7 @@ def ask(run: Run, texts: Sequence[str], question: str = "") -> None:
     """
     asked = [step for text in texts if (step := step_of(text)).strands]
     if asked:
-        words = dict.fromkeys(QUESTIONS[kind_of(step.meaning)] for step in asked)
+        words = dict.fromkeys(KINDS[kind_of(step.meaning)].question for step in asked)
         run.confirm(question or ". ".join(words), asked)
 
 
@@ -236,14 +232,18 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table:
     The hand and the port switch together. handctl then reads the baud rate back.
     """
     from handctl.devices.barrett import eeprom
-    from handctl.devices.barrett.gcl import speed
 
     if rate is None:
         if run.settings.dry_run:
             raise UsageError("`handctl barrett baud` without a baud rate only reads", hint="run it without -n")
         run.only_reads()
         return verbs.get(run, BARRETT, ["BAUD"])
-    code = speed.code_of(rate)
+    code, odd = divmod(rate, 100)
+    if odd or code not in BAUD_CODES:
+        raise UsageError(
+            f"{rate} bit/s is not a baud rate of this hand",
+            hint="use 600, 1200, 2400, 4800, 9600, 19200 or 38400 (barrett §5.4.1). Nothing was sent.",
+        )
     texts = [f"PSET BAUD {code}", *(["PSAVE"] if save_too else [])]
     more = " and will also start with it" if save_too else ""
     if (plan := _planned(run, texts, f"The hand switches to {rate} bit/s immediately{more}")) is not None:
@@ -266,11 +266,9 @@ def reset(run: Run) -> Table:
 
     Run `init` afterwards. The hand restarts at its saved baud rate, and handctl looks for it there.
     """
-    from handctl.devices.barrett.gcl import speed
-
     if (plan := _planned(run, ["RESET"])) is not None:
         return plan
-    banner = speed.reset(run.device().line)
+    banner = run.device().line.restart()
     return Table(
         rows=[{"name": "banner", "parameter": "RESET", "motor": None, "value": banner, "unit": None}],
         columns=(Column("value", "Banner"),),
@@ -309,7 +307,7 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
         return plan
     ledger = eeprom.Ledger(run.device(), simulated=run.simulated) if passthrough.saves(wanted) else None
     hand = run.device()
-    hand.line.interrupt = bool(run.settings.own.get("interrupt")) or not passthrough.only_asks(wanted)
+    hand.line.interrupt = bool(run.settings.own.get("interrupt")) or any(kind_of(text) != "query" for text in wanted)
     table = passthrough.run_all(hand, wanted, keep_going=keep_going)
     if ledger is not None and passthrough.saves(row["command"] for row in table.rows if not row["status"]):
         ledger.count_unknown()

@@ -13,7 +13,7 @@ from handctl.devices.barrett.care.health import FAIL, OK, SKIPPED, WARNING, Find
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS
 from handctl.devices.barrett.gcl.meet import look_for_motion
-from handctl.devices.barrett.map import BARRETT, FINGERS, NO_GAUGE, OFF, gcl_name, standard
+from handctl.devices.barrett.map import BARRETT, FINGERS, NO_GAUGE, OFF, standard
 from handctl.errors import HandctlError
 from handctl.sentence import plural
 
@@ -48,7 +48,7 @@ class Patient:
         """Parameters of all motors, all of them without names."""
         found = Values()
         for reading in self.hand.read(BARRETT.elements(*(names or (param.mnemonic for param in standard())))):
-            name = gcl_name(reading.element)
+            name = str(self.hand.row(reading)["parameter"])
             if reading.error is not None:
                 found.errors[name] = reading.error
             else:

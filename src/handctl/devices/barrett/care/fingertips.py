@@ -19,7 +19,7 @@ from typing import NamedTuple
 from handctl.devices.barrett.care.sampling import moments
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS
-from handctl.devices.barrett.map import BARRETT, FINGERS, gcl_name
+from handctl.devices.barrett.map import BARRETT, FINGERS
 from handctl.devices.barrett.views import NOT_HOMED
 from handctl.errors import HandctlError, ProtocolError, UsageError
 from handctl.model.result import Cell, Column, Grid, Row, Table
@@ -180,7 +180,7 @@ class Tips:
             names.insert(1, "S")
         at: dict[str, dict[str, int]] = {name: {} for name in names}
         for reading in self.hand.read(BARRETT.elements(*names)):
-            name, motor = gcl_name(reading.element), str(reading.element.part)
+            name, motor = self.hand.row(reading)["parameter"], str(reading.element.part)
             if reading.error is not None or reading.value is None:
                 if name in ("P", "S") or not _absent(reading.error):
                     raise reading.error or ProtocolError(f"{name} was not read")

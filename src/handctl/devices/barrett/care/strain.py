@@ -9,7 +9,7 @@ from handctl.devices.barrett import motion
 from handctl.devices.barrett.care import health, symptoms
 from handctl.devices.barrett.care.sampling import moments
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.map import BARRETT, FINGERS, NO_GAUGE, gcl_name
+from handctl.devices.barrett.map import FINGERS, NO_GAUGE
 from handctl.errors import CheckFailed
 from handctl.model.guide import Guide
 from handctl.model.moving import ANY
@@ -54,23 +54,19 @@ def _raise_failure(table: Table) -> None:
         raise table.failure
 
 
-def _read(hand: BarrettHand, *names: str) -> dict[tuple[str, str], int]:
-    elements = BARRETT.elements(*names, motors=range(3))
-    return {(gcl_name(one), str(one.part)): value for one, value in zip(elements, hand.numbers(elements), strict=True)}
-
-
 def measure(hand: BarrettHand, count: int = READINGS) -> dict[str, list[int]]:
     """`count` readings of SG per finger, one line each."""
     readings: dict[str, list[int]] = {finger: [] for finger in FINGERS}
     for _ in range(count):
-        for (_, finger), value in _read(hand, "SG").items():
-            readings[finger].append(value)
+        at = hand.by_name("SG", motors=range(3))
+        for finger, found in readings.items():
+            found.append(at["SG", finger])
     return readings
 
 
 def loaded_fingers(hand: BarrettHand) -> list[str]:
     """Why each finger's reading may not be without load: not initialized, or not open. Also warns of SGFLIP."""
-    at = _read(hand, "P", "S", "OT", "SGFLIP")
+    at = hand.by_name("P", "S", "OT", "SGFLIP", motors=range(3))
     flipped = [finger for finger in FINGERS if at["SGFLIP", finger]]
     if flipped:
         hand.journal.warn(
@@ -171,7 +167,7 @@ class _Adjusting:
         self._hand = hand
 
     def rows(self) -> list[Row]:
-        at = _read(self._hand, "SG")
+        at = self._hand.by_name("SG", motors=range(3))
         rows: list[Row] = [
             {
                 "name": "strain",

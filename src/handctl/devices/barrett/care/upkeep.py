@@ -13,7 +13,7 @@ from handctl.devices.barrett import hostfile
 from handctl.devices.barrett.care import health
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS
-from handctl.devices.barrett.map import BARRETT, FINGERS, gcl_name
+from handctl.devices.barrett.map import FINGERS
 from handctl.devices.barrett.views import STROKE
 from handctl.errors import CheckFailed, UsageError
 from handctl.files import state_path
@@ -84,8 +84,7 @@ class Care:
     """What one hand and the journal say about its care, read once."""
 
     def __init__(self, hand: BarrettHand, *, simulated: bool, name: str = "") -> None:
-        wanted = BARRETT.elements("OD", "TEMP", "PTEMP", "OTEMP", "UPSECS", "SN")
-        self.at = {(gcl_name(one), one.part): value for one, value in zip(wanted, hand.numbers(wanted), strict=True)}
+        self.at = hand.by_name("OD", "TEMP", "PTEMP", "OTEMP", "UPSECS", "SN")
         self._hand = hand
         self._path = state_path(FILE)
         self._journal = hostfile.load(self._path, WHAT, _whole)

@@ -313,7 +313,7 @@ class Loader:
             if send:
                 link.write(send, link.deadline(1.0))
             self._guide.progress("Waiting for the new firmware.", KEEP_ON)
-            came = line.collect(seconds)
+            came = line.until_prompt(seconds)
             heard += came
             if has_prompt(came):
                 break
@@ -339,7 +339,7 @@ class Loader:
             while not deadline.expired and not link.read(link.deadline(1.0)):
                 self._guide.progress(f"Waiting for a power cycle, {deadline.remaining:.0f} s left.")
             self._guide.done()
-        line.collect(PROMPT_SECONDS)  # the monitor's window must be over before a byte is sent
+        line.until_prompt(PROMPT_SECONDS)  # the monitor's window must be over before a byte is sent
         try:
             line.reconnect()
         except (NoAnswer, ProtocolError) as exc:

@@ -75,6 +75,8 @@ STATES = {
 }
 FILLING = (FILLED_FIRST, FILLED, LEAVING)
 """What is seen there was asked with FILL."""
+SAME_SPEED = (*FILLING, SILENT, BOOTING, CONFIRMED, RESTARTED)
+"""The port keeps the speed of the state before."""
 READY, MONITOR, WIRE, NOBODY, GARBAGE = "ready", "monitor", "wire", "nobody", "garbage"
 ENDS = {
     READY: "connected",

@@ -7,12 +7,13 @@ Every character is echoed, the CR is answered by LF CR, an answer ends with the 
 An error is a sum of powers of two, printed before the prompt (§5.1.3, T3). The manual writes CRLF; hands send LF CR;
 both are accepted, and the prompt with or without its space.
 
-The commands (§5.2): what each takes, how long it may last, what it does. `kind` sets the deadline: "query", "set", "save",
-"motion", "init", "reset", "loop".
+The commands (§5.2): what each takes, how long it may last, what it does. What is so of
+all commands of a kind stands in KINDS.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -111,24 +112,42 @@ COMMANDS: dict[str, Command] = {
     )
 }
 
-SECONDS = {
-    "query": 3.0,
-    "set": 3.0,
-    "speed": 3.0,
-    "save": 15.0,
-    "reset": 15.0,
-    "motion": 20.0,
-    "init": 30.0,
-    "loop": 1.5,
-}
-"""Longest wait for the prompt beyond wire time (dossier 1.3)."""
+
+class Kind(NamedTuple):
+    """What is so of every command of a kind.
+
+    seconds   longest wait for the prompt beyond wire time (dossier 1.3)
+    question  what is asked before it, "" = nothing
+    next      what to read when nothing has acknowledged it
+    refused   why the passthrough does not carry it, for it would lose the line; and the next step
+    """
+
+    seconds: float
+    moves: bool = False
+    question: str = ""
+    next: str = "`handctl barrett status`"
+    refused: tuple[str, str] | None = None
 
 
-def kind_of(text: str) -> str:
-    """The kind of the command in a line, "baud" for one that sets the speed; "" for what is no command."""
+SPEED = "The hand may change its baud rate immediately"
+KINDS = {
+    "query": Kind(3.0),
+    "set": Kind(3.0),
+    "baud": Kind(3.0, question=SPEED, refused=("PSET BAUD changes the baud rate immediately", "use `handctl barrett baud RATE`, which also switches the port")),
+    "speed": Kind(3.0, question=SPEED, next="run `handctl barrett baud`, which tries all baud rates"),
+    "save": Kind(15.0, question="This writes the EEPROM, which is rated for 5,000 saves", next="switch the hand off and on, then run `handctl barrett dump`"),
+    "reset": Kind(15.0, question=SPEED, next="`handctl barrett version`", refused=("RESET may change the baud rate", "use `handctl barrett reset`, which finds the hand again")),
+    "motion": Kind(20.0, moves=True, next="`handctl barrett get P S`"),
+    "init": Kind(30.0, moves=True),
+    "loop": Kind(1.5, refused=("LOOP leaves the text protocol", "use `handctl barrett realtime`")),
+}  # fmt: skip
+
+
+def kind_of(text: str, unknown: str = "set") -> str:
+    """The kind of the command in a line, "baud" for one that sets the speed; `unknown` for what is no command."""
     _, command, arguments = split(text)
     if command is None:
-        return ""
+        return unknown
     return "baud" if command.name == "PSET" and "BAUD" in arguments else command.kind
 
 
@@ -396,20 +415,16 @@ def values(answer: Answer, names: int, motors: int) -> list[list[int]]:
     return table
 
 
-def batches(prefix: str, verb: str, words: list[tuple[str, ...]]) -> list[tuple[str, list[tuple[str, ...]]]]:
+def batches(verb: str, words: Iterable[tuple[str, ...]]) -> list[tuple[str, list[tuple[str, ...]]]]:
     """Split `words` (names, or name-value pairs) into command lines of at most 70 characters and 18 arguments."""
     lines: list[tuple[str, list[tuple[str, ...]]]] = []
-    current: list[tuple[str, ...]] = []
     for item in words:
-        longer = [*current, item]
-        text = " ".join([prefix + verb, *(word for entry in longer for word in entry)])
-        if current and (len(text) > MAX_LINE or sum(map(len, longer)) > MAX_ARGUMENTS):
-            lines.append((" ".join([prefix + verb, *(word for entry in current for word in entry)]), current))
-            current = [item]
+        text, items = lines[-1] if lines else ("", [])
+        longer = " ".join([text, *item])
+        if items and len(longer) <= MAX_LINE and sum(map(len, items)) + len(item) <= MAX_ARGUMENTS:
+            lines[-1] = (longer, [*items, item])
         else:
-            current = longer
-    if current:
-        lines.append((" ".join([prefix + verb, *(word for entry in current for word in entry)]), current))
+            lines.append((" ".join([verb, *item]), [item]))
     return lines
 
 

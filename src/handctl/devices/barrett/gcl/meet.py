@@ -117,15 +117,7 @@ class Meeting:
         return self._ask(early, self._seconds(state))
 
     def _set_speed(self, state: str) -> None:
-        if not self.link.can_set_baud or state in (
-            table.FILLED_FIRST,
-            table.FILLED,
-            table.SILENT,
-            table.BOOTING,
-            table.CONFIRMED,
-            table.RESTARTED,
-            table.LEAVING,
-        ):
+        if not self.link.can_set_baud or state in table.SAME_SPEED:
             return
         if state == table.AGAIN and self._entered[table.RESTARTED]:
             return  # a banner could be read at this speed

@@ -10,9 +10,11 @@ from handctl.devices.barrett import eeprom
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import (
     COMMANDS,
+    KINDS,
     Answer,
     encode,
     explain_status,
+    kind_of,
     motor_prefix,
     motors_of,
     split,
@@ -30,26 +32,13 @@ from handctl.system import lines
 if TYPE_CHECKING:
     from handctl.frame.run import Run
 
-EEPROM = ("FSAVE", "PSAVE")
 COLUMNS = (Column("command", "Command"), Column("text", "Answer"), Column("status", "Status", right=True))
 
 
 def refuse(text: str) -> None:
     """What the passthrough does not carry: it would lose the line. Raises UsageError."""
-    _, command, arguments = split(text)
-    if command is None:
-        return
-    if command.kind == "loop":
-        raise UsageError("LOOP leaves the text protocol", hint="use `handctl barrett realtime`")
-    if command.name == "RESET":
-        raise UsageError(
-            "RESET may change the baud rate", hint="use `handctl barrett reset`, which finds the hand again"
-        )
-    if command.name == "PSET" and "BAUD" in arguments:
-        raise UsageError(
-            "PSET BAUD changes the baud rate immediately",
-            hint="use `handctl barrett baud RATE`, which also switches the port",
-        )
+    if (refused := KINDS[kind_of(text)].refused) is not None:
+        raise UsageError(refused[0], hint=refused[1])
 
 
 def notes(text: str) -> list[str]:
@@ -69,15 +58,9 @@ def notes(text: str) -> list[str]:
     return list(dict.fromkeys(note for note in found if note is not None))
 
 
-def only_asks(commands: Iterable[str]) -> bool:
-    """Whether none of the commands writes or moves."""
-    kinds = [known.kind if known is not None else "set" for _, known, _ in map(split, commands)]
-    return all(kind == "query" for kind in kinds)
-
-
-def saves(texts: Iterable[str]) -> list[str]:
-    """Those commands that write the EEPROM."""
-    return [text for text in texts if (found := split(text)[1]) is not None and found.name in EEPROM]
+def saves(texts: Iterable[str]) -> bool:
+    """Whether one of the commands writes the EEPROM."""
+    return any(kind_of(text) == "save" for text in texts)
 
 
 def script(lines: Iterable[str]) -> list[str]:
@@ -118,8 +101,7 @@ def ask(hand: BarrettHand, text: str) -> Answer:
 
     When it has, the rest of the answer is unusable (dossier 1.2): the status is then taken for 0 once a prompt is found.
     """
-    _, command, _ = split(text)
-    if command is None or command.kind != "speed":
+    if kind_of(text) != "speed":
         return hand.line.ask(text)
     hand.line.connect()
     before = hand.line.link.baud

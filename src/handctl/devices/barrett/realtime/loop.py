@@ -345,7 +345,7 @@ class RealtimeLoop:
         """Raise Restarted when the boot monitor's ':' stands where '*' must, or a banner came: no motor has power then."""
         line, came = self.hand.line, self.session.decoder.received
         if came.startswith(b":"):
-            came += line.collect(COLON_ALONE)
+            came += line.until_prompt(COLON_ALONE)
         if came.strip(b"\r\n ") == b":" or restarted_in(came, "LOOP"):
             self.session.give_up()
             self.session.last = {}

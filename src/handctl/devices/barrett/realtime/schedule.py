@@ -171,7 +171,9 @@ def read(lines: Iterable[str], where: str, motors: Sequence[int], start: Change)
         rows = _json_rows(chain([first], numbered), where, motors)
     else:
         rows = _csv_rows(first, numbered, where, motors)
-    time, change = head = _first(rows, where)
+    if (head := next(rows, None)) is None:
+        raise UsageError(f"{where}: a header, but no rows", hint="add rows of numbers below the header")
+    time, change = head
     rows = chain([head], rows)
     carried = {index: tuple(n for n in CONTROL if (index, n) in {**start, **change}) for index in motors}
     rows = _steady(rows, carried, timed=time is not None, where=where)
@@ -183,12 +185,6 @@ def read(lines: Iterable[str], where: str, motors: Sequence[int], start: Change)
             f"{where}: more than {MOST_ROWS} rows", hint="leave t out and send each line when it is due: --control -"
         )
     return Schedule(carried, timed, start)
-
-
-def _first(rows: Iterator[tuple[float | None, Change]], where: str) -> tuple[float | None, Change]:
-    for row in rows:
-        return row
-    raise UsageError(f"{where}: a header, but no rows", hint="add rows of numbers below the header")
 
 
 def _steady(
