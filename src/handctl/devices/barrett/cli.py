@@ -79,7 +79,7 @@ cli = Group(
 def _report_checks(run: Run) -> Table:
     """The read-only checks of `diagnose`, for a report."""
     from handctl.devices.barrett.care import diagnose
-    from handctl.devices.barrett.care.checks import Patient
+    from handctl.devices.barrett.care.diagnose import Patient
 
     hand: BarrettHand = run.device()
     patient = Patient(hand, simulated=lambda: run.simulated, name="")

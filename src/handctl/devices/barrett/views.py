@@ -6,13 +6,17 @@ And what must hold for a value to mean what it seems to: initialized, a gauge, a
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from handctl.devices.barrett.care.health import LIMIT_TENTHS
 from handctl.devices.barrett.gcl.language import MOTORS, explain_status
 from handctl.devices.barrett.map import BARRETT, TENTHS, GclParam, careful
+from handctl.errors import HandctlError, NoAnswer, ProtocolError
+from handctl.model.device import Device
 from handctl.model.param import Element, Number
-from handctl.model.result import Cell, Grid, Journal, Row
+from handctl.model.result import Cell, Grid, Journal, Row, Table
+from handctl.model.sampling import Sampler
 
 STROKE = (17500, 3100)
 """Counts of one stroke of a finger and of the spread (barrett §7.3)."""
@@ -204,6 +208,25 @@ def status_view(rows: list[Row]) -> list[Grid]:
             notes=notes,
         )
     ]
+
+
+def live(
+    hand: Device, read: Callable[[], list[Row]], *, rate: float, count: int | None, duration: float | None, **shown: Any
+) -> Table:
+    """`read` again and again; a moment without a valid answer repeats the last rows with the error as value."""
+    rows: list[Row] = []
+
+    def moment() -> tuple[list[Row], HandctlError | None]:
+        nonlocal rows
+        try:
+            rows = read()
+        except (NoAnswer, ProtocolError) as exc:
+            kept = [{key: value for key, value in row.items() if key != "value"} for row in rows]
+            return [{**row, "error": exc.text} for row in kept], exc
+        return rows, None
+
+    sampler = Sampler(hand.link, moment, rate=rate, count=count, duration=duration)
+    return Table(samples=sampler.samples(), summary=sampler.summary, **shown)
 
 
 # -- what must hold -----------------------------------------------------------------------------------------------------

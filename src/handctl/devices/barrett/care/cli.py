@@ -185,7 +185,7 @@ def _add_diagnose(group: Group) -> None:
         """
         from handctl.devices.barrett.care import diagnose as doctor
         from handctl.devices.barrett.care import trials
-        from handctl.devices.barrett.care.checks import Patient
+        from handctl.devices.barrett.care.diagnose import Patient
 
         if listed:
             return doctor.list_table()

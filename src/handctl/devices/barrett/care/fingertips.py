@@ -16,14 +16,12 @@ from collections.abc import Collection, Mapping, Sequence
 from math import cos, radians, sin
 from typing import NamedTuple
 
-from handctl.devices.barrett.care.sampling import moments
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS
 from handctl.devices.barrett.map import BARRETT, FINGERS
-from handctl.devices.barrett.views import NOT_HOMED
+from handctl.devices.barrett.views import NOT_HOMED, live
 from handctl.errors import HandctlError, ProtocolError, UsageError
 from handctl.model.result import Cell, Column, Grid, Row, Table
-from handctl.model.sampling import Sampler
 
 HIGHEST = 20000
 """Largest position that a GCL command takes (§5.2.1)."""
@@ -225,12 +223,14 @@ def now(hand: BarrettHand) -> Table:
 
 def stream(hand: BarrettHand, *, rate: float, count: int | None, duration: float | None) -> Table:
     """Fingertips again and again."""
-    sampler = Sampler(hand.link, moments(Tips(hand).rows), rate=rate, count=count, duration=duration)
     ranges = dict(zip(JOINTS, ((0.0, limit) for limit in LIMITS), strict=True))
-    return Table(
+    return live(
+        hand,
+        Tips(hand).rows,
+        rate=rate,
+        count=count,
+        duration=duration,
         columns=COLUMNS,
-        samples=sampler.samples(),
-        summary=sampler.summary,
         ranges=ranges | {"tip_x": (-REACH, REACH), "tip_y": (-REACH, REACH), "tip_z": (0.0, REACH)},
         decimals=dict.fromkeys((*JOINTS, *AXES), 1),
     )

@@ -52,6 +52,11 @@ class Finding(NamedTuple):
         return {**self._asdict(), "remedy": self.remedy or None, "source": self.source or None}
 
 
+def verdict(check: str, source: str, good: str, wrong: str = "", remedy: str = "", status: str = WARNING) -> Finding:
+    """The outcome of a check that looks for one thing: what is `wrong` with its remedy, or else what is `good`."""
+    return Finding(check, status, wrong, remedy, source) if wrong else Finding(check, OK, good, source=source)
+
+
 def temperature(tenths: int) -> Finding:
     """The CPU board's temperature now."""
     text, cool = f"{tenths / 10:.1f} °C", "let it cool, and free the spread: `handctl barrett stop --motors S`"
@@ -64,16 +69,11 @@ def temperature(tenths: int) -> Finding:
 
 def peak(tenths: int) -> Finding:
     """The highest temperature of its life."""
-    if tenths >= LIMIT_TENTHS:
-        remedy = "set OTEMP between 600 and 650 and TSTOP to at most 30, and let the spread idle"
-        return Finding(
-            "peak_temperature",
-            WARNING,
-            f"{tenths / 10:.1f} °C was reached once, and the limit is 65 °C",
-            remedy,
-            "barrett §2",
-        )
-    return Finding("peak_temperature", OK, f"{tenths / 10:.1f} °C, limit 65 °C", source="barrett §5.4.2")
+    check, text = "peak_temperature", f"{tenths / 10:.1f} °C"
+    if tenths < LIMIT_TENTHS:
+        return Finding(check, OK, f"{text}, limit 65 °C", source="barrett §5.4.2")
+    remedy = "set OTEMP between 600 and 650 and TSTOP to at most 30, and let the spread idle"
+    return Finding(check, WARNING, f"{text} was reached once, and the limit is 65 °C", remedy, "barrett §2")
 
 
 def over_temperature_limit(tenths: int) -> Finding:
@@ -97,10 +97,8 @@ def motor_status(motor: str, code: int) -> Finding:
     check, source = f"status.{motor}", "barrett §5.1.3"
     if code == 0:
         return Finding(check, OK, "ready", source=source)
-    if code & ~(4 | 16 | 16384):
-        worst = code & ~(4 | 16 | 16384)
-        return Finding(check, FAIL, explain_status(code), hint_for(worst), source)
-    return Finding(check, WARNING, explain_status(code), hint_for(code), source)
+    worst = code & ~(4 | 16 | 16384)
+    return Finding(check, FAIL if worst else WARNING, explain_status(code), hint_for(worst or code), source)
 
 
 def no_load(readings: Mapping[str, Sequence[int]], *, check: str = "strain") -> list[Finding]:

@@ -5,17 +5,18 @@ A reading is without load only when the fingers stand open at their stops; `prep
 
 from __future__ import annotations
 
+from functools import partial
+
 from handctl.devices.barrett import motion
 from handctl.devices.barrett.care import health, symptoms
-from handctl.devices.barrett.care.sampling import moments
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.map import FINGERS, NO_GAUGE
+from handctl.devices.barrett.views import live
 from handctl.errors import CheckFailed
 from handctl.model.guide import Guide
 from handctl.model.moving import ANY
 from handctl.model.param import Step
 from handctl.model.result import Cell, Column, Grid, Row, Table
-from handctl.model.sampling import Sampler
 
 READINGS = 20
 OPEN_WITHIN = 250
@@ -160,31 +161,26 @@ def view(rows: list[Row]) -> list[Grid]:
 # -- adjusting ----------------------------------------------------------------------------------------------------
 
 
-class _Adjusting:
-    """Rows of each moment: the reading, and how far it is outside the window."""
-
-    def __init__(self, hand: BarrettHand) -> None:
-        self._hand = hand
-
-    def rows(self) -> list[Row]:
-        at = self._hand.by_name("SG", motors=range(3))
-        rows: list[Row] = [
-            {
-                "name": "strain",
-                "parameter": "SG",
-                "motor": finger,
-                "value": at["SG", finger],
-                "unit": None,
-                "doubt": "no gauge" if at["SG", finger] == NO_GAUGE else None,
-            }
-            for finger in FINGERS
-        ]
-        for finger in FINGERS:
-            outside, label = beside(at["SG", finger])
-            rows.append(
-                {"name": "beside_window", "parameter": "SG", "motor": finger, "value": outside, "unit": None, "label": label}
-            )  # fmt: skip
-        return rows
+def _adjusting(hand: BarrettHand) -> list[Row]:
+    """Rows of a moment: the reading, and how far it is outside the window."""
+    at = hand.by_name("SG", motors=range(3))
+    rows: list[Row] = [
+        {
+            "name": "strain",
+            "parameter": "SG",
+            "motor": finger,
+            "value": at["SG", finger],
+            "unit": None,
+            "doubt": "no gauge" if at["SG", finger] == NO_GAUGE else None,
+        }
+        for finger in FINGERS
+    ]
+    for finger in FINGERS:
+        outside, label = beside(at["SG", finger])
+        rows.append(
+            {"name": "beside_window", "parameter": "SG", "motor": finger, "value": outside, "unit": None, "label": label}
+        )  # fmt: skip
+    return rows
 
 
 def beside(value: int) -> tuple[int | None, str]:
@@ -202,12 +198,14 @@ def beside(value: int) -> tuple[int | None, str]:
 def stream(hand: BarrettHand, *, rate: float, count: int | None, duration: float | None) -> Table:
     """Readings again and again: the bar's ends are 100 and 140, half full is the middle of the window."""
     warn_if_loaded(hand)
-    sampler = Sampler(hand.link, moments(_Adjusting(hand).rows), rate=rate, count=count, duration=duration)
     low, high = health.NO_LOAD
-    return Table(
+    return live(
+        hand,
+        partial(_adjusting, hand),
+        rate=rate,
+        count=count,
+        duration=duration,
         columns=(*hand.columns[:5], Column("label", "Window")),
-        samples=sampler.samples(),
-        summary=sampler.summary,
         ranges={"strain": (float(low), float(high))},
         flags=frozenset({"beside_window"}),
     )

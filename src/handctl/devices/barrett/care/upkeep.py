@@ -136,15 +136,11 @@ class Care:
         left = int(health.LUBRICATION - since)
         never = WHOSE if self.ambiguous else NEVER
         when = f"greased {entry['date']}" if entry is not None else never
-        return {
-            "name": f"lubrication_{point.name.replace('-', '_')}",
-            "parameter": "OD",
-            "motor": motor,
-            "value": int(since),
-            "unit": "strokes",
-            "status": health.due(since),
-            "label": f"{when}; {f'due in {left}' if left >= 0 else f'overdue by {-left}'}",
-            "source": point.source,
+        name, label = (
+            f"lubrication_{point.name.replace('-', '_')}",
+            f"due in {left}" if left >= 0 else f"overdue by {-left}",
+        )
+        return _row(name, "OD", motor, int(since), "strokes", health.due(since), f"{when}; {label}", point.source) | {
             "point": f"{point.name}.{motor}",
             "title": point.title,
             "due_at": health.LUBRICATION,

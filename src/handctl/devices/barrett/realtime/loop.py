@@ -26,7 +26,6 @@ from handctl.devices.barrett.realtime.blocks import (
     LoopError,
     Values,
 )
-from handctl.devices.barrett.realtime.entering import enter
 from handctl.devices.barrett.realtime.flags import Wish, prepare
 from handctl.devices.barrett.realtime.guards import Guards
 from handctl.devices.barrett.realtime.rows import Intake, Sent, Taken
@@ -167,7 +166,7 @@ class RealtimeLoop:
             places = hand.numbers(BARRETT.elements("P", motors=self.wish.motors))
             start = dict(zip(self.wish.motors, places, strict=True))
         self._intake.begin(start)
-        enter(session)
+        session.enter()
 
     def _self_test(self) -> None:
         """Overlapped blocks that drive nothing: a hand that does not keep up with them must not be driven so."""
