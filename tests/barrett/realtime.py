@@ -96,7 +96,7 @@ class Run:
         """Whether no joint moves any more."""
         first = self.control("motors")
         self.link.sleep(0.5)
-        self.hand.line.prompt_comes()
+        self.hand.line.until_prompt(0.5)
         return [word for word in first.split() if word.isdigit()] == [
             word for word in self.control("motors").split() if word.isdigit()
         ]

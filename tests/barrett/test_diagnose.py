@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from handctl.devices.barrett.care import checks, diagnose, forecast, symptoms, trials
-from handctl.devices.barrett.care.checks import CHECKS, Patient
+from handctl.devices.barrett.care import diagnose, health, symptoms, trials
+from handctl.devices.barrett.care.diagnose import CHECKS, Patient
 from handctl.devices.barrett.care.health import FAIL, OK, SKIPPED, WARNING, Finding
-from handctl.devices.barrett.care.procedures import PROCEDURES
-from handctl.devices.barrett.map import BARRETT, MOTORS, GclParam
+from handctl.devices.barrett.care.symptoms import PROCEDURES
+from handctl.devices.barrett.gcl.language import MOTORS
+from handctl.devices.barrett.map import BARRETT, GclParam
 from handctl.errors import CheckFailed, Interrupted, LinkError, UsageError
 from handctl.model.guide import Guide
 from tests.barrett.support import Simulated, hand_on, scripted, simulated
@@ -83,41 +84,41 @@ def test_unknown_symptoms() -> None:
 @each_row(
     ("check", "changed", "bad"),
     [
-        (checks.status, {}, {}),
-        (checks.status, {"S_F2": 4}, {"status.F2": WARNING}),
-        (checks.status, {"S_F2": 2, "S_F3": 4}, {"status.F2": FAIL, "status.F3": WARNING}),
-        (checks.parameters, {}, {}),
-        (checks.parameters, {"DP_F1": 1}, {}),
-        (checks.parameters, {"TSTOP_F3": 10000, "EN_F1": 0}, {"TSTOP.F3": FAIL, "EN.F1": WARNING}),
-        (checks.parameters, {"MSG_F1": 3}, {"HSG.F1": FAIL}),
-        (checks.over_temperature_limit, {"OTEMP": 60}, {"over_temperature_limit": FAIL}),
-        (checks.temperature, {"TEMP": 651, "PTEMP": 651}, {"temperature": FAIL, "peak_temperature": WARNING}),
-        (checks.status, {f"S_{motor}": 4 for motor in MOTORS}, {}),
-        (checks.can_move, {}, {}),
-        (checks.can_move, {f"S_{motor}": 4 for motor in MOTORS}, {}),
-        (checks.can_move, {"HSG_F1": 100, "LSG_F2": 200}, {"can_move.F1": FAIL, "can_move.F2": FAIL}),
-        (checks.can_move, {"HSG_F1": 112, "LSG_F2": 119}, {"can_move.F1": FAIL, "can_move.F2": FAIL}),  # at the limit
-        (checks.can_move, {"HSG_F1": 113, "LSG_F2": 118}, {}),
-        (checks.can_move, {"HSG_SPREAD": 100}, {"can_move.SPREAD": FAIL}),
-        (checks.can_move, {"EN_F3": 0, "FPG_F1": 0}, {"can_move.F3": WARNING, "can_move.F1": FAIL}),
-        (checks.can_move, {"ACCEL_F1": 65535, "ACCEL_F2": 0}, {"can_move.F1": FAIL, "can_move.F2": FAIL}),
-        (checks.can_move, {"CT_F1": 0, "OT_F2": 60000, "OT_F3": 16980}, {f"can_move.F{n}": FAIL for n in (1, 2, 3)}),
-        (checks.can_move, {"MOV_F1": 16, "TSTOP_F2": 0}, {"can_move.F1": WARNING, "can_move.F2": WARNING}),
-        (checks.can_move, {"S_F1": 1, "S_F2": 6}, {"can_move.F1": FAIL, "can_move.F2": FAIL}),
-        (checks.can_move, {"OTEMP": 60}, {f"can_move.{motor}": FAIL for motor in MOTORS}),
-        (checks.can_move, {"OTEMP": 600, "TEMP": 601}, {f"can_move.{motor}": FAIL for motor in MOTORS}),
-        (checks.parameters, {"OT_F1": 60000, "LCVC_F2": 8, "MOV_F3": 4080}, {"OT.F1": WARNING, "LCVC.F2": WARNING, "MOV.F3": FAIL}),
-        (checks.strain_limits, {"HSG_F1": 112}, {"strain_limits.F1": FAIL}),
-        (checks.strain_limits, {"LSG_F2": 119, "SG_F3": 255, "HSG_F3": 200}, {"strain_limits.F2": FAIL, "strain_limits.F3": FAIL}),
-        (checks.strain_limits, {"HSG_F1": 113, "LSG_F1": 111}, {}),
-        (checks.velocities, {"MOV_F1": 39}, {"velocities": WARNING}),
-        (checks.velocities, {"MCV_SPREAD": 40}, {}),
-        (checks.init_settings, {"IOFF_F2": 51}, {"init_settings": WARNING}),
-        (checks.init_settings, {"IOFF_SPREAD": 51}, {}),
-        (checks.equal_fingers, {"FPG_F3": 11}, {"equal_fingers": WARNING}),
-        (checks.equal_fingers, {"FPG_SPREAD": 11}, {}),
-        (checks.close_target, {"CT_F2": 16999}, {"close_target.F2": WARNING}),
-        (checks.open_position, {}, {}),
+        (diagnose.status, {}, {}),
+        (diagnose.status, {"S_F2": 4}, {"status.F2": WARNING}),
+        (diagnose.status, {"S_F2": 2, "S_F3": 4}, {"status.F2": FAIL, "status.F3": WARNING}),
+        (diagnose.parameters, {}, {}),
+        (diagnose.parameters, {"DP_F1": 1}, {}),
+        (diagnose.parameters, {"TSTOP_F3": 10000, "EN_F1": 0}, {"TSTOP.F3": FAIL, "EN.F1": WARNING}),
+        (diagnose.parameters, {"MSG_F1": 3}, {"HSG.F1": FAIL}),
+        (diagnose.over_temperature_limit, {"OTEMP": 60}, {"over_temperature_limit": FAIL}),
+        (diagnose.temperature, {"TEMP": 651, "PTEMP": 651}, {"temperature": FAIL, "peak_temperature": WARNING}),
+        (diagnose.status, {f"S_{motor}": 4 for motor in MOTORS}, {}),
+        (diagnose.can_move, {}, {}),
+        (diagnose.can_move, {f"S_{motor}": 4 for motor in MOTORS}, {}),
+        (diagnose.can_move, {"HSG_F1": 100, "LSG_F2": 200}, {"can_move.F1": FAIL, "can_move.F2": FAIL}),
+        (diagnose.can_move, {"HSG_F1": 112, "LSG_F2": 119}, {"can_move.F1": FAIL, "can_move.F2": FAIL}),  # at the limit
+        (diagnose.can_move, {"HSG_F1": 113, "LSG_F2": 118}, {}),
+        (diagnose.can_move, {"HSG_SPREAD": 100}, {"can_move.SPREAD": FAIL}),
+        (diagnose.can_move, {"EN_F3": 0, "FPG_F1": 0}, {"can_move.F3": WARNING, "can_move.F1": FAIL}),
+        (diagnose.can_move, {"ACCEL_F1": 65535, "ACCEL_F2": 0}, {"can_move.F1": FAIL, "can_move.F2": FAIL}),
+        (diagnose.can_move, {"CT_F1": 0, "OT_F2": 60000, "OT_F3": 16980}, {f"can_move.F{n}": FAIL for n in (1, 2, 3)}),
+        (diagnose.can_move, {"MOV_F1": 16, "TSTOP_F2": 0}, {"can_move.F1": WARNING, "can_move.F2": WARNING}),
+        (diagnose.can_move, {"S_F1": 1, "S_F2": 6}, {"can_move.F1": FAIL, "can_move.F2": FAIL}),
+        (diagnose.can_move, {"OTEMP": 60}, {f"can_move.{motor}": FAIL for motor in MOTORS}),
+        (diagnose.can_move, {"OTEMP": 600, "TEMP": 601}, {f"can_move.{motor}": FAIL for motor in MOTORS}),
+        (diagnose.parameters, {"OT_F1": 60000, "LCVC_F2": 8, "MOV_F3": 4080}, {"OT.F1": WARNING, "LCVC.F2": WARNING, "MOV.F3": FAIL}),
+        (diagnose.strain_limits, {"HSG_F1": 112}, {"strain_limits.F1": FAIL}),
+        (diagnose.strain_limits, {"LSG_F2": 119, "SG_F3": 255, "HSG_F3": 200}, {"strain_limits.F2": FAIL, "strain_limits.F3": FAIL}),
+        (diagnose.strain_limits, {"HSG_F1": 113, "LSG_F1": 111}, {}),
+        (diagnose.velocities, {"MOV_F1": 39}, {"velocities": WARNING}),
+        (diagnose.velocities, {"MCV_SPREAD": 40}, {}),
+        (diagnose.init_settings, {"IOFF_F2": 51}, {"init_settings": WARNING}),
+        (diagnose.init_settings, {"IOFF_SPREAD": 51}, {}),
+        (diagnose.equal_fingers, {"FPG_F3": 11}, {"equal_fingers": WARNING}),
+        (diagnose.equal_fingers, {"FPG_SPREAD": 11}, {}),
+        (diagnose.close_target, {"CT_F2": 16999}, {"close_target.F2": WARNING}),
+        (diagnose.open_position, {}, {}),
     ],
 )  # fmt: skip
 def test_checks(check: Callable[[Patient], list[Finding]], changed: dict[str, int], bad: dict[str, str]) -> None:
@@ -127,7 +128,7 @@ def test_checks(check: Callable[[Patient], list[Finding]], changed: dict[str, in
 
 
 def test_the_forecast_of_heat_names_both_temperatures_in_degrees() -> None:
-    found = checks.can_move(with_values(OTEMP=600, TEMP=601))
+    found = diagnose.can_move(with_values(OTEMP=600, TEMP=601))
     assert "60.1 °C is above OTEMP 60.0 °C" in found[0].evidence
 
 
@@ -141,7 +142,7 @@ def test_the_forecast_of_every_setting_at_its_ends_comes_true(param: GclParam, e
     body = patient()
     value = (max(param.choices) if end == "high" else min(param.choices)) if param.choices else getattr(param, end)
     assert not body.hand.line.ask(f"1FSET {param.mnemonic} {value}").status
-    said = forecast.can_move("F1", body.values)
+    said = health.can_move("F1", body.values)
     went = []
     for command in ("1M 9000", "1C", "1O"):
         before = patient_position(body)
@@ -188,37 +189,37 @@ def test_remedies_name_real_settings() -> None:
 def test_repeatable() -> None:
     settings = {param.mnemonic for param in BARRETT if param.writable and not param.since}
     good, _ = scripted({"*": "7"})
-    assert statuses(checks.repeatable(Patient(good, simulated=lambda: True))) == {"repeatable": OK}
+    assert statuses(diagnose.repeatable(Patient(good, simulated=lambda: True))) == {"repeatable": OK}
     bad, link = scripted({"*": "7"})
     body = Patient(bad, simulated=lambda: True)
     assert body.values["DP", "F1"] == 7
     link.script["*"] = ["8"]
-    (finding,) = checks.repeatable(body)
+    (finding,) = diagnose.repeatable(body)
     assert finding.status == FAIL and "firmware download" in finding.remedy
     assert f"{(len(settings) - 4) * 4 + 4} settings" in finding.evidence
 
 
 @pytest.mark.parametrize(("query", "status"), [("firmware=4.33", SKIPPED), ("firmware=4.34", OK)])
 def test_breakaway(query: str, status: str) -> None:
-    assert statuses(checks.breakaway(patient(query))) == {"breakaway": status}
+    assert statuses(diagnose.breakaway(patient(query))) == {"breakaway": status}
 
 
 def test_breakaway_that_happened() -> None:
     hand, _ = scripted({"FGET BD BP": "0 0 1 0|0 0 2000 0"})
-    (finding,) = checks.breakaway(Patient(hand, simulated=lambda: True))
+    (finding,) = diagnose.breakaway(Patient(hand, simulated=lambda: True))
     assert (finding.status, "F3 at 2000" in finding.evidence) == (WARNING, True)
 
 
 def test_strain_of_a_closed_finger_is_not_judged() -> None:
     hand, _ = scripted({"123FGET P S OT SGFLIP": "0 9000 0|0 0 0|0 0 0|0 0 0", "123FGET SG": "120 180 120"})
-    found = statuses(checks.strain_(Patient(hand, simulated=lambda: True)))
+    found = statuses(diagnose.strain_(Patient(hand, simulated=lambda: True)))
     assert found == {"strain.F1": OK, "strain.F2": SKIPPED, "strain.F3": OK}
 
 
 @pytest.mark.parametrize(("text", "status"), [("4.33", OK), ("BarrettHand v4.4", OK), ("garbage", FAIL)])
 def test_firmware(text: str, status: str) -> None:
     hand, _ = scripted({"VERS": text})
-    assert statuses(checks.firmware(Patient(hand, simulated=lambda: True))) == {"firmware": status}
+    assert statuses(diagnose.firmware(Patient(hand, simulated=lambda: True))) == {"firmware": status}
 
 
 # -- the line ---------------------------------------------------------------------------------------------------------

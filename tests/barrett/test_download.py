@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handctl.devices.barrett.firmware.records import READY, SELECT, TRIGGER, WINDOWS, EchoError, Transfer
+from handctl.devices.barrett.firmware.records import READY, SELECT, TRIGGER, WINDOWS, Transfer
+from handctl.errors import ProtocolError
 from tests.support.scripted import hexed
 
 
@@ -91,7 +92,7 @@ def test_an_echoed_trigger_is_a_byte_with_an_echo() -> None:
     assert transfer.take() == b"\xff" and transfer.take() == b""
     transfer.feed(b"\xff")
     assert transfer.take() == b"\x00"
-    with pytest.raises(EchoError) as caught:
+    with pytest.raises(ProtocolError) as caught:
         transfer.feed(b"\xff")
     assert caught.value.code == "wrong-echo"
 
@@ -133,7 +134,7 @@ def test_a_wrong_echo_at_every_place(place: int, where: str, byte: int) -> None:
     transfer = up_to(place)
     assert where in transfer.where and transfer.awaited == byte
     transfer.take()
-    with pytest.raises(EchoError) as caught:
+    with pytest.raises(ProtocolError) as caught:
         transfer.feed(bytes([byte ^ 0x40]))
     text = caught.value.text
     assert (caught.value.code, caught.value.exit_code) == ("wrong-echo", 5)
@@ -145,12 +146,12 @@ def test_a_wrong_echo_at_every_place(place: int, where: str, byte: int) -> None:
 @pytest.mark.parametrize(("place", "where", "byte"), PLACES)
 def test_a_byte_nobody_awaited_at_every_place(place: int, where: str, byte: int) -> None:
     transfer = up_to(place)
-    with pytest.raises(EchoError) as caught:
+    with pytest.raises(ProtocolError) as caught:
         transfer.feed(b"\x99")
     assert caught.value.code == "extra-byte" and "99" in caught.value.text and where in caught.value.text
     transfer = up_to(place)
     transfer.take()
-    with pytest.raises(EchoError) as caught:
+    with pytest.raises(ProtocolError) as caught:
         transfer.feed(bytes([byte, byte]))
     assert caught.value.code == "extra-byte"
 
@@ -173,12 +174,12 @@ def test_00_is_no_echo_of_anything_else(place: int) -> None:
     """The reference takes silence for 00 (7.5); here 00 is a byte like any other."""
     transfer = up_to(place)
     transfer.take()
-    with pytest.raises(EchoError):
+    with pytest.raises(ProtocolError):
         transfer.feed(b"\x00")
 
 
 def test_an_echo_before_anything_was_sent() -> None:
-    with pytest.raises(EchoError):
+    with pytest.raises(ProtocolError):
         Transfer(EXAMPLE).feed(b"\x00")
 
 
@@ -198,7 +199,7 @@ def test_no_wrong_echo_passes(data: bytes, place: int, flip: int, window: int) -
     transfer, monitor = Transfer(record, window=window), Monitor(record)
     place %= 3 + len(data)
     seen = 0
-    with pytest.raises(EchoError):
+    with pytest.raises(ProtocolError):
         while not transfer.done:
             for byte in monitor.hear(transfer.take()):
                 transfer.feed(bytes([byte ^ (flip if seen == place else 0)]))

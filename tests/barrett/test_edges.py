@@ -8,8 +8,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from handctl.devices.barrett.care import checks, trials
-from handctl.devices.barrett.care.checks import Patient, Values
+from handctl.devices.barrett.care import diagnose, trials
+from handctl.devices.barrett.care.diagnose import Patient, Values
 from handctl.devices.barrett.firmware.srecord import parse
 from handctl.devices.barrett.gcl.language import Answer
 from handctl.devices.barrett.realtime.flags import Wish
@@ -202,7 +202,7 @@ def test_a_breakaway_that_could_not_be_read_is_not_skipped() -> None:
     values = Values()
     values.errors = {"BD": NoAnswer("silent"), "BP": NoAnswer("silent")}
     with pytest.raises(NoAnswer):
-        checks.breakaway(SimpleNamespace(read=lambda *_: values))  # type: ignore[arg-type]
+        diagnose.breakaway(SimpleNamespace(read=lambda *_: values))  # type: ignore[arg-type]
 
 
 # -- the spread -------------------------------------------------------------------------------------------------------

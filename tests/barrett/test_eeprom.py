@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 
 from handctl.cli import main
-from handctl.devices.barrett import eeprom
+from handctl.devices.barrett import eeprom, hostfile
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.line import Restarted
 from handctl.errors import DeviceRefused, HandctlError, OutputError, ProtocolError, UsageError
+from handctl.files import state_path
 from tests.barrett.support import Simulated, changes, codes, simulated
 
 
@@ -37,10 +38,10 @@ def save(hand: BarrettHand, force: bool = False, simulated: bool = False) -> lis
 
 def test_where_the_journal_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    assert eeprom.journal_path() == tmp_path / "handctl" / "barrett-saves.json"
+    assert state_path(eeprom.FILE) == tmp_path / "handctl" / "barrett-saves.json"
     monkeypatch.delenv("XDG_STATE_HOME")
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
-    assert eeprom.journal_path() == tmp_path / "home" / ".local" / "state" / "handctl" / "barrett-saves.json"
+    assert state_path(eeprom.FILE) == tmp_path / "home" / ".local" / "state" / "handctl" / "barrett-saves.json"
 
 
 def test_the_first_save_saves_all_and_shows_what_is_no_default(state: Path) -> None:
@@ -139,7 +140,7 @@ def test_a_damaged_journal_is_refused_before_anything_is_saved(text: str, state:
 
 
 def test_the_journal_is_replaced_atomically(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    eeprom.store_journal({"a": {"saves": 1}})
+    hostfile.store(state, eeprom.WHAT, {"a": {"saves": 1}})
     assert [path.name for path in state.parent.iterdir()] == [state.name]
     seen: list[str] = []
 
@@ -149,7 +150,7 @@ def test_the_journal_is_replaced_atomically(state: Path, monkeypatch: pytest.Mon
 
     monkeypatch.setattr(os, "replace", replace)
     with pytest.raises(OutputError) as caught:
-        eeprom.store_journal({"b": {"saves": 2}})
+        hostfile.store(state, eeprom.WHAT, {"b": {"saves": 2}})
     assert json.loads(seen[0]) == {"b": {"saves": 2}}
     assert kept(state) == {"a": {"saves": 1}}
     assert "No space left" in caught.value.text

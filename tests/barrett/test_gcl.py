@@ -10,7 +10,7 @@ import pytest
 
 from handctl import ending
 from handctl.devices.barrett.gcl import passthrough
-from handctl.devices.barrett.gcl.commands import COMMANDS, SECONDS, split
+from handctl.devices.barrett.gcl.language import COMMANDS, KINDS, split
 from handctl.errors import DeviceRefused, Interrupted, NoAnswer, UsageError
 from handctl.model.guide import Guide
 from handctl.system import signals
@@ -84,7 +84,7 @@ def test_every_command_of_the_manual() -> None:
     assert {name: c.argument for name, c in COMMANDS.items() if c.argument} == dict.fromkeys(
         ("IC", "IO", "M"), (0, 20000)
     )
-    assert all(command.kind in SECONDS for command in COMMANDS.values())
+    assert all(command.kind in KINDS for command in COMMANDS.values())
     assert not any(name.startswith(tuple("1234GS")) for name in NAMES), "so a prefix is never ambiguous"
 
 
@@ -139,7 +139,8 @@ def test_the_manuals_traps_are_noted(text: str, words: list[str]) -> None:
 
 
 def test_saves_are_known() -> None:
-    assert passthrough.saves(["HI", "123fsave", "FGET P", "PSAVE", "?PSAVE", "FLOAD"]) == ["123fsave", "PSAVE"]
+    lines = ["HI", "123fsave", "FGET P", "PSAVE", "?PSAVE", "FLOAD"]
+    assert [text for text in lines if passthrough.saves([text])] == ["123fsave", "PSAVE"]
 
 
 def test_script() -> None:
@@ -191,9 +192,7 @@ def test_the_speed_is_looked_for_after_what_may_change_it(command: str) -> None:
     """PDEF goes to 9600, PLOAD to the saved speed (dossier 1.2)."""
     hand, link = simulated("baud=9600")
     link.set_baud(9600)
-    from handctl.devices.barrett.gcl import speed
-
-    speed.change(hand.line, 384)
+    hand.line.change_speed(384)
     assert link.baud == 38400
     passthrough.run_all(hand, [command], keep_going=False)
     assert link.baud == 9600

@@ -7,7 +7,7 @@ from math import cos, pi, sin, sqrt
 
 import pytest
 
-from handctl.devices.barrett.kinematics import LIMITS, Joints, beyond, joints, tip
+from handctl.devices.barrett.care.fingertips import LIMITS, Joints, beyond, joints, tip
 
 # F1 tip, F2 tip, F3 tip in mm, joints of F1 and F2 (barrett §9.5; dossier, section 10)
 VECTORS = [

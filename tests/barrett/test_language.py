@@ -228,32 +228,32 @@ def test_values_of_another_shape_are_refused(names: int, motors: int, lines: tup
 
 
 def test_batches_of_names() -> None:
-    assert batches("", "FGET", []) == []
-    assert batches("12", "FGET", [("P",), ("SG",)]) == [("12FGET P SG", [("P",), ("SG",)])]
-    lines = batches("", "FGET", [("LCV",)] * 19)
+    assert batches("FGET", []) == []
+    assert batches("12FGET", [("P",), ("SG",)]) == [("12FGET P SG", [("P",), ("SG",)])]
+    lines = batches("FGET", [("LCV",)] * 19)
     assert [len(items) for _, items in lines] == [16, 3]
     assert len(lines[0][0]) == 4 + 16 * 4
 
 
 def test_eighteen_arguments_at_most() -> None:
-    assert [len(items) for _, items in batches("", "FGET", [("P",)] * 37)] == [18, 18, 1]
-    assert [len(items) for _, items in batches("", "FSET", [("P", "1")] * 10)] == [9, 1]
+    assert [len(items) for _, items in batches("FGET", [("P",)] * 37)] == [18, 18, 1]
+    assert [len(items) for _, items in batches("FSET", [("P", "1")] * 10)] == [9, 1]
 
 
 def test_seventy_characters_at_most() -> None:
     exact = "A" * 31
-    assert [text for text, _ in batches("", "PSET", [(exact, "0"), (exact, "0")])] == [f"PSET {exact} 0"] * 2
+    assert [text for text, _ in batches("PSET", [(exact, "0"), (exact, "0")])] == [f"PSET {exact} 0"] * 2
     shorter = "A" * 30
-    (line,) = batches("", "PSET", [(shorter, "0"), (shorter, "1")])
+    (line,) = batches("PSET", [(shorter, "0"), (shorter, "1")])
     assert len(line[0]) <= 70
-    (line,) = batches("", "FGET", [("B" * 32,), ("C" * 32,)])
+    (line,) = batches("FGET", [("B" * 32,), ("C" * 32,)])
     assert len(line[0]) == 70
-    assert len(batches("", "FGET", [("B" * 32,), ("C" * 33,)])) == 2
+    assert len(batches("FGET", [("B" * 32,), ("C" * 33,)])) == 2
 
 
 @given(st.lists(st.tuples(st.text("ABCDEFG", min_size=1, max_size=6), st.integers(0, 65535).map(str)), max_size=80))
 def test_batches_lose_nothing(pairs: list[tuple[str, str]]) -> None:
-    lines = batches("124", "FSET", list(pairs))
+    lines = batches("124FSET", list(pairs))
     assert [pair for _, items in lines for pair in items] == pairs
     for text, items in lines:
         assert text == " ".join(["124FSET", *(word for pair in items for word in pair)])

@@ -9,9 +9,10 @@ from itertools import pairwise
 import pytest
 
 from handctl.devices.barrett.gcl.language import Answer
+from handctl.devices.barrett.realtime.blocks import Values
 from handctl.devices.barrett.realtime.flags import Wish
 from handctl.devices.barrett.realtime.loop import SELF_TEST_BLOCKS, RealtimeLoop
-from handctl.devices.barrett.realtime.schedule import Controls, Schedule, Values
+from handctl.devices.barrett.realtime.schedule import Controls, Schedule
 from handctl.errors import CheckFailed, HandctlError, ProtocolError, UsageError
 from handctl.link import Deadline
 from handctl.model.guide import Guide

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.barrett.map import BARRETT, SPEEDS, GclParam, all_elements, check_careful, standard
+from handctl.devices.barrett.map import BARRETT, SPEEDS, GclParam, check_careful, standard
 from handctl.devices.barrett.views import audit
 from handctl.errors import UsageError
 from handctl.frame.stored import kept_of
@@ -152,7 +152,7 @@ def test_snapshot_covers_all_writable_values() -> None:
     assert {name for name in names if "." not in name} == {
         "baud_rate", "loop_feedback_temperature", "over_temperature_limit", "loop_feedback_delta_discard",
     }  # fmt: skip
-    assert len(all_elements(standard())) == 35 * 4 + 8
+    assert len(BARRETT.elements(*(param.mnemonic for param in standard()))) == 35 * 4 + 8
 
 
 # -- finding ----------------------------------------------------------------------------------------------------------
@@ -290,7 +290,7 @@ def test_audit_of_a_hand_as_it_left_the_factory() -> None:
     rows = [
         row(param, element.part, param.default_of(element.index) or 0)
         for param in standard()
-        for element in all_elements([param])
+        for element in BARRETT.elements(param.mnemonic)
     ]
     assert audit(rows) == []
     assert audit([{"name": "strain", "parameter": "SG", "motor": "F1", "error": "not read"}]) == []

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from handctl.cli import main
-from handctl.devices.barrett.gcl import speed
-from handctl.errors import DeviceRefused, HandctlError, ProtocolError, UsageError
+from handctl.errors import DeviceRefused, HandctlError, ProtocolError
 from tests.barrett.support import (
     CR,
     QUESTION,
@@ -89,17 +88,6 @@ def test_a_wrong_echo_of_the_speed_keeps_the_port() -> None:
     assert link.bauds == []
 
 
-@pytest.mark.parametrize(("rate", "code"), [(600, 6), (9600, 96), (38400, 384)])
-def test_code_of(rate: int, code: int) -> None:
-    assert speed.code_of(rate) == code
-
-
-@pytest.mark.parametrize("rate", [0, -9600, 9601, 300, 57600, 115200, 96, 384])
-def test_no_such_speed(rate: int) -> None:
-    with pytest.raises(UsageError):
-        speed.code_of(rate)
-
-
 # -- reset ------------------------------------------------------------------------------------------------------------
 
 
@@ -107,7 +95,7 @@ def test_no_such_speed(rate: int) -> None:
 def test_reset_shows_the_banner(before: str) -> None:
     banner = gcl("RESET")[:5] + (b":" if before else b"") + b"\n\rBarrettHand Firmware\n\rVersion 4.33\n\r=> "
     hand, link = scripted({"RESET": banner})
-    assert speed.reset(hand.line).lstrip(":\n") == "BarrettHand Firmware\nVersion 4.33"
+    assert hand.line.restart().lstrip(":\n") == "BarrettHand Firmware\nVersion 4.33"
     assert link.sent == [b"RESET\r", QUESTION]
     assert codes(hand) == ["uninitialized"]
 
@@ -115,14 +103,14 @@ def test_reset_shows_the_banner(before: str) -> None:
 def test_a_slow_start_is_waited_for() -> None:
     """15 s for a restart (dossier 1.3); a hand that does not answer at all costs no more."""
     hand, _ = simulated("boot=12")
-    assert "BarrettHand Firmware" in speed.reset(hand.line)
+    assert "BarrettHand Firmware" in hand.line.restart()
     assert codes(hand) == ["uninitialized"]
 
 
 def test_reset_to_another_speed_is_followed() -> None:
     hand, link = simulated("")
     hand.write(changes("BAUD=384"))
-    speed.reset(hand.line)
+    hand.line.restart()
     assert link.baud == 9600
     assert [reading.value for reading in hand.read(elements("S", "BAUD"))] == [4, 4, 4, 4, 96]
 

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import pytest
 
-from handctl.devices.barrett.gcl import lastspeed
+from handctl.devices.barrett import hostfile
 from handctl.devices.barrett.map import SPEEDS
 from handctl.devices.barrett.stopper import power_off
 from handctl.frame.options import Settings
@@ -27,7 +27,7 @@ def stop(speed: int, *words: str, found: str = "moving") -> tuple[Result, Spy]:
 
 
 def remember(monkeypatch: pytest.MonkeyPatch, speed: int | None) -> None:
-    monkeypatch.setattr(lastspeed, "speed_of", lambda name: speed)
+    monkeypatch.setattr(hostfile, "speed_of", lambda name: speed)
 
 
 def text(result: Result) -> str:

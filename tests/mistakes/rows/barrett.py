@@ -30,7 +30,7 @@ ROWS = (
     mistake(
         "barrett-control-values-without-a-deadline",
         "no end",
-        "handctl.devices.barrett.realtime.intake",
+        "handctl.devices.barrett.realtime.schedule",
         "Lines._chunk",
         "if not gives(descriptor, left):",
         "if not gives(descriptor, left) and self.begun:",
@@ -318,7 +318,7 @@ ROWS = (
     mistake(
         "care-tenths-of-degrees-for-degrees",
         "unit",
-        "handctl.devices.barrett.care.forecast",
+        "handctl.devices.barrett.care.health",
         "_heat",
         'return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", "let it cool, and free the spread: `handctl barrett stop --motors S`")]  # fmt: skip',
         "return []",
@@ -327,7 +327,7 @@ ROWS = (
     mistake(
         "care-strain-limit-touched-is-not-beyond",
         "range off by one",
-        "handctl.devices.barrett.care.forecast",
+        "handctl.devices.barrett.care.health",
         "_strain",
         "if (high < OFF and now >= high) or (low < OFF and now <= low):",
         "if (high < OFF and now > high) or (low < OFF and now < low):",

@@ -3,33 +3,55 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from handctl.devices.barrett.care.cli import add_care_commands
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.firmware.cli import add_firmware
-from handctl.devices.barrett.gcl.language import MOTORS, motor_prefix
+from handctl.devices.barrett.gcl.language import (
+    COMMANDS,
+    ERRORS,
+    KINDS,
+    SPEED,
+    encode,
+    explain_status,
+    hint_for,
+    kind_of,
+    motor_prefix,
+    motors_of,
+    split_status,
+)
 from handctl.devices.barrett.gcl.line import GclLine
-from handctl.devices.barrett.map import BARRETT, SPEEDS, check_careful
-from handctl.devices.barrett.motion_cli import FORCE, MOTORS_OPTION, SPEED, add_movements, ask, step_of
+from handctl.devices.barrett.map import BARRETT, BAUD_CODES, SPEEDS, check_careful
 from handctl.devices.barrett.realtime.cli import add_realtime
-from handctl.devices.barrett.store_cli import add_store_commands
 from handctl.errors import UsageError
-from handctl.frame import verbs
+from handctl.frame import stored, verbs
 from handctl.frame.clikit import Group
+from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
+from handctl.frame.filetypes import InFile
 from handctl.frame.mapverbs import add_map_verbs
 from handctl.frame.numbers import WholeRange
 from handctl.frame.run import Run
 from handctl.model.device import limits_of
+from handctl.model.param import Element, Number, Step
 from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:
     from handctl.frame.options import Settings
     from handctl.link import ByteLink
     from handctl.model.result import Journal
+
+MOTORS_OPTION = click.option(
+    "--motors", metavar="12S", help="Motors: digits 1 to 4, G for the fingers, S for the spread (default: all)."
+)
+FORCE = click.option("--force", is_flag=True, help="Write a value the manual warns about, or save unchanged values.")
+HARM = click.option(
+    "--force", is_flag=True, help="Open even if faster than IVEL allows, or if OT and CT reverse the movement."
+)
 
 
 def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> BarrettHand:
@@ -41,9 +63,9 @@ def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> Barret
 
 
 def _recall(name: str) -> int | None:
-    from handctl.devices.barrett.gcl import lastspeed
+    from handctl.devices.barrett import hostfile
 
-    return lastspeed.speed_of(name)
+    return hostfile.speed_of(name)
 
 
 cli = Group(
@@ -57,7 +79,7 @@ cli = Group(
 def _report_checks(run: Run) -> Table:
     """The read-only checks of `diagnose`, for a report."""
     from handctl.devices.barrett.care import diagnose
-    from handctl.devices.barrett.care.checks import Patient
+    from handctl.devices.barrett.care.diagnose import Patient
 
     hand: BarrettHand = run.device()
     patient = Patient(hand, simulated=lambda: run.simulated, name="")
@@ -73,6 +95,35 @@ add_map_verbs(
     without=("set", "describe", "restore"),
     checks=_report_checks,
 )
+
+
+def prefix_of(text: str | None) -> str:
+    """GCL prefix of a --motors option. Without one all enabled motors move; all four named move disabled ones too."""
+    return "" if text is None else motor_prefix(text)
+
+
+def step_of(text: str) -> Step:
+    """A GCL line as a step of a plan."""
+    kind = KINDS[kind_of(text)]
+    return Step(text, encode(text), moves=kind.moves, strands=bool(kind.question))
+
+
+def ask(run: Run, texts: Sequence[str], question: str = "") -> None:
+    """Ask before GCL that may change the speed of the hand or writes its EEPROM, whichever command carries it.
+
+    `question` says it more exactly. Raises NotConfirmed.
+    """
+    asked = [step for text in texts if (step := step_of(text)).strands]
+    if asked:
+        words = dict.fromkeys(KINDS[kind_of(step.meaning)].question for step in asked)
+        run.confirm(question or ". ".join(words), asked)
+
+
+def _planned(run: Run, texts: Sequence[str], question: str = "") -> Table | None:
+    """The plan of these lines where --dry-run wants nothing more; else it has been asked what is to be asked before them."""
+    if (plan := run.planned([step_of(text) for text in texts])) is None:
+        ask(run, texts, question)
+    return plan
 
 
 # -- reading ------------------------------------------------------------------------------------------------------
@@ -116,16 +167,10 @@ def version(run: Run) -> Table:
 @click.argument("code", required=False, type=WholeRange(0, 1 << 32))
 def errors(run: Run, code: int | None) -> Table:
     """Explain status codes as the manual does. CODE can be a sum. Needs no device."""
-    from handctl.devices.barrett.gcl.language import ERRORS, explain_status, hint_for, split_status
-
     codes = sorted(ERRORS) if code is None else split_status(code)
-    rows = [{"code": bit, "meaning": explain_status(bit), "next": hint_for(bit)} for bit in codes] or [
-        {"code": 0, "meaning": "ready", "next": ""}
-    ]
-    return Table(
-        rows=rows,
-        columns=(Column("code", "Code", right=True), Column("meaning", "Meaning"), Column("next", "Next step")),
-    )
+    rows = [{"code": bit, "meaning": explain_status(bit), "next": hint_for(bit) if bit else ""} for bit in codes or [0]]
+    columns = (Column("code", "Code", right=True), Column("meaning", "Meaning"), Column("next", "Next step"))
+    return Table(rows=rows, columns=columns)
 
 
 @cli.verb("help", "Look")
@@ -133,7 +178,6 @@ def errors(run: Run, code: int | None) -> Table:
 def help_(run: Run, command: str | None) -> Table:
     """Show what the hand and the manual say about COMMAND or a parameter."""
     from handctl.devices.barrett.gcl import passthrough
-    from handctl.devices.barrett.gcl.commands import COMMANDS
 
     name = command.upper() if command is not None else ""
     if name and name not in COMMANDS:
@@ -167,8 +211,7 @@ def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool
 
     `MCV=80` sets all motors, or those in --motors. `HSG.F1=150` sets one.
     """
-    chosen = [MOTORS[int(digit) - 1] for digit in motor_prefix(motors)] if motors is not None else list(MOTORS)
-    changes = BARRETT.assignments_on(assignments, chosen)
+    changes = BARRETT.assignments_on(assignments, motors_of(prefix_of(motors)))
     for objection in check_careful(changes, force):
         run.journal.warn("careful", objection)
     steps = run.planner().plan(changes)
@@ -189,23 +232,25 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table:
     The hand and the port switch together. handctl then reads the baud rate back.
     """
     from handctl.devices.barrett import eeprom
-    from handctl.devices.barrett.gcl import speed
 
     if rate is None:
         if run.settings.dry_run:
             raise UsageError("`handctl barrett baud` without a baud rate only reads", hint="run it without -n")
         run.only_reads()
         return verbs.get(run, BARRETT, ["BAUD"])
-    code = speed.code_of(rate)
+    code, odd = divmod(rate, 100)
+    if odd or code not in BAUD_CODES:
+        raise UsageError(
+            f"{rate} bit/s is not a baud rate of this hand",
+            hint="use 600, 1200, 2400, 4800, 9600, 19200 or 38400 (barrett §5.4.1). Nothing was sent.",
+        )
     texts = [f"PSET BAUD {code}", *(["PSAVE"] if save_too else [])]
-    if (plan := run.planned([step_of(text) for text in texts])) is not None:
+    more = " and will also start with it" if save_too else ""
+    if (plan := _planned(run, texts, f"The hand switches to {rate} bit/s immediately{more}")) is not None:
         return plan
-    ask(
-        run, texts, f"The hand switches to {rate} bit/s immediately{' and will also start with it' if save_too else ''}"
-    )
     hand: BarrettHand = run.device()
     ledger = eeprom.Ledger(hand, simulated=run.simulated) if save_too else None
-    readings = hand.write([(BARRETT.find("BAUD")[1][0], code)])
+    readings = hand.write([(BARRETT.elements("BAUD")[0], code)])
     if ledger is not None:
         hand.do("PSAVE")
         ledger.count_common(baud_rate=code)
@@ -221,12 +266,9 @@ def reset(run: Run) -> Table:
 
     Run `init` afterwards. The hand restarts at its saved baud rate, and handctl looks for it there.
     """
-    from handctl.devices.barrett.gcl import speed
-
-    if (plan := run.planned([step_of("RESET")])) is not None:
+    if (plan := _planned(run, ["RESET"])) is not None:
         return plan
-    ask(run, ["RESET"])
-    banner = speed.reset(run.device().line)
+    banner = run.device().line.restart()
     return Table(
         rows=[{"name": "banner", "parameter": "RESET", "motor": None, "value": banner, "unit": None}],
         columns=(Column("value", "Banner"),),
@@ -258,15 +300,14 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
         )
     for text in wanted:
         passthrough.refuse(text)
-        step_of(text)
+        encode(text)
         for note in passthrough.notes(text):
             run.journal.warn("careful", f"{text}: {note}")
-    if (plan := run.planned([step_of(text) for text in wanted])) is not None:
+    if (plan := _planned(run, wanted)) is not None:
         return plan
-    ask(run, wanted)
     ledger = eeprom.Ledger(run.device(), simulated=run.simulated) if passthrough.saves(wanted) else None
     hand = run.device()
-    hand.line.interrupt = bool(run.settings.own.get("interrupt")) or not passthrough.only_asks(wanted)
+    hand.line.interrupt = bool(run.settings.own.get("interrupt")) or any(kind_of(text) != "query" for text in wanted)
     table = passthrough.run_all(hand, wanted, keep_going=keep_going)
     if ledger is not None and passthrough.saves(row["command"] for row in table.rows if not row["status"]):
         ledger.count_unknown()
@@ -274,7 +315,7 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
 
 
 def _prompt(run: Run) -> Table:
-    from handctl.devices.barrett.gcl import passthrough, prompt
+    from handctl.devices.barrett.gcl import passthrough
 
     if run.settings.dry_run:
         raise UsageError(
@@ -287,15 +328,170 @@ def _prompt(run: Run) -> Table:
             hint="for --json, -o or a redirected stdout, give the commands as arguments or as a script on stdin",
             code="no-terminal",
         )
-    history = prompt.line_reader()
-    try:
+    with passthrough.history():
         return passthrough.interactive(run, run.device(), input, lambda text: ask(run, [text]))
-    finally:
-        prompt.leave(history)
 
 
-add_movements(cli)
-add_store_commands(cli)
+# -- movements (§5.2.1) ---------------------------------------------------------------------------------------------
+
+MOVEMENTS = (
+    ("init", "HI", "Initialize the motors (HI): the fingers open fully. Run it after power-on or reset.", ""),
+    ("open", "O", "Open to OT.", ""),
+    ("close", "C", "Close to CT. To grip an object, add --expect contact.", ""),
+    ("move", "M", "Move to POSITION in counts (default: the parameter DP).", "[POSITION]"),
+    ("step-open", "IO", "Open by COUNTS (default: the parameter DS).", "[COUNTS]"),
+    ("step-close", "IC", "Close by COUNTS (default: the parameter DS).", "[COUNTS]"),
+    ("home", "HOME", "Move to position 0.", ""),
+    ("torque-open", "TO", "Open under torque control until the motors stall.", ""),
+    ("torque-close", "TC", "Close under torque control until the motors stall.", ""),
+)
+
+
+def _movement(name: str, gcl_name: str, doc: str, argument: str) -> None:
+    def body(run: Run, motors: str | None, expect: str | None, value: int | None = None, force: bool = False) -> Table:
+        from handctl.devices.barrett import motion
+
+        prefix = prefix_of(motors)
+        if (plan := run.planned([step_of(motion.command_text(prefix, gcl_name, value))])) is not None:
+            return plan
+        ending = expected(expect)
+        return motion.move(run.device(), prefix, gcl_name, value, run.guide, force=force, expect=ending)
+
+    body.__doc__ = doc
+    command: Callable[..., Any] = MOTORS_OPTION(expect(body))
+    if gcl_name != "TC":
+        command = HARM(command)
+    if argument:
+        command = click.argument("value", required=False, type=int, metavar=argument)(command)
+    cli.verb(name, "Move", writes=True)(command)
+
+
+for _row in MOVEMENTS:
+    _movement(*_row)
+
+
+@cli.verb("stop", "Move", writes=True, stops=True)
+@MOTORS_OPTION
+def stop(run: Run, motors: str | None) -> Table:
+    """Stop the hand immediately, even while another handctl is using it.
+
+    Sends ^C, which ends the movement of all motors, then T, which switches off all motors or those in --motors.
+    Never asks.
+    """
+    from handctl.devices.barrett import motion
+    from handctl.devices.barrett.stopper import power_off
+    from handctl.stop import command as emergency
+
+    prefix = prefix_of(motors)
+    return emergency.stop(
+        run, lambda aim: power_off(aim, prefix), otherwise=lambda hand: motion.power_off(hand, prefix)
+    )
+
+
+# -- RAM, EEPROM, factory values and files (§5.2.2, §5.2.3) ----------------------------------------------------------
+
+
+@cli.verb("load", "Settings", writes=True)
+@MOTORS_OPTION
+def load(run: Run, motors: str | None) -> Table:
+    """Load the saved settings from EEPROM into RAM (FLOAD, PLOAD).
+
+    The baud rate may change, so handctl asks first and then looks for the hand. With --motors, only the settings of
+    those motors are loaded (3FLOAD), and the hand settings and the baud rate stay the same.
+    """
+    return _plain_commands(run, _motors_first(motors, "FLOAD", "PLOAD"))
+
+
+@cli.verb("defaults", "Settings", writes=True)
+@MOTORS_OPTION
+def defaults(run: Run, motors: str | None) -> Table:
+    """Set all parameters in RAM to their factory values (FDEF, PDEF). Saves nothing.
+
+    The baud rate changes to 9600 bit/s, so handctl asks first. With --motors, only the settings of those motors are
+    set (SFDEF), and the hand settings and the baud rate stay the same.
+    """
+    return _plain_commands(run, _motors_first(motors, "FDEF", "PDEF"))
+
+
+@cli.verb("save", "Settings", writes=True)
+@MOTORS_OPTION
+@FORCE
+def save(run: Run, motors: str | None, force: bool) -> Table:
+    """Save the settings from RAM to EEPROM. Asks first.
+
+    The EEPROM is rated for 5,000 saves. handctl counts them and refuses a save that changes nothing. With --motors,
+    only the settings of those motors are saved (123FSAVE), and the saved hand settings stay the same.
+    """
+    from handctl.devices.barrett import eeprom
+
+    if (plan := _planned(run, _saves(motors))) is not None:
+        return plan
+    hand: BarrettHand = run.device()
+    if motors is None:
+        (code,) = hand.numbers(BARRETT.elements("BAUD"))
+        _refuse_to_keep(code, force)
+    return eeprom.save(hand, force=force, simulated=run.simulated, prefix=prefix_of(motors))
+
+
+@cli.verb("restore", "Files", writes=True)
+@click.argument("file", type=InFile())
+@click.option("--save", "save_too", is_flag=True, help="Then save to EEPROM.")
+@FORCE
+def restore(run: Run, file: str, save_too: bool, force: bool) -> Table:
+    """Write the values that differ from a snapshot to RAM and read them back.
+
+    The baud rate is written last.
+    """
+    from handctl.devices.barrett import eeprom
+
+    def check(changes: Sequence[tuple[Element, Number]]) -> None:
+        for objection in check_careful(changes, force):
+            run.journal.warn("careful", objection)
+        if save_too:
+            for element, value in changes:
+                if element.full_name == "baud_rate":
+                    _refuse_to_keep(int(value), force)
+            if not run.settings.dry_run:  # also when nothing differs: the EEPROM is written all the same
+                ask(run, _saves(None))
+
+    table = stored.restore(run, BARRETT, file, check=check)
+    if save_too and run.settings.dry_run:
+        table.rows += [
+            {"step": number, "bytes": step.wire, "meaning": step.meaning, "moves": False, "strands": False}
+            for number, step in enumerate(map(step_of, _saves(None)), len(table.rows) + 1)
+        ]
+    elif save_too:
+        eeprom.save(run.device(), force=True, simulated=run.simulated)
+    return table
+
+
+def _motors_first(motors: str | None, of_motors: str, of_hand: str) -> list[str]:
+    """The command for `motors`; without a choice that for all of them, and the one for the hand's own settings."""
+    return [of_motors, of_hand] if motors is None else [prefix_of(motors) + of_motors]
+
+
+def _saves(motors: str | None) -> list[str]:
+    return _motors_first(motors, "FSAVE", "PSAVE")
+
+
+def _plain_commands(run: Run, commands: list[str]) -> Table:
+    from handctl.devices.barrett.gcl import passthrough
+
+    if (plan := _planned(run, commands)) is not None:
+        return plan
+    return passthrough.run_all(run.device(), commands, keep_going=False)
+
+
+def _refuse_to_keep(code: int, force: bool) -> None:
+    """A BAUD other than the factory's is not saved by accident. Raises UsageError."""
+    if code != 96 and not force:
+        raise UsageError(
+            f"BAUD is {code}, so once saved the hand always starts at {code * 100} bit/s",
+            hint="run `handctl barrett baud 9600` first, or use --force to save it anyway",
+            code="baud-not-default",
+        )
+
+
 add_realtime(cli)
 add_firmware(cli)
 add_care_commands(cli)

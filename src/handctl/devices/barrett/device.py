@@ -5,13 +5,23 @@ GCL has no checksum: an answer is believed when its echo, its number of lines an
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from itertools import product
 
-from handctl.devices.barrett.conditions import NO_GAUGE, later_settings, mark_not_homed
 from handctl.devices.barrett.gcl.language import Answer, batches, encode, explain_status, hint_for, values
 from handctl.devices.barrett.gcl.line import GclLine
-from handctl.devices.barrett.map import BARRETT, GclParam, all_elements
-from handctl.devices.barrett.views import audit, heat_hint, meaning, parameters_view, status_view, unhealthy
+from handctl.devices.barrett.map import BARRETT, GclParam, gcl_name
+from handctl.devices.barrett.views import (
+    NO_GAUGE,
+    audit,
+    heat_hint,
+    later_settings,
+    mark_not_homed,
+    meaning,
+    parameters_view,
+    status_view,
+    unhealthy,
+)
 from handctl.errors import DeviceRefused, HandctlError, Left, NoAnswer, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Number, Reading, Step
@@ -20,6 +30,9 @@ from handctl.model.stopping import Stopped
 
 SPLITTABLE = 32 | 64 | 1024
 """Statuses that a long line may cause: it is asked again in halves (dossier 1.4)."""
+
+
+Changes = Sequence[tuple[Element, Number]]
 
 
 class BarrettHand(Device):
@@ -57,7 +70,7 @@ class BarrettHand(Device):
         if stopped.error is not None or not powered:
             return stopped
         try:
-            readings = self.read(all_elements([BARRETT.by_mnemonic("P")]))
+            readings = self.read(BARRETT.elements("P"))
         except HandctlError as exc:
             return stopped._replace(text=f"{stopped.text}. Their positions could not be read: {exc.text}")
         places = ", ".join(f"{reading.element.part} {reading.value}" for reading in readings)
@@ -65,7 +78,7 @@ class BarrettHand(Device):
 
     def identity(self) -> dict[str, object]:
         """Serial number (0 on hands upgraded in the field) and firmware as the hand says it."""
-        (serial,) = self.read(all_elements([BARRETT.by_mnemonic("SN")]))
+        (serial,) = self.read(BARRETT.elements("SN"))
         self.about |= {"serial": str(serial.value)} if serial.value else {}
         return {"kind": self.kind, "serial_number": serial.value, "firmware": self.version()}
 
@@ -119,7 +132,7 @@ class BarrettHand(Device):
         if not error.code.startswith("err-") or not int(error.code[4:]) & 8192:
             return error
         try:
-            now, limit = self.read([Element(BARRETT.by_mnemonic(name), 0) for name in ("TEMP", "OTEMP")])
+            now, limit = self.read(BARRETT.elements("TEMP", "OTEMP"))
         except HandctlError:
             return error
         if now.value is not None and limit.value is not None:
@@ -144,61 +157,68 @@ class BarrettHand(Device):
                     found[element] = Reading(element, None, b"", exc)
         return [found[element] for element in elements]
 
+    def numbers(self, elements: Sequence[Element]) -> list[int]:
+        """The values of these, in their order. Raises why one of them could not be read."""
+        found = self.read(elements)
+        for reading in found:
+            if reading.error is not None:
+                raise reading.error
+        return [int(reading.value or 0) for reading in found]
+
+    def by_name(self, *names: str, motors: Collection[int] = range(4)) -> dict[tuple[str, str | None], int]:
+        """Values by mnemonic and motor; what they tell of the hand itself is kept. Raises why one could not be read."""
+        found: dict[tuple[str, str | None], int] = {}
+        for reading in self.read(BARRETT.elements(*names, motors=motors)):
+            if reading.error is not None:
+                raise reading.error
+            found[self.row(reading)["parameter"], reading.element.part] = int(reading.value or 0)
+        return found
+
     def _read_numbers(self, elements: Sequence[Element]) -> list[Reading]:
-        by_mnemonic: dict[str, dict[int, int] | HandctlError] = {}
+        found: dict[str, dict[int, int] | HandctlError] = {}
+
+        def some() -> bool:
+            return any(isinstance(one, dict) for one in found.values())
 
         def so_far() -> list[Reading]:
             rest = HandctlError("not read")
-            there = any(isinstance(found, dict) for found in by_mnemonic.values())
-            return [_reading(e, by_mnemonic.get(_gcl(e), rest)) for e in elements] if there else []
+            return [_reading(one, found.get(gcl_name(one), rest)) for one in elements] if some() else []
 
         with self.keeping(so_far):
-            self._read(elements, by_mnemonic)
-        return [_reading(element, by_mnemonic[_gcl(element)]) for element in elements]
-
-    def _read(self, elements: Sequence[Element], by_mnemonic: dict[str, dict[int, int] | HandctlError]) -> None:
-        motors = sorted({element.index for element in elements if element.param.elements})
-        prefix = "" if len(motors) in (0, 4) else "".join(str(motor + 1) for motor in motors)
-        names = list(dict.fromkeys(_gcl(element) for element in elements))
-        for chosen, verb, count in (
-            ([name for name in names if not BARRETT.by_mnemonic(name).is_global], f"{prefix}FGET", len(motors)),
-            ([name for name in names if BARRETT.by_mnemonic(name).is_global], "PGET", 1),
-        ):
-            for group in _by_firmware(chosen):
-                for _, items in batches("", verb, [(name,) for name in group]):
+            motors = sorted({element.index for element in elements if element.param.elements})
+            prefix = "" if len(motors) in (0, 4) else "".join(str(motor + 1) for motor in motors)
+            params = [BARRETT.by_mnemonic(name) for name in dict.fromkeys(map(gcl_name, elements))]
+            for common, later in product((False, True), repeat=2):  # what is absent must not spoil the others
+                names = [(one.mnemonic,) for one in params if (one.is_global, one.optional) == (common, later)]
+                for line, items in batches("PGET" if common else f"{prefix}FGET", names):
                     try:
-                        self._get(
-                            verb, [item[0] for item in items], motors if verb != "PGET" else [0], count, by_mnemonic
-                        )
+                        self._get(line, [0] if common else motors, found)
                     except (NoAnswer, ProtocolError) as exc:
-                        if not any(isinstance(found, dict) for found in by_mnemonic.values()):
+                        if not some():
                             raise
-                        by_mnemonic.update({item[0]: exc for item in items})
-        refused = [found for found in by_mnemonic.values() if isinstance(found, HandctlError)]
-        for error in refused[:1]:
-            self.name_heat(error)
-        for error in refused[1:]:
-            error.hint = refused[0].hint if error.code == refused[0].code else error.hint
+                        found.update({name: exc for (name,) in items})
+            refused = [one for one in found.values() if isinstance(one, HandctlError)]
+            for error in refused[:1]:
+                self.name_heat(error)
+            for error in refused[1:]:
+                error.hint = refused[0].hint if error.code == refused[0].code else error.hint
+        return [_reading(element, found[gcl_name(element)]) for element in elements]
 
-    def _get(
-        self, verb: str, names: list[str], motors: list[int], count: int, into: dict[str, dict[int, int] | HandctlError]
-    ) -> None:
-        answer = self.line.read(
-            " ".join([verb, *names]), lambda answer: answer.status or values(answer, len(names), count)
-        )
+    def _get(self, line: str, motors: list[int], into: dict[str, dict[int, int] | HandctlError]) -> None:
+        verb, *names = line.split()
+        answer = self.line.read(line, lambda answer: answer.status or values(answer, len(names), len(motors)))
         if answer.status and answer.status & ~SPLITTABLE == 0 and len(names) > 1:
             middle = len(names) // 2
             for half in (names[:middle], names[middle:]):
-                self._get(verb, half, motors, count, into)
-            return
-        if answer.status:
+                self._get(" ".join([verb, *half]), motors, into)
+        elif answer.status:
             into.update(dict.fromkeys(names, self.refusal(answer)))
-            return
-        for name, numbers in zip(names, values(answer, len(names), count), strict=True):
-            into[name] = dict(zip(motors, numbers, strict=True))
+        else:
+            for name, numbers in zip(names, values(answer, len(names), len(motors)), strict=True):
+                into[name] = dict(zip(motors, numbers, strict=True))
 
     def named(self, element: Element) -> Row:
-        return {"name": element.param.name, "parameter": _gcl(element), "motor": element.part}
+        return {"name": element.param.name, "parameter": gcl_name(element), "motor": element.part}
 
     def valued(self, reading: Reading) -> Row:
         param = reading.element.param
@@ -217,58 +237,39 @@ class BarrettHand(Device):
 
     # -- writing -------------------------------------------------------------------------------------------------
 
-    def plan(self, changes: Sequence[tuple[Element, Number]]) -> list[Step]:
+    def plan(self, changes: Changes) -> list[Step]:
         """FSET and PSET lines for checked changes: motors that get the same value share a prefix; the speed goes last."""
-        calm, speed = self._speed_last(changes)
-        commands = [command for group in (calm, speed) for command, _ in self._commands(group)]
-        return [_step(text) for text in commands]
+        return [_step(text) for text, _ in self._commands(changes)]
 
-    @staticmethod
-    def _speed_last(
-        changes: Sequence[tuple[Element, Number]],
-    ) -> tuple[list[tuple[Element, Number]], list[tuple[Element, Number]]]:
-        calm = [change for change in changes if _gcl(change[0]) != "BAUD"]
-        return calm, [change for change in changes if _gcl(change[0]) == "BAUD"]
-
-    def _commands(self, changes: Sequence[tuple[Element, Number]]) -> list[tuple[str, list[tuple[Element, Number]]]]:
+    def _commands(self, changes: Changes) -> list[tuple[str, Changes]]:
         """The lines that write `changes`, each with those that stand in it, in their order."""
-        motors: dict[tuple[str, Number], list[int]] = {}
-        for element, value in changes:
-            motors.setdefault((_gcl(element), value), []).append(element.index)
-        pairs: dict[str, list[tuple[str, ...]]] = {}
-        for (mnemonic, value), indices in motors.items():
-            if BARRETT.by_mnemonic(mnemonic).is_global:
-                verb = "PSET"
-            else:
-                digits = "".join(str(index + 1) for index in sorted(indices))
-                verb = f"{'' if digits == '1234' else digits}FSET"
-            pairs.setdefault(verb, []).append((mnemonic, str(value)))
-        found = []
-        for verb, words in pairs.items():
-            digits = verb.removesuffix("FSET")
-            for line, items in batches("", verb, words):
-                found.append((line, [
-                    change
-                    for mnemonic, value in items
-                    for change in changes
-                    if (_gcl(change[0]), str(change[1])) == (mnemonic, value)
-                    and (verb == "PSET" or not digits or str(change[0].index + 1) in digits)
-                ]))  # fmt: skip
-        return found
+        same: dict[tuple[str, Number], list[tuple[Element, Number]]] = {}
+        for change in sorted(changes, key=_is_speed):
+            same.setdefault((gcl_name(change[0]), change[1]), []).append(change)
+        verbs: dict[tuple[bool, str], dict[tuple[str, ...], Changes]] = {}
+        for (name, value), mine in same.items():
+            digits = "".join(str(element.index + 1) for element, _ in sorted(mine, key=lambda one: one[0].index))
+            verb = "PSET" if BARRETT.by_mnemonic(name).is_global else f"{'' if digits == '1234' else digits}FSET"
+            verbs.setdefault((_is_speed(mine[0]), verb), {})[name, str(value)] = mine
+        return [
+            (line, [change for words in items for change in written[words]])
+            for (_, verb), written in verbs.items()
+            for line, items in batches(verb, list(written))
+        ]
 
-    def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+    def write(self, changes: Changes) -> list[Reading]:
         """Set values in RAM, each line once, and read them all back; a change of BAUD goes last, with the port.
 
         Raises DeviceRefused with the hand's status; CheckFailed when the read-back differs.
         """
-        calm, speed = self._speed_last(changes)
+        calm = [change for change in changes if not _is_speed(change)]
         readings = self._write_calm(calm) if calm else []
-        for element, value in speed:
-            self.change_speed(int(value))
+        for element, value in filter(_is_speed, changes):
+            self.line.change_speed(int(value))
             readings += self.read([element])
         return readings
 
-    def _write_calm(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+    def _write_calm(self, changes: Changes) -> list[Reading]:
         self.line.connect()
         done: list[str] = []
         commands = self._commands(changes)
@@ -282,7 +283,7 @@ class BarrettHand(Device):
             done.append(command)
         return self._read_back(changes, commands)
 
-    def _write_line(self, command: str, changes: Sequence[tuple[Element, Number]], *, last: bool) -> None:
+    def _write_line(self, command: str, changes: Changes, *, last: bool) -> None:
         """One line. Where its answer is lost, nothing follows it before it reads back."""
         sent = self.journal.counters.sent
         try:
@@ -299,16 +300,12 @@ class BarrettHand(Device):
             return
         if answer.status:
             error = self.name_heat(self.refusal(answer))
-            names = list(dict.fromkeys(_gcl(element) for element, _ in changes))
+            names = list(dict.fromkeys(gcl_name(element) for element, _ in changes))
             if len(names) > 1:  # the first wrong pair ends the line, those before it stay
                 error.leaves(Left(behind=f"perhaps also set: {', '.join(names[:-1])}. Check: `handctl barrett get`"))
             raise error
 
-    def _read_back(
-        self,
-        changes: Sequence[tuple[Element, Number]],
-        commands: Sequence[tuple[str, Sequence[tuple[Element, Number]]]],
-    ) -> list[Reading]:
+    def _read_back(self, changes: Changes, commands: Sequence[tuple[str, Changes]]) -> list[Reading]:
         """What the hand holds now. Raises CheckFailed where it is not what `commands` wrote."""
         readings = self.read([element for element, _ in changes])
         now = {reading.element.full_name: reading.value for reading in readings}
@@ -321,12 +318,6 @@ class BarrettHand(Device):
         self.check_read_back(changes, readings, "read them with `handctl barrett get` before writing again")
         return readings
 
-    def change_speed(self, code: int) -> None:
-        """Set BAUD and follow with the port (barrett §5.4.1; dossier 1.2). Raises NoAnswer when the hand is not found."""
-        from handctl.devices.barrett.gcl.speed import change
-
-        change(self.line, code)
-
     # -- tables --------------------------------------------------------------------------------------------------
 
     def table(self, readings: Sequence[Reading], title: str = "") -> Table:
@@ -337,7 +328,7 @@ class BarrettHand(Device):
 
     def partial(self, failed: Sequence[Reading]) -> HandctlError | None:
         """Which parameters, by their names in GCL, and why."""
-        first, names = failed[0].error, dict.fromkeys(_gcl(reading.element) for reading in failed)
+        first, names = failed[0].error, dict.fromkeys(gcl_name(reading.element) for reading in failed)
         assert first is not None
         said = first.text.removeprefix(self.link.name).lstrip(": ")
         return first.retold(f"{self.link.name}: {', '.join(names)}: {said}")
@@ -361,12 +352,12 @@ class BarrettHand(Device):
     def status(self, check: bool) -> Table:
         """Position, strain, status, way, temperature against its limit, firmware. With `check`, unhealthy is exit 7."""
         names = ("P", "SG", "S", "OD", "EN", "TEMP", "OTEMP", "PTEMP", "UPSECS", "SN", "BAUD")
-        table = self.table(self.read(all_elements([BARRETT.by_mnemonic(name) for name in names])))
+        table = self.table(self.read(BARRETT.elements(*names)))
         try:
             firmware = self.version()
         except HandctlError as exc:
             firmware = f"? ({exc.text})"
-        (version,) = all_elements([BARRETT.by_mnemonic("VERS")])
+        (version,) = BARRETT.elements("VERS")
         table.rows.append(self.row(Reading(version, 0, firmware.encode())))
         table.view = status_view
         findings = unhealthy(table.rows)
@@ -381,16 +372,8 @@ def _step(text: str) -> Step:
     return Step(text, encode(text), strands="BAUD" in text.split())
 
 
-def _gcl(element: Element) -> str:
-    assert isinstance(element.param, GclParam)
-    return element.param.mnemonic
-
-
-def _by_firmware(names: list[str]) -> list[list[str]]:
-    """Names of all firmware together, those of later firmware apart: one that is absent must not spoil the others."""
-    usual = [name for name in names if not BARRETT.by_mnemonic(name).since]
-    later = [name for name in names if BARRETT.by_mnemonic(name).since]
-    return [group for group in (usual, later) if group]
+def _is_speed(change: tuple[Element, Number]) -> bool:
+    return gcl_name(change[0]) == "BAUD"
 
 
 def _reading(element: Element, found: dict[int, int] | HandctlError) -> Reading:

@@ -6,30 +6,19 @@ folder; saves made by other programs are not in it.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from handctl.devices.barrett import hostfile
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import motors_of
-from handctl.devices.barrett.map import BARRETT, all_elements, standard
+from handctl.devices.barrett.map import BARRETT, standard
 from handctl.errors import DeviceRefused, HandctlError, Interrupted, Left, NotIdentified, UsageError
 from handctl.files import state_path
 from handctl.model.result import Column, Row, Table
 
 MOST_SAVES = 5000
-WHAT = "journal of saves"
+FILE, WHAT = "barrett-saves.json", "journal of saves"
 UNKNOWN_KEYS = ("0", "simulated-0")
-
-
-def journal_path() -> Path:
-    """Where the saves are counted."""
-    return state_path("barrett-saves.json")
-
-
-def load_journal() -> dict[str, Any]:
-    """The journal; empty when there is none. Raises UsageError when it is damaged."""
-    return hostfile.load(journal_path(), WHAT, _whole)
 
 
 def _whole(entry: object) -> bool:
@@ -40,18 +29,10 @@ def _whole(entry: object) -> bool:
     return isinstance(values, dict) and all(isinstance(value, int) for value in values.values())
 
 
-def store_journal(content: dict[str, Any]) -> None:
-    """Write the journal atomically. Raises OutputError."""
-    hostfile.store(journal_path(), WHAT, content)
-
-
 def present(hand: BarrettHand) -> dict[str, int]:
     """All settings as they are in RAM, by full name."""
-    readings = hand.read(all_elements([param for param in standard() if param.writable]))
-    for reading in readings:
-        if reading.error is not None:
-            raise reading.error
-    return {reading.element.full_name: int(reading.value) for reading in readings if reading.value is not None}
+    elements = BARRETT.elements(*(param.mnemonic for param in standard() if param.writable))
+    return dict(zip((element.full_name for element in elements), hand.numbers(elements), strict=True))
 
 
 def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -> Table:
@@ -64,7 +45,7 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -
     chosen = motors_of(prefix)
     now = {name: value for name, value in everything.items() if not prefix or name.rpartition(".")[2] in chosen}
     key = _key(hand, simulated)
-    journal = load_journal()
+    journal = hostfile.load(state_path(FILE), WHAT, _whole)
     # A serial number of 0 is that of every hand upgraded in the field: its entry may speak of another hand.
     known = journal.get(key, {}) if key not in UNKNOWN_KEYS else {}
     saved: dict[str, int] = known.get("values", {})
@@ -133,7 +114,7 @@ class Ledger:
 
     def __init__(self, hand: BarrettHand, *, simulated: bool) -> None:
         self._hand = hand
-        self._journal = load_journal()
+        self._journal = hostfile.load(state_path(FILE), WHAT, _whole)
         self._key = _key(hand, simulated)
         self._values = present(hand)
 
@@ -150,7 +131,7 @@ class Ledger:
 
 
 def _key(hand: BarrettHand, simulated: bool) -> str:
-    (serial,) = hand.read(all_elements([BARRETT.by_mnemonic("SN")]))
+    (serial,) = hand.read(BARRETT.elements("SN"))
     return f"{'simulated-' if simulated else ''}{int(serial.value or 0)}"
 
 
@@ -158,7 +139,7 @@ def _count(hand: BarrettHand, journal: dict[str, Any], key: str, now: dict[str, 
     count = int(journal.get(key, {}).get("saves", 0)) + 1
     journal[key] = {"saves": count, "values": now}
     try:
-        store_journal(journal)
+        hostfile.store(state_path(FILE), WHAT, journal)
     except HandctlError as exc:
         hand.journal.warn("journal", f"saved, but {exc.text}")
     hand.journal.info("saves", f"save number {count} by handctl, of at most {MOST_SAVES} in the hand's life")

@@ -10,12 +10,9 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
-from handctl.devices.barrett.firmware.words import MonitorWords, records
-from handctl.devices.barrett.gcl import words as gclwords
-from handctl.devices.barrett.gcl.commands import split
-from handctl.devices.barrett.gcl.language import Answer, Decoder, explain_status
-from handctl.devices.barrett.realtime import words as loopwords
-from handctl.devices.barrett.realtime.words import Flags, LoopWords
+from handctl.devices.barrett import words
+from handctl.devices.barrett.gcl.language import Answer, Decoder, explain_status, split
+from handctl.devices.barrett.words import Flags, LoopWords, MonitorWords, records
 from handctl.model.piece import DEVICE, HOST, Later, Part, Piece, stray
 
 CR, ABORT = 0x0D, 0x03
@@ -71,11 +68,11 @@ class BarrettExplainer:
                 meaning = f"echo of {self._asked[0].command}: the rest of the reply comes at the new baud rate"
                 pieces.append(_piece(DEVICE, raw, meaning, answers=self._asked[0].key))
                 continue
-            block = loopwords.factory_block(direction, raw) if raw and b"=>" not in raw else []
+            block = words.factory_block(direction, raw) if raw and b"=>" not in raw else []
             pieces += block  # a recording that begins inside RealTime
             if raw and not block:
                 what = "a command without its CR" if direction == HOST else "a reply without its prompt"
-                pieces.append(stray(direction, raw, f"{what}: {gclwords.shown(raw)}", "cut-short"))
+                pieces.append(stray(direction, raw, f"{what}: {words.shown(raw)}", "cut-short"))
         self._asked.clear()
         self._decoders.clear()
         return pieces
@@ -86,7 +83,7 @@ class BarrettExplainer:
     def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
         """See Explainer. Blocks are read with factory flags, all four motors."""
         direction = side or _side(data)
-        whole = records(data) or loopwords.factory_block(direction, data)
+        whole = records(data) or words.factory_block(direction, data)
         if whole:
             return whole
         if direction == DEVICE:
@@ -135,7 +132,7 @@ class BarrettExplainer:
             return [self._command(command, raw)]
         if byte == ABORT:
             if self._typed:
-                pieces.append(stray(HOST, bytes(self._typed), f"an unfinished command: {gclwords.shown(self._typed)}"))
+                pieces.append(stray(HOST, bytes(self._typed), f"an unfinished command: {words.shown(self._typed)}"))
                 self._typed.clear()
             key = "" if self._asked else self._expect("")
             return [*pieces, _piece(HOST, b"\x03", "^C: abort", asks=key)]
@@ -153,17 +150,17 @@ class BarrettExplainer:
         return key
 
     def _command(self, command: str, raw: bytes) -> Piece:
-        if command.strip("\0") == gclwords.MARK:
-            meaning, _ = gclwords.command(gclwords.MARK)
+        if command.strip("\0") == words.MARK:
+            meaning, _ = words.command(words.MARK)
             return _piece(HOST, raw, meaning, asks=self._expect(command.lstrip("\0")))
         if any(not 32 <= byte < 127 for byte in raw[:-1]):
-            return stray(HOST, raw, f"not a command: {gclwords.shown(raw)}")
+            return stray(HOST, raw, f"not a command: {words.shown(raw)}")
         if not command and self._asked and self._came:
             return _piece(HOST, raw, "an empty line")  # to an answer that has already begun, e.g. behind a new speed
         fields = {"command": command}
         parts = (Part(raw[:-1], "command", command), Part(raw[-1:], "CR", ""))
         key = self._expect(command)
-        meaning, problem = gclwords.command(command)
+        meaning, problem = words.command(command)
         return _piece(HOST, raw, meaning, problem=problem, asks=key, fields=fields, parts=parts)
 
     # -- from the hand ------------------------------------------------------------------------------------------------
@@ -236,15 +233,15 @@ class BarrettExplainer:
         if end < 0 or (end and came[end - 1] not in (10, 13)):
             return None
         size = end + 3 if came[end + 2 : end + 3] == b" " else end + 2
-        lines = gclwords.lines(came[:end])
+        lines = words.lines(came[:end])
         text = f"prompt, after {' | '.join(lines)}" if lines else "prompt"
-        return self._take(_piece(DEVICE, came[:size], text, parts=gclwords.line_parts(came[:size])))
+        return self._take(_piece(DEVICE, came[:size], text, parts=words.line_parts(came[:size])))
 
     def _answer(self, asked: Asked, answer: Answer) -> Piece:
         raw = answer.raw if answer.raw.endswith(b"=> ") else answer.raw[: answer.raw.rfind(b"=>") + 2]
         self._flags.note(asked.command, answer)
-        meaning, values, problem = gclwords.answer(asked.command, answer)
-        if asked.command.startswith(gclwords.MARK) and answer.status == gclwords.UNKNOWN_COMMAND:
+        meaning, values, problem = words.answer(asked.command, answer)
+        if asked.command.startswith(words.MARK) and answer.status == words.UNKNOWN_COMMAND:
             meaning = "prompt: the hand is connected"
         elif answer.status:
             problem = "refused" if answer.status != 16384 else ""
@@ -253,7 +250,7 @@ class BarrettExplainer:
         fields = {"command": asked.command, "status": answer.status}
         return _piece(
             DEVICE, raw, meaning, problem=problem, answers=asked.key, fields=fields, values=values,
-            title=f"reply to {asked.command}", parts=Later(lambda: gclwords.line_parts(raw)),
+            title=f"reply to {asked.command}", parts=Later(lambda: words.line_parts(raw)),
         )  # fmt: skip
 
     def _entered(self, came: bytes, asked: Asked, place: int) -> list[Piece]:

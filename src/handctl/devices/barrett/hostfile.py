@@ -1,19 +1,26 @@
 """Small files of this machine about hands, below the user's state folder: JSON objects, read whole, written whole.
 
-A hand keeps no record of its care; the host does, per serial number. Knows no hand.
+A hand keeps no record of its care; the host does, per serial number. And the speed at which each port's hand was found
+last: it saves the search, and nothing depends on it: a file that cannot be read or written is as good as none.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from handctl import files
+from handctl.devices.barrett.map import SPEEDS
 from handctl.errors import OutputError, UsageError
+from handctl.link import ByteLink
 
 MOST_BYTES = 4_000_000
+NAME = "barrett-speeds.json"
+MOST = 64
+"""Ports that are remembered, the latest last."""
 
 
 def load(path: Path, what: str, valid: Callable[[object], bool]) -> dict[str, Any]:
@@ -30,12 +37,48 @@ def load(path: Path, what: str, valid: Callable[[object], bool]) -> dict[str, An
     return content
 
 
-def store(path: Path, what: str, content: dict[str, Any]) -> None:
+def store(path: Path, what: str, content: dict[str, Any], *, sort: bool = True) -> None:
     """Write `content`, whole or not at all. Raises OutputError."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with files.atomic_write(path) as file:
-            json.dump(content, file, indent=1, sort_keys=True)
+            json.dump(content, file, indent=1, sort_keys=sort)
     except OSError as exc:
         text = f"{path}: the {what} cannot be written: {exc.strerror or exc}"
         raise OutputError(text, hint="check the folder's permissions and its free space") from exc
+
+
+def recall(link: ByteLink) -> int | None:
+    """The last known speed of the hand on this link, None when there is none, or none that a hand has."""
+    return speed_of(link.name) if _counts(link) else None
+
+
+def speed_of(name: str) -> int | None:
+    """The same of a LINK that need not be open."""
+    speed = _speeds().get(name)
+    return speed if speed in SPEEDS else None
+
+
+def remember(link: ByteLink) -> None:
+    """This link's present speed is the hand's; 9600, which is tried first anyway, is forgotten."""
+    if not _counts(link):
+        return
+    known = _speeds()
+    before = known.pop(link.name, None)
+    if before == (None if link.baud == SPEEDS[0] else link.baud):
+        return
+    if link.baud != SPEEDS[0]:
+        known[link.name] = link.baud
+    with suppress(OutputError):  # the next connect looks again
+        store(files.state_path(NAME), "speeds", dict(list(known.items())[-MOST:]), sort=False)
+
+
+def _counts(link: ByteLink) -> bool:
+    return link.can_set_baud and not link.fake and not link.replayed
+
+
+def _speeds() -> dict[str, Any]:
+    try:
+        return load(files.state_path(NAME), "speeds", lambda _speed: True)
+    except UsageError:
+        return {}

@@ -1,18 +1,26 @@
 """The parameter map of the BarrettHand: mnemonic, name, range, defaults, what to be careful about (barrett §5.3, §5.4).
 
-Values are the hand's own integers; the unit says what one count is. Knows no wire.
+Values are the hand's own integers; the unit says what one count is. And what else is so of every hand. Knows no wire.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
+from handctl.devices.barrett.gcl.language import ERRORS, MOTORS
 from handctl.errors import UsageError
 from handctl.model.param import SETTING, Element, Number, Param, ParamMap, elements_of
 
-MOTORS = ("F1", "F2", "F3", "SPREAD")
+FINGERS = MOTORS[:3]
+NO_GAUGE = 255
+"""SG of a motor without a strain gauge: never a strain (§5.3.2)."""
+OFF = 255
+"""From here on a strain limit is off (§5.3.1)."""
+TRAVEL = (17800, 3150)
+"""Counts between the joint stops of a finger and of the spread, approximately (§5.3.2 P)."""
 BAUD_CODES = {
     6: "600 bit/s",
     12: "1200 bit/s",
@@ -58,11 +66,7 @@ class GclParam(Param):
     @property
     def alarms(self) -> Mapping[int, str]:
         """The codes of the status, whose sum it is (barrett §5.1.3, T3)."""
-        if self.mnemonic != "S":
-            return {}
-        from handctl.devices.barrett.gcl.language import ERRORS
-
-        return {code: f"{text} ({code})" for code, (text, _) in ERRORS.items()}
+        return {code: f"{text} ({code})" for code, (text, _) in ERRORS.items()} if self.mnemonic == "S" else {}
 
     def parse(self, text: str, where: str = "") -> Number:
         try:
@@ -96,16 +100,13 @@ class GclParam(Param):
         return f"{self.mnemonic} = {shown}: {self.why_less if value < low and self.why_less else self.why}"
 
 
-def _motor(mnemonic: str, name: str, doc: str, source: str, low: int | None, high: int | None, **more: Any) -> GclParam:
-    return GclParam(
-        mnemonic=mnemonic, name=name, doc=doc, source=f"barrett §{source}", low=low, high=high, elements=MOTORS, **more
-    )
-
-
 def _global(
     mnemonic: str, name: str, doc: str, source: str, low: int | None, high: int | None, **more: Any
 ) -> GclParam:
     return GclParam(mnemonic=mnemonic, name=name, doc=doc, source=f"barrett §{source}", low=low, high=high, **more)
+
+
+_motor = partial(_global, elements=MOTORS)
 
 
 TENTHS = "0.1 °C"
@@ -129,6 +130,11 @@ class GclMap(ParamMap[GclParam]):
     def by_mnemonic(self, mnemonic: str) -> GclParam:
         """The parameter with this mnemonic."""
         return self._by_mnemonic[mnemonic]
+
+    def elements(self, *names: str, motors: Collection[int] = range(4)) -> list[Element]:
+        """What is read of these mnemonics, of some motors only."""
+        every = [element for name in names for element in elements_of(self._by_mnemonic[name])]
+        return [one for one in every if not one.param.elements or one.index in motors]
 
     def find(self, name: str) -> tuple[GclParam, list[Element]]:
         base, dot, part = name.partition(".")
@@ -223,9 +229,15 @@ def standard() -> list[GclParam]:
     return [param for param in BARRETT if not param.since]
 
 
-def all_elements(params: Sequence[GclParam]) -> list[Element]:
-    """The elements of several parameters."""
-    return [element for param in params for element in elements_of(param)]
+def gcl_name(element: Element) -> str:
+    """The GCL name of an element's parameter."""
+    assert isinstance(element.param, GclParam)
+    return element.param.mnemonic
+
+
+def sample_seconds(sample: int) -> float:
+    """How long a sample of the motor controllers lasts, by SAMPLE: so many ticks of 2 MHz (§5.3.4; dossier 13)."""
+    return 16 * (sample + 1) / 2e6
 
 
 def careful(element: Element, value: Number) -> str | None:

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from handctl.devices.barrett.conditions import NOT_HOMED
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS, Answer, encode, explain_status, hint_for
-from handctl.devices.barrett.map import BARRETT, GclParam
+from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, sample_seconds
+from handctl.devices.barrett.views import NOT_HOMED
 from handctl.errors import CheckFailed, Left, NoAnswer, ProtocolError, UsageError
 from handctl.model.guide import CTRL_C, Guide
 from handctl.model.moving import ARRIVAL, BLOCKED, CONTACT, REACHED, SHORT, UNREAD, Arrival, Goal, judged
-from handctl.model.param import Element, Step
+from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table
 
 GOALS = {"C": "CT", "O": "OT", "M": "DP"}
@@ -32,9 +32,6 @@ NEEDED = {
 """What is asked before a movement: for its goal, and for what would harm."""
 VELOCITIES = {"O": ("MOV",), "IO": ("MOV",), "TO": ("MOV",), "HOME": ("MOV",), "M": ("MOV", "MCV"), "HI": ("IVEL",)}
 """Which velocity a movement uses (barrett §5.2.1); the others close, with MCV."""
-USUAL = {"finger": 17800, "spread": 3150}
-NO_GAUGE = 255
-"""SG of a motor without a strain gauge: never a strain (barrett §5.3.2)."""
 COLUMNS = (
     Column("motor", "Motor"),
     Column("value", "Position", right=True),
@@ -79,7 +76,7 @@ def move(
     motors = [index for index in range(4) if not prefix or str(index + 1) in prefix]
     hand.line.connect()
     for index in motors:
-        usual = USUAL["spread" if index == 3 else "finger"]
+        usual = TRAVEL[index == 3]
         if argument is not None and argument > usual:
             hand.journal.warn(
                 "beyond",
@@ -119,9 +116,9 @@ def _before(
     if name in ("M", "IC", "IO") and argument is not None:
         wanted = [key for key in wanted if key not in ("DP", "DS")]
     by_motor: dict[int, dict[str, int]] = {index: {} for index in motors}
-    for reading in hand.read(_elements(wanted, motors)):
+    for reading in hand.read(BARRETT.elements(*wanted, motors=motors)):
         if reading.value is not None:
-            by_motor[reading.element.index][_mnemonic(reading.element)] = int(reading.value)
+            by_motor[reading.element.index][gcl_name(reading.element)] = int(reading.value)
     goals: dict[int, int] = {}
     slowest = 0.0
     for index, at in by_motor.items():
@@ -132,9 +129,8 @@ def _before(
             refuse_harm(name, index, at, goal)
         speeds = [at[key] for key in velocity if at.get(key)]
         if speeds and "SAMPLE" in at:
-            # 1/16 count a sample; a sample lasts 16 (SAMPLE + 1) / 2 MHz (dossier 13).
-            samples = USUAL["spread" if index == 3 else "finger"] * 16 / min(speeds)
-            slowest = max(slowest, samples * 16 * (at["SAMPLE"] + 1) / 2e6)
+            samples = TRAVEL[index == 3] * 16 / min(speeds)  # 1/16 count a sample
+            slowest = max(slowest, samples * sample_seconds(at["SAMPLE"]))
     return goals, slowest
 
 
@@ -152,8 +148,7 @@ def refuse_harm(name: str, index: int, at: dict[str, int], goal: int | None) -> 
             hint=f"`handctl barrett set {own}.{motor}={BARRETT.by_mnemonic(own).default_of(index)}`, or use --force to open that fast anyway (barrett §5.3.4 IVEL). Nothing moved.",
             code="opening-speed",
         )
-    travel = USUAL["spread" if index == 3 else "finger"]
-    if name in ("O", "C") and {"OT", "CT"} <= at.keys() and (at["OT"] >= at["CT"] or at["OT"] > travel):
+    if name in ("O", "C") and {"OT", "CT"} <= at.keys() and (at["OT"] >= at["CT"] or at["OT"] > TRAVEL[index == 3]):
         raise UsageError(
             f"{motor}: OT {at['OT']} and CT {at['CT']} leave {name} nowhere to go, or reverse it",
             hint=f"`handctl barrett set OT.{motor}=0 CT.{motor}={BARRETT.by_mnemonic('CT').default_of(index)}`, or use "
@@ -181,15 +176,15 @@ def _result(
 ) -> tuple[Table, list[Arrival]]:
     # The strain first: it relaxes when the motor is off (dossier 5).
     names = ["SG", "P", "S", "HSG", "LSG", "MPE", *(["EN"] if all_motors else [])]
-    readings = hand.read(_elements(names, motors))
-    at = {(_mnemonic(reading.element), reading.element.index): reading.value for reading in readings}
+    readings = hand.read(BARRETT.elements(*names, motors=motors))
+    at = {(gcl_name(reading.element), reading.element.index): reading.value for reading in readings}
     rows: list[Row] = []
     arrivals = []
     for index in motors:
         value = {key: at.get((key, index)) for key in names}
         numbers = {key: int(number) for key, number in value.items() if number is not None}
         ended = how_it_ended(name, numbers, goals.get(index), answer.status)
-        motor = BARRETT["position"].elements[index]
+        motor = MOTORS[index]
         row: Row = {
             "name": "position",
             "parameter": "P",
@@ -232,9 +227,9 @@ def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int) 
         return Ended(BLOCKED, "over-temperature: did not move, or stopped")
     if "P" not in now:
         return Ended(UNREAD, "unknown: its position could not be read")
-    strain, high, low = now.get("SG", 255), now.get("HSG", 256), now.get("LSG", 256)
-    if strain != NO_GAUGE and ((high < 255 and strain > high) or (low < 255 and strain < low)):
-        over = high < 255 and strain > high
+    strain, high, low = now.get("SG", NO_GAUGE), now.get("HSG", OFF), now.get("LSG", OFF)
+    over, under = high < OFF and strain > high, low < OFF and strain < low
+    if strain != NO_GAUGE and (over or under):
         return Ended(CONTACT, f"strain limit: {strain} is {f'above HSG {high}' if over else f'below LSG {low}'}")
     if goal is not None and name not in TORQUE and abs(now["P"] - goal) <= now.get("MPE", 50):
         return Ended(REACHED, "reached")
@@ -261,12 +256,3 @@ def power_off(hand: BarrettHand, prefix: str) -> str:
         hand.journal.ledger.confirm("ERR 4: its power is off", Step("T", encode(f"{prefix}T")))
     status = f" (status {answer.status}: {explain_status(answer.status)})" if answer.status else ""
     return f"the hand was found and ^C was sent. {prefix}T was acknowledged{status}: motor power is off"
-
-
-def _elements(names: list[str], motors: list[int]) -> list[Element]:
-    return [Element(BARRETT.by_mnemonic(name), index) for name in names for index in motors]
-
-
-def _mnemonic(element: Element) -> str:
-    assert isinstance(element.param, GclParam)
-    return element.param.mnemonic

@@ -14,6 +14,7 @@ from handctl.devices.barrett.gcl.connecting import MONITOR_SPEED, MONITOR_TEXT, 
 from handctl.devices.barrett.gcl.language import has_prompt, values
 from handctl.devices.barrett.gcl.line import GclLine
 from handctl.devices.barrett.gcl.meet import comes_back
+from handctl.devices.barrett.map import SPEEDS as SPEEDS
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.result import Journal, Row, hex_bytes
@@ -21,7 +22,6 @@ from handctl.sentence import plural
 
 FAMILY = "barrett"
 WIRES = ("serial", "tcp")
-SPEEDS = (9600, 38400, 19200, 4800, 2400, 1200, 600)
 PING = "PGET TEMP"
 ECHOES = True
 """Every character comes back: its own echo is no sign of a loop in the cable."""

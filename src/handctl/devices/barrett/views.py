@@ -1,14 +1,22 @@
-"""What the BarrettHand's values mean to people: in words, as findings, as tables. Pure; sends nothing."""
+"""What the BarrettHand's values mean to people: in words, as findings, as tables. Pure; sends nothing.
+
+And what must hold for a value to mean what it seems to: initialized, a gauge, a firmware that has it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from handctl.devices.barrett.care.health import LIMIT_TENTHS
 from handctl.devices.barrett.gcl.language import MOTORS, explain_status
 from handctl.devices.barrett.map import BARRETT, TENTHS, GclParam, careful
+from handctl.errors import HandctlError, NoAnswer, ProtocolError
+from handctl.model.device import Device
 from handctl.model.param import Element, Number
-from handctl.model.result import Cell, Grid, Row
+from handctl.model.result import Cell, Grid, Journal, Row, Table
+from handctl.model.sampling import Sampler
 
 STROKE = (17500, 3100)
 """Counts of one stroke of a finger and of the spread (barrett §7.3)."""
@@ -200,3 +208,52 @@ def status_view(rows: list[Row]) -> list[Grid]:
             notes=notes,
         )
     ]
+
+
+def live(
+    hand: Device, read: Callable[[], list[Row]], *, rate: float, count: int | None, duration: float | None, **shown: Any
+) -> Table:
+    """`read` again and again; a moment without a valid answer repeats the last rows with the error as value."""
+    rows: list[Row] = []
+
+    def moment() -> tuple[list[Row], HandctlError | None]:
+        nonlocal rows
+        try:
+            rows = read()
+        except (NoAnswer, ProtocolError) as exc:
+            kept = [{key: value for key, value in row.items() if key != "value"} for row in rows]
+            return [{**row, "error": exc.text} for row in kept], exc
+        return rows, None
+
+    sampler = Sampler(hand.link, moment, rate=rate, count=count, duration=duration)
+    return Table(samples=sampler.samples(), summary=sampler.summary, **shown)
+
+
+# -- what must hold -----------------------------------------------------------------------------------------------------
+
+
+NOT_HOMED = "not initialized: P counts from the position at power-on and means nothing before HI (barrett §5.2.1)"
+NO_GAUGE = "no gauge (barrett §5.3.2)"
+FIRST = {"4.34": (4, 3, 4), "4.4": (4, 4, 0)}
+"""Firmware that a parameter's `since` names, as numbers."""
+
+
+def mark_not_homed(rows: Sequence[Row]) -> None:
+    """Say of each position whose motor's status stands beside it whether it means anything."""
+    status = {row["motor"]: row.get("value") for row in rows if row.get("parameter") == "S"}
+    for row in rows:
+        code = status.get(row["motor"]) if row.get("parameter") == "P" and "value" in row else None
+        if code is not None:
+            row["doubt"] = NOT_HOMED if int(code) & 4 else None
+
+
+def later_settings(firmware: str, journal: Journal) -> list[str]:
+    """Names of the settings that came with later firmware and this one has (dossier 6.5)."""
+    later = [param for param in BARRETT if param.since and param.writable]
+    known = re.search(r"(\d+)\.(\d)(\d?)", firmware.replace("_", "."))
+    if known is None:
+        names = " ".join(param.mnemonic for param in later)
+        journal.warn("later-firmware", f"the firmware does not report its version, so {names} were not read")
+        return []
+    version = tuple(int(digit or 0) for digit in known.groups())
+    return [param.name for param in later if version >= FIRST[param.since]]

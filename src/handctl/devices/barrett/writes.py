@@ -9,19 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
 
-from handctl.devices.barrett.gcl.commands import split
 from handctl.devices.barrett.gcl.connecting import FILL, LOOPED, QUESTION, SAFE_ABORT
-from handctl.devices.barrett.gcl.language import ABORT, CR, Decoder, has_prompt
+from handctl.devices.barrett.gcl.language import ABORT, CR, KINDS, Decoder, has_prompt, kind_of, split
 from handctl.devices.barrett.realtime.blocks import ACKNOWLEDGE, FEEDBACK_ONLY, NEITHER
 from handctl.model.ledger import Frame
 
-NEXT = {
-    "motion": "`handctl barrett get P S`",
-    "init": "`handctl barrett status`",
-    "save": "switch the hand off and on, then run `handctl barrett dump`",
-    "reset": "`handctl barrett version`",
-    "speed": "run `handctl barrett baud`, which tries all baud rates",
-}
 LONGEST = 4096
 """Bytes that are kept of an answer."""
 
@@ -51,13 +43,12 @@ class BarrettWrites:
             self._decoder = None
             return ()
         text = data.removesuffix(CR).decode("ascii", "replace").strip()
-        _, known, _ = split(text)
         self._number += 1
-        self._key, self._kind = self._number, known.kind if known is not None else "set"
+        self._key, self._kind = self._number, kind_of(text)
         self._decoder = Decoder(text)
         self._echo = text.encode("ascii", "replace").upper()
         self._tail, self._stopping = b"", False
-        self._moves = self._moves or self._kind in ("motion", "init")
+        self._moves = self._moves or KINDS[self._kind].moves
         self._loop = self._kind == "loop"
         return (Frame(data, self._key, data),)
 
@@ -91,12 +82,11 @@ class BarrettWrites:
 
     def next(self, data: bytes, can_id: int | None) -> str:
         """See WriteWords."""
-        _, known, words = split(data.removesuffix(CR).decode("ascii", "replace"))
-        if known is None or known.kind not in ("set", *NEXT):
-            return "`handctl barrett status`"
-        if known.name in ("FSET", "PSET") and words:
+        text = data.removesuffix(CR).decode("ascii", "replace")
+        _, known, words = split(text)
+        if known is not None and known.name in ("FSET", "PSET") and words:
             return f"`handctl barrett get {' '.join(words[::2])}`"
-        return NEXT.get(known.kind, "`handctl barrett status`")
+        return KINDS[kind_of(text)].next
 
     def _aborted(self, data: bytes) -> Sequence[Frame]:
         """^C: what it interrupts is not acknowledged any more; the prompt that follows may be of either."""
@@ -121,8 +111,7 @@ class BarrettWrites:
 def _asks(data: bytes) -> bool:
     """Whether it is an empty line or a query."""
     text = data.removesuffix(CR).decode("ascii", "replace").strip()
-    _, known, _ = split(text)
-    return not text or (known is not None and known.kind == "query")
+    return not text or kind_of(text) == "query"
 
 
 words = BarrettWrites

@@ -64,9 +64,9 @@ GREASED_HELP = "Record points as greased today: all, worm, spur, motor-spur, pal
 
 
 def _procedure(name: str) -> Table:
-    from handctl.devices.barrett.care import procedures
+    from handctl.devices.barrett.care import symptoms
 
-    found = procedures.PROCEDURES[name]
+    found = symptoms.PROCEDURES[name]
     rows = [
         {"step": number, "text": text, "source": f"barrett {source}"}
         for number, (text, source) in enumerate(found.steps, 1)
@@ -74,7 +74,7 @@ def _procedure(name: str) -> Table:
     return Table(
         rows=rows,
         columns=(Column("step", "Step", right=True), Column("text", found.title), Column("source", "Section")),
-        text=lambda _: "\n".join(procedures.lines(name)) + "\n",
+        text=lambda _: "\n".join(symptoms.lines(name)) + "\n",
     )
 
 
@@ -101,8 +101,8 @@ def _add_strain(group: Group) -> None:
         Checks 20 readings per finger against 100 to 140. Read-only. The gauges are unloaded only when the fingers
         are open; --open opens them first (HI, ST, GO).
         """
-        from handctl.devices.barrett.care import procedures
         from handctl.devices.barrett.care import strain as gauges
+        from handctl.devices.barrett.care import symptoms
 
         _live(run, live, count, duration)
         if live and check:
@@ -119,7 +119,7 @@ def _add_strain(group: Group) -> None:
             gauges.prepare(hand, run.guide)
         if not live:
             return gauges.table(hand, check=check)
-        for line in procedures.lines("strain") if run.settings.format == "table" else []:
+        for line in symptoms.lines("strain") if run.settings.format == "table" else []:
             run.guide.say(line)
         return gauges.stream(hand, rate=rate, count=count, duration=duration)
 
@@ -185,7 +185,7 @@ def _add_diagnose(group: Group) -> None:
         """
         from handctl.devices.barrett.care import diagnose as doctor
         from handctl.devices.barrett.care import trials
-        from handctl.devices.barrett.care.checks import Patient
+        from handctl.devices.barrett.care.diagnose import Patient
 
         if listed:
             return doctor.list_table()

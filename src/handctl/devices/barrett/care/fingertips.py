@@ -1,24 +1,40 @@
 """Where the fingertips are: positions of a hand, or given ones, through the kinematics (barrett §9.5, §9.6).
 
-Knows which parameters to read and how to show the result; the geometry is in `kinematics`. Reading moves nothing.
+Reading moves nothing. Angles in degrees, lengths in mm, in the frame of the palm's centre. The manual's closed form (Eq. 3)
+has three misprints; what stands here is the product of the four matrices of Table 9:
+
+    phi = r T1 - 90 j    a = T2 + P2    b = T3 + P3          r = -1 1 0, j = 1 1 -1 for F1 F2 F3
+    rho = A1 + A2 cos a + A3 cos(a+b) - D3 sin(a+b)
+    x = r AW + rho cos phi    y = rho sin phi    z = DW + A2 sin a + A3 sin(a+b) + D3 cos(a+b)
+
+One encoder count is one degree of the motor (§9.5, note).
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from math import cos, radians, sin
+from typing import NamedTuple
 
-from handctl.devices.barrett import kinematics
-from handctl.devices.barrett.care.sampling import moments
-from handctl.devices.barrett.conditions import NOT_HOMED
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.map import BARRETT, MOTORS, all_elements
+from handctl.devices.barrett.gcl.language import MOTORS
+from handctl.devices.barrett.map import BARRETT, FINGERS
+from handctl.devices.barrett.views import NOT_HOMED, live
 from handctl.errors import HandctlError, ProtocolError, UsageError
 from handctl.model.result import Cell, Column, Grid, Row, Table
-from handctl.model.sampling import Sampler
 
-FINGERS = MOTORS[:3]
 HIGHEST = 20000
 """Largest position that a GCL command takes (§5.2.1)."""
+AW, A1, A2, A3, DW, D3 = 25.0, 50.0, 70.0, 50.0, 84.0, 9.5
+"""Link lengths and offsets in mm (Table 8)."""
+PHI2, PHI3 = 2.46, 50.0
+"""Angles of the links in the zero position in degrees (Table 8)."""
+SIDES: dict[str, tuple[int, int]] = {"F1": (-1, 1), "F2": (1, 1), "F3": (0, -1)}
+"""Finger -> (r, j) of Table 9."""
+LIMITS = (180.0, 140.0, 48.0)
+"""Largest angles of the spread, the inner and the outer link without an object (§9.6)."""
+TOLERANCE = 0.4
+"""Degrees beyond an end that are still at it: 50 counts of a finger, the factory's MPE (§5.3.4)."""
 BEFORE, AFTER, ASSUMED = "before breakaway", "after breakaway", "assumed before breakaway"
 COLUMNS = (
     Column("name", "Name"),
@@ -50,6 +66,52 @@ def breakaways(texts: Sequence[str]) -> dict[str, int]:
     return found
 
 
+class Joints(NamedTuple):
+    """Joint angles of one finger in degrees: spread (1), inner link (2), outer link (3); 0 = spread and finger open."""
+
+    spread: float
+    inner: float
+    outer: float
+
+
+class Point(NamedTuple):
+    """A place in mm; z points out of the palm."""
+
+    x: float
+    y: float
+    z: float
+
+
+def joints(finger: str, position: float, spread: float, breakaway: float | None = None) -> Joints:
+    """Motor positions in counts -> joint angles (Eq. 4; Eq. 5 from `breakaway` on, the position where the clutch let go).
+
+    After breakaway the inner link stands and the outer one turns four times as fast. F3 does not spread.
+    """
+    turned = 0.0 if finger == "F3" else spread * 2 / 35
+    if breakaway is None:
+        return Joints(turned, position / 125, position / 375)
+    return Joints(turned, breakaway / 125, breakaway / 375 + (position - breakaway) * 4 / 375)
+
+
+def tip(finger: str, angles: Joints) -> Point:
+    """Joint angles -> the tip of `finger` (F1, F2 or F3)."""
+    r, j = SIDES[finger]
+    phi = radians(r * angles.spread - 90 * j)
+    a = radians(angles.inner + PHI2)
+    ab = a + radians(angles.outer + PHI3)
+    rho = A1 + A2 * cos(a) + A3 * cos(ab) - D3 * sin(ab)
+    return Point(r * AW + rho * cos(phi), rho * sin(phi), DW + A2 * sin(a) + A3 * sin(ab) + D3 * cos(ab))
+
+
+def beyond(angles: Joints, *, broken_away: bool) -> list[int]:
+    """Numbers of the joints outside 0 to their limit (§9.6). The outer link's does not hold after breakaway."""
+    return [
+        number
+        for number, (angle, limit) in enumerate(zip(angles, LIMITS, strict=True), 1)
+        if not (-TOLERANCE <= angle <= limit + TOLERANCE) and not (number == 3 and broken_away)
+    ]
+
+
 def rows_of(
     positions: Mapping[str, int], broken: Mapping[str, int | None], *, known: bool, lost: Collection[str] = ()
 ) -> list[Row]:
@@ -62,14 +124,14 @@ def rows_of(
     for finger in FINGERS:
         place = broken.get(finger)
         state = AFTER if place is not None else BEFORE if known else ASSUMED
-        angles = kinematics.joints(finger, positions[finger], positions["SPREAD"], place)
-        point = kinematics.tip(finger, angles)
+        angles = joints(finger, positions[finger], positions["SPREAD"], place)
+        point = tip(finger, angles)
         own = [finger] if finger in lost else []
         turned = ["SPREAD"] if "SPREAD" in lost and finger != "F3" else []  # the spread turns F1 and F2
-        outside = kinematics.beyond(angles, broken_away=place is not None)
+        outside = beyond(angles, broken_away=place is not None)
         rows.append(_row("position", finger, positions[finger], "cts", state, own) | {"parameter": "P"})
         for number, (name, angle) in enumerate(zip(JOINTS, angles, strict=True), 1):
-            more = {"limit": kinematics.LIMITS[number - 1], "beyond_limit": number in outside}
+            more = {"limit": LIMITS[number - 1], "beyond_limit": number in outside}
             rows.append(_row(name, finger, round(angle, 4), "°", state, own if number > 1 else turned) | more)
         # + 0.0: there is no minus zero
         rows += [
@@ -115,7 +177,7 @@ class Tips:
         if self._asked is None or now - self._asked >= 1.0:
             names.insert(1, "S")
         at: dict[str, dict[str, int]] = {name: {} for name in names}
-        for reading in self.hand.read(all_elements([BARRETT.by_mnemonic(name) for name in names])):
+        for reading in self.hand.read(BARRETT.elements(*names)):
             name, motor = self.hand.row(reading)["parameter"], str(reading.element.part)
             if reading.error is not None or reading.value is None:
                 if name in ("P", "S") or not _absent(reading.error):
@@ -161,12 +223,14 @@ def now(hand: BarrettHand) -> Table:
 
 def stream(hand: BarrettHand, *, rate: float, count: int | None, duration: float | None) -> Table:
     """Fingertips again and again."""
-    sampler = Sampler(hand.link, moments(Tips(hand).rows), rate=rate, count=count, duration=duration)
-    ranges = dict(zip(JOINTS, ((0.0, limit) for limit in kinematics.LIMITS), strict=True))
-    return Table(
+    ranges = dict(zip(JOINTS, ((0.0, limit) for limit in LIMITS), strict=True))
+    return live(
+        hand,
+        Tips(hand).rows,
+        rate=rate,
+        count=count,
+        duration=duration,
         columns=COLUMNS,
-        samples=sampler.samples(),
-        summary=sampler.summary,
         ranges=ranges | {"tip_x": (-REACH, REACH), "tip_y": (-REACH, REACH), "tip_z": (0.0, REACH)},
         decimals=dict.fromkeys((*JOINTS, *AXES), 1),
     )

@@ -1,12 +1,17 @@
-"""What counts as healthy: limits of the manual as verdicts (barrett §2, §5.3, §5.4, §7.3, §7.4). Pure; sends nothing."""
+"""What counts as healthy: limits of the manual as verdicts (barrett §2, §5.3, §5.4, §7.3, §7.4). Pure; sends nothing.
+
+And whether a motor can move now, without moving it (§5.3, §5.4, §5.5). What a movement command needs: electronics,
+initialization, a temperature below OTEMP, strain within its limits, a gain, an acceleration that the motor controller can
+follow, a velocity above friction, and a way between OT and CT.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from handctl.devices.barrett.gcl.language import explain_status, hint_for
-from handctl.devices.barrett.map import BARRETT, MOTORS, GclParam
+from handctl.devices.barrett.gcl.language import MOTORS, explain_status, hint_for
+from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, GclParam
 from handctl.model.result import Row
 from handctl.sentence import plural
 
@@ -17,7 +22,6 @@ WARM_TENTHS, LIMIT_TENTHS = 600, 650
 """Normal up to 60 °C, never above 65 °C (§2)."""
 NO_LOAD = (100, 140)
 """Strain reading without load (§7.4)."""
-NO_GAUGE = 255
 NOT_INITIALIZED = 4
 LEAST_VELOCITY = 40
 """Below it a motor may not overcome its friction (§8)."""
@@ -48,6 +52,11 @@ class Finding(NamedTuple):
         return {**self._asdict(), "remedy": self.remedy or None, "source": self.source or None}
 
 
+def verdict(check: str, source: str, good: str, wrong: str = "", remedy: str = "", status: str = WARNING) -> Finding:
+    """The outcome of a check that looks for one thing: what is `wrong` with its remedy, or else what is `good`."""
+    return Finding(check, status, wrong, remedy, source) if wrong else Finding(check, OK, good, source=source)
+
+
 def temperature(tenths: int) -> Finding:
     """The CPU board's temperature now."""
     text, cool = f"{tenths / 10:.1f} °C", "let it cool, and free the spread: `handctl barrett stop --motors S`"
@@ -60,16 +69,11 @@ def temperature(tenths: int) -> Finding:
 
 def peak(tenths: int) -> Finding:
     """The highest temperature of its life."""
-    if tenths >= LIMIT_TENTHS:
-        remedy = "set OTEMP between 600 and 650 and TSTOP to at most 30, and let the spread idle"
-        return Finding(
-            "peak_temperature",
-            WARNING,
-            f"{tenths / 10:.1f} °C was reached once, and the limit is 65 °C",
-            remedy,
-            "barrett §2",
-        )
-    return Finding("peak_temperature", OK, f"{tenths / 10:.1f} °C, limit 65 °C", source="barrett §5.4.2")
+    check, text = "peak_temperature", f"{tenths / 10:.1f} °C"
+    if tenths < LIMIT_TENTHS:
+        return Finding(check, OK, f"{text}, limit 65 °C", source="barrett §5.4.2")
+    remedy = "set OTEMP between 600 and 650 and TSTOP to at most 30, and let the spread idle"
+    return Finding(check, WARNING, f"{text} was reached once, and the limit is 65 °C", remedy, "barrett §2")
 
 
 def over_temperature_limit(tenths: int) -> Finding:
@@ -93,10 +97,8 @@ def motor_status(motor: str, code: int) -> Finding:
     check, source = f"status.{motor}", "barrett §5.1.3"
     if code == 0:
         return Finding(check, OK, "ready", source=source)
-    if code & ~(4 | 16 | 16384):
-        worst = code & ~(4 | 16 | 16384)
-        return Finding(check, FAIL, explain_status(code), hint_for(worst), source)
-    return Finding(check, WARNING, explain_status(code), hint_for(code), source)
+    worst = code & ~(4 | 16 | 16384)
+    return Finding(check, FAIL if worst else WARNING, explain_status(code), hint_for(worst or code), source)
 
 
 def no_load(readings: Mapping[str, Sequence[int]], *, check: str = "strain") -> list[Finding]:
@@ -176,3 +178,108 @@ def _advice(mnemonic: str, motor: str | None, value: int, default: int | None) -
         case "IVEL" | "IHIT" | "IOFF" | "TSTOP" if value != default:
             return f"{mnemonic} {value}: within its limit, but changed from {default}"
     return None
+
+
+# -- can it move now? -------------------------------------------------------------------------------------------------
+
+
+At = Mapping[tuple[str, str | None], int]
+SOURCE = "barrett §5.3, §5.5"
+
+
+class Reason(NamedTuple):
+    """Why a motor does not move, or not as it should: what is seen, the setting that mends it, whether it stands."""
+
+    text: str
+    remedy: str
+    stands: bool = True
+
+
+def can_move(motor: str, at: At) -> Finding:
+    """The forecast of one motor: ok with what it still needs, a warning for half of it, a fail where it will stand."""
+    reasons = [*_state(motor, at), *_heat(at), *_strain(motor, at), *_drive(motor, at), *_way(motor, at)]
+    check = f"can_move.{motor}"
+    if not reasons:
+        return Finding(check, OK, "yes, after HI" if at["S", motor] & 4 else "yes", source=SOURCE)
+    stands = any(reason.stands for reason in reasons)
+    text = "; ".join(reason.text for reason in reasons)
+    remedy = "; ".join(dict.fromkeys(reason.remedy for reason in reasons))
+    return Finding(check, FAIL if stands else WARNING, f"{'no' if stands else 'in part'}: {text}", remedy, SOURCE)
+
+
+def forecast(at: At) -> list[Finding]:
+    """All motors; one row when all of them can."""
+    found = [can_move(motor, at) for motor in MOTORS]
+    if len({finding.evidence for finding in found}) == 1 and found[0].status == OK:
+        return [found[0]._replace(check="can_move", evidence=f"all motors: {found[0].evidence}")]
+    return found
+
+
+def _back(motor: str | None, *names: str) -> str:
+    """The command that puts settings back to the factory's."""
+    index = MOTORS.index(motor) if motor else 0
+    words = [f"{name}{f'.{motor}' if motor else ''}={BARRETT.by_mnemonic(name).default_of(index)}" for name in names]
+    return f"`handctl barrett set {' '.join(words)}`"
+
+
+def _state(motor: str, at: At) -> list[Reason]:
+    status = at["S", motor]
+    found = []
+    if status & 3:
+        what = "motor board" if status & 1 else "motor"
+        found.append(Reason(f"no {what} found (S {status})", "power-cycle the hand, then ask the vendor"))
+    if at["EN", motor] == 0:
+        text = "EN 0: it moves only if it is named (--motors)"
+        found.append(Reason(text, _back(motor, "EN"), stands=False))
+    return found
+
+
+def _heat(at: At) -> list[Reason]:
+    limit, now = at["OTEMP", None], at["TEMP", None]
+    if not 0 < limit < now:
+        return []
+    if limit < 300:
+        meant = f", {limit}.0 °C is OTEMP={limit * 10}" if limit * 10 <= 650 else ""
+        return [Reason(f"OTEMP {limit / 10:.1f} °C and the temperature {now / 10:.1f} °C: the setting is wrong, not the temperature{meant}", "`handctl barrett set OTEMP=650`")]  # fmt: skip
+    return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", "let it cool, and free the spread: `handctl barrett stop --motors S`")]  # fmt: skip
+
+
+def _strain(motor: str, at: At) -> list[Reason]:
+    now, low, high = at["SG", motor], at["LSG", motor], at["HSG", motor]
+    if min(low, high) >= OFF:
+        return []
+    if now == NO_GAUGE:
+        return [Reason(f"no strain gauge, but limits LSG {low} and HSG {high}", _back(motor, "HSG", "LSG"))]
+    if (high < OFF and now >= high) or (low < OFF and now <= low):
+        limits = f"LSG {low if low < OFF else 'off'}, HSG {high if high < OFF else 'off'}"
+        return [Reason(f"SG {now} is beyond {limits}: a movement ends at once", _back(motor, "HSG", "LSG"))]
+    return []
+
+
+def _drive(motor: str, at: At) -> list[Reason]:
+    found = []
+    slowest = min(at["MOV", motor], at["MCV", motor])
+    if at["FPG", motor] == 0:
+        found.append(Reason("FPG 0: no gain, so no torque", _back(motor, "FPG")))
+    if at["ACCEL", motor] == 0:
+        found.append(Reason("ACCEL 0: it never accelerates", _back(motor, "ACCEL")))
+    elif at["ACCEL", motor] >= 16 * slowest:  # 1/256 and 1/16 count: a ramp that is shorter than one sample
+        text = f"ACCEL {at['ACCEL', motor]} reaches full speed within one sample, which the motor cannot follow"
+        found.append(Reason(text, _back(motor, "ACCEL")))
+    if slowest < LEAST_VELOCITY:
+        name = "MOV" if at["MOV", motor] == slowest else "MCV"
+        text = f"{name} {slowest}: below {LEAST_VELOCITY} it may not overcome its friction"
+        found.append(Reason(text, _back(motor, name), stands=False))
+    if at["TSTOP", motor] == 0:
+        found.append(Reason("TSTOP 0: it counts as stalled immediately", _back(motor, "TSTOP"), stands=False))
+    return found
+
+
+def _way(motor: str, at: At) -> list[Reason]:
+    opened, closed, near = at["OT", motor], at["CT", motor], at["MPE", motor]
+    if opened >= closed:
+        return [Reason(f"OT {opened} is not below CT {closed}: O closes, C opens", _back(motor, "OT", "CT"))]
+    if closed - opened <= near:
+        text = f"OT {opened} and CT {closed} are within MPE {near}, so it has nowhere to go"
+        return [Reason(text, _back(motor, "OT", "CT", "MPE"))]
+    return []

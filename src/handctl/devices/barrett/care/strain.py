@@ -5,20 +5,19 @@ A reading is without load only when the fingers stand open at their stops; `prep
 
 from __future__ import annotations
 
+from functools import partial
+
 from handctl.devices.barrett import motion
-from handctl.devices.barrett.care import health, procedures
-from handctl.devices.barrett.care.sampling import moments
+from handctl.devices.barrett.care import health, symptoms
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.language import MOTORS
-from handctl.devices.barrett.map import BARRETT
+from handctl.devices.barrett.map import FINGERS, NO_GAUGE
+from handctl.devices.barrett.views import live
 from handctl.errors import CheckFailed
 from handctl.model.guide import Guide
 from handctl.model.moving import ANY
-from handctl.model.param import Element, Step
+from handctl.model.param import Step
 from handctl.model.result import Cell, Column, Grid, Row, Table
-from handctl.model.sampling import Sampler
 
-FINGERS = MOTORS[:3]
 READINGS = 20
 OPEN_WITHIN = 250
 """Counts from the open target that count as open: two degrees of the inner link."""
@@ -56,28 +55,19 @@ def _raise_failure(table: Table) -> None:
         raise table.failure
 
 
-def _read(hand: BarrettHand, *names: str) -> dict[tuple[str, str], int]:
-    at = {}
-    elements = [Element(BARRETT.by_mnemonic(name), index) for name in names for index in range(3)]
-    for reading in hand.read(elements):
-        if reading.error is not None:
-            raise reading.error
-        at[(str(hand.row(reading)["parameter"]), str(reading.element.part))] = int(reading.value or 0)
-    return at
-
-
 def measure(hand: BarrettHand, count: int = READINGS) -> dict[str, list[int]]:
     """`count` readings of SG per finger, one line each."""
     readings: dict[str, list[int]] = {finger: [] for finger in FINGERS}
     for _ in range(count):
-        for (_, finger), value in _read(hand, "SG").items():
-            readings[finger].append(value)
+        at = hand.by_name("SG", motors=range(3))
+        for finger, found in readings.items():
+            found.append(at["SG", finger])
     return readings
 
 
 def loaded_fingers(hand: BarrettHand) -> list[str]:
     """Why each finger's reading may not be without load: not initialized, or not open. Also warns of SGFLIP."""
-    at = _read(hand, "P", "S", "OT", "SGFLIP")
+    at = hand.by_name("P", "S", "OT", "SGFLIP", motors=range(3))
     flipped = [finger for finger in FINGERS if at["SGFLIP", finger]]
     if flipped:
         hand.journal.warn(
@@ -163,7 +153,7 @@ def view(rows: list[Row]) -> list[Grid]:
         notes.append(f"{rows[0]['evidence']} ({rows[0]['source']})")
     notes += [f"{row['motor']}: {row['remedy']} ({row['source']})" for row in rows if row["remedy"]]
     if any(row["status"] == health.WARNING for row in rows):
-        notes += procedures.lines("strain")
+        notes += symptoms.lines("strain")
     headings = ("Finger", "Mean", "Min", "Max", "No load", "Status")
     return [Grid(headings, lines, right=frozenset({1, 2, 3}), notes=tuple(notes))]
 
@@ -171,37 +161,32 @@ def view(rows: list[Row]) -> list[Grid]:
 # -- adjusting ----------------------------------------------------------------------------------------------------
 
 
-class _Adjusting:
-    """Rows of each moment: the reading, and how far it is outside the window."""
-
-    def __init__(self, hand: BarrettHand) -> None:
-        self._hand = hand
-
-    def rows(self) -> list[Row]:
-        at = _read(self._hand, "SG")
-        rows: list[Row] = [
-            {
-                "name": "strain",
-                "parameter": "SG",
-                "motor": finger,
-                "value": at["SG", finger],
-                "unit": None,
-                "doubt": "no gauge" if at["SG", finger] == health.NO_GAUGE else None,
-            }
-            for finger in FINGERS
-        ]
-        for finger in FINGERS:
-            outside, label = beside(at["SG", finger])
-            rows.append(
-                {"name": "beside_window", "parameter": "SG", "motor": finger, "value": outside, "unit": None, "label": label}
-            )  # fmt: skip
-        return rows
+def _adjusting(hand: BarrettHand) -> list[Row]:
+    """Rows of a moment: the reading, and how far it is outside the window."""
+    at = hand.by_name("SG", motors=range(3))
+    rows: list[Row] = [
+        {
+            "name": "strain",
+            "parameter": "SG",
+            "motor": finger,
+            "value": at["SG", finger],
+            "unit": None,
+            "doubt": "no gauge" if at["SG", finger] == NO_GAUGE else None,
+        }
+        for finger in FINGERS
+    ]
+    for finger in FINGERS:
+        outside, label = beside(at["SG", finger])
+        rows.append(
+            {"name": "beside_window", "parameter": "SG", "motor": finger, "value": outside, "unit": None, "label": label}
+        )  # fmt: skip
+    return rows
 
 
 def beside(value: int) -> tuple[int | None, str]:
     """How far a reading is outside 100 to 140, signed, and in words; None without a gauge."""
     low, high = health.NO_LOAD
-    if value == health.NO_GAUGE:
+    if value == NO_GAUGE:
         return None, "no gauge"
     if value > high:
         return value - high, f"{value - high} above 140"
@@ -213,12 +198,14 @@ def beside(value: int) -> tuple[int | None, str]:
 def stream(hand: BarrettHand, *, rate: float, count: int | None, duration: float | None) -> Table:
     """Readings again and again: the bar's ends are 100 and 140, half full is the middle of the window."""
     warn_if_loaded(hand)
-    sampler = Sampler(hand.link, moments(_Adjusting(hand).rows), rate=rate, count=count, duration=duration)
     low, high = health.NO_LOAD
-    return Table(
+    return live(
+        hand,
+        partial(_adjusting, hand),
+        rate=rate,
+        count=count,
+        duration=duration,
         columns=(*hand.columns[:5], Column("label", "Window")),
-        samples=sampler.samples(),
-        summary=sampler.summary,
         ranges={"strain": (float(low), float(high))},
         flags=frozenset({"beside_window"}),
     )

@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 from handctl.devices.barrett import motion
 from handctl.devices.barrett.care import health
-from handctl.devices.barrett.care.checks import Patient
+from handctl.devices.barrett.care.diagnose import Patient
 from handctl.devices.barrett.care.health import FAIL, OK, SKIPPED, WARNING, Finding
 from handctl.devices.barrett.gcl.language import motors_of
+from handctl.devices.barrett.map import NO_GAUGE, TRAVEL, sample_seconds
 from handctl.errors import HandctlError
 from handctl.model.guide import Guide
 from handctl.model.moving import ANY, REACHED
@@ -66,10 +67,9 @@ def initialize(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
     found = []
     for row in table.rows:
         check, code = f"initialize.{row['motor']}", row["status"]
-        if code == 0:
-            found.append(Finding(check, OK, f"ready at {row['value']}", source="barrett §5.2.1"))
-        else:
-            found.append(health.motor_status(row["motor"], code or 0)._replace(check=check, status=FAIL))
+        good = Finding(check, OK, f"ready at {row['value']}", source="barrett §5.2.1")
+        bad = health.motor_status(row["motor"], code or 0)._replace(check=check, status=FAIL)
+        found.append(good if code == 0 else bad)
     return found
 
 
@@ -78,10 +78,9 @@ def _to_target(check: str, name: str, blocked: str) -> Callable[[Patient, str, G
         found = []
         for row in _moved(patient, digits, name, None, guide):
             evidence = f"at {row['value']} of {row['target']}: {row['ended']}"
-            if row["arrival"] == REACHED:
-                found.append(Finding(f"{check}.{row['motor']}", OK, evidence, source="barrett §5.5"))
-            else:
-                found.append(Finding(f"{check}.{row['motor']}", FAIL, evidence, blocked, "barrett §8, §5.5"))
+            good = Finding(f"{check}.{row['motor']}", OK, evidence, source="barrett §5.5")
+            bad = good._replace(status=FAIL, remedy=blocked, source="barrett §8, §5.5")
+            found.append(good if row["arrival"] == REACHED else bad)
         return found
 
     return run
@@ -102,9 +101,8 @@ def direction(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
             remedy = "`handctl barrett init` (encoder feedback). If it happens again, send the hand for service"
             found.append(Finding(check, FAIL, f"{evidence}: the wrong way", remedy, source))
         elif closed == start and opened == closed:
-            found.append(
-                Finding(check, WARNING, f"{evidence}: it did not move", "check that nothing is in its way", source)
-            )
+            still = f"{evidence}: it did not move"
+            found.append(Finding(check, WARNING, still, "check that nothing is in its way", source))
         else:
             found.append(Finding(check, OK, evidence, source=source))
     return found
@@ -123,15 +121,13 @@ def strain_curve(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
     width = health.NO_LOAD[1] - health.NO_LOAD[0]
     for motor, values in seen.items():
         check, source = f"strain_curve.{motor}", "barrett §8, §9.4"
-        if not values or set(values) == {health.NO_GAUGE}:
+        if not values or set(values) == {NO_GAUGE}:
             found.append(Finding(check, SKIPPED, "no strain gauge", source=source))
             continue
         evidence = f"{min(values)} to {max(values)} in {plural(len(values), 'step')} of {STEP_COUNTS} counts"
-        if max(values) - min(values) > width:
-            remedy = "if nothing touched it, check the pretension (§7.1), the potentiometer (§7.4) and the idler pulley (Figure 18)"
-            found.append(Finding(check, WARNING, f"{evidence}: more than {width} in free air", remedy, source))
-        else:
-            found.append(Finding(check, OK, evidence, source=source))
+        wrong = f"{evidence}: more than {width} in free air" if max(values) - min(values) > width else ""
+        remedy = "if nothing touched it, check the pretension (§7.1), the potentiometer (§7.4) and the idler pulley (Figure 18)"
+        found.append(health.verdict(check, source, evidence, wrong, remedy))
     return found
 
 
@@ -145,10 +141,9 @@ def torque_speed(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
         speeds[motor] = abs(patient.read("P")["P", motor] - before) / seconds
         _moved(patient, digit, "O", None, guide)
     evidence = ", ".join(f"{motor} {speed:.0f}" for motor, speed in speeds.items()) + " counts a second"
-    if max(speeds.values()) > UNEVEN * min(speeds.values()):
-        remedy = "grease the slow finger (§7.3), or compensate with MCV or FPG"
-        return [Finding("torque_speed", WARNING, evidence, remedy, "barrett §8")]
-    return [Finding("torque_speed", OK, evidence, source="barrett §8")]
+    wrong = evidence if max(speeds.values()) > UNEVEN * min(speeds.values()) else ""
+    remedy = "grease the slow finger (§7.3), or compensate with MCV or FPG"
+    return [health.verdict("torque_speed", "barrett §8", evidence, wrong, remedy)]
 
 
 def spread_time(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
@@ -158,9 +153,8 @@ def spread_time(patient: Patient, digits: str, guide: Guide) -> list[Finding]:
     found = []
     for text, velocity in (("4C", "MCV"), ("4O", "MOV")):
         seconds = _timed(patient, text, guide)
-        # 1/16 count a sample of 16 (SAMPLE + 1) / 2 MHz (dossier 13)
-        sample = 16 * (patient.values["SAMPLE", "SPREAD"] + 1) / 2e6
-        usual = motion.USUAL["spread"] * 16 / max(1, patient.values[velocity, "SPREAD"]) * sample
+        samples = TRAVEL[1] * 16 / max(1, patient.values[velocity, "SPREAD"])  # 1/16 count a sample
+        usual = samples * sample_seconds(patient.values["SAMPLE", "SPREAD"])
         evidence = f"{text}: {seconds:.2f} s, about {usual:.2f} s at {velocity} {patient.values[velocity, 'SPREAD']}"
         if seconds > 2 * usual + 0.4:
             found.append(Finding("spread_time", WARNING, evidence, "grease the spread's gears", "barrett §7.3, §8"))

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 from handctl.devices.barrett import hostfile
 from handctl.devices.barrett.care import health
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.map import BARRETT, MOTORS, all_elements
+from handctl.devices.barrett.gcl.language import MOTORS
+from handctl.devices.barrett.map import FINGERS
 from handctl.devices.barrett.views import STROKE
 from handctl.errors import CheckFailed, UsageError
 from handctl.files import state_path
@@ -32,7 +33,6 @@ class GreasePoint(NamedTuple):
     source: str
 
 
-FINGERS = MOTORS[:3]
 POINTS = (
     GreasePoint("worm", "finger worm gears", FINGERS, "barrett §7.3, Figure 11"),
     GreasePoint("spur", "finger spur gears", FINGERS, "barrett §7.3 steps 1 to 9 (finger off)"),
@@ -84,12 +84,7 @@ class Care:
     """What one hand and the journal say about its care, read once."""
 
     def __init__(self, hand: BarrettHand, *, simulated: bool, name: str = "") -> None:
-        wanted = [BARRETT.by_mnemonic(mnemonic) for mnemonic in ("OD", "TEMP", "PTEMP", "OTEMP", "UPSECS", "SN")]
-        self.at: dict[tuple[str, str | None], int] = {}
-        for reading in hand.read(all_elements(wanted)):
-            if reading.error is not None:
-                raise reading.error
-            self.at[(hand.row(reading)["parameter"], reading.element.part)] = int(reading.value or 0)
+        self.at = hand.by_name("OD", "TEMP", "PTEMP", "OTEMP", "UPSECS", "SN")
         self._hand = hand
         self._path = state_path(FILE)
         self._journal = hostfile.load(self._path, WHAT, _whole)
@@ -141,15 +136,11 @@ class Care:
         left = int(health.LUBRICATION - since)
         never = WHOSE if self.ambiguous else NEVER
         when = f"greased {entry['date']}" if entry is not None else never
-        return {
-            "name": f"lubrication_{point.name.replace('-', '_')}",
-            "parameter": "OD",
-            "motor": motor,
-            "value": int(since),
-            "unit": "strokes",
-            "status": health.due(since),
-            "label": f"{when}; {f'due in {left}' if left >= 0 else f'overdue by {-left}'}",
-            "source": point.source,
+        name, label = (
+            f"lubrication_{point.name.replace('-', '_')}",
+            f"due in {left}" if left >= 0 else f"overdue by {-left}",
+        )
+        return _row(name, "OD", motor, int(since), "strokes", health.due(since), f"{when}; {label}", point.source) | {
             "point": f"{point.name}.{motor}",
             "title": point.title,
             "due_at": health.LUBRICATION,

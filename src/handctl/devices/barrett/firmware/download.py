@@ -13,7 +13,7 @@ from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.firmware.records import READY, SELECT, TRIGGER, Transfer
 from handctl.devices.barrett.firmware.srecord import Firmware
 from handctl.devices.barrett.gcl.language import BANNER, CR, PROMPT, has_prompt
-from handctl.devices.barrett.map import BARRETT, all_elements
+from handctl.devices.barrett.map import BARRETT
 from handctl.errors import CheckFailed, HandctlError, Interrupted, Left, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink
 from handctl.model.guide import Guide, Presses
@@ -313,7 +313,7 @@ class Loader:
             if send:
                 link.write(send, link.deadline(1.0))
             self._guide.progress("Waiting for the new firmware.", KEEP_ON)
-            came = line.collect(seconds)
+            came = line.until_prompt(seconds)
             heard += came
             if has_prompt(came):
                 break
@@ -339,7 +339,7 @@ class Loader:
             while not deadline.expired and not link.read(link.deadline(1.0)):
                 self._guide.progress(f"Waiting for a power cycle, {deadline.remaining:.0f} s left.")
             self._guide.done()
-        line.collect(PROMPT_SECONDS)  # the monitor's window must be over before a byte is sent
+        line.until_prompt(PROMPT_SECONDS)  # the monitor's window must be over before a byte is sent
         try:
             line.reconnect()
         except (NoAnswer, ProtocolError) as exc:
@@ -347,7 +347,7 @@ class Loader:
             raise exc.retold(text, hint=f"{CYCLE} Then run `handctl barrett version`", code="not-alive") from exc
 
     def _verdict(self, before: str, after: str) -> Download:
-        readings = self.hand.read(all_elements([BARRETT.by_mnemonic(name) for name in ("S", "SN", "OTEMP", "BAUD")]))
+        readings = self.hand.read(BARRETT.elements("S", "SN", "OTEMP", "BAUD"))
         rows: list[Row] = [
             _row("file", self.firmware.name),
             _row("sha256", self.firmware.sha256),

@@ -9,8 +9,7 @@ triggers are not checked; whether a hand echoes them is found out with the first
 
 from __future__ import annotations
 
-from typing import Protocol
-
+from handctl.devices.barrett.firmware.srecord import Record
 from handctl.errors import ProtocolError
 
 SELECT = b"X"
@@ -20,19 +19,6 @@ WINDOWS = (1, 4)
 """Bytes sent ahead of their echo: 1 as the reference; up to 2 nothing can be lost, 4 is an assumption (dossier 7.7)."""
 
 
-class RecordLike(Protocol):
-    """An address and 1 to 255 data bytes."""
-
-    @property
-    def address(self) -> int: ...
-    @property
-    def data(self) -> bytes: ...
-
-
-class EchoError(ProtocolError):
-    """An echo that differs, or one too many."""
-
-
 class Transfer:
     """One record on its way: `take` gives what may be sent now, `feed` checks what came back.
 
@@ -40,7 +26,7 @@ class Transfer:
     triggers_echo   whether the monitor echoes the FF triggers too
     """
 
-    def __init__(self, record: RecordLike, *, window: int = 1, triggers_echo: bool = False) -> None:
+    def __init__(self, record: Record, *, window: int = 1, triggers_echo: bool = False) -> None:
         head = bytes((record.address & 0xFF, record.address >> 8, len(record.data)))
         self._groups = [head, bytes(record.data)]
         self._address = record.address
@@ -93,12 +79,14 @@ class Transfer:
         return out
 
     def feed(self, data: bytes) -> None:
-        """Check echoes. Raises EchoError naming the address, what was sent and what came."""
+        """Check echoes. Raises ProtocolError naming the address, what was sent and what came."""
         for byte in data:
             if self._echoed >= self._sent:
-                raise EchoError(f"at {self.where}: {byte:02X} arrived although nothing was expected", code="extra-byte")
+                raise ProtocolError(
+                    f"at {self.where}: {byte:02X} arrived although nothing was expected", code="extra-byte"
+                )
             if byte != self.awaited:
-                raise EchoError(f"at {self.where}: sent {self.awaited:02X}, received {byte:02X}", code="wrong-echo")
+                raise ProtocolError(f"at {self.where}: sent {self.awaited:02X}, received {byte:02X}", code="wrong-echo")
             self._echoed += 1
             if self._echoed == len(self._bytes) and self._groups:
                 self._in_data = True

@@ -75,6 +75,8 @@ STATES = {
 }
 FILLING = (FILLED_FIRST, FILLED, LEAVING)
 """What is seen there was asked with FILL."""
+SAME_SPEED = (*FILLING, SILENT, BOOTING, CONFIRMED, RESTARTED)
+"""The port keeps the speed of the state before."""
 READY, MONITOR, WIRE, NOBODY, GARBAGE = "ready", "monitor", "wire", "nobody", "garbage"
 ENDS = {
     READY: "connected",
@@ -113,116 +115,58 @@ RESTARTED_TEXT = "the hand restarted because of its power or its cable, and need
 SILENCE = "check the hand's power supply, then the serial cable (straight-through, 9 pins), then the port. A hand that was off for more than a day or two may have lost its firmware and does not reply: load it again"
 MONITOR_TEXT = "boot monitor: no firmware, or just switched on"
 
-_ANSWERED = (
-    (PROMPT, READY, SEND_NOTHING, ""),
-    (LATE, READY, SEND_NOTHING, BUSY),
-    (LOOP, READY, SEND_NOTHING, IN_LOOP),
-    (RESTART, READY, SEND_NOTHING, RESTARTED_TEXT),
-    (BANNER_ONLY, RESTARTED, SEND_NOTHING, RESTARTED_TEXT),
-)
+SENDS = {
+    **dict.fromkeys((ASKED, CONFIRMED, ELSEWHERE, AGAIN), ASK),
+    **dict.fromkeys((FILLED_FIRST, FILLED), REST),
+    LEAVING: ABORTS,
+    ECHOED: LOOP_TEST,
+}
+"""State -> what is sent on the way there."""
+TELLS = {LATE: BUSY, LOOP: IN_LOOP, RESTART: RESTARTED_TEXT, BANNER_ONLY: RESTARTED_TEXT}
+"""What is seen -> what that says of the hand, unless it has lain there since the port was opened."""
 
 
-def _rows(state: str, *rest: tuple[str, str, str, str]) -> tuple[Row, ...]:
-    """The rows of a state in which a prompt is an answer."""
-    rows = tuple(Row(state, *row) for row in (*_ANSWERED, *rest))
-    return tuple(row._replace(said=IN_BLOCK) if row.seen == LOOP and state in FILLING else row for row in rows)
+def _met(colon: str, echo: str, other: str, nothing: str) -> dict[str, str]:
+    """The next states of one in which a prompt is an answer."""
+    known = {**dict.fromkeys((PROMPT, LATE, LOOP, RESTART), READY), BANNER_ONLY: RESTARTED}
+    return {**known, COLON: colon, ECHO: echo, BYTES: other, NOTHING: nothing}
 
 
-TABLE: tuple[Row, ...] = (
-    Row(OPENED, NOTHING, ASKED, ASK),
-    Row(OPENED, PROMPT, ASKED, ASK),
-    Row(OPENED, LATE, ASKED, ASK),
-    Row(OPENED, LOOP, ASKED, ASK),
-    Row(OPENED, RESTART, ASKED, ASK, RESTARTED_TEXT),
-    Row(OPENED, BANNER_ONLY, RESTARTED, SEND_NOTHING, RESTARTED_TEXT),
-    Row(OPENED, COLON, BOOTING),
-    Row(OPENED, ECHO, ASKED, ASK),
-    Row(OPENED, BYTES, ASKED, ASK),
-    *_rows(
-        REMEMBERED,
-        (COLON, ASKED, ASK, ""),
-        (ECHO, ASKED, ASK, ""),
-        (BYTES, FILLED_FIRST, REST, ""),
-        (NOTHING, FILLED_FIRST, REST, ""),
-    ),
-    *_rows(
-        FILLED_FIRST,
-        (COLON, ASKED, ASK, ""),
-        (ECHO, ASKED, ASK, ""),
-        (BYTES, ASKED, ASK, ""),
-        (NOTHING, ASKED, ASK, ""),
-    ),
-    *_rows(
-        ASKED,
-        (COLON, BOOTING, SEND_NOTHING, ""),
-        (ECHO, ECHOED, LOOP_TEST, ""),
-        (BYTES, LEAVING, ABORTS, ""),
-        (NOTHING, FILLED, REST, ""),
-    ),
-    *_rows(
-        FILLED,
-        (COLON, BOOTING, SEND_NOTHING, ""),
-        (ECHO, ECHOED, LOOP_TEST, ""),
-        (BYTES, LEAVING, ABORTS, ""),
-        (NOTHING, SILENT, SEND_NOTHING, ""),
-    ),
-    *_rows(
-        SILENT,
-        (COLON, BOOTING, SEND_NOTHING, ""),
-        (ECHO, ECHOED, LOOP_TEST, ""),
-        (BYTES, ELSEWHERE, ASK, ""),
-        (NOTHING, ELSEWHERE, ASK, ""),
-    ),
-    *_rows(
-        BOOTING,
-        (COLON, CONFIRMED, ASK, ""),
-        (ECHO, MONITOR, SEND_NOTHING, MONITOR_TEXT),
-        (BYTES, ELSEWHERE, ASK, "its firmware has started at another speed"),
-        (NOTHING, CONFIRMED, ASK, ""),
-    ),
-    *_rows(
-        CONFIRMED,
-        (COLON, MONITOR, SEND_NOTHING, MONITOR_TEXT),
-        (ECHO, MONITOR, SEND_NOTHING, MONITOR_TEXT),
-        (BYTES, GARBAGE, SEND_NOTHING, ""),
-        (NOTHING, MONITOR, SEND_NOTHING, MONITOR_TEXT),
-    ),
-    *(
-        row._replace(next=AGAIN, send=ASK) if row.seen == BANNER_ONLY else row
-        for row in _rows(
-            RESTARTED,
-            (COLON, BOOTING, SEND_NOTHING, ""),
-            (ECHO, ASKED, ASK, ""),
-            (BYTES, ASKED, ASK, ""),
-            (NOTHING, ASKED, ASK, ""),
-        )
-    ),
-    *_rows(
-        LEAVING,
-        (COLON, BOOTING, SEND_NOTHING, ""),
-        (ECHO, ECHOED, LOOP_TEST, ""),
-        (BYTES, ELSEWHERE, ASK, ""),
-        (NOTHING, ELSEWHERE, ASK, ""),
-    ),
-    Row(ECHOED, ECHO, WIRE),
-    Row(ECHOED, NOTHING, MONITOR, SEND_NOTHING, MONITOR_TEXT),
-    *_rows(
-        ELSEWHERE,
-        (COLON, ELSEWHERE, ASK, ""),
-        (ECHO, ELSEWHERE, ASK, ""),
-        (BYTES, ELSEWHERE, ASK, ""),
-        (NOTHING, ELSEWHERE, ASK, ""),
-    ),
-    *(
-        row._replace(said=BUSY) if row.seen == PROMPT else row
-        for row in _rows(
-            AGAIN,
-            (COLON, BOOTING, SEND_NOTHING, ""),
-            (ECHO, GARBAGE, SEND_NOTHING, ""),
-            (BYTES, ASKED, ASK, ""),
-            (NOTHING, ASKED, ASK, ""),
-        )
-    ),
+NEXT: dict[str, dict[str, str]] = {
+    OPENED: {
+        **dict.fromkeys((NOTHING, PROMPT, LATE, LOOP, RESTART), ASKED),
+        BANNER_ONLY: RESTARTED,
+        COLON: BOOTING,
+        **dict.fromkeys((ECHO, BYTES), ASKED),
+    },
+    REMEMBERED: _met(ASKED, ASKED, FILLED_FIRST, FILLED_FIRST),
+    FILLED_FIRST: _met(ASKED, ASKED, ASKED, ASKED),
+    ASKED: _met(BOOTING, ECHOED, LEAVING, FILLED),
+    FILLED: _met(BOOTING, ECHOED, LEAVING, SILENT),
+    SILENT: _met(BOOTING, ECHOED, ELSEWHERE, ELSEWHERE),
+    BOOTING: _met(CONFIRMED, MONITOR, ELSEWHERE, CONFIRMED),
+    CONFIRMED: _met(MONITOR, MONITOR, GARBAGE, MONITOR),
+    RESTARTED: _met(BOOTING, ASKED, ASKED, ASKED) | {BANNER_ONLY: AGAIN},
+    LEAVING: _met(BOOTING, ECHOED, ELSEWHERE, ELSEWHERE),
+    ECHOED: {ECHO: WIRE, NOTHING: MONITOR},
+    ELSEWHERE: _met(ELSEWHERE, ELSEWHERE, ELSEWHERE, ELSEWHERE),
+    AGAIN: _met(BOOTING, GARBAGE, ASKED, ASKED),
+}
+
+
+def _said(state: str, seen: str) -> str:
+    special = {(AGAIN, PROMPT): BUSY, (BOOTING, BYTES): "its firmware has started at another speed"}
+    if NEXT[state][seen] == MONITOR:
+        return MONITOR_TEXT
+    if seen == LOOP and state in FILLING:
+        return IN_BLOCK
+    return special.get((state, seen), "" if state == OPENED and seen in (LATE, LOOP) else TELLS.get(seen, ""))
+
+
+TABLE = tuple(
+    Row(state, seen, after, SENDS.get(after, SEND_NOTHING), _said(state, seen))
+    for state, row in NEXT.items()
+    for seen, after in row.items()
 )
 """Behind the last of the other speeds ELSEWHERE is AGAIN; NOBODY is GARBAGE when bytes came before. ASKED behind AGAIN is only for
 a firmware that may have started meanwhile, once: 9600 was silent for 3 s and bytes came only then; else it is NOBODY. Any other

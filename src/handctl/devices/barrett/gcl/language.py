@@ -6,10 +6,15 @@
 Every character is echoed, the CR is answered by LF CR, an answer ends with the prompt "=> " on a line of its own.
 An error is a sum of powers of two, printed before the prompt (§5.1.3, T3). The manual writes CRLF; hands send LF CR;
 both are accepted, and the prompt with or without its space.
+
+The commands (§5.2): what each takes, how long it may last, what it does. What is so of
+all commands of a kind stands in KINDS.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import lru_cache
 from typing import NamedTuple
 
 from handctl.errors import ProtocolError, UsageError
@@ -50,6 +55,118 @@ ERRORS: dict[int, tuple[str, str]] = {
     16384: ("Cntl-C abort command received", "nothing to do: this is normal after ^C"),
 }
 """barrett §5.1.3, T3: code -> (the manual's wording, next step)."""
+
+
+class Command(NamedTuple):
+    """One GCL command. `argument` is (lowest, highest) of an optional number, None where it takes none."""
+
+    name: str
+    prefix: bool
+    kind: str
+    doc: str
+    source: str
+    argument: tuple[int, int] | None = None
+
+
+_TRAVEL = (0, 20000)
+
+COMMANDS: dict[str, Command] = {
+    command.name: command
+    for command in (
+        Command("C", True, "motion", "close to CT (spread: F1 and F2 move next to F3)", "barrett §5.2.1"),
+        Command("HI", True, "init", "initialize: find the open stop (must be the first movement)", "barrett §5.2.1"),
+        Command("HOME", True, "motion", "move to 0", "barrett §5.2.1"),
+        Command("IC", True, "motion", "close by a distance (default: DS)", "barrett §5.2.1", _TRAVEL),
+        Command("IO", True, "motion", "open by a distance (default: DS)", "barrett §5.2.1", _TRAVEL),
+        Command("LOOP", True, "loop", "enter RealTime", "barrett §5.2.1, §6"),
+        Command("M", True, "motion", "move to a position (default: DP)", "barrett §5.2.1", _TRAVEL),
+        Command("O", True, "motion", "open to OT", "barrett §5.2.1"),
+        Command("T", True, "set", "motor power off", "barrett §5.2.1"),
+        Command("TC", True, "motion", "close under torque control until it stalls", "barrett §5.2.1"),
+        Command("TO", True, "motion", "open under torque control until it stalls", "barrett §5.2.1"),
+        Command("FSET", True, "set", "set motor parameters in RAM: NAME VALUE pairs", "barrett §5.2.2"),
+        Command("FGET", True, "query", "read motor parameters", "barrett §5.2.2"),
+        Command("FLOAD", True, "set", "motor parameters from EEPROM to RAM", "barrett §5.2.2"),
+        Command("FSAVE", True, "save", "motor parameters from RAM to EEPROM (at most 5,000 times)", "barrett §5.2.2"),
+        Command("FDEF", True, "set", "motor parameters to factory values, in RAM", "barrett §5.2.2"),
+        Command("FLIST", False, "query", "standard motor parameters", "barrett §5.2.2"),
+        Command("FLISTV", True, "query", "standard motor parameters with values", "barrett §5.2.2"),
+        Command("FLISTA", False, "query", "all motor parameters", "barrett §5.2.5"),
+        Command("FLISTAV", True, "query", "all motor parameters with values", "barrett §5.2.5"),
+        Command("PSET", False, "set", "set hand parameters in RAM: NAME VALUE pairs", "barrett §5.2.3"),
+        Command("PGET", False, "query", "read hand parameters", "barrett §5.2.3"),
+        Command("PLOAD", False, "speed", "hand parameters from EEPROM to RAM (may change the speed)", "barrett §5.2.3"),
+        Command("PSAVE", False, "save", "hand parameters from RAM to EEPROM (at most 5,000 times)", "barrett §5.2.3"),
+        Command(
+            "PDEF", False, "speed", "hand parameters to factory values, in RAM (may change the speed)", "barrett §5.2.3"
+        ),
+        Command("PLIST", False, "query", "standard hand parameters", "barrett §5.2.3"),
+        Command("PLISTV", False, "query", "standard hand parameters with values", "barrett §5.2.3"),
+        Command("PLISTA", False, "query", "all hand parameters", "barrett §5.2.5"),
+        Command("PLISTAV", False, "query", "all hand parameters with values", "barrett §5.2.5"),
+        Command("?", False, "query", "help (?NAME describes a command)", "barrett §5.2.4"),
+        Command("A?", False, "query", "help on standard and advanced commands", "barrett §5.2.5"),
+        Command("RESET", False, "reset", "restart the firmware: motors uninitialized, saved speed", "barrett §5.2.4"),
+        Command("ERR", False, "query", "text for a status code or a sum of codes", "barrett §5.2.4"),
+        Command("VERS", False, "query", "firmware version", "barrett §5.2.4"),
+    )
+}
+
+
+class Kind(NamedTuple):
+    """What is so of every command of a kind.
+
+    seconds   longest wait for the prompt beyond wire time (dossier 1.3)
+    question  what is asked before it, "" = nothing
+    next      what to read when nothing has acknowledged it
+    refused   why the passthrough does not carry it, for it would lose the line; and the next step
+    """
+
+    seconds: float
+    moves: bool = False
+    question: str = ""
+    next: str = "`handctl barrett status`"
+    refused: tuple[str, str] | None = None
+
+
+SPEED = "The hand may change its baud rate immediately"
+KINDS = {
+    "query": Kind(3.0),
+    "set": Kind(3.0),
+    "baud": Kind(3.0, question=SPEED, refused=("PSET BAUD changes the baud rate immediately", "use `handctl barrett baud RATE`, which also switches the port")),
+    "speed": Kind(3.0, question=SPEED, next="run `handctl barrett baud`, which tries all baud rates"),
+    "save": Kind(15.0, question="This writes the EEPROM, which is rated for 5,000 saves", next="switch the hand off and on, then run `handctl barrett dump`"),
+    "reset": Kind(15.0, question=SPEED, next="`handctl barrett version`", refused=("RESET may change the baud rate", "use `handctl barrett reset`, which finds the hand again")),
+    "motion": Kind(20.0, moves=True, next="`handctl barrett get P S`"),
+    "init": Kind(30.0, moves=True),
+    "loop": Kind(1.5, refused=("LOOP leaves the text protocol", "use `handctl barrett realtime`")),
+}  # fmt: skip
+
+
+def kind_of(text: str, unknown: str = "set") -> str:
+    """The kind of the command in a line, "baud" for one that sets the speed; `unknown` for what is no command."""
+    _, command, arguments = split(text)
+    if command is None:
+        return unknown
+    return "baud" if command.name == "PSET" and "BAUD" in arguments else command.kind
+
+
+def split(text: str) -> tuple[str, Command | None, list[str]]:
+    """``12M 5000`` -> ("12", the command M, ["5000"]); an unknown command gives None. No command begins with G or S."""
+    prefix, command, words = _split(text)
+    return prefix, command, list(words)
+
+
+@lru_cache(1024)
+def _split(text: str) -> tuple[str, Command | None, tuple[str, ...]]:
+    words = tuple(text.upper().split())
+    if not words:
+        return "", None, ()
+    head = words[0]
+    if head.startswith("?"):
+        return "", COMMANDS["?"], (head[1:], *words[1:]) if head[1:] else words[1:]
+    size = len(head) - len(head.lstrip("1234GS"))
+    return head[:size], COMMANDS.get(head[size:]), words[1:]
 
 
 def split_status(code: int) -> list[int]:
@@ -298,20 +415,16 @@ def values(answer: Answer, names: int, motors: int) -> list[list[int]]:
     return table
 
 
-def batches(prefix: str, verb: str, words: list[tuple[str, ...]]) -> list[tuple[str, list[tuple[str, ...]]]]:
+def batches(verb: str, words: Iterable[tuple[str, ...]]) -> list[tuple[str, list[tuple[str, ...]]]]:
     """Split `words` (names, or name-value pairs) into command lines of at most 70 characters and 18 arguments."""
     lines: list[tuple[str, list[tuple[str, ...]]]] = []
-    current: list[tuple[str, ...]] = []
     for item in words:
-        longer = [*current, item]
-        text = " ".join([prefix + verb, *(word for entry in longer for word in entry)])
-        if current and (len(text) > MAX_LINE or sum(map(len, longer)) > MAX_ARGUMENTS):
-            lines.append((" ".join([prefix + verb, *(word for entry in current for word in entry)]), current))
-            current = [item]
+        text, items = lines[-1] if lines else ("", [])
+        longer = " ".join([text, *item])
+        if items and len(longer) <= MAX_LINE and sum(map(len, items)) + len(item) <= MAX_ARGUMENTS:
+            lines[-1] = (longer, [*items, item])
         else:
-            current = longer
-    if current:
-        lines.append((" ".join([prefix + verb, *(word for entry in current for word in entry)]), current))
+            lines.append((" ".join([verb, *item]), [item]))
     return lines
 
 

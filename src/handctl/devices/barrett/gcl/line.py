@@ -7,25 +7,33 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from handctl.devices.barrett.gcl.commands import SECONDS, split
 from handctl.devices.barrett.gcl.connecting import MONITOR_SPEED, QUESTION, RESTARTED_TEXT, SILENCE, abort_at, is_answer
 from handctl.devices.barrett.gcl.language import (
     BANNER,
+    CR,
     DISTURBED,
+    KINDS,
     PROMPT,
     Answer,
     Decoder,
     encode,
     has_colon,
     has_prompt,
+    kind_of,
+    split,
     whole,
 )
-from handctl.errors import HandctlError, Left, LinkError, NoAnswer, ProtocolError
+from handctl.errors import DeviceRefused, HandctlError, Left, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.device import Line
+from handctl.model.param import Step
 from handctl.model.result import Journal
 
 ECHO_SECONDS = 1.0
+SETTLE_SECONDS = 1.0
+"""The vendor's pause after a speed change."""
+BANNER_SECONDS = 5.0
+BANNER_TEXT = "BarrettHand Firmware"
 LATEST = 3.0
 """Seconds after the question within which answers to what was before it are waited for."""
 PROMPT_WAIT = 0.5
@@ -124,12 +132,11 @@ class GclLine(Line):
         self.connect()
         self.check_bound(command)
         data = encode(command)
-        _, known, _ = split(command)
-        kind = known.kind if known is not None else "query"
-        seconds = (
-            self.timeout if self.timeout is not None and kind in ("query", "set") else max(SECONDS[kind], at_least)
-        )
-        self._judge_stale(command, kind)
+        name = kind_of(command, "query")
+        kind = KINDS[name]
+        short = self.timeout is not None and name in ("query", "set")
+        seconds = self.timeout if self.timeout is not None and short else max(kind.seconds, at_least)
+        self._judge_stale(command, name)
         link = self.link
         answer = Patience(link, seconds + 2 * self.wire_seconds(len(data) + 512), self.bound)
         echo = Patience(link, (self.timeout or ECHO_SECONDS) + 2 * self.wire_seconds(len(data)), self.bound)
@@ -138,7 +145,7 @@ class GclLine(Line):
         try:
             return self._answer(command, answer, echo)
         except LinkError as exc:
-            if kind in ("motion", "init"):
+            if kind.moves:
                 exc.leaves(Left(hint=f"{command} may go on to its end. To prevent that, switch the hand's power off"))
             raise
         except Restarted:
@@ -154,7 +161,7 @@ class GclLine(Line):
                     if exc.code == "echo-differs"
                     else NoAnswer(text, hint="use a longer --deadline", code="deadline")
                 )
-            if kind in ("motion", "init"):  # whatever still moves must not go on
+            if kind.moves:  # whatever still moves must not go on
                 stands = self._stop_motors()
                 told = (
                     "^C was sent, so the motors should have stopped"
@@ -319,13 +326,86 @@ class GclLine(Line):
         self._connected = False
         self.connect()
 
-    def prompt_comes(self) -> bool:
-        """Whether a prompt comes within the usual time."""
-        return has_prompt(self.until_prompt(PROMPT_WAIT + self.wire_seconds(8)))
+    # -- speed, restart (barrett §5.2, §5.4.1) -----------------------------------------------------------------------
 
-    def collect(self, seconds: float) -> bytes:
-        """What the hand says by itself within `seconds`, up to a prompt: a banner."""
-        return self.until_prompt(seconds)
+    def change_speed(self, code: int) -> None:
+        """`PSET BAUD code`, then the port (dossier 1.2): the echo comes at the old speed, the rest is unusable.
+
+        Raises NoAnswer when the hand answers at neither speed afterwards; CheckFailed is left to the read-back.
+        """
+        self.connect()
+        link, ledger = self.link, self.journal.ledger
+        command = f"PSET BAUD {code}"
+        old, new = link.baud, code * 100
+        data = encode(command)
+        self.journal.counters.sent += 1
+        link.write(data, link.deadline(2.0))
+        echo = b""
+        deadline = self.deadline(1.0 + (2 * len(data) * 10 / old if old else 0))
+        while data[:-1] not in echo.upper() and not deadline.expired:
+            # Never beyond the echo: what follows comes at the new speed.
+            chunk = link.read(deadline, max(1, len(data) - 1 - len(echo)))
+            if not chunk:
+                break
+            echo += chunk
+        if data[:-1] not in echo.upper():
+            self.resynchronise()
+            raise ProtocolError(
+                f"{link.name}: the echo of {command} differs: {echo.hex(' ').upper()}",
+                hint="run `handctl barrett status`, which tries all baud rates: this one may or may not have changed",
+                code="echo-differs",
+            )
+        if link.can_set_baud:
+            link.set_baud(new)
+        link.sleep(SETTLE_SECONDS)
+        self.until_prompt(0.05)
+        link.write(CR, link.deadline(2.0))
+        answers = f"the hand replies at {new} bit/s"
+        if has_prompt(self.until_prompt(PROMPT_WAIT + self.wire_seconds(8))):
+            if link.can_set_baud:
+                ledger.confirm(answers, Step(command, data))
+            return
+        if link.can_set_baud and old is not None:
+            try:
+                self.reconnect()
+            except (NoAnswer, ProtocolError) as exc:
+                text = f"{link.name}: no prompt after {command}, at {new} bit/s or any other baud rate. {exc.text}"
+                raise exc.retold(text, code="lost-speed") from exc
+            if link.baud == new:
+                ledger.confirm(answers, Step(command, data))
+                return
+            ledger.doubt(f"answers at {link.baud} bit/s", Step(command, data))
+            raise DeviceRefused(
+                f"{link.name}: the hand did not change to {new} bit/s. It replies at {link.baud} bit/s",
+                hint="use a lower baud rate: some hands do not support the higher ones",
+                code="baud",
+            )
+        raise NoAnswer(f"{link.name}: no prompt after {command}", hint="check the baud rate of the device server")
+
+    def restart(self) -> str:
+        """RESET: restart the firmware; its banner. Motors are uninitialised afterwards (barrett §5.2.4)."""
+        self.connect()
+        link = self.link
+        before = link.baud
+        self.journal.counters.sent += 1
+        link.write(encode("RESET"), link.deadline(2.0))
+        came = self.until_prompt(BANNER_SECONDS)
+        if came.upper().strip(b"\r\n :") in (b"", b"RESET"):  # nothing but the echo: it is still starting
+            came += self.until_prompt(KINDS["reset"].seconds - BANNER_SECONDS)
+        text = came.decode("ascii", "replace")
+        banner = "\n".join(part.strip() for part in text.replace("\r", "\n").split("\n") if part.strip(" =>:\0"))
+        banner = banner.removeprefix("RESET").strip(" :\n")  # a hand that has just started may print ":" first
+        self.reconnect()
+        if BANNER_TEXT in banner or link.baud != before:  # a banner at another speed is unreadable
+            self.journal.ledger.confirm("its banner arrived, and it replies", Step("RESET", encode("RESET")))
+        else:
+            raise ProtocolError(
+                f"{link.name}: the banner does not say {BANNER_TEXT!r}: {banner!r}. It is not known whether the hand restarted",
+                hint="check with `handctl barrett status`: after a restart the motors are not initialized",
+                code="banner",
+            )
+        self.journal.info("uninitialized", "the motors are no longer initialized", hint="`handctl barrett init`")
+        return banner
 
     # -- bytes ---------------------------------------------------------------------------------------------------
 

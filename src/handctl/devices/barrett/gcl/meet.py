@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING
 
+from handctl.devices.barrett import hostfile
 from handctl.devices.barrett.gcl import connecting as table
-from handctl.devices.barrett.gcl import lastspeed
 from handctl.devices.barrett.gcl.language import ABORT, CR, MOTORS, has_prompt, values
 from handctl.devices.barrett.map import SPEEDS
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
@@ -42,7 +42,7 @@ class Meeting:
         self.link = line.link
         self.told: list[str] = []
         self.tried: list[tuple[int | None, bytes]] = []
-        known = lastspeed.recall(self.link) if line.only is None else None
+        known = hostfile.recall(self.link) if line.only is None else None
         self._first = line.only or known or self.link.baud or SPEEDS[0]
         fixed = line.only is not None or not self.link.can_set_baud
         self._others = self._all_others = (
@@ -117,15 +117,7 @@ class Meeting:
         return self._ask(early, self._seconds(state))
 
     def _set_speed(self, state: str) -> None:
-        if not self.link.can_set_baud or state in (
-            table.FILLED_FIRST,
-            table.FILLED,
-            table.SILENT,
-            table.BOOTING,
-            table.CONFIRMED,
-            table.RESTARTED,
-            table.LEAVING,
-        ):
+        if not self.link.can_set_baud or state in table.SAME_SPEED:
             return
         if state == table.AGAIN and self._entered[table.RESTARTED]:
             return  # a banner could be read at this speed
@@ -210,7 +202,7 @@ class Meeting:
             slow = link.now() - self._echoed[0] + LATE_PROMPT + line.wire_seconds(8)
             for _ in self._echoed[1:]:  # the prompt that came answered the first; as late as that, the others' follow
                 line.until_prompt(slow)
-        lastspeed.remember(link)
+        hostfile.remember(link)
         if table.RESTARTED_TEXT in self.told:
             line.journal.warn("restarted", f"{link.name}: {table.RESTARTED_TEXT}", hint="`handctl barrett init`")
         elif table.BUSY in self.told:

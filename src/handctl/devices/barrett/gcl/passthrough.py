@@ -2,43 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from handctl.devices.barrett import eeprom
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.commands import COMMANDS, split
-from handctl.devices.barrett.gcl.language import Answer, encode, explain_status, motor_prefix, motors_of, whole
+from handctl.devices.barrett.gcl.language import (
+    COMMANDS,
+    KINDS,
+    Answer,
+    encode,
+    explain_status,
+    kind_of,
+    motor_prefix,
+    motors_of,
+    split,
+    whole,
+)
 from handctl.devices.barrett.map import BARRETT, careful
 from handctl.ending import afresh
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.files import state_path
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table
 from handctl.model.stopping import interrupted
+from handctl.system import terminal
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
 
-EEPROM = ("FSAVE", "PSAVE")
 COLUMNS = (Column("command", "Command"), Column("text", "Answer"), Column("status", "Status", right=True))
 
 
 def refuse(text: str) -> None:
     """What the passthrough does not carry: it would lose the line. Raises UsageError."""
-    _, command, arguments = split(text)
-    if command is None:
-        return
-    if command.kind == "loop":
-        raise UsageError("LOOP leaves the text protocol", hint="use `handctl barrett realtime`")
-    if command.name == "RESET":
-        raise UsageError(
-            "RESET may change the baud rate", hint="use `handctl barrett reset`, which finds the hand again"
-        )
-    if command.name == "PSET" and "BAUD" in arguments:
-        raise UsageError(
-            "PSET BAUD changes the baud rate immediately",
-            hint="use `handctl barrett baud RATE`, which also switches the port",
-        )
+    if (refused := KINDS[kind_of(text)].refused) is not None:
+        raise UsageError(refused[0], hint=refused[1])
 
 
 def notes(text: str) -> list[str]:
@@ -58,15 +58,9 @@ def notes(text: str) -> list[str]:
     return list(dict.fromkeys(note for note in found if note is not None))
 
 
-def only_asks(commands: Iterable[str]) -> bool:
-    """Whether none of the commands writes or moves."""
-    kinds = [known.kind if known is not None else "set" for _, known, _ in map(split, commands)]
-    return all(kind == "query" for kind in kinds)
-
-
-def saves(texts: Iterable[str]) -> list[str]:
-    """Those commands that write the EEPROM."""
-    return [text for text in texts if (found := split(text)[1]) is not None and found.name in EEPROM]
+def saves(texts: Iterable[str]) -> bool:
+    """Whether one of the commands writes the EEPROM."""
+    return any(kind_of(text) == "save" for text in texts)
 
 
 def script(lines: Iterable[str]) -> list[str]:
@@ -107,8 +101,7 @@ def ask(hand: BarrettHand, text: str) -> Answer:
 
     When it has, the rest of the answer is unusable (dossier 1.2): the status is then taken for 0 once a prompt is found.
     """
-    _, command, _ = split(text)
-    if command is None or command.kind != "speed":
+    if kind_of(text) != "speed":
         return hand.line.ask(text)
     hand.line.connect()
     before = hand.line.link.baud
@@ -245,3 +238,17 @@ def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None]) 
         if exc.exit_code == 3:
             raise
         run.guide.say(f"{exc.text}\n  Next: {exc.hint}" if exc.hint else exc.text)
+
+
+@contextmanager
+def history() -> Iterator[None]:
+    """While it lasts the line editor knows the lines typed before, and TAB; they are kept where there is an editor."""
+    path = state_path("gcl-history")
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    edits = terminal.edit_lines(str(path), 1000, candidates)
+    try:
+        yield
+    finally:
+        if edits:
+            terminal.keep_history(str(path))

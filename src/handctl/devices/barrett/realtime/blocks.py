@@ -12,7 +12,7 @@ place in the stream only, never searched for.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -22,6 +22,8 @@ from handctl.errors import ProtocolError, UsageError
 
 ACKNOWLEDGE = 0x2A
 DATA_FEEDBACK, DATA_ONLY, FEEDBACK_ONLY, NEITHER = b"C", b"c", b"A", b"a"
+Values = dict[int, dict[str, int]]
+"""Motor index -> name of CONTROL -> what is sent."""
 ERROR_TEXT = 64
 """Longest error answer that is waited for, in bytes."""
 
@@ -36,8 +38,9 @@ FEEDBACK = {
     "analog": "LFAIN",
 }
 """What a feedback block may carry per motor, in wire order: name -> flag (barrett §6.2.2; the last two from 4.4 on)."""
-_SIZE = {"velocity": 1, "strain": 1, "position": 2, "delta": 1, "breakaway_position": 2, "analog": 1}
+_SIZE = {"velocity": 1, "gain": 1, "strain": 1, "position": 2, "delta": 1, "breakaway_position": 2, "analog": 1}
 _SIGNED = ("velocity", "delta")
+UNITS = {"position": "cts", "delta": "cts", "breakaway_position": "cts"}
 LIMITS = {"velocity": (-127, 127), "gain": (0, 255)}
 """What is sent: the vendor sends -127 to 127 although a signed byte reaches -128 (dossier 6.3)."""
 
@@ -50,6 +53,15 @@ class Selection(NamedTuple):
     velocity_factor: int = 1
     velocity_divisor: int = 1
     delta_divisor: int = 1
+
+
+class Field(NamedTuple):
+    """One value of a block: of which motor, which, its bytes, and the number that they are."""
+
+    motor: int
+    name: str
+    raw: bytes
+    value: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,21 +94,24 @@ class Layout:
                 block.append(value & 0xFF)
         return bytes(block)
 
+    def fields(self, block: bytes, *, control: bool = False) -> Iterator[Field]:
+        """The values of a whole block with data, without the temperature."""
+        place = 1
+        for index, motor in self.motors.items():
+            for name in motor.control if control else motor.feedback:
+                raw = block[place : place + _SIZE[name]]
+                place += len(raw)
+                yield Field(index, name, raw, int.from_bytes(raw, "big", signed=name in _SIGNED))
+
     def decode(self, block: bytes) -> Feedback:
         """The values of a whole feedback block."""
-        place = 1
-        motors: dict[int, dict[str, int]] = {}
-        for index, motor in self.motors.items():
-            found = motors[index] = {}
-            for name in motor.feedback:
-                size = _SIZE[name]
-                found[name] = int.from_bytes(block[place : place + size], "big", signed=name in _SIGNED)
-                place += size
+        motors: dict[int, dict[str, int]] = {index: {} for index in self.motors}
+        for index, name, _, value in self.fields(block):
+            motors[index][name] = value
         temperature = None
-        if self.temperature == 2:
-            temperature = int.from_bytes(block[place : place + 2], "big", signed=True)
-        elif self.temperature == 1:
-            temperature = block[place] * 10
+        if self.temperature:
+            number = int.from_bytes(block[-self.temperature :], "big", signed=self.temperature == 2)
+            temperature = number if self.temperature == 2 else number * 10
         return Feedback(motors, temperature)
 
 

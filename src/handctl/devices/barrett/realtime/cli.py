@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from handctl.devices.barrett.gcl.language import MOTORS, encode
 from handctl.errors import UsageError
 from handctl.files import is_pipe, read_text
 from handctl.frame.clikit import Group, streaming, suspendable
 from handctl.frame.filetypes import InFile
 from handctl.frame.numbers import WholeRange
 from handctl.frame.run import Run
-from handctl.model.result import Column, Table
+from handctl.model.guide import CTRL_C
+from handctl.model.param import Element, Step
+from handctl.model.result import Column, Grid, Row, Table
 
 if TYPE_CHECKING:
     from handctl.devices.barrett.realtime.flags import Wish
     from handctl.devices.barrett.realtime.loop import RealtimeLoop
     from handctl.devices.barrett.realtime.schedule import Controls
-    from handctl.model.param import Step
+if TYPE_CHECKING:
+    from handctl.devices.barrett.realtime.loop import RealtimeLoop
+    from handctl.frame.run import Run
 
 COLUMNS = (
     Column("name", "Name"),
@@ -124,9 +129,9 @@ def add_realtime(group: Group) -> None:
         `doubt` in a row says why its value may be wrong: a delta did not fit into its byte, or the bytes after a block did
         not confirm its position in the stream.
         """
+        from handctl.devices.barrett.motion import move
         from handctl.devices.barrett.realtime.flags import Wish, refuse_disabled
         from handctl.devices.barrett.realtime.loop import RealtimeLoop
-        from handctl.devices.barrett.realtime.measure import measured
         from handctl.devices.barrett.realtime.schedule import loop_motors
 
         if measure is not None and (count is not None or duration is not None):
@@ -138,15 +143,16 @@ def add_realtime(group: Group) -> None:
         controls = _controls(send, velocity, gain, path, indices, run.settings.deadline)
         off = set(GUARDS) if "all" in unguarded else {*unguarded, *(["opening"] if force else [])}
         wish = Wish(tuple(indices), received, temperature, hold, frozenset(GUARDS) - off, delta_unit, not may_suspend)
-        first = _initialization(wish) if initialize else []
+        homing = f"{wish.prefix}HI"
+        first = [Step(f"{homing}: initialize", encode(homing), moves=True)] if initialize else []
         steps = _steps(run, wish, controls)
         if run.settings.dry_run:
             return run.dry_run([*first, *steps])
         run.ledger.plan([*first, *(step for step in steps if step.meaning.startswith(wish.prefix + "LOOP"))])
         if motors is None and (initialize or controls is not None):
             refuse_disabled(run.device())
-        if initialize:
-            _initialize(run, wish)
+        if initialize and (failure := move(run.device(), wish.prefix, "HI", None, run.guide).failure) is not None:
+            raise failure
         if sequential is None:
             sequential = controls is not None
         loop = RealtimeLoop(
@@ -154,31 +160,10 @@ def add_realtime(group: Group) -> None:
         )
         if measure is not None:
             return measured(run, loop, measure, rate)
-        table = Table(
-            columns=COLUMNS,
-            plain=("name", "motor", "value", "unit"),
-            summary=loop.summary,
-            ranges={"strain": (0, 255), "position": (0, 17800)},
-            wide=True,
-        )
+        table = Table(columns=COLUMNS, plain=("name", "motor", "value", "unit"), summary=loop.summary, wide=True)
+        table.ranges = {"strain": (0, 255), "position": (0, 17800)}
         table.samples = _guarded(loop, table, rate, count, duration)
         return table
-
-
-def _initialization(wish: Wish) -> list[Step]:
-    from handctl.devices.barrett.gcl.language import encode
-    from handctl.model.param import Step
-
-    text = f"{wish.prefix}HI"
-    return [Step(f"{text}: initialize", encode(text), moves=True)]
-
-
-def _initialize(run: Run, wish: Wish) -> None:
-    from handctl.devices.barrett import motion
-
-    failure = motion.move(run.device(), wish.prefix, "HI", None, run.guide).failure
-    if failure is not None:
-        raise failure
 
 
 def _guarded(loop: RealtimeLoop, table: Table, rate: float, count: int | None, duration: float | None) -> Iterator[Any]:
@@ -237,7 +222,7 @@ def _controls(
 def _from_file(path: str, motors: list[int], start: dict[tuple[int, str], int], seconds: float | None) -> Controls:
     """Control values of a file, or of a pipe or stdin that is waited for `seconds`."""
     from handctl.devices.barrett.realtime import schedule
-    from handctl.devices.barrett.realtime.intake import Lines
+    from handctl.devices.barrett.realtime.schedule import Lines
 
     if path == "-" or is_pipe(path):
         lines = Lines(path, seconds)
@@ -261,11 +246,9 @@ def _from_file(path: str, motors: list[int], start: dict[tuple[int, str], int], 
 def _steps(run: Run, wish: Wish, controls: Controls | None) -> list[Step]:
     """The exact bytes as far as they do not depend on what the hand holds."""
     from handctl.devices.barrett.gcl.connecting import abort_at
-    from handctl.devices.barrett.gcl.language import encode
     from handctl.devices.barrett.map import BARRETT
     from handctl.devices.barrett.realtime.blocks import Layout, Selection
     from handctl.devices.barrett.realtime.flags import asked_flags
-    from handctl.model.param import Element, Step
 
     changes = [
         (Element(BARRETT.by_mnemonic(name), index), value)
@@ -289,3 +272,79 @@ def _steps(run: Run, wish: Wish, controls: Controls | None) -> list[Step]:
     if controls is not None and not wish.hold:
         steps.append(Step(f"{wish.prefix}T: motor power off", encode(f"{wish.prefix}T")))
     return steps
+
+
+# -- --measure ---------------------------------------------------------------------------------------------------------
+
+
+def measured(run: Run, loop: RealtimeLoop, blocks: int, rate: float) -> Table:
+    """Round trips, rate and the line's limits: what the vendor's "test delays" run is for."""
+    for number, _ in enumerate(loop.run(rate=rate, count=blocks, duration=None), 1):
+        if number % 20 == 0:
+            run.guide.progress(f"{number} of {blocks} blocks.", CTRL_C)
+    run.guide.done()
+    found = loop.summary()
+    latency = found["loop"]["latency"]
+    rows: list[Row] = [
+        {"name": "rate", "value": found["stream"]["rate_hz"], "unit": "Hz"},
+        *({"name": f"limit_{name}", "value": hertz, "unit": "Hz"} for name, hertz in (found["loop"]["line_limit_hz"] or {}).items()),
+        {"name": "control_block", "value": found["loop"]["control_bytes"], "unit": "bytes"},
+        {"name": "feedback_block", "value": found["loop"]["feedback_bytes"], "unit": "bytes"},
+        *({"name": key.removesuffix("_ms"), "value": value, "unit": "ms"} for key, value in latency.items() if key.endswith("_ms")),
+        {"name": "late", "value": latency["late"], "unit": None},
+        *_fits(loop),
+    ]  # fmt: skip
+    if not rate:
+        _advise(run, found)
+    table = Table(
+        rows=rows,
+        columns=(Column("name", "Name"), Column("value", "Value", right=True), Column("unit", "Unit")),
+        extra=found,
+        failure=loop.failure,
+    )
+    table.view = lambda rows: [_rows_grid(rows), _histogram_grid(latency["histogram"])]
+    return table
+
+
+def _fits(loop: RealtimeLoop) -> Iterable[Row]:
+    from handctl.devices.barrett.realtime.blocks import velocity_unit
+
+    for index, points in loop.velocity_points.items():
+        unit = velocity_unit(points)
+        if unit is not None:
+            yield {"name": f"velocity_unit.{MOTORS[index]}", "value": round(unit, 2), "unit": "cts/s"}
+
+
+def _advise(run: Run, found: dict[str, Any]) -> None:
+    """A link that is much slower than its bytes: pipelined blocks queue, so the rate tells, not the round trip."""
+    limits, rate = found["loop"]["line_limit_hz"], found["stream"]["rate_hz"]
+    if limits is None or not rate:
+        return
+    cycle_ms, wire_ms = 1000 / rate, 1000 / limits["sequential"]
+    if cycle_ms > wire_ms + 8:
+        run.journal.warn(
+            "slow-adapter",
+            f"a block takes {cycle_ms:.1f} ms, its bytes {wire_ms:.1f} ms: the adapter delays them",
+            hint="set the latency timer of an FTDI adapter from 16 ms to 1 ms "
+            "(/sys/bus/usb-serial/devices/ttyUSB0/latency_timer)",
+        )
+
+
+def _rows_grid(rows: list[Row]) -> Grid:
+    lines = tuple(
+        (str(row["name"]), "?" if row["value"] is None else f"{row['value']:g}", str(row["unit"] or "")) for row in rows
+    )
+    return Grid(("Name", "Value", "Unit"), lines, right=frozenset({1}))
+
+
+def _histogram_grid(histogram: list[list[Any]]) -> Grid:
+    most = max(count for _, count in histogram)
+    lines = tuple(
+        (
+            f"<= {edge:g} ms" if edge is not None else "above",
+            str(count),
+            "█" * max(1, round(20 * count / most)) if count else "",
+        )
+        for edge, count in histogram
+    )
+    return Grid(("Round trip", "Blocks", ""), lines, right=frozenset({0, 1}))

@@ -9,9 +9,9 @@ from typing import NamedTuple
 from handctl.devices.barrett.care.health import LIMIT_TENTHS
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS
-from handctl.devices.barrett.map import BARRETT, GclParam
+from handctl.devices.barrett.map import BARRETT, OFF, TRAVEL, gcl_name, sample_seconds
 from handctl.devices.barrett.realtime.blocks import CONTROL, FEEDBACK, Layout, Selection
-from handctl.devices.barrett.realtime.guards import GUARDS, TRAVEL, Limits, check_opening
+from handctl.devices.barrett.realtime.guards import GUARDS, Limits, check_opening
 from handctl.devices.barrett.realtime.schedule import Controls
 from handctl.errors import CheckFailed, DeviceRefused, UsageError
 from handctl.model.param import Element, Number
@@ -19,10 +19,6 @@ from handctl.model.param import Element, Number
 COEFFICIENTS = ("LCVC", "LFVC", "LFDPC")
 LIMITING = ("TSTOP", "CT", "HSG", "LSG", "IVEL", "SAMPLE")
 """What the guards go by."""
-OFF = 255
-"""From here on a strain limit is off (§5.3.1)."""
-HCTL_HERTZ = 2e6
-"""Clock of the motor controllers; a sample lasts 16 (SAMPLE + 1) of its ticks (§5.3.4)."""
 LATER = {"breakaway_position", "analog"}
 """Feedback of firmware 4.4 (dossier 6.5)."""
 
@@ -134,7 +130,7 @@ def _write(
         if now[(name, index)] != value
     ]
     if changes:
-        undo += [(element, now[(mnemonic(element), element.index)]) for element, _ in changes]
+        undo += [(element, now[(gcl_name(element), element.index)]) for element, _ in changes]
         hand.write(changes)
 
 
@@ -155,9 +151,8 @@ def _for_guards(wish: Wish, wanted: Mapping[tuple[str, int], int], index: int) -
 
 def _limits(now: Mapping[tuple[str, int], int], index: int) -> Limits:
     factor, divisor = now["LCVC", index], now["LFDPC", index]
-    sample = 16 * (now["SAMPLE", index] + 1) / HCTL_HERTZ
     return Limits(
-        speed=factor / 16 / sample,
+        speed=factor / 16 / sample_seconds(now["SAMPLE", index]),
         factor=factor,
         stall=now["TSTOP", index] / 1000,
         window=(0, min(now["CT", index], TRAVEL[index == 3])),
@@ -203,13 +198,10 @@ def _heat(hand: BarrettHand, wish: Wish, now: Mapping[tuple[str, int], int]) -> 
 
 def refuse_disabled(hand: BarrettHand) -> None:
     """Motors that nobody named are not to move when they are disabled (barrett §5.3.4 EN). Raises UsageError."""
-    readings = hand.read([Element(BARRETT.by_mnemonic("EN"), index) for index in range(len(MOTORS))])
-    for reading in readings:
-        if reading.error is not None:
-            raise reading.error
-    off = [MOTORS[reading.element.index] for reading in readings if reading.value == 0]
+    enabled = hand.numbers(BARRETT.elements("EN"))
+    off = [motor for motor, on in zip(MOTORS, enabled, strict=True) if not on]
     if off:
-        others = "".join(str(reading.element.index + 1) for reading in readings if reading.value)
+        others = "".join(str(number) for number, on in enumerate(enabled, 1) if on)
         raise UsageError(
             f"{', '.join(off)} disabled (EN 0), and handctl does not guess whether it may move",
             hint=f"use --motors 1234 for all{f', or --motors {others} for the enabled ones' if others else ''}. Nothing moved.",
@@ -219,7 +211,7 @@ def refuse_disabled(hand: BarrettHand) -> None:
 
 def _is_later(hand: BarrettHand, motor: int) -> bool:
     """Whether the firmware is 4.4: it knows LCT (dossier 6.5)."""
-    (reading,) = hand.read([Element(BARRETT.by_mnemonic("LCT"), motor)])
+    (reading,) = hand.read(BARRETT.elements("LCT", motors=(motor,)))
     if reading.error is not None and not isinstance(reading.error, DeviceRefused):
         raise reading.error
     return reading.error is None
@@ -234,14 +226,8 @@ def _read(hand: BarrettHand, motors: tuple[int, ...], later: bool, *, driving: b
         *(LIMITING if driving else ()),
     ]
     common = ("LFT", "LFDPD", *(("OTEMP", "TEMP") if driving else ()))
-    elements = [Element(BARRETT.by_mnemonic(name), index) for name in names for index in motors]
-    elements += [Element(BARRETT.by_mnemonic(name), 0) for name in common]
-    now: dict[tuple[str, int], int] = {}
-    for reading in hand.read(elements):
-        if reading.error is not None:
-            raise reading.error
-        now[(mnemonic(reading.element), reading.element.index)] = int(reading.value or 0)
-    return now
+    elements = BARRETT.elements(*names, *common, motors=motors)
+    return {(gcl_name(one), one.index): value for one, value in zip(elements, hand.numbers(elements), strict=True)}
 
 
 def _fitted(hand: BarrettHand, wish: Wish, controls: Controls | None, later: bool) -> dict[tuple[str, int], int]:
@@ -286,9 +272,3 @@ def _refuse_zero(now: Mapping[tuple[str, int], int], motors: tuple[int, ...], *,
                     hint=f"`handctl barrett set {name}.{MOTORS[index]}=1`",
                     code="coefficient",
                 )
-
-
-def mnemonic(element: Element) -> str:
-    """The GCL name of an element's parameter."""
-    assert isinstance(element.param, GclParam)
-    return element.param.mnemonic

@@ -11,7 +11,8 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from handctl.devices.barrett.gcl.language import MOTORS
-from handctl.devices.barrett.realtime.schedule import Values
+from handctl.devices.barrett.map import OFF, TRAVEL
+from handctl.devices.barrett.realtime.blocks import Values
 from handctl.errors import UsageError
 
 GUARDS = {
@@ -22,8 +23,6 @@ GUARDS = {
     "heat": "the loop ends above 65 °C, or OTEMP",
 }
 """Name -> what it does; all are on unless switched off by name."""
-TRAVEL = (17800, 3150)
-"""Counts between the joint stops of a finger and of the spread, approximately (§5.3.2 P)."""
 BEYOND = 500
 """Counts by which a position may lie outside the travel: fingers differ by tens, HI shifts the origin by IOFF <= 500."""
 LEAST_SHARE = 8
@@ -173,7 +172,7 @@ class Guards:
         low, high = watch.limits.strain
         if turned:
             watch.strain_at_turn = strain if velocity < 0 else None
-        over, under = high < 255 and strain > high, low < 255 and strain < low
+        over, under = high < OFF and strain > high, low < OFF and strain < low
         begun = watch.strain_at_turn
         if begun is not None:  # opening relieves it
             over, under = over and strain > begun + WORSE, under and strain < begun - WORSE

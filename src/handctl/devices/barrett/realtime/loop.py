@@ -24,12 +24,12 @@ from handctl.devices.barrett.realtime.blocks import (
     Feedback,
     Layout,
     LoopError,
+    Values,
 )
-from handctl.devices.barrett.realtime.entering import enter
 from handctl.devices.barrett.realtime.flags import Wish, prepare
 from handctl.devices.barrett.realtime.guards import Guards
 from handctl.devices.barrett.realtime.rows import Intake, Sent, Taken
-from handctl.devices.barrett.realtime.schedule import Controls, Values
+from handctl.devices.barrett.realtime.schedule import Controls
 from handctl.devices.barrett.realtime.session import Session, still
 from handctl.devices.barrett.stopper import power_off
 from handctl.errors import (
@@ -44,7 +44,6 @@ from handctl.errors import (
     UsageError,
 )
 from handctl.model.guide import Guide
-from handctl.model.param import Element
 from handctl.model.result import Sample
 
 READER_SECONDS = 0.3
@@ -164,12 +163,10 @@ class RealtimeLoop:
         prepared = self._intake.prepared
         start: dict[int, int] = {}
         if prepared.limits or any("delta" in motor.feedback for motor in session.layout.motors.values()):
-            for reading in hand.read([Element(BARRETT.by_mnemonic("P"), index) for index in self.wish.motors]):
-                if reading.error is not None:
-                    raise reading.error
-                start[reading.element.index] = int(reading.value or 0)
+            places = hand.numbers(BARRETT.elements("P", motors=self.wish.motors))
+            start = dict(zip(self.wish.motors, places, strict=True))
         self._intake.begin(start)
-        enter(session)
+        session.enter()
 
     def _self_test(self) -> None:
         """Overlapped blocks that drive nothing: a hand that does not keep up with them must not be driven so."""
@@ -347,7 +344,7 @@ class RealtimeLoop:
         """Raise Restarted when the boot monitor's ':' stands where '*' must, or a banner came: no motor has power then."""
         line, came = self.hand.line, self.session.decoder.received
         if came.startswith(b":"):
-            came += line.collect(COLON_ALONE)
+            came += line.until_prompt(COLON_ALONE)
         if came.strip(b"\r\n ") == b":" or restarted_in(came, "LOOP"):
             self.session.give_up()
             self.session.last = {}

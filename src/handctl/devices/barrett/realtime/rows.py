@@ -7,27 +7,16 @@ from typing import Any, NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS
-from handctl.devices.barrett.map import BARRETT
-from handctl.devices.barrett.realtime.blocks import FEEDBACK, DeltaPosition, Feedback, Layout, cycles
+from handctl.devices.barrett.map import BARRETT, NO_GAUGE
+from handctl.devices.barrett.realtime.blocks import FEEDBACK, UNITS, DeltaPosition, Feedback, Layout, Values, cycles
 from handctl.devices.barrett.realtime.flags import Prepared, Wish
 from handctl.devices.barrett.realtime.guards import Event, Guards, implausible
-from handctl.devices.barrett.realtime.schedule import Values
 from handctl.errors import CheckFailed
 from handctl.model.latency import RoundTrips
 from handctl.model.param import Number
 from handctl.model.result import Row, Sample
 from handctl.model.sampling import started
 from handctl.model.units import scale_of
-
-UNITS = {
-    "strain": None,
-    "position": "cts",
-    "delta": "cts",
-    "velocity": None,
-    "breakaway_position": "cts",
-    "analog": None,
-}
-NO_GAUGE = 255
 
 
 class Sent(NamedTuple):
@@ -249,7 +238,7 @@ def _motor_rows(taken: Taken, layout: Layout, index: int, shown: tuple[str, ...]
         why = doubt or (saturated if key == "delta" and value in (127, -128) else "")
         if key == "position" and implausible(index, value):
             why = why or "beyond the joint's travel"
-        row = _row(key, FEEDBACK[key], name, scaled, UNITS[key], why)
+        row = _row(key, FEEDBACK[key], name, scaled, UNITS.get(key), why)
         yield {**row, "label": "no gauge"} if key == "strain" and value == NO_GAUGE else row
     if "delta" in found and "delta" in shown and "position" not in found:
         why = doubt or saturated or ("beyond the joint's travel" if implausible(index, taken.positions[index]) else "")

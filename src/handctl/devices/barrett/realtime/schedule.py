@@ -1,4 +1,4 @@
-"""Where control values of the RealTime loop come from: constant, a schedule with times, or live lines. Sans I/O.
+"""Where control values of the RealTime loop come from: constant, a schedule with times, or live lines from stdin or a pipe.
 
     t,velocity.F1,velocity.F2        CSV, or one JSON object a line with the same keys
     0.0,20,20
@@ -6,21 +6,24 @@
 
 A value holds until the next one; a name without a motor is for every motor that carries it. With a `t` column (seconds
 since the start) everything is read and checked before the hand is touched, and the loop ends with the last row.
-Without one each line counts when it comes, and the end of the input ends the loop. Knows no wire and no clock.
+Without one each line counts when it comes, and the end of the input ends the loop. Knows no wire; of the loop no clock.
 """
 
 from __future__ import annotations
 
+import os
+import sys
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain, islice
 from typing import Any
 
 from handctl.devices.barrett.gcl.language import MOTORS, motor_prefix
-from handctl.devices.barrett.realtime.blocks import CONTROL, LIMITS, check_control
-from handctl.errors import UsageError
+from handctl.devices.barrett.realtime.blocks import CONTROL, LIMITS, Values, check_control
+from handctl.errors import NoAnswer, UsageError
+from handctl.system import clock, disk
+from handctl.system.waits import gives
 
-Values = dict[int, dict[str, int]]
 Change = dict[tuple[int, str], int]
 MOST_ROWS = 100_000
 """With times: they are all kept, and a pipe may have more without end. At 50 a second it is half an hour."""
@@ -168,7 +171,9 @@ def read(lines: Iterable[str], where: str, motors: Sequence[int], start: Change)
         rows = _json_rows(chain([first], numbered), where, motors)
     else:
         rows = _csv_rows(first, numbered, where, motors)
-    time, change = head = _first(rows, where)
+    if (head := next(rows, None)) is None:
+        raise UsageError(f"{where}: a header, but no rows", hint="add rows of numbers below the header")
+    time, change = head
     rows = chain([head], rows)
     carried = {index: tuple(n for n in CONTROL if (index, n) in {**start, **change}) for index in motors}
     rows = _steady(rows, carried, timed=time is not None, where=where)
@@ -180,12 +185,6 @@ def read(lines: Iterable[str], where: str, motors: Sequence[int], start: Change)
             f"{where}: more than {MOST_ROWS} rows", hint="leave t out and send each line when it is due: --control -"
         )
     return Schedule(carried, timed, start)
-
-
-def _first(rows: Iterator[tuple[float | None, Change]], where: str) -> tuple[float | None, Change]:
-    for row in rows:
-        return row
-    raise UsageError(f"{where}: a header, but no rows", hint="add rows of numbers below the header")
 
 
 def _steady(
@@ -322,3 +321,60 @@ def _seconds(value: Any, where: str) -> float:
 def loop_motors(text: str | None) -> list[int]:
     """``124`` -> [0, 1, 3]; None = all four. Raises UsageError."""
     return [int(digit) - 1 for digit in (motor_prefix(text) if text is not None else "1234")]
+
+
+# -- lines as a program sends them --------------------------------------------------------------------------------------
+
+
+LONGEST_LINE = 65_536
+"""Bytes of one line."""
+SILENCE = 30.0
+"""Seconds without a line, before the hand is touched, after which nobody is there to send any."""
+
+
+class Lines:
+    """Lines of stdin ("-") or of a named pipe, without the buffering that would hold them back.
+
+    Until `begun`, nothing is waited for longer than `seconds` in all, or, where that is None, than SILENCE at a time.
+    """
+
+    def __init__(self, path: str, seconds: float | None) -> None:
+        self.begun = False
+        self._path, self._seconds = path, seconds
+        self._end = None if seconds is None else clock.now() + seconds
+
+    def __iter__(self) -> Iterator[str]:
+        """The lines. Raises UsageError for a line without end, NoAnswer where none comes in time."""
+        try:
+            descriptor = sys.stdin.fileno() if self._path == "-" else os.open(self._path, os.O_RDONLY | disk.AT_ONCE)
+        except (OSError, ValueError, AttributeError):
+            yield from sys.stdin
+            return
+        rest = b""
+        try:
+            while chunk := self._chunk(descriptor):
+                *whole, rest = (rest + chunk).split(b"\n")
+                for line in whole:
+                    yield line.decode("utf-8", "replace")
+                if len(rest) > LONGEST_LINE:
+                    raise UsageError(
+                        f"{self._path}: not control values: more than {LONGEST_LINE} bytes without a line end",
+                        hint="send CSV or JSON lines, such as t,velocity.F1",
+                    )
+        finally:
+            if self._path != "-":
+                os.close(descriptor)
+        if rest:
+            yield rest.decode("utf-8", "replace")
+
+    def _chunk(self, descriptor: int) -> bytes:
+        """What has come; b"" at the end. A pipe that nobody has opened for writing has no end yet."""
+        left = None if self.begun else SILENCE if self._end is None else max(0.0, self._end - clock.now())
+        if not gives(descriptor, left):
+            where = "stdin" if self._path == "-" else self._path
+            raise NoAnswer(
+                f"{where}: no control values arrived within {self._seconds or SILENCE:g} s",
+                hint="start the program that writes them, or give a longer --deadline. Nothing was sent.",
+                code="deadline",
+            )
+        return os.read(descriptor, 65536)

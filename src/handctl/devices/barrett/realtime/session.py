@@ -1,4 +1,4 @@
-"""One session in the RealTime loop, and the way out of it: velocity 0, ^C, prompt, T, flags as before (barrett §6.1; dossier 6.6).
+"""One session in the RealTime loop, the way in, and the way out of it: velocity 0, ^C, prompt, T, flags as before (barrett §6.1; dossier 6.6).
 
 No watchdog is documented, so whatever ends the loop goes this way, and one step that fails keeps no other from stopping
 the motors.
@@ -12,15 +12,16 @@ from typing import Any
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.connecting import ends_alone
-from handctl.devices.barrett.realtime.blocks import Decoder, Layout, LoopError
+from handctl.devices.barrett.gcl.language import CR, DISTURBED, Answer, has_prompt, status_in
+from handctl.devices.barrett.realtime.blocks import ACKNOWLEDGE, Decoder, Layout, LoopError, Values
 from handctl.devices.barrett.realtime.flags import Wish
-from handctl.devices.barrett.realtime.schedule import Values
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link import Deadline
 from handctl.link.deadman import Guard, Shot
 from handctl.model.param import Element, Number
 from handctl.model.stopping import BEAT
 
+ENTER_SECONDS = 1.5
 BLOCK_SECONDS = 0.1
 WATCH_SECONDS = 0.5
 """The same where no control is sent: a machine or an adapter that stumbles is then no reason to end."""
@@ -63,6 +64,47 @@ class Session:
         self.cycle = 0.0
         self.mark = 0
         self._still = b""
+
+    def enter(self) -> None:
+        """Send LOOP and wait for its acknowledgement, its echo and `*` (barrett §6.1); the hand is inside then, or may be.
+
+        Raises DeviceRefused with the hand's status, NoAnswer, ProtocolError.
+        """
+        hand, link, line = self.hand, self.hand.link, self.hand.line
+        command = f"{self.wish.prefix}LOOP"
+        sent = command.encode("ascii")
+        deadline = line.deadline(ENTER_SECONDS + 2 * line.wire_seconds(len(sent) + 2))
+        line.drain()
+        # From here on it may be in the loop, where every byte counts as a header: it is left by ^C and nothing else.
+        self.inside = self.asked = True
+        self.mark = hand.journal.ledger.mark
+        line.link.write(sent + CR, deadline)
+        hand.journal.counters.sent += 1
+        came, begun = b"", link.now()
+        while not deadline.expired:
+            if len(came) > len(sent) and came[len(sent)] == ACKNOWLEDGE and came[: len(sent)].upper() == sent:
+                hand.journal.counters.received += 1
+                self.decoder.feed(came[len(sent) + 1 :])
+                return
+            if has_prompt(came):
+                if status := status_in(came):
+                    self.inside = self.asked = False
+                    raise hand.refusal(Answer(command, (), status, came))
+                break
+            chunk = line.link.read(deadline)
+            if not chunk:
+                break
+            came = (came + chunk).lstrip(b" ")  # the space behind the prompt before may come late
+        line.check_bound()
+        if not came:
+            raise line.unanswered(
+                command, ENTER_SECONDS, begun, "check that the hand replies with `handctl barrett status`"
+            )
+        raise ProtocolError(
+            f"{link.name}: expected {command} and *, or ERR, received {came[:48].hex(' ').upper()}",
+            hint=DISTURBED,
+            code="echo-differs",
+        )
 
     @property
     def patience(self) -> float:
