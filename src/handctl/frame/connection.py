@@ -12,8 +12,7 @@ if TYPE_CHECKING:
     from handctl.frame.run import Run
     from handctl.link import Link
     from handctl.link.kept import Kept
-    from handctl.link.tap import Tap
-    from handctl.link.tracefile import TraceFile
+    from handctl.link.tap import Tap, TraceFile
     from handctl.model.result import Journal
     from handctl.stop.holding import Hold
 
@@ -29,8 +28,7 @@ class Trace:
         """What records, for --trace or -v; None without either."""
         settings = run.settings
         if self._tap is None and (settings.trace or settings.verbose):
-            from handctl.link.tap import Tap
-            from handctl.link.tracefile import TraceFile
+            from handctl.link.tap import Tap, TraceFile
 
             try:
                 header = f"handctl {__version__} {run.owner}, {name}"

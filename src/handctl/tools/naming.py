@@ -14,7 +14,7 @@ from handctl.families import FAMILIES
 from handctl.frame.family import Family, load, refuse_missing, refuse_serial
 from handctl.frame.portname import stable_name
 from handctl.frame.run import Run
-from handctl.link.urls import SCHEMES
+from handctl.link.base import SCHEMES
 
 
 def check(run: Run, kind: str, given: dict[str, Any]) -> None:

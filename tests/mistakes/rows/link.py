@@ -63,7 +63,7 @@ ROWS = (
     mistake(
         "lock-of-another-way-to-a-port",
         "two locks",
-        "handctl.link.urls",
+        "handctl.link.base",
         "",
         'OF_A_PORT = ("spy", "alt", "cp2110")',
         'OF_A_PORT = ("spy",)',
