@@ -13,8 +13,7 @@ from handctl.devices.ekso.log.source import USUAL_MS
 from handctl.errors import HandctlError
 from handctl.model.clocks import Moment
 from handctl.model.guide import Guide
-from handctl.record.polling import Limits, record
-from handctl.record.recording import Recording
+from handctl.record.recording import Limits, Recording, record
 from handctl.record.source import Sample, Source
 from handctl.record.timeline import Place
 

@@ -232,7 +232,7 @@ class EksoLog:
     def __init__(self, folder: Path) -> None:
         from handctl.devices.ekso.log.format import RowLayout
         from handctl.model.clocks import Moment
-        from handctl.record.layout import Stamp
+        from handctl.record.source import Stamp
         from handctl.record.timeline import Timeline
         from tests.ekso.recordings import words_at
 

@@ -19,7 +19,7 @@ from handctl.docgen.tables import common, mnemonic
 from handctl.docgen.tree import Node, Option
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
-from handctl.frame.examples import examples_of
+from handctl.frame.usage import examples_of
 from handctl.model.param import MEASURED, Param
 
 EDITION = "2026-11-21"

@@ -9,8 +9,7 @@ from handctl.errors import NoAnswer
 from handctl.frame.stored import kept_of
 from handctl.model.clocks import Moment
 from handctl.model.param import Element, Reading
-from handctl.record.layout import RowsLayout
-from handctl.record.source import Sample, Source
+from handctl.record.source import RowsLayout, Sample, Source
 from handctl.screen.sheet import column_of, in_persons_unit, name_of, text_of
 
 if TYPE_CHECKING:

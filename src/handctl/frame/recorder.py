@@ -74,7 +74,6 @@ def log_options(body: Callable[..., Any]) -> Callable[..., Any]:
 
 def log(run: Run, file: str, wishes: Wishes, source_of: Callable[[Callable[[], bool]], Source]) -> Table:
     """Record the source that `source_of` makes of the device; it is given what opens a lost port again."""
-    from handctl.record import polling
     from handctl.record import recording as files
     from handctl.record.keys import Keys
 
@@ -96,9 +95,9 @@ def log(run: Run, file: str, wishes: Wishes, source_of: Callable[[Callable[[], b
     try:
         with Keys(run.guide.interactive) as keys:
             run.guide.say(f"recording into {path}. {'a key sets a mark, ' if keys.heard else ''}Ctrl-C ends")
-            failure = polling.record(
+            failure = files.record(
                 recording,
-                polling.Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end),
+                files.Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end),
                 mark=_first(wishes.mark, keys.pressed),
                 guide=run.guide,
                 before=before,

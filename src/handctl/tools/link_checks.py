@@ -12,8 +12,7 @@ from typing import Any
 
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline, FrameLink, Link
-from handctl.model.latency import RoundTrips
-from handctl.model.profile import SLOW
+from handctl.model.profile import SLOW, RoundTrips
 from handctl.model.result import Journal, hex_bytes
 from handctl.sentence import plural
 from handctl.tools import can_checks

@@ -11,8 +11,8 @@ from typing import Any
 
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
+from handctl.frame.devicefile import stable_name
 from handctl.frame.family import Family, load, refuse_missing, refuse_serial
-from handctl.frame.portname import stable_name
 from handctl.frame.run import Run
 from handctl.link.base import SCHEMES
 

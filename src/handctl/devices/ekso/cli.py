@@ -20,10 +20,9 @@ from handctl.frame.clikit import Command, Group
 from handctl.frame.family import Family
 from handctl.frame.filetypes import InFile, OutFile
 from handctl.frame.mapverbs import NAMES, add_map_verbs
-from handctl.frame.own import Own
+from handctl.frame.options import Own
 from handctl.frame.run import Run
-from handctl.model.device import limits_of
-from handctl.model.gate import Gate
+from handctl.model.device import Gate, limits_of
 from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:

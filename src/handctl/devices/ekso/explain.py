@@ -21,8 +21,7 @@ from handctl.devices.ekso.frames import (
     unpack,
 )
 from handctl.devices.ekso.map import EKSO, MESSAGES, Word, boot_ms, boot_text
-from handctl.model.cutting import Cut, Cutter
-from handctl.model.piece import DEVICE, HOST, Later, Part, Piece, Value, stray
+from handctl.model.piece import DEVICE, HOST, Cut, Cutter, Later, Part, Piece, Value, stray
 from handctl.sentence import plural
 
 LONGEST = max(size for sizes in ANSWER_SIZES.values() for size in sizes) + OVERHEAD + max(LENGTH_MODES.values())

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from handctl.devices.ekso.log.file import LogFile
 from handctl.devices.ekso.log.format import NAMED, to_si
 from handctl.errors import UsageError
-from handctl.record.layout import MARK, clean, quoted
+from handctl.record.source import MARK, clean, quoted
 from handctl.record.timeline import GAP_PERIODS, LEAST_PERIOD_MS
 from handctl.sentence import plural
 

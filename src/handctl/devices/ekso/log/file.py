@@ -15,8 +15,8 @@ from handctl.devices.ekso.log.format import LEAD, NAMED, RowLayout, parse, parse
 from handctl.devices.ekso.map import DATA, boot_ms, state_text
 from handctl.errors import UsageError
 from handctl.files import NoFile, opened, read_text
-from handctl.record.layout import MARK
 from handctl.record.recording import schema
+from handctl.record.source import MARK
 from handctl.sentence import plural
 
 LONGEST_LINE = 65536

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from handctl.devices.ekso.map import DATA, Word, state_text
-from handctl.record.layout import MARK, Layout, Stamp, lead, quoted
+from handctl.record.source import MARK, Layout, Stamp, lead, quoted
 
 LEAD = lead("boot_ms")
 """Names and decimals of the leading columns."""
