@@ -29,10 +29,9 @@ import click
 from handctl import __version__
 from handctl.errors import Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES, SCANNED
-from handctl.frame.clikit import Command
+from handctl.frame.clikit import Command, scan_options
 from handctl.frame.options import SharedOption
 from handctl.frame.run import Run
-from handctl.frame.scanverb import scan_options
 from handctl.link import ByteLink, Deadline, Link, is_can, open_link
 from handctl.link.lock import Lock, hold
 from handctl.link.tap import Tap, TraceFile

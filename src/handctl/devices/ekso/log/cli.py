@@ -11,12 +11,10 @@ import click
 
 from handctl import __version__
 from handctl.errors import UsageError
-from handctl.frame.clikit import Command, Group
+from handctl.frame.clikit import Command, Group, log_options
 from handctl.frame.filetypes import InFile
 from handctl.frame.numbers import FiniteRange, WholeRange
 from handctl.frame.options import SharedOption
-from handctl.frame.recorder import Wishes, log_options
-from handctl.frame.recorder import log as record
 from handctl.frame.run import Run
 from handctl.model.result import Table
 
@@ -42,13 +40,14 @@ def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -
 
     FILE can be a directory. On a terminal, press any letter or space to set a mark.
     """
+    from handctl.frame import recorder
 
     def source(again: Callable[[], bool]) -> Source:
         from handctl.devices.ekso.log.source import EksoSource
 
         return EksoSource(run.device(), again, raw=raw, personal=include_pilot_id)
 
-    return record(run, file, Wishes(**wishes), source)
+    return recorder.log(run, file, recorder.Wishes(**wishes), source)
 
 
 # -- export ---------------------------------------------------------------------------------------------------------
