@@ -64,6 +64,8 @@ class Connection:
         self.link: Link | None = None
         self.hold: Hold | None = None
         self.kept: Kept | None = None
+        self.observers: tuple[Any, ...] = ()
+        """Who is told of what passes, whatever command has the link."""
         self._trace = trace or Trace()
         self._lasting = trace is not None
 
@@ -81,6 +83,7 @@ class Connection:
 
                 self.hold = Hold(run, lock_for(run, name))
             self.link = opened(run, name, baud, tap)
+            self.observers = self.link.observers
         if run.writes and not run.stops and self.link.outlet() is not None:
             refuse_rivals(run, self.link)
         return self.link
@@ -243,6 +246,8 @@ class Session:
                 stopped = connection.hold is not None and connection.hold.stopped is not None
                 if lost or stopped:
                     self._close(key, run.journal)
+                elif connection.link is not None:
+                    connection.link.observers = connection.observers
                 return True
         return False
 

@@ -128,7 +128,7 @@ class Run:
             if self.writes:
                 from handctl.link.tap import observed
 
-                link = observed(link, self.ledger)
+                observed(link, self.ledger)
             assert self.hold is not None
             self.link = self.hold.around(link)
             self.end = link.now() + settings.deadline if (settings := self.settings).deadline is not None else None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from handctl.errors import LinkError
 from handctl.sentence import plural
@@ -82,12 +82,14 @@ class Link(ABC):
     fake      True when a simulator in this process answers
     replayed  True when a transcript plays the device
     held      descriptors that keep others off the device (locks)
+    observers who is told of what passes, see `tap.observed`
     """
 
     name: str = ""
     fake: bool = False
     replayed: bool = False
     held: tuple[int, ...] = ()
+    observers: tuple[Any, ...] = ()
 
     def now(self) -> float:
         """Seconds on the link's monotonic clock."""
