@@ -22,9 +22,9 @@ from handctl.errors import HandctlError, UsageError
 from handctl.families import FAMILIES
 from handctl.frame.call import Confirm, Line
 from handctl.frame.clikit import Command
+from handctl.frame.connection import Session
 from handctl.frame.family import Family, load
 from handctl.frame.options import Settings
-from handctl.frame.session import Session
 from handctl.model.result import Row
 
 HOST = ("timeout", "deadline", "retries", "trace", "assume_identity")

@@ -17,7 +17,7 @@ from handctl.devices.aidin import stop
 from handctl.errors import Interrupted, LinkError
 from handctl.frame.console import TerminalGuide
 from handctl.frame.options import Settings
-from handctl.link.tap import Tap
+from handctl.link.tap import Tap, observed
 from handctl.link.tcp import TcpLink
 from handctl.model.guide import Guide
 from handctl.stop.holding import Hold
@@ -223,7 +223,7 @@ def test_the_second_interrupt_ends_it_at_once(
 
 def test_the_wish_of_another_process_opens_it_again_too(serve: MakeServer) -> None:
     server, lines = serve(2, 1), list[str]()
-    link = Tap(lines.append).around(TcpLink(server.name))
+    link = observed(TcpLink(server.name), Tap(lines.append))
     hold = Hold(SimpleNamespace(guide=Guide(), settings=Settings(), writes=False, opened=None, family=SimpleNamespace(kind="aidin")), None)  # type: ignore[arg-type]  # fmt: skip
     hold.link = link
     hand = hand_on(link)  # type: ignore[arg-type]

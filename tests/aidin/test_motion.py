@@ -10,7 +10,7 @@ from handctl.devices.aidin import adjust, homing, motion
 from handctl.devices.aidin.map import ANGLES, ENCODERS, TIPS
 from handctl.devices.aidin.targets import parse
 from handctl.errors import CheckFailed, Interrupted, LinkError, NoAnswer, ProtocolError
-from handctl.model import leaving
+from handctl.model import stopping
 from handctl.model.guide import Guide
 from tests.aidin.support import (
     AT_ORIGIN,
@@ -286,7 +286,7 @@ def test_a_second_interrupt_and_a_lost_link_are_told() -> None:
     for write, word, error in ((again, "interrupted again", NoAnswer), (lost, "gone", LinkError)):
         link = streamer()
         link.write = write  # type: ignore[method-assign,assignment]
-        ended = leaving.stopped(hand_on(link).stop, Guide())
+        ended = stopping.stopped(hand_on(link).stop, Guide())
         assert type(ended) is error and word in ended.text and ended.code == "not-stopped"
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from handctl.families import FAMILIES
-from handctl.frame import snapshot
+from handctl.frame import stored
 from handctl.frame.clikit import Command
 from handctl.frame.family import load
 from tests.contract.facts import facts_of
@@ -51,5 +51,5 @@ def scratch_of(folder: Path) -> None:
     """A folder with a snapshot of each family that has settings."""
     for kind in FAMILIES:
         if values := facts_of(kind).snapshot:
-            content = snapshot.make(kind, {"kind": kind}, dict(values), link="x", fake=True)
-            snapshot.write(str(folder / f"{kind}.json"), content)
+            content = stored.make(kind, {"kind": kind}, dict(values), link="x", fake=True)
+            stored.write(str(folder / f"{kind}.json"), content)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from handctl.families import FAMILIES
-from handctl.frame import snapshot
+from handctl.frame import stored
 from handctl.frame.family import load, map_of
 from handctl.tools.probes import probe_of
 from tests.support.cli import Result, run
@@ -43,7 +43,7 @@ def words(family: str, verb: str, folder: Path) -> tuple[str, ...]:
         return verb, "--count", "2"
     if verb == "diff":
         path = folder / "a.json"
-        snapshot.write(str(path), snapshot.make(family, {"kind": family}, {}, link="x", fake=True))
+        stored.write(str(path), stored.make(family, {"kind": family}, {}, link="x", fake=True))
         more = [param.name for param in load(family, "cli").cli.commands[verb].params]
         return verb, str(path), *(("--setpoints",) if "setpoints" in more else ())
     if verb in ("log", "snapshot", "report"):

@@ -11,8 +11,7 @@ from handctl.devices.ekso.log import USUAL_MS, FeedbackLine, RowLayout
 from handctl.errors import HandctlError
 from handctl.model.clocks import Moment
 from handctl.model.guide import Guide
-from handctl.record.polling import Limits, record
-from handctl.record.recording import Recording
+from handctl.record.recording import Limits, Recording, record
 from handctl.record.source import Sample, Source
 from handctl.record.timeline import Place
 

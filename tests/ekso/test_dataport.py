@@ -13,7 +13,7 @@ from handctl.devices.ekso.dataport import QUIET
 from handctl.devices.ekso.frames import Command
 from handctl.errors import HandctlError, LinkError, NoAnswer, NotIdentified, ProtocolError
 from handctl.link import Deadline
-from handctl.model.gate import Gate
+from handctl.model.device import Gate
 from tests.ekso.support import DATA, SET, SETTING_WORDS, SETTINGS, TIME, Unit, codes, frame, pack, port_on
 from tests.support.scripted import Babble, Reply, ScriptedLink
 

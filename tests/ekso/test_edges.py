@@ -16,7 +16,7 @@ from handctl.devices.ekso.writes import EksoWrites
 from handctl.errors import NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.frame.console import TerminalGuide
 from handctl.record import recording as recording_module
-from handctl.record.polling import Limits
+from handctl.record.recording import Limits
 from tests.ekso.recordings import Device, opened, recorded, steady
 from tests.ekso.support import DATE, TIME, Unit, codes, ekso_on, frame, port_on
 

@@ -23,10 +23,8 @@ from handctl.devices.ekso.map import DATA, SETTINGS
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.model.clocks import WITHIN_MS, Moment
 from handctl.model.guide import Guide
-from handctl.record.layout import clean
-from handctl.record.polling import Limits, record
-from handctl.record.recording import changed, file_name, undisturbed
-from handctl.record.source import Sample
+from handctl.record.recording import Limits, changed, file_name, record, undisturbed
+from handctl.record.source import Sample, clean
 from handctl.record.timeline import LEARNED, MOST_PARTED, ClockFit, Timeline
 from tests.ekso.recordings import STANDING, Device, opened, recorded, run, steady, words_at
 from tests.ekso.support import SETTINGS as GET_SETTINGS

@@ -13,7 +13,7 @@ from pathlib import Path
 from handctl.devices.barrett.firmware import srecord
 from handctl.devices.ekso.export import LogFile
 from handctl.errors import LinkError, UsageError
-from handctl.frame import config, snapshot
+from handctl.frame import config, stored
 from handctl.frame.options import checks
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink
 from handctl.link.replay import open_replay
@@ -215,7 +215,7 @@ class Snapshot:
             whole = True
         self._path.write_bytes(data)
         try:
-            found = snapshot.load(str(self._path), "exo")
+            found = stored.load(str(self._path), "exo")
         except UsageError as exc:
             assert exc.exit_code == 2
             return 1
@@ -232,7 +232,7 @@ class EksoLog:
     def __init__(self, folder: Path) -> None:
         from handctl.devices.ekso.log import RowLayout
         from handctl.model.clocks import Moment
-        from handctl.record.layout import Stamp
+        from handctl.record.source import Stamp
         from handctl.record.timeline import Timeline
         from tests.ekso.recordings import words_at
 

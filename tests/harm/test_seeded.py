@@ -13,7 +13,7 @@ import pytest
 from handctl.devices.barrett.gcl import meet
 from handctl.devices.inspire import bus
 from handctl.devices.inspire.exo import probe as exo_probe
-from handctl.model.gate import Gate
+from handctl.model.device import Gate
 from tests.harm import lines, states
 from tests.harm.cell import Cell, cells, try_cell
 

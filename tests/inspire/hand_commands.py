@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from handctl.frame import snapshot
+from handctl.frame import stored
 from handctl.sim.hand import MODELS
 from tests.support.inputs import made_once
 
@@ -122,7 +122,5 @@ COMMANDS = (*READING, *WRITING)
 def prepare(scratch: Path) -> None:
     """The input file of the commands: `stored.json` differs from a healthy hand in its default speeds."""
     values = {**STORED, **{f"default_force.{finger}": 501 + number for number, finger in enumerate(FINGERS)}}
-    content = snapshot.make(
-        "hand", {"kind": "hand", "id": 1, "model": "tp"}, dict(values), link="fake://hand", fake=True
-    )
-    snapshot.write(str(scratch / "stored.json"), content)
+    content = stored.make("hand", {"kind": "hand", "id": 1, "model": "tp"}, dict(values), link="fake://hand", fake=True)
+    stored.write(str(scratch / "stored.json"), content)

@@ -332,7 +332,7 @@ def test_restore_writes_one_frame_reads_back_and_is_safe_to_repeat(tmp_path: Pat
 
 
 def test_a_snapshot_out_of_range_is_refused_before_anything_is_sent(tmp_path: Path) -> None:
-    from handctl.frame import snapshot as files
+    from handctl.frame import stored as files
 
     file = tmp_path / "bad.json"
     files.write(str(file), files.make("wrist", {"kind": "wrist", "id": 1}, {"yaw_set": 25.51}, link="x", fake=True))

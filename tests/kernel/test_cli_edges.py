@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from handctl.devices.barrett.map import BARRETT
-from handctl.frame import snapshot, stored, verbs
+from handctl.frame import stored, verbs
 from handctl.link.fake import FakeLink
 from handctl.link.lock import hold
 from handctl.model.param import Element
@@ -153,7 +153,7 @@ def test_what_a_snapshot_does_not_hold_is_named_and_left(tmp_path: Path) -> None
     path = tmp_path / "stored.json"
     held = json.loads(path.read_text(encoding="utf-8"))["values"]
     del held["force_set.ring"], held["baud_code"]
-    snapshot.write(str(path), snapshot.make("exo", {"kind": "exo", "id": 1}, held, link="fake://exo", fake=True))
+    stored.write(str(path), stored.make("exo", {"kind": "exo", "id": 1}, held, link="fake://exo", fake=True))
     result = run("exo", "restore", path, "--setpoints", "-p", fake(), "--json", "-y")
     assert result.code == 0
     (message,) = [message for message in result.json["messages"] if message["code"] == "absent"]
@@ -175,7 +175,7 @@ def test_a_value_that_only_one_snapshot_holds_is_a_difference(tmp_path: Path) ->
     whole, part = tmp_path / "power-on.json", tmp_path / "part.json"
     held = json.loads(whole.read_text(encoding="utf-8"))["values"]
     value = held.pop("force_set.ring")
-    snapshot.write(str(part), snapshot.make("exo", {"kind": "exo", "id": 1}, held, link="fake://exo", fake=True))
+    stored.write(str(part), stored.make("exo", {"kind": "exo", "id": 1}, held, link="fake://exo", fake=True))
     for a, b, row in (
         (part, whole, {"name": "force_set.ring", "kind": "command", "a": None, "b": value}),
         (whole, part, {"name": "force_set.ring", "kind": "command", "a": value, "b": None}),

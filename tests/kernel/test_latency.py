@@ -8,7 +8,7 @@ from random import Random
 
 import pytest
 
-from handctl.model.latency import RoundTrips
+from handctl.model.profile import RoundTrips
 
 
 def trips(*milliseconds: float) -> RoundTrips:

@@ -6,9 +6,8 @@ import pytest
 
 from handctl.errors import CheckFailed, HandctlError, Interrupted, Left, LinkError, NoAnswer
 from handctl.model.guide import Guide
-from handctl.model.leaving import leaving, stopped_by_ctrl_c
 from handctl.model.result import Counters
-from handctl.model.stopping import NOT_STOPPED, Stopped
+from handctl.model.stopping import NOT_STOPPED, Stopped, leaving, stopped_by_ctrl_c
 
 LEFT = Left("the hand goes on", "let it finish")
 

@@ -17,8 +17,8 @@ from handctl import files
 from handctl.docgen.tree import map_of
 from handctl.errors import HandctlError, Interrupted, NoAnswer, NotConfirmed, UsageError
 from handctl.families import FAMILIES
+from handctl.model.param import BASES, scale_of
 from handctl.model.result import Journal
-from handctl.model.units import BASES, scale_of
 from handctl.screen import render
 from handctl.screen.metrics import exposition
 from tests.contract.facts import facts_of

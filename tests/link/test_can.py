@@ -17,7 +17,7 @@ from handctl.errors import LinkError, UsageError
 from handctl.link import CanFrame, FrameLink, NoFrames, is_can, open_link
 from handctl.link.can import CanLink, split_link
 from handctl.link.fake import FakeFrames
-from handctl.link.tap import Tap, TappedFrames, parse
+from handctl.link.tap import Tap, observed, parse
 from tests.inspire.wrist_support import ScriptedFrames, can, frames, wrist_on
 from tests.support.cli import PATIENCE
 
@@ -373,8 +373,8 @@ def test_power_cycle_of_the_simulated_bus() -> None:
 def test_a_tap_writes_frames_and_keeps_the_error_count() -> None:
     lines: list[str] = []
     inner = ScriptedFrames(frames(("10FF0001 [1] 02", [(0.25, "10FF0001 [2] A7 FE"), (0.3, "15038001 [0]")])))
-    link = Tap(lines.append).around(inner)
-    assert isinstance(link, TappedFrames)
+    link = observed(inner, Tap(lines.append))
+    assert link.observers
     inner.acknowledges = False
     link.send(can("10FF0001 [1] 02"), link.deadline(1))
     assert link.error_frames == 1
@@ -393,7 +393,7 @@ def test_a_tap_writes_frames_and_keeps_the_error_count() -> None:
 @given(st.lists(st.tuples(st.integers(0, 2**29 - 1), st.binary(max_size=8)), max_size=10))
 def test_frames_survive_tap_and_parser(traffic: list[tuple[int, bytes]]) -> None:
     lines: list[str] = []
-    link = Tap(lines.append).around(ScriptedFrames())
+    link = observed(ScriptedFrames(), Tap(lines.append))
     assert isinstance(link, FrameLink)
     for item in traffic:
         link.send(CanFrame(*item), link.deadline(1))

@@ -12,7 +12,8 @@ import serial as pyserial
 import serial.urlhandler as pyserial_urls
 
 from handctl.errors import HandctlError, LinkError, UsageError
-from handctl.link import open_link, serial, urls
+from handctl.link import open_link, serial
+from handctl.link.base import SCHEMES
 from handctl.link.lock import canonical, hold
 from handctl.link.owners import group_remedy
 from tests.support.cli import PATIENCE, run
@@ -77,7 +78,7 @@ def test_each_url_of_pyserial_leads_to_one_place_or_is_refused(monkeypatch: pyte
     assert {"alt", "spy", "hwgrep", "loop", "socket", "rfc2217", "cp2110"} <= set(handlers)
     port, host = {canonical(PORT)}, {canonical("tcp://127.0.0.1:8000")}
     for scheme in handlers:
-        if scheme in urls.SCHEMES:
+        if scheme in SCHEMES:
             wanted = {"nobody else"} if scheme == "loop" else host if scheme in ADDRESSES else port
             assert places_of(scheme) == wanted, scheme
         else:

@@ -90,7 +90,7 @@ def test_a_trace_that_cannot_be_written_keeps_nothing_from_the_wire(monkeypatch:
 
     full = Full()
     monkeypatch.setattr(
-        "handctl.link.tracefile.open",
+        "handctl.link.tap.open",
         lambda path, *rest, **more: full if path == "full" else real(path, *rest, **more),
         raising=False,
     )

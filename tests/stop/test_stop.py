@@ -24,9 +24,9 @@ import pytest
 from handctl.errors import DeviceRefused, NoAnswer
 from handctl.families import FAMILIES
 from handctl.frame.options import Settings
-from handctl.link.ear import STOP_SECONDS
 from handctl.model.stopping import Aim, Sent, drive, talk_of, unheard
 from handctl.sim.engine.serve import send_control
+from handctl.stop.wish import STOP_SECONDS
 from handctl.system import processes
 from tests.support.cli import PATIENCE, fake, run, spying, wait_until
 from tests.support.each_row import each_row

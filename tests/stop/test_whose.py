@@ -10,7 +10,7 @@ from typing import Any, cast
 import pytest
 
 from handctl.families import FAMILIES
-from handctl.frame import simulated
+from handctl.frame import connection
 from handctl.frame.run import Run
 from handctl.link import ByteLink, FrameLink, Link, lock, open_link
 from handctl.link.lock import Holder, InUse, hold, last_family
@@ -32,7 +32,7 @@ class Bench:
     def __init__(self, patch: pytest.MonkeyPatch) -> None:
         self.there = ""
         self.asked: list[float] = []
-        patch.setattr(simulated, "open_link", self._open)
+        patch.setattr(connection, "open_link", self._open)
         patch.setattr(stop, "open_link", self._ask)
 
     def _open(self, name: str, **options: Any) -> Link:

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from handctl.errors import LinkError
-from handctl.frame import portname
+from handctl.frame import devicefile
 from handctl.frame.options import Settings
 from handctl.link import lock
 from tests.support.cli import Result, Simulator, clean_environment, fake, program, run, spying, wait_until
@@ -153,9 +153,9 @@ def test_a_name_that_plugging_changes_gets_a_better_one(
     (adapter / "1-2:1.0" / "ttyUSB0").mkdir(parents=True)
     (tty / "ttyUSB0").mkdir(parents=True)
     (tty / "ttyUSB0" / "device").symlink_to(adapter / "1-2:1.0" / "ttyUSB0")
-    monkeypatch.setattr(portname, "TTY", str(tty))
-    monkeypatch.setattr(portname, "BY_ID", str(by_id))
-    assert portname.stable_name("/dev/ttyUSB0") == ""
+    monkeypatch.setattr(devicefile, "TTY", str(tty))
+    monkeypatch.setattr(devicefile, "BY_ID", str(by_id))
+    assert devicefile.stable_name("/dev/ttyUSB0") == ""
     for key, text in (("idVendor", "0403"), ("idProduct", "6001"), ("serial", "A1B2")):
         (adapter / key).write_text(f"{text}\n")
     result = place("devices", "add", "a", "exo", "-p", "/dev/ttyUSB0", "--json")
@@ -164,8 +164,8 @@ def test_a_name_that_plugging_changes_gets_a_better_one(
     assert result.rows[0]["link"] == "/dev/ttyUSB0"
     by_id.mkdir()
     (by_id / "usb-FTDI_A1B2-if00").symlink_to("/dev/ttyUSB0")
-    assert portname.stable_name("/dev/ttyUSB0") == f"{by_id}/usb-FTDI_A1B2-if00"
-    assert portname.stable_name("/dev/ttyS0") == portname.stable_name(f"{by_id}/usb-FTDI_A1B2-if00") == ""
+    assert devicefile.stable_name("/dev/ttyUSB0") == f"{by_id}/usb-FTDI_A1B2-if00"
+    assert devicefile.stable_name("/dev/ttyS0") == devicefile.stable_name(f"{by_id}/usb-FTDI_A1B2-if00") == ""
 
 
 SCAN = [

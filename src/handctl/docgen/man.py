@@ -18,7 +18,7 @@ from handctl.docgen.roff import Page, bold, escape, italic, marked
 from handctl.docgen.tree import Node, Option
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
-from handctl.frame.examples import examples_of
+from handctl.frame.usage import examples_of
 from handctl.guides import Code, Heading, Item, Para, Table
 from handctl.model.param import MEASURED, Param
 

@@ -13,16 +13,16 @@ import click
 from handctl.ending import asked
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError, joined
 from handctl.files import atomic_write, read_text
+from handctl.frame.connection import Session
 from handctl.frame.console import print_message
 from handctl.frame.lines import Line, defaults, line, placed
 from handctl.frame.premises import unsent
 from handctl.frame.run import NO_TERMINAL, UNANSWERED
-from handctl.frame.session import Session
 from handctl.model.result import Table
 from handctl.sentence import plural
 
 if TYPE_CHECKING:
-    from handctl.frame.plan import Plan
+    from handctl.frame.lines import Plan
     from handctl.frame.run import Run
 
 MOST_BYTES = 4_000_000

@@ -15,20 +15,18 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, UsageError, joined
-from handctl.frame.cause import as_told, from_click
 from handctl.frame.clikit import Command
-from handctl.frame.options import COMMAND_LINE, SOURCES
-from handctl.frame.own import OWN
+from handctl.frame.envelope import as_told, from_click
+from handctl.frame.options import COMMAND_LINE, OWN, SOURCES
 from handctl.frame.premises import unsent
-from handctl.frame.run import SESSION, Run
-from handctl.frame.steps import plan_table
+from handctl.frame.run import SESSION, Run, plan_table
 from handctl.model.guide import Guide
 from handctl.model.result import Journal, Row, Table
 
 if TYPE_CHECKING:
+    from handctl.frame.connection import Session
     from handctl.frame.family import Family
     from handctl.frame.options import Settings
-    from handctl.frame.session import Session
     from handctl.model.param import Step
     from handctl.model.result import Message
 

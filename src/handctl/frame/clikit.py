@@ -9,7 +9,7 @@ import gc
 import importlib
 import os
 from collections.abc import Callable, Sequence
-from functools import update_wrapper
+from functools import reduce, update_wrapper
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -18,6 +18,7 @@ from handctl import __version__
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
 from handctl.families import COMMANDS, LISTED
 from handctl.frame.family import Family
+from handctl.frame.filetypes import OutFile
 from handctl.frame.numbers import Hertz, Seconds, WholeRange
 from handctl.frame.options import COMMAND_LINE, STOPPING, Settings, SharedOption, config_path, read_config, words_of
 from handctl.frame.usage import (
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from handctl.frame.run import Run
     from handctl.model.result import Table
 
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 TAKEN = "handctl.taken"
 """Key in click's shared meta: who takes a command line that is parsed and not run."""
 ALONE = ("sim", "completion", "batch", "shell")
@@ -232,26 +234,25 @@ class Group(Described, click.Group):
         return decorate
 
 
-def streaming(rate: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def together(*options: Decorator) -> Decorator:
+    """Decorator: these options, in this order."""
+    return lambda body: reduce(lambda made, option: option(made), reversed(options), body)
+
+
+def streaming(rate: float) -> Decorator:
     """Decorator: the options of a stream, `rate` (with this default), `count` and `duration`."""
-
-    def decorate(body: Callable[..., Any]) -> Callable[..., Any]:
-        for option in (
-            click.option("--duration", type=Seconds(), metavar="S", help="End after S seconds."),
-            click.option("--count", type=WholeRange(min=1), metavar="N", help="End after N samples."),
-            click.option(
-                "--rate",
-                type=Hertz(),
-                default=rate,
-                show_default=True,
-                metavar="HZ",
-                help="Samples per second (0: as fast as the device replies).",
-            ),
-        ):
-            body = option(body)
-        return body
-
-    return decorate
+    return together(
+        click.option(
+            "--rate",
+            type=Hertz(),
+            default=rate,
+            show_default=True,
+            metavar="HZ",
+            help="Samples per second (0: as fast as the device replies).",
+        ),
+        click.option("--count", type=WholeRange(min=1), metavar="N", help="End after N samples."),
+        click.option("--duration", type=Seconds(), metavar="S", help="End after S seconds."),
+    )
 
 
 stream_options = streaming(10.0)
@@ -264,6 +265,35 @@ reads_option = click.option(
     help="Read the device N times to measure the error rate.",
 )
 """Of `handctl doctor`, and of a family's."""
+scan_options = together(
+    click.option(
+        "--ids", metavar="FROM-TO", help="Ids to try, such as 1-20 (default: --id, or all, the usual one first)."
+    ),
+    click.option(
+        "--all",
+        "find_all",
+        is_flag=True,
+        help="Keep searching after the first device, and search a silent line again with longer timeouts.",
+    ),
+)
+"""How far a search goes."""
+
+
+log_options = together(
+    click.argument("file", type=OutFile(beside=(".json",))),
+    streaming(0.0),
+    click.option("--mark", metavar="TEXT", default="", help="Mark the first row with TEXT."),
+    click.option(
+        "--silence",
+        type=Seconds(),
+        default=60.0,
+        show_default=True,
+        metavar="S",
+        help="End after S seconds without a valid reply. handctl also waits this long for a lost port to come back.",
+    ),
+    click.option("--force", is_flag=True, help="Overwrite FILE."),
+)
+"""FILE, and the options of `recorder.Wishes`."""
 suspendable = click.option(
     "--may-suspend", is_flag=True, help="Do not stop the motors when this command is suspended (SIGSTOP) for 0.5 s."
 )
@@ -367,7 +397,7 @@ def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = l
         print_stderr(exc.format_message())
         return exc.exit_code
     except click.UsageError as exc:
-        from handctl.frame.cause import from_click
+        from handctl.frame.envelope import from_click
 
         error = from_click(exc)
         if exc.ctx is not None:
@@ -385,7 +415,7 @@ def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = l
         )
         error.__cause__ = exc
     from handctl.frame.console import print_message, print_stderr
-    from handctl.frame.late import in_file, late_envelope
+    from handctl.frame.envelope import in_file, late_envelope
 
     if debug or in_file("debug"):
         import traceback

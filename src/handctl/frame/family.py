@@ -77,7 +77,7 @@ def refuse_missing(family: Family, given: Collection[str]) -> None:
 
 def refuse_serial(family: Family, link: str) -> None:
     """Raise UsageError for a serial port where this family has TCP only."""
-    from handctl.link.urls import path_in
+    from handctl.link.base import path_in
 
     serial = path_in(link) or link.startswith("usb:")
     if serial and family.tcp_port is not None and not family.wires:

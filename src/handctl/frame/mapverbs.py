@@ -9,19 +9,19 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Collection
+from importlib import import_module
 from typing import Any
 
 import click
 
-from handctl.frame import recorder, stored, verbs
-from handctl.frame.clikit import Group, reads_option, stream_options
+from handctl.families import COMMANDS
+from handctl.frame import stored, verbs
+from handctl.frame.clikit import Group, log_options, reads_option, scan_options, stream_options
 from handctl.frame.console import is_terminal
 from handctl.frame.envelope import INCLUDE_IDS
 from handctl.frame.filetypes import InFile, OutFile
 from handctl.frame.numbers import FiniteRange
-from handctl.frame.recorder import log_options
 from handctl.frame.run import Run
-from handctl.frame.scanverb import add_scan
 from handctl.frame.usage import columns
 from handctl.model.param import COMMAND, ParamMap
 from handctl.model.result import Table
@@ -119,6 +119,8 @@ def add_map_verbs(
         FILE can be a directory. On a terminal, press any letter or the space bar to set a mark.
         Without names: everything that changes by itself.
         """
+        from handctl.frame import recorder
+
         return recorder.log(run, file, recorder.Wishes(**wishes), lambda again: recorder.of_map(run, names, again))
 
     @click.argument("file", type=OutFile())
@@ -191,7 +193,16 @@ def add_map_verbs(
 
         return command.stop(run)
 
-    add_scan(group)
+    @scan_options
+    def scan(run: Run, ids: str | None, find_all: bool) -> Table:
+        """Search for devices of this family: baud rate and id.
+
+        Read-only. It tries the usual id at each baud rate first, then all ids, and reports anything it skipped.
+        """
+        found: Table = import_module(COMMANDS["scan"][0]).scan_family(run, ids, find_all)
+        return found
+
+    group.verb("scan", "Service")(scan)
     if "stop" not in without:
         group.verb("stop", "Move", writes=True, stops=True)(stop)
     for name, heading, body, writes in (

@@ -6,7 +6,7 @@ The level nearest the verb wins; `frame.precedence` says what stands behind the 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -269,3 +269,33 @@ def _checked(option: click.Parameter, value: Any) -> Any:
         return kind.convert(value, option, None)
     except click.UsageError as exc:
         raise ValueError(exc.message) from exc
+
+
+# -- options that only some commands of one family have -------------------------------------------------------------
+
+
+OWN = "handctl.own"
+"""Key in click's shared meta: the values of such options by the name that they have in `settings.own`."""
+
+
+class Own(click.Option):
+    """`@click.option("--operator", cls=Own, of="ekso")`. `check` raises UsageError for a value that makes no sense."""
+
+    def __init__(self, names: Sequence[str], of: str, check: Callable[[Any], object] | None = None) -> None:
+        (option,) = (row for row in FAMILIES[of].options if f"--{row.name}" in names)
+        self._check = check
+        super().__init__(
+            list(names),
+            envvar=f"HANDCTL_{option.key.upper()}",
+            metavar=option.metavar,
+            help=option.help,
+            expose_value=False,
+            callback=self._remember,
+        )
+
+    def _remember(self, ctx: click.Context, param: click.Parameter, value: Any) -> None:
+        if value is None:
+            return
+        if self._check is not None:
+            self._check(value)
+        ctx.meta.setdefault(OWN, {})[param.name] = value

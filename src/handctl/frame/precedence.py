@@ -18,6 +18,7 @@ from handctl.frame.options import (
     FILE,
     GIVEN,
     NAMED,
+    OWN,
     PASSED_OVER,
     SOURCES,
     UNFIT,
@@ -32,7 +33,6 @@ from handctl.frame.options import (
     read_config,
     words_of,
 )
-from handctl.frame.own import OWN
 
 
 def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "", *, urgent: bool = False) -> Settings:

@@ -5,25 +5,37 @@ A family whose rows are the values of its map gets the command with its map verb
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from handctl import __version__
-from handctl.errors import HandctlError, LinkError, OutputError
-from handctl.frame.clikit import streaming
-from handctl.frame.filetypes import OutFile
-from handctl.frame.numbers import Seconds
+from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError
 from handctl.frame.run import Run
+from handctl.frame.stored import kept_of
+from handctl.frame.verbs import select
+from handctl.model.clocks import Moment
+from handctl.model.param import Element, Reading
 from handctl.model.result import Column, Table
+from handctl.record.recording import (
+    Limits,
+    Recording,
+    changed,
+    file_name,
+    in_words,
+    record,
+    refuse_existing,
+    undisturbed,
+)
+from handctl.record.source import RowsLayout, Sample, Source
+from handctl.screen.sheet import column_of, in_persons_unit, name_of, text_of
 from handctl.sentence import plural
+from handctl.system import terminal
 
 if TYPE_CHECKING:
-    from handctl.record.recording import Recording
-    from handctl.record.source import Source
+    from handctl.model.device import Device
     from handctl.record.timeline import Hole
 
 SUMMARY = (
@@ -53,34 +65,12 @@ class Wishes:
     force: bool
 
 
-def log_options(body: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorator: FILE, and the options of `Wishes`."""
-    options = (
-        click.argument("file", type=OutFile(beside=(".json",))),
-        streaming(0.0),
-        click.option("--mark", metavar="TEXT", default="", help="Mark the first row with TEXT."),
-        click.option(
-            "--silence",
-            type=Seconds(),
-            default=60.0,
-            show_default=True,
-            metavar="S",
-            help="End after S seconds without a valid reply. handctl also waits this long for a lost port to come back.",
-        ),
-        click.option("--force", is_flag=True, help="Overwrite FILE."),
-    )
-    return reduce(lambda made, option: option(made), reversed(options), body)
-
-
 def log(run: Run, file: str, wishes: Wishes, source_of: Callable[[Callable[[], bool]], Source]) -> Table:
     """Record the source that `source_of` makes of the device; it is given what opens a lost port again."""
-    from handctl.record import polling
-    from handctl.record import recording as files
-    from handctl.record.keys import Keys
 
     assert run.family is not None
-    path = files.file_name(file, run.family.kind)
-    files.refuse_existing(path, wishes.force)
+    path = file_name(file, run.family.kind)
+    refuse_existing(path, wishes.force)
     source = source_of(lambda: _reopen(run))
     before = dict(source.settings())
     link = run.open_link()
@@ -92,13 +82,13 @@ def log(run: Run, file: str, wishes: Wishes, source_of: Callable[[Callable[[], b
         "asked": {"rate_hz": wishes.rate or None, "rows": wishes.count, "duration_s": wishes.duration},
         "settings_before": before,
     }
-    recording = files.Recording(path, link, source, about, rate=wishes.rate, force=wishes.force)
+    recording = Recording(path, link, source, about, rate=wishes.rate, force=wishes.force)
     try:
         with Keys(run.guide.interactive) as keys:
             run.guide.say(f"recording into {path}. {'a key sets a mark, ' if keys.heard else ''}Ctrl-C ends")
-            failure = polling.record(
+            failure = record(
                 recording,
-                polling.Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end),
+                Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end),
                 mark=_first(wishes.mark, keys.pressed),
                 guide=run.guide,
                 before=before,
@@ -112,9 +102,6 @@ def log(run: Run, file: str, wishes: Wishes, source_of: Callable[[Callable[[], b
 
 def of_map(run: Run, names: Sequence[str], again: Callable[[], bool]) -> Source:
     """The named quantities of the device, or those that change by themselves."""
-    from handctl.frame.mapsource import MapSource
-    from handctl.frame.verbs import select
-
     if names and run.family is not None and run.family.map_of is None:
         select(run.planner().map, names)  # a wrong name is told before the link is opened
     device = run.device()
@@ -144,8 +131,6 @@ def _finish(
     run: Run, recording: Recording, before: Mapping[str, Any], failure: HandctlError | None
 ) -> HandctlError | None:
     """Read the settings and the rest again, close the file, write the sidecar; returns what went wrong first."""
-    from handctl.record.recording import changed, in_words, undisturbed
-
     source, after = recording.source, None
     if not isinstance(failure, LinkError):
         try:
@@ -222,3 +207,86 @@ def _hole_text(hole: Hole) -> str:
         restarted = " It is unknown whether the device restarted in between."
     seconds = (hole.length_ms or 0) / 1000
     return f"Before row {hole.row} the port was lost: {seconds:.3f} s have no rows. Segment {hole.segment} begins there.{restarted}"
+
+
+class MapSource(Source):
+    """`elements` of a device; `again` opens a lost port, see `Source.reopen`."""
+
+    def __init__(self, device: Device, elements: Sequence[Element], again: Callable[[], bool]) -> None:
+        self.kind = device.kind
+        rows = [device.row(Reading(element, None, b"", None)) for element in elements]
+        self.layout = RowsLayout([(column_of(row), row) for row in rows])
+        self._device, self._elements, self._again = device, list(elements), again
+        self._identity = device.identity()
+        self._met = False
+        self._settings = kept_of(device.map, setpoints=False, further=device.further(self._identity))
+
+    def sample(self) -> Sample:
+        device = self._device
+        begun = device.link.now()
+        readings = device.read(self._elements)
+        moment = Moment(begun, device.link.now())
+        failed = [reading for reading in readings if reading.error is not None]
+        if readings and len(failed) == len(readings):
+            raise failed[0].error or NoAnswer("nothing was read")
+        rows = [device.row(reading) for reading in readings]
+        texts = [text_of(in_persons_unit(row)) for row in rows]
+        errors = "; ".join(dict.fromkeys(f"{name_of(row)}: {row['error']}" for row in rows if row.get("error")))
+        return Sample(moment, (texts, errors))
+
+    def settings(self) -> dict[str, dict[str, Any]]:
+        if not self._settings and not self._met:  # a stranger is seen before there is a file
+            self._device.read(self._elements)
+        self._met = True
+        rows = [self._device.row(reading) for reading in self._device.read(self._settings)] if self._settings else []
+        return {
+            str(element.full_name): {"value": row.get("value"), "unit": row.get("unit")}
+            for element, row in zip(self._settings, rows, strict=True)
+        }
+
+    def about(self) -> dict[str, Any]:
+        device = self._device
+        told = {"kind": device.kind, "model": device.about.get("model"), "id": self._identity.get("id")}
+        return {"device": told, "link": {"port": device.link.name, "baud": getattr(device.link, "baud", None)}}
+
+    def sidecar(self) -> dict[str, Any]:
+        return {"counters": self._device.journal.counters.as_row()}
+
+    def reopen(self) -> bool:
+        return self._device.reopen(self._again)
+
+
+class Keys:
+    """Keys pressed on the terminal, without waiting for one. Only while this process is in the foreground."""
+
+    def __init__(self, wanted: bool) -> None:
+        self._wanted = wanted
+        self._terminal: terminal.Keys | None = None
+        self._descriptor = -1
+        self._count = 0
+
+    @property
+    def heard(self) -> bool:
+        """Whether a key sets a mark."""
+        return self._terminal is not None
+
+    def __enter__(self) -> Keys:
+        if self._wanted:
+            self._descriptor = sys.stdin.fileno()
+            if terminal.in_front(self._descriptor):
+                self._terminal = terminal.Keys(self._descriptor)
+        return self
+
+    def pressed(self) -> str:
+        """The text of a mark: the keys since the last call, a numbered word for space; "" for none."""
+        if self._terminal is None or not terminal.in_front(self._descriptor):
+            return ""
+        text = self._terminal.pressed()
+        if not text.isprintable() or not text:
+            return ""
+        self._count += 1
+        return text.strip() or f"mark {self._count}"
+
+    def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, tb: TracebackType | None) -> None:
+        if self._terminal is not None and terminal.in_front(self._descriptor):
+            self._terminal.close()

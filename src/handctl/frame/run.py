@@ -15,25 +15,25 @@ import click
 
 from handctl.ending import end_on_signals, finish_on_signals, gave_up, served
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
-from handctl.frame.cause import as_told, from_click, interrupted, judged, weightier
 from handctl.frame.connection import Connection, beside
 from handctl.frame.console import TerminalGuide, print_message, print_writes
-from handctl.frame.envelope import device_row, make_envelope
+from handctl.frame.envelope import as_told, device_row, from_click, interrupted, judged, make_envelope, weightier
 from handctl.frame.family import Family, implied, in_words, load
 from handctl.frame.filetypes import files_of
 from handctl.frame.options import SOURCES, Settings, Source, words_of
 from handctl.frame.premises import check_before, link_name, refuse_other_family, tell_unasked, unsent
+from handctl.model.result import Column, Table
 from handctl.screen.filter import text_shown
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
-    from handctl.frame.session import Session
+    from handctl.frame.connection import Session
     from handctl.link import Link
     from handctl.model.guide import Guide
     from handctl.model.ledger import Ledger
     from handctl.model.param import Step
-    from handctl.model.result import Message, Table
+    from handctl.model.result import Message
     from handctl.stop.holding import Hold
 
 SESSION = "handctl.session"
@@ -128,7 +128,7 @@ class Run:
             if self.writes:
                 from handctl.link.tap import observed
 
-                link = observed(link, self.ledger)
+                observed(link, self.ledger)
             assert self.hold is not None
             self.link = self.hold.around(link)
             self.end = link.now() + settings.deadline if (settings := self.settings).deadline is not None else None
@@ -227,8 +227,6 @@ class Run:
 
     def dry_run(self, steps: Sequence[Step]) -> Table:
         """The exact bytes of a plan as a Table; sends nothing."""
-        from handctl.frame.steps import plan_table
-
         self.ledger.plan(steps)
         looks = "" if self.settings.assume_identity else ". handctl would first check the device's identity with reads"
         self.journal.info("dry-run", f"dry run: nothing was sent{looks}")
@@ -395,3 +393,13 @@ class Run:
         if not self.settings.quiet and self.settings.format not in ("json", "ndjson"):
             self.guide.done()
             print_message("note" if message.level == "info" else message.level, message.text, message.hint)
+
+
+def plan_table(steps: Sequence[Step]) -> Table:
+    """The exact bytes of a plan."""
+    rows = [
+        {"step": number, "bytes": step.wire, "meaning": step.meaning, "moves": step.moves, "strands": step.strands}
+        for number, step in enumerate(steps, 1)
+    ]
+    columns = (Column("step", "Step", right=True), Column("bytes", "Bytes"), Column("meaning", "Meaning"))
+    return Table(rows=rows, columns=columns, plain=("bytes",))

@@ -14,10 +14,10 @@ from handctl.errors import HandctlError, UsageError
 from handctl.families import COMMANDS, FAMILIES
 from handctl.files import state_path
 from handctl.frame.clikit import ALONE
+from handctl.frame.connection import Session
 from handctl.frame.console import print_message
 from handctl.frame.family import load, map_of
 from handctl.frame.lines import defaults, line
-from handctl.frame.session import Session
 from handctl.system import terminal
 
 if TYPE_CHECKING:

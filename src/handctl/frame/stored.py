@@ -1,15 +1,24 @@
-"""snapshot, diff and restore, for every device over its parameter map. The file itself is `snapshot`'s.
+"""snapshot, diff and restore, for every device over its parameter map, and the file.
 
 A snapshot holds settings and set-points. Settings are what a device is to be; set-points are what it was told to do a
 moment ago, and writing one moves or pushes: `diff` and `restore` leave them alone unless they are asked for.
+
+    {"schema": "handctl-snapshot/1", "kind": "exo", "device": {…}, "tool": {"name": "handctl", "version": "…"},
+     "time": "2026-01-31T12:00:00+00:00", "link": "…", "fake": false,
+     "values": {"id": 1, "position_set.little": 151, …}, "checksum": "sha256:…"}
+
+The checksum covers everything else in canonical form (sorted keys, no spaces), so an edited file is noticed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+import os
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from handctl.errors import CheckFailed, UsageError, joined
+from handctl import __version__
+from handctl.errors import CheckFailed, OutputError, UsageError, joined
+from handctl.files import atomic_write, read_text, why_unwritable
 from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Element, Number, ParamMap, Step, elements_of
 from handctl.model.pending import question, released
 from handctl.model.result import Column, Row, Table
@@ -70,14 +79,12 @@ def counted(params: ParamMap[Any], names: Sequence[str]) -> str:
 
 def snapshot(run: Run, path: str) -> Table:
     """Write settings and set-points to a file, atomically; the only file that it replaces is an older snapshot of this kind."""
-    from handctl.frame import snapshot as files
-
-    files.check_target(path, run.family.kind if run.family is not None else "")
+    check_target(path, run.family.kind if run.family is not None else "")
     device: Device = run.device()
     identity = device.identity()
     values = read_values(device, kept_of(device.map, further=device.further(identity)))
-    content = files.make(device.kind, identity, values, link=run.link_name(), fake=run.simulated)
-    files.write(path, content)
+    content = make(device.kind, identity, values, link=run.link_name(), fake=run.simulated)
+    write(path, content)
     for name, value in values.items():
         try:
             device.map.find(name)[0].check(value, name)
@@ -100,12 +107,10 @@ def diff(run: Run, params: ParamMap[Any], a: str, b: str | None, *, setpoints: b
 
     Exit 7 when they differ.
     """
-    from handctl.frame import snapshot as files
-
-    left = files.load(a, params.kind)["values"]
+    left = load(a, params.kind)["values"]
     _need_settings(params, setpoints)
     if b is not None:
-        right = files.load(b, params.kind)["values"]
+        right = load(b, params.kind)["values"]
     else:
         device: Device = run.device()
         device.find_for_restore(left)
@@ -157,9 +162,7 @@ def restore(
     Settings; with `setpoints` also what was commanded, forces after a question of their own. Everything is asked before
     the first byte is written.
     """
-    from handctl.frame import snapshot as files
-
-    values: dict[str, Number] = files.load(path, params.kind)["values"]
+    values: dict[str, Number] = load(path, params.kind)["values"]
     _need_settings(params, setpoints)
     found = _checked(params, values, path)
     changes = [change for change in found if setpoints or change[0].param.kind != COMMAND]
@@ -306,3 +309,120 @@ def _in_words(params: ParamMap[Any], rows: Sequence[Row], columns: Sequence[Colu
         if any(told in row for row in rows):
             shown.append(Column(told, "Meaning"))
     return tuple(shown)
+
+
+# -- the file: settings of one device as JSON, whole or not there at all --------------------------------------------
+
+
+SCHEMA = "handctl-snapshot/1"
+MOST_BYTES = 1_000_000
+UNTOUCHED = "Nothing was sent to the device."
+
+
+def _checksum(content: Mapping[str, Any]) -> str:
+    import hashlib
+    import json
+
+    text = json.dumps(
+        {key: value for key, value in content.items() if key != "checksum"}, sort_keys=True, separators=(",", ":")
+    )
+    return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
+
+
+def make(
+    kind: str, identity: Mapping[str, object], values: dict[str, Number], *, link: str, fake: bool
+) -> dict[str, Any]:
+    """The content of a snapshot file, with its checksum."""
+    from datetime import datetime, timezone
+
+    content: dict[str, Any] = {
+        "schema": SCHEMA,
+        "kind": kind,
+        "device": dict(identity),
+        "tool": {"name": "handctl", "version": __version__},
+        "time": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "link": link,
+        "fake": fake,
+        "values": values,
+    }
+    return {**content, "checksum": _checksum(content)}
+
+
+def write(path: str, content: Mapping[str, Any]) -> None:
+    """Write a snapshot, whole or not at all. Raises OutputError."""
+    import json
+
+    try:
+        with atomic_write(path) as file:
+            json.dump(content, file, indent=2, ensure_ascii=False)
+            file.write("\n")
+    except OSError as exc:
+        raise OutputError(f"{path}: the snapshot cannot be written: {exc.strerror or exc}") from exc
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    # Of two entries of one name the checksum would cover the last only, while a person reads the first.
+    content = dict(pairs)
+    if len(content) != len(pairs):
+        names = [name for name, _ in pairs]
+        raise ValueError(f"{next(name for name in names if names.count(name) > 1)!r} is given twice")
+    return content
+
+
+def _refuse(name: str) -> None:
+    raise ValueError(f"{name} is not a JSON number")
+
+
+def _parsed(path: str, kind: str) -> dict[str, Any]:
+    """What a file that says to be a snapshot holds. Raises UsageError."""
+    import json
+
+    text = read_text(path, "a snapshot", MOST_BYTES, hint=f"`handctl {kind} snapshot {path}` makes one")
+    try:
+        content = json.loads(text, parse_constant=_refuse, object_pairs_hook=_once)
+    except (ValueError, RecursionError) as exc:
+        raise UsageError(f"{path}: not a snapshot: {exc}", hint=UNTOUCHED) from exc
+    if not isinstance(content, dict) or not str(content.get("schema", "")).startswith("handctl-snapshot/"):
+        raise UsageError(f"{path}: not a handctl snapshot", hint=UNTOUCHED)
+    return content
+
+
+def check_target(path: str, kind: str) -> None:
+    """Look at FILE before anything is sent. Raises OutputError where none can be written, UsageError for a file that is no
+    older snapshot of a `kind` device: only such a one may be replaced.
+    """
+    if why := why_unwritable(path):
+        raise OutputError(f"{path}: the snapshot cannot be written: {why}", hint=f"choose another file. {UNTOUCHED}")
+    if not os.path.isfile(path):  # what else it may be is told when it is written
+        return
+    try:
+        found = _parsed(path, kind).get("kind")
+    except UsageError:
+        found = None
+    if found != kind:
+        what = f"a snapshot of {found}" if found else "no snapshot"
+        raise UsageError(
+            f"{path} exists and is {what}: not replaced",
+            hint=f"choose another file, or remove it first. {UNTOUCHED}",
+            code="exists",
+        )
+
+
+def load(path: str, kind: str) -> dict[str, Any]:
+    """Read and check a snapshot of a `kind` device. Raises UsageError for anything that is not whole and ours."""
+    content = _parsed(path, kind)
+    if content["schema"] != SCHEMA:
+        raise UsageError(
+            f"{path}: schema {content['schema']}, this handctl {__version__} reads {SCHEMA}",
+            hint=f"use the handctl that wrote it ({content.get('tool')}). {UNTOUCHED}",
+        )
+    if content.get("checksum") != _checksum(content):
+        raise UsageError(f"{path}: damaged: its checksum is wrong", hint=f"take a new snapshot. {UNTOUCHED}")
+    if content.get("kind") != kind:
+        raise UsageError(f"{path}: a snapshot of {content.get('kind')}, not of {kind}", hint=UNTOUCHED)
+    values = content.get("values")
+    if not isinstance(values, dict) or not all(
+        isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < float("inf") for v in values.values()
+    ):
+        raise UsageError(f"{path}: damaged: its values are not pairs of name and number", hint=UNTOUCHED)
+    return content

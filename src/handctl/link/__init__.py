@@ -55,7 +55,11 @@ def open_link(
     Raises UsageError for a LINK that cannot be understood, LinkError for one that cannot be opened.
     """
     opened = _open(link, baud, tcp_port, exclusive, simulator or {})
-    return tap.around(opened) if tap is not None else opened
+    if tap is not None:
+        from handctl.link.tap import observed
+
+        observed(opened, tap)
+    return opened
 
 
 def is_can(link: str) -> bool:

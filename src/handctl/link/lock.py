@@ -11,7 +11,7 @@ import os
 from typing import NamedTuple
 
 from handctl.errors import HandctlError, LinkError
-from handctl.link import urls
+from handctl.link.base import OF_A_HOST, host_in, path_in, scheme_of
 from handctl.system import clock, disk, locks, ports, processes
 from handctl.system.folders import HINT, own, own_folder, private_folders
 
@@ -114,7 +114,7 @@ def hold(
     device is that of several commands. None where there is nothing to lock. Raises InUse naming the holder,
     LinkError (code "no-lock") where no lock can be made.
     """
-    if (link.startswith(OURS) or urls.scheme_of(link) == "loop") and not kept:
+    if (link.startswith(OURS) or scheme_of(link) == "loop") and not kept:
         return None
     descriptor, path = _open(_file_name(canonical(link, tcp_port)))
     until = clock.now() + (LAST_STOP_SECONDS if patience is None else patience)
@@ -156,9 +156,9 @@ def canonical(link: str, tcp_port: int | None = None) -> str:
         interface, _, channel = link.removeprefix("can:").partition("?")[0].partition(":")
         port = channel.partition("@")[0]  # python-can takes what follows for the speed of the port
         return canonical(port) if interface == "slcan" or port.startswith("/") else f"can {interface}:{channel}"
-    if path := urls.path_in(link):
+    if path := path_in(link):
         return ports.place(path)
-    scheme = urls.scheme_of(link)
+    scheme = scheme_of(link)
     if link.startswith("usb:") or scheme == "hwgrep":
         from handctl.link.serial import find
 
@@ -166,10 +166,10 @@ def canonical(link: str, tcp_port: int | None = None) -> str:
             return ports.place(str(find(link).device))
         except HandctlError:
             return link.casefold()  # opening it will say what is wrong
-    if scheme in ("tcp", *urls.OF_A_HOST):
+    if scheme in ("tcp", *OF_A_HOST):
         from handctl.link.tcp import plain_host
 
-        host, port = urls.host_in(link) or ("", "")
+        host, port = host_in(link) or ("", "")
         if not host:
             text = link.partition("://")[2].partition("?")[0].rstrip("/").casefold()
             host, colon, port = text.rpartition(":")

@@ -14,8 +14,7 @@ from typing import Any
 import serial
 
 from handctl.errors import LinkError, UsageError
-from handctl.link import urls
-from handctl.link.base import ByteLink, Deadline, Outlet
+from handctl.link.base import SCHEMES, ByteLink, Deadline, Outlet, path_in, scheme_of
 from handctl.link.owners import busy, group_of, group_remedy, holders, refuse_held
 from handctl.sentence import plural
 from handctl.system import clock, ports
@@ -36,13 +35,13 @@ drops what arrives meanwhile. It has no time limit for writing either."""
 
 def open_serial(link: str, baud: int | None, *, exclusive: bool = True) -> ByteLink:
     """Open a port by name, `usb:VID:PID[:SERIAL]`, or pyserial URL. Raises UsageError, LinkError."""
-    scheme = urls.scheme_of(link)
-    if scheme and scheme not in urls.SCHEMES:
+    scheme = scheme_of(link)
+    if scheme and scheme not in SCHEMES:
         raise UsageError(
             f"{link}: {scheme}:// is not a known kind of link",
-            hint=f"use tcp://, fake:// or a URL of pyserial: {', '.join(urls.SCHEMES)}",
+            hint=f"use tcp://, fake:// or a URL of pyserial: {', '.join(SCHEMES)}",
         )
-    if scheme == "cp2110" and not urls.path_in(link):
+    if scheme == "cp2110" and not path_in(link):
         raise UsageError(f"{link}: this does not identify a port of this computer", hint="give cp2110:///dev/hidraw9")
     return SerialLink(link, baud or 115200, exclusive=exclusive)
 
@@ -157,7 +156,7 @@ class SerialLink(ByteLink):
         link, baud, exclusive = self.name, self.baud, self._exclusive
         self._device = device
         is_url = "://" in device
-        path = "" if device.startswith("cp2110:") else urls.path_in(device)
+        path = "" if device.startswith("cp2110:") else path_in(device)
         if path and exclusive:
             refuse_held(link, path)
         try:

@@ -13,13 +13,19 @@ writes such lines; `parse` reads them. Knows no protocol.
 
 from __future__ import annotations
 
+import contextlib
+import sys
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
 
+from handctl import ending
 from handctl.ending import handing_over
-from handctl.errors import LinkError, UsageError
-from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, Outlet, Trouble
+from handctl.errors import LinkError, OutputError, UsageError
+from handctl.files import at_once
+from handctl.link.base import CanFrame, Deadline, FrameLink, Link
+
+L = TypeVar("L", bound=Link)
 
 
 class Entry(NamedTuple):
@@ -102,13 +108,89 @@ class Observer(Protocol):
         ...
 
 
-def observed(link: Link, observer: Observer) -> Link:
-    """The same link; `observer` is told of what passes."""
+def observed(link: L, observer: Observer) -> L:
+    """From now on `observer` is told of what passes on this link; returns the link."""
     observer.opened(link.now())
-    if isinstance(link, FrameLink):
-        return TappedFrames(link, observer)
-    assert isinstance(link, ByteLink)
-    return TappedLink(link, observer)
+    if not link.observers:
+        _overheard(link)
+    link.observers = (*link.observers, observer)
+    return link
+
+
+def _overheard(link: Any) -> None:
+    """Put others in place of the methods that talk: they tell the link's observers. A check in those would cost every frame."""
+    frames = isinstance(link, FrameLink)
+    speak, hear = (link.send, link.receive) if frames else (link.write, link.read)
+    lost = False
+
+    def tell(moment: float, mark: str, what: Any) -> None:
+        data, can_id = (what.data, what.can_id) if frames else (what, None)
+        for observer in link.observers:
+            observer.passed(moment, mark, data, can_id)
+
+    def event(text: str) -> None:
+        for observer in link.observers:
+            observer.event(link.now(), text)
+
+    def failed(exc: LinkError) -> None:
+        """That the link is lost is an event of the transcript, once."""
+        nonlocal lost
+        if exc.code == "lost" and not lost:
+            lost = True
+            event("disconnect")
+
+    def spoken(what: Any, deadline: Deadline) -> None:
+        with _whole(link):
+            sent = link.now()
+            try:
+                try:
+                    speak(what, deadline)
+                finally:
+                    tell(sent, ">", what)
+            except LinkError as exc:
+                failed(exc)
+                raise
+
+    def heard(deadline: Deadline, *size: int, **named: int) -> Any:
+        try:
+            found = hear(deadline, *size, **named)
+        except LinkError as exc:
+            failed(exc)
+            raise
+        if found:
+            with handing_over():
+                tell(link.now(), "<", found)
+        return found
+
+    def followed(do: Callable[..., Any], text: str) -> Callable[..., Any]:
+        def done(*args: Any) -> Any:
+            nonlocal lost
+            found = do(*args)
+            if found is not False:
+                lost = lost and text != "reconnect"
+                event(" ".join([text, *map(str, args)]) if text == "baud" else text)
+            return found
+
+        return done
+
+    methods = {"send": spoken, "receive": heard} if frames else {"write": spoken, "read": heard}
+    methods["event"] = event
+    for name, text in (
+        ("reconnect", "reconnect"),
+        ("reopen", "reconnect"),
+        ("power_cycle", "power-cycle"),
+        *(() if frames else (("set_baud", "baud"),)),
+    ):
+        methods[name] = followed(getattr(link, name), text)
+    vars(link).update(methods)
+
+
+def _whole(link: Link) -> AbstractContextManager[None]:
+    """Around what goes out and is noted: Ctrl-C waits for both, unless the line takes nothing just now."""
+    outlet = link.outlet()
+    if outlet is None and not (link.fake or link.replayed):
+        return nullcontext()
+    return handing_over(outlet.descriptor if outlet is not None else -1)
 
 
 class Tap:
@@ -117,10 +199,6 @@ class Tap:
     def __init__(self, write: Callable[[str], None]) -> None:
         self._write = write
         self._start: float | None = None
-
-    def around(self, link: Link) -> Link:
-        """The same link, recorded."""
-        return observed(link, self)
 
     def opened(self, now: float) -> None:
         """See Observer."""
@@ -141,149 +219,67 @@ class Tap:
         self._write(f"{elapsed:.6f} {mark} {text}\n")
 
 
-class _Tapped(Link):
-    """What both kinds of tapped links have in common."""
+# -- where the lines go ---------------------------------------------------------------------------------------------
 
-    def __init__(self, link: Link, tap: Observer) -> None:
-        self._inner = link
-        self._tap = tap
-        self._lost = False
-        self.name = link.name
-        self.fake = link.fake
-        self.replayed = link.replayed
-        self.held = link.held
 
-    def now(self) -> float:
-        return self._inner.now()
+READER_SECONDS = 0.3
+"""How long a line waits for who reads along. No longer: a motor may turn meanwhile."""
 
-    def wall(self) -> float:
-        return self._inner.wall()
 
-    def sleep(self, seconds: float) -> None:
-        self._inner.sleep(seconds)
+class TraceFile:
+    """A transcript that is being written. `failure` says why it ends early; what is on the line goes on all the same."""
 
-    def event(self, text: str) -> None:
-        self._tap.event(self.now(), text)
+    def __init__(self, path: str | None, header: str, verbose: bool) -> None:
+        """Begin with a line of comment. Raises OutputError: nothing has been sent yet."""
+        self.failure: OutputError | None = None
+        self._path = path
+        self._verbose = verbose
+        self._stderr = ending.waits(sys.stderr)
+        self._file = None
+        self._waits = -1
+        if path:
+            try:
+                self._file = open(  # noqa: SIM115 - until close
+                    path, "w", encoding="utf-8", newline="\n", buffering=1, opener=at_once
+                )
+            except OSError as exc:
+                raise OutputError(
+                    f"{path}: the trace cannot be written: {exc.strerror or exc}",
+                    hint="give --trace another file. Nothing was sent.",
+                ) from exc
+            self._waits = ending.watch(self._file, result=False)
+            try:
+                self._file.write(f"# {header}\n")
+            except OSError as exc:
+                raise self._failed(exc) from exc
 
-    def recorded_next(self, request: bytes) -> bool:
-        return self._inner.recorded_next(request)
-
-    def outlet(self) -> Outlet | None:
-        return self._inner.outlet()
-
-    def reconnect(self, seconds: float) -> bool:
-        done = self._inner.reconnect(seconds)
-        if done:
-            self._lost = False
-            self.event("reconnect")
-        return done
-
-    def reopen(self) -> bool:
-        done = self._inner.reopen()
-        if done:
-            self._lost = False
-            self.event("reconnect")
-        return done
-
-    def power_cycle(self) -> bool:
-        done = self._inner.power_cycle()
-        if done:
-            self.event("power-cycle")
-        return done
-
-    def _whole(self) -> AbstractContextManager[None]:
-        """Around what goes out and is noted: Ctrl-C waits for both, unless the line takes nothing just now."""
-        outlet = self._inner.outlet()
-        if outlet is None and not (self.fake or self.replayed):
-            return nullcontext()
-        return handing_over(outlet.descriptor if outlet is not None else -1)
-
-    def _failed(self, exc: LinkError) -> LinkError:
-        """That the link is lost is an event of the transcript, once."""
-        if exc.code == "lost" and not self._lost:
-            self._lost = True
-            self.event("disconnect")
-        return exc
+    def write(self, line: str) -> None:
+        """One line. Never raises: what stops a device passes here too; the failure ends up in the exit code."""
+        patience = 0.0 if ending.asked() else READER_SECONDS  # a stop waits for nobody
+        if self._file is not None and self.failure is None:
+            try:
+                if not ending.has_room(self._waits, patience):
+                    ending.make_room(self._waits)
+                    raise TimeoutError("its reader does not accept data")
+                self._file.write(line)
+            except (OSError, ValueError) as exc:
+                self.failure = self._failed(exc)
+        self._verbose = self._verbose and ending.has_room(self._stderr, patience)
+        if self._verbose:
+            with contextlib.suppress(OSError, ValueError):
+                sys.stderr.write(line)
 
     def close(self) -> None:
-        self._inner.close()
-
-
-class TappedFrames(_Tapped, FrameLink):
-    """A CAN link with a tap on the bus."""
-
-    def __init__(self, link: FrameLink, tap: Observer) -> None:
-        super().__init__(link, tap)
-        self._link = link
-        self.adapter, self.bitrate = link.adapter, link.bitrate
-
-    def trouble(self, before: int = 0) -> Trouble | None:
-        return self._link.trouble(before)
-
-    def listen(self, bitrate: int, seconds: float) -> tuple[int, bool] | None:
-        return self._link.listen(bitrate, seconds)
-
-    def resume(self) -> None:
-        self._link.resume()
-
-    def send(self, frame: CanFrame, deadline: Deadline) -> None:
-        with self._whole():
-            sent = self.now()
+        """The end of the file. Never raises."""
+        if self._file is not None:
             try:
-                try:
-                    self._link.send(frame, deadline)
-                finally:
-                    self._tap.passed(sent, ">", frame.data, frame.can_id)
-            except LinkError as exc:
-                raise self._failed(exc) from exc.__cause__
-        self._count()
+                self._file.close()
+            except OSError as exc:
+                self.failure = self.failure or self._failed(exc)
+            ending.forget(self._waits)
 
-    def receive(self, deadline: Deadline) -> CanFrame | None:
-        try:
-            frame = self._link.receive(deadline)
-        except LinkError as exc:
-            raise self._failed(exc) from exc.__cause__
-        self._count()
-        if frame is not None:
-            with handing_over():
-                self._tap.passed(self.now(), "<", frame.data, frame.can_id)
-        return frame
-
-    def _count(self) -> None:
-        self.error_frames, self.damaged, self.damage = self._link.error_frames, self._link.damaged, self._link.damage
-
-
-class TappedLink(_Tapped, ByteLink):
-    """A byte link with a tap on the wire."""
-
-    def __init__(self, link: ByteLink, tap: Observer) -> None:
-        super().__init__(link, tap)
-        self._link = link
-        self.can_set_baud = link.can_set_baud
-        self.baud = link.baud
-
-    def write(self, data: bytes, deadline: Deadline) -> None:
-        with self._whole():
-            sent = self.now()
-            try:
-                try:
-                    self._link.write(data, deadline)
-                finally:
-                    self._tap.passed(sent, ">", data, None)
-            except LinkError as exc:
-                raise self._failed(exc) from exc.__cause__
-
-    def read(self, deadline: Deadline, size: int = 4096) -> bytes:
-        try:
-            data = self._link.read(deadline, size)
-        except LinkError as exc:
-            raise self._failed(exc) from exc.__cause__
-        if data:
-            with handing_over():
-                self._tap.passed(self.now(), "<", data, None)
-        return data
-
-    def set_baud(self, baud: int) -> None:
-        self._link.set_baud(baud)
-        self.baud = self._link.baud
-        self.event(f"baud {baud}")
+    def _failed(self, exc: Exception) -> OutputError:
+        return OutputError(
+            f"{self._path}: the trace cannot be written: {getattr(exc, 'strerror', None) or exc}",
+            hint="make room or give --trace another file. The command continued, but the recording ends there",
+        )

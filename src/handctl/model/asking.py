@@ -11,9 +11,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
-from handctl.model.device import Device, Line
+from handctl.model.device import Device, Gate, Line
 from handctl.model.frames import Decoder, frames_in
-from handctl.model.gate import Gate
 from handctl.model.param import Element, Number, Param, Reading, Step
 from handctl.model.result import Column, Grid, Row, hex_bytes
 

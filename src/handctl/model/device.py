@@ -7,18 +7,28 @@ bytes. What a family overrides is its protocol; what it inherits is what every v
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol, TypedDict, TypeVar
 
-from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError, joined
-from handctl.model.leaving import stopped_by_ctrl_c
+from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, NotIdentified, ProtocolError, joined
 from handctl.model.param import Element, Number, ParamMap, Reading, elements_of
 from handctl.model.pending import Course, Release
-from handctl.model.result import Column, Grid, Row, Table
-from handctl.model.stopping import Aim, Known, Options, Stopped, Talk, aimed, carry_out, drive, talk_of
+from handctl.model.result import Column, Grid, Journal, Row, Table
+from handctl.model.stopping import (
+    Aim,
+    Known,
+    Options,
+    Stopped,
+    Talk,
+    aimed,
+    carry_out,
+    drive,
+    stopped_by_ctrl_c,
+    talk_of,
+)
 from handctl.sentence import plural
 
 if TYPE_CHECKING:
@@ -26,7 +36,6 @@ if TYPE_CHECKING:
     from handctl.link.deadman import Guard
     from handctl.model.guide import Guide
     from handctl.model.param import Step
-    from handctl.model.result import Journal
 
 RETRIES = 2
 """Repetitions of a read that got no valid answer, unless --retries says otherwise."""
@@ -371,3 +380,55 @@ class Device(ABC):
         ]
         if wrong:
             raise CheckFailed(f"{self._line.where}: {'; '.join(wrong)}", hint=hint, code="read-back")
+
+
+# -- who is there, before the first write ---------------------------------------------------------------------------
+
+
+class Gate:
+    """Open once somebody has looked, or once `--assume-identity` has said that nobody looks."""
+
+    def __init__(self, assumed: bool = False) -> None:
+        self.assumed = assumed
+        self.passed = False
+
+    def check(self, link: Link, journal: Journal, look: Callable[[], object]) -> None:
+        """Look, unless that is done. Raises NotIdentified, Interrupted: nothing was written then.
+
+        `look` raises what speaks against this family. On a transcript without it, it is left out with a note.
+        """
+        if self.passed:
+            return
+        if self.assumed:
+            self.tell(journal)
+        else:
+            try:
+                look()
+            except KeyboardInterrupt as exc:
+                raise Interrupted("interrupted while checking the device's identity. Nothing was written") from exc
+            except HandctlError as exc:
+                if not link.replayed or exc.code != "replay-miss":
+                    raise NotIdentified(exc) from exc
+                journal.info("not-recorded", "the identity check was not recorded, so this replay skips it")
+        self.passed = True
+
+    def check_read(self, link: Link, journal: Journal, who: Hashable, judge: Callable[[], object]) -> None:
+        """Judge what was read, unless that of `who` was on this line already. `judge` raises what speaks against this family."""
+        if self.passed or who in journal.line.met:
+            return
+        if self.assumed:
+            self.tell(journal)
+        else:
+            try:
+                judge()
+            except HandctlError as exc:
+                if not link.replayed or exc.code != "replay-miss":
+                    raise
+        journal.line.met.add(who)
+
+    @staticmethod
+    def tell(journal: Journal) -> None:
+        """Say that nobody looks, once."""
+        if not any(message.code == "identity-assumed" for message in journal.messages):
+            text = "the device's identity was not checked, because of --assume-identity"
+            journal.warn("identity-assumed", text)

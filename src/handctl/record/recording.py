@@ -12,12 +12,14 @@ import contextlib
 import errno
 import json
 import os
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Callable, Iterator, Mapping
+from math import ceil, inf
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from handctl.errors import HandctlError, OutputError, UsageError
+from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.files import atomic_write
-from handctl.record.layout import Stamp, clean
+from handctl.model.guide import Guide
+from handctl.record.source import Stamp, clean
 from handctl.record.timeline import CLOCKS, PORT_LOST, RESTART, Hole, Place, Timeline
 from handctl.system import disk, signals
 
@@ -302,3 +304,239 @@ def in_words(setting: Mapping[str, Any]) -> str:
 def changed(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
     """Names of the settings that differ."""
     return [name for name in before if before[name]["value"] != after.get(name, {}).get("value")]
+
+
+# -- the loop -------------------------------------------------------------------------------------------------------
+
+
+PROGRESS_S = 0.25
+PAUSE_S = 0.05
+"""Between a request without an answer and the next where there are no ticks, so that a dead line costs no processor time."""
+RETRY_S = 0.1
+"""Between two looks for a port that was lost."""
+SHORTEST_S = 0.005
+"""No answer comes sooner on any line. Where the clock is virtual, and the line has no speed, none would pass otherwise."""
+ENDS = "Ctrl-C ends the log."
+LOOK_S = 1.0
+"""Between two looks beside the rows."""
+LOOK_REST_S = 10.0
+"""The same after one without an answer: each costs a timeout, in which no row is taken."""
+
+
+class Limits(NamedTuple):
+    """When a recording ends by itself, and how fast it goes.
+
+    rate      requests per second, 0 = as fast as the device answers
+    rows      rows of the file; None = no limit
+    duration  seconds; None = no limit
+    silence   seconds without an answer that end it
+    bound     when --deadline is over, by the clock of the link; None = never
+    """
+
+    rate: float = 0.0
+    rows: int | None = None
+    duration: float | None = None
+    silence: float = 60.0
+    bound: float | None = None
+
+
+class Pace:
+    """The ticks of a recording, 1/rate apart from its start: one poll for a tick at the most, and none to catch up.
+
+    A device somewhat slower than the rate is polled as it answers. A tick that would be late by more than half a period
+    is skipped and counted, so that two polls are never closer than that. Without a rate there are no ticks.
+    """
+
+    def __init__(self, clock: Clock, rate: float) -> None:
+        self.skipped = 0
+        self._clock = clock
+        self._rate = rate
+        self._start = clock.now()
+        self._next = 0
+
+    def sent(self, moment: float) -> None:
+        """A request went out at this moment: late, it is that of the tick nearest to it."""
+        if self._rate:
+            after = ceil((moment - self._start) * self._rate - 0.5 - 1e-6) + 1
+            self.skipped += max(0, after - self._next)
+            self._next = max(self._next, after)
+
+    def wait(self, end: float) -> None:
+        """Until the moment of the next poll, or `end` when that comes first."""
+        while self._rate:
+            now = self._clock.now()
+            passed = (now - self._start) * self._rate
+            if passed > self._next + 0.5:
+                first = ceil(passed)
+                self.skipped += first - self._next
+                self._next = first
+            due = min(self._start + self._next / self._rate, end)
+            if due <= now:
+                break
+            self._clock.sleep(due - now)
+            if self._clock.now() <= due + 0.5 / self._rate:  # otherwise the machine slept longer: look again
+                break
+        self._next += 1
+
+
+class _Loop:
+    """What stays between two polls."""
+
+    def __init__(
+        self, recording: Recording, limits: Limits, mark: Callable[[], str], guide: Guide, before: dict[str, Any]
+    ) -> None:
+        self._recording, self._limits, self._mark, self._guide = recording, limits, mark, guide
+        self._source, self._clock, self._before = recording.source, recording.clock, before
+        clock = self._clock
+        self.pace = Pace(clock, limits.rate)
+        self._start = self._heard = self._shown = self._look_due = clock.now()
+        self._end = inf if limits.duration is None else self._start + limits.duration
+        self._seq = 0
+        self._asked = False
+        """Whether a request is without its answer."""
+
+    @property
+    def wanted(self) -> bool:
+        """Whether no limit is reached."""
+        rows = self._limits.rows
+        return (rows is None or self._recording.rows < rows) and self._clock.now() < self._end
+
+    def step(self) -> None:
+        """One poll and its row. Raises what ends the log, and LinkError for a lost port."""
+        self.pace.wait(self._end)
+        if not self.wanted:
+            return
+        recording = self._recording
+        recording.pending = "; ".join(filter(None, [recording.pending, self._mark()]))
+        self._seq += 1
+        self._asked = True
+        try:
+            answer = self._source.sample()
+        except (NoAnswer, ProtocolError) as exc:
+            self._asked = False
+            if exc.code == "deadline":  # it was not even sent
+                raise
+            recording.lost += 1
+            now, bound = self._clock.now(), self._limits.bound
+            if now - self._heard >= self._limits.silence or (bound is not None and now >= bound):
+                raise
+            if not self._limits.rate:
+                self._clock.sleep(PAUSE_S)
+            return
+        self._asked = False
+        if answer.moment.sent == answer.moment.answered:
+            self._clock.sleep(SHORTEST_S)
+        self.pace.sent(answer.moment.sent)
+        self._heard = self._clock.now()
+        if recording.add(answer, self._seq):
+            self._begin_segment()
+        if self._heard - self._shown >= PROGRESS_S:
+            self._shown = self._heard
+            with contextlib.suppress(OSError):  # a terminal that went away
+                self._guide.progress(_progress(recording, self._heard - self._start), ENDS)
+        if self._source.looks and self._heard >= self._look_due:
+            self._look()
+
+    def _begin_segment(self) -> None:
+        """Tell of a restart; after one, or where there may have been one, read what it may have changed."""
+        segment = self._recording.timeline.segments[-1]
+        if segment.rebooted:
+            self._guide.say(f"The device restarted: its clock started at 0. Segment {segment.number} starts")
+        if segment.rebooted is False and not segment.first.reopened:
+            return
+        self._look_due = self._heard
+        with contextlib.suppress(NoAnswer, ProtocolError):  # it has just started: the settings may come late
+            segment.settings_changed = changed(self._before, self._source.settings())
+
+    def _look(self) -> None:
+        recording = self._recording
+        try:
+            restarted = self._source.look(recording.timeline.last, recording.rows)
+        except (NoAnswer, ProtocolError) as exc:
+            if exc.code == "deadline":
+                raise
+            self._source.unanswered()
+            self._look_due = self._clock.now() + LOOK_REST_S
+            return
+        self._look_due = self._heard + LOOK_S
+        if restarted:
+            recording.timeline.restarted()
+
+    def wait_for_port(self, lost: LinkError) -> bool:
+        """Until the port is open again; False where it cannot be. Raises LinkError when the time for that is over."""
+        over = min(self._heard + self._limits.silence, self._end)
+        told = False
+        while True:
+            try:
+                if not self._source.reopen():
+                    return False
+                break
+            except KeyboardInterrupt:  # while the port that is gone was being closed
+                self._recording.port_lost()
+                raise
+            except LinkError as exc:
+                self._recording.port_lost()
+                if (left := over - self._clock.now()) <= 0:
+                    raise self._gone(lost, exc) from exc
+            if not told:
+                told = True
+                self._guide.say(f"{lost.text}. Waiting up to {left:.0f} s for the same port")
+            with contextlib.suppress(OSError):
+                self._guide.progress(f"the port is gone, {left:.0f} s left for its return", ENDS)
+            self._clock.sleep(min(RETRY_S, left))
+        self._recording.port_lost()
+        self._recording.lost += self._asked
+        self._asked = False
+        self._guide.say("The port is open again. The next row starts a segment")
+        return True
+
+    def _gone(self, lost: LinkError, last: LinkError) -> LinkError:
+        if self._heard + self._limits.silence <= self._end:
+            when = f"within the {self._limits.silence:g} s of --silence"
+        else:
+            when = "before the end of --duration"
+        return LinkError(
+            f"{lost.text}. It did not come back {when}. {last.text}", hint=last.hint or lost.hint, code="lost"
+        )
+
+
+def _progress(recording: Recording, seconds: float) -> str:
+    line = recording.timeline
+    rate = line.rate_hz()
+    text = f"{seconds:.1f} s  {line.rows} rows" + (f"  {rate:.1f} Hz" if rate is not None else "")
+    for name, count in (("gaps", len(line.gaps)), ("lost", recording.lost), ("marks", len(recording.marks))):
+        text += f"  {count} {name}" if count else ""
+    return text
+
+
+def record(
+    recording: Recording,
+    limits: Limits,
+    *,
+    mark: Callable[[], str],
+    guide: Guide,
+    before: dict[str, Any] | None = None,
+) -> HandctlError | None:
+    """Record until a limit is reached; returns what ended it before that. Raises nothing of its own.
+
+    mark     asked before each request for the text of a mark, "" for none
+    before   the settings at the start: those at the first row of a segment are compared with them
+    """
+    loop = _Loop(recording, limits, mark, guide, before or {})
+    try:
+        while loop.wanted:
+            try:
+                loop.step()
+            except LinkError as exc:
+                if exc.code != "lost" or not loop.wait_for_port(exc):
+                    raise
+    except KeyboardInterrupt:
+        return Interrupted("interrupted")
+    except HandctlError as exc:
+        return exc
+    finally:
+        recording.skipped = loop.pace.skipped
+        with contextlib.suppress(OSError):
+            guide.done()
+        recording.end()
+    return None

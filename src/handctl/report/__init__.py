@@ -19,7 +19,7 @@ from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, Outpu
 from handctl.files import atomic_write
 from handctl.frame import verbs
 from handctl.frame.stored import kept_of
-from handctl.link.tap import Tap
+from handctl.link.tap import Tap, observed
 from handctl.model.param import ParamMap
 from handctl.model.result import Cell, Column, Grid, Sample, Table
 from handctl.report.facts import environment, port
@@ -121,7 +121,9 @@ def _recorded(run: Run, visit: _Visit) -> None:
     """Let the device be opened behind a tap of ours, whether or not --trace has one of its own."""
     assert run.family is not None
     opening, tap = run.family.open, Tap(visit.record)
-    run.family = run.family._replace(open=lambda link, settings, journal: opening(tap.around(link), settings, journal))
+    run.family = run.family._replace(
+        open=lambda link, settings, journal: opening(observed(link, tap), settings, journal)
+    )
 
 
 # -- asking -------------------------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ import platform
 from collections.abc import Iterator
 from importlib import metadata
 
-from handctl.link.urls import path_in
+from handctl.link.base import path_in
 from handctl.system.processes import system_name
 
 Facts = list[tuple[str, str]]

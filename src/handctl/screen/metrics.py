@@ -12,8 +12,8 @@ from collections.abc import Generator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from handctl.errors import HandctlError, UsageError
+from handctl.model.param import BASES, scale_of
 from handctl.model.result import Row, Sample
-from handctl.model.units import BASES, scale_of
 from handctl.screen.filter import shown
 
 if TYPE_CHECKING:

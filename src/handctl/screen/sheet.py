@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from handctl.model.param import scale_of
 from handctl.model.result import Column, Row
-from handctl.model.units import scale_of
 
 if TYPE_CHECKING:
     from handctl.screen.render import Context

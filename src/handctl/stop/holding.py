@@ -1,6 +1,6 @@
 """A device in use by this command: the lock that tells others, and the way to have it stopped at once.
 
-The wish comes from another process (`link.ear`) or from the stop key of a live view. Either way the family's stopper
+The wish comes from another process (`stop.wish`) or from the stop key of a live view. Either way the family's stopper
 runs on this command's own link between two steps of the program, ahead of all else; then nothing more is written, and
 the command ends by the way of Ctrl-C.
 """
@@ -17,9 +17,9 @@ from handctl.errors import HandctlError, Interrupted, LinkError
 if TYPE_CHECKING:
     from handctl.frame.run import Run
     from handctl.link import Deadline, Link
-    from handctl.link.ear import Ear
     from handctl.link.lock import Lock
     from handctl.model.stopping import Aim, Sent, Stopped, Talk
+    from handctl.stop.wish import Ear
 
 MOST = 24
 """Bytes of an answer that are shown."""
@@ -80,7 +80,7 @@ class Hold:
         self._lock = lock
         troubles = [lock.unrecorded] if lock is not None and lock.unrecorded else []
         if lock is not None and run.listens and not run.stops:
-            from handctl.link.ear import Ear
+            from handctl.stop.wish import Ear
 
             try:
                 self._ear = Ear(lock.path, self._answer, self.end)
@@ -241,7 +241,7 @@ def _short(data: bytes) -> str | None:
 @contextlib.contextmanager
 def stop_key(hold: Hold | None) -> Iterator[bool]:
     """While it lasts the key s on the terminal stops the device; whether there is such a key."""
-    from handctl.stop.key import StopKey
+    from handctl.stop.wish import StopKey
 
     key = StopKey.on_terminal(hold) if hold is not None else None
     try:

@@ -16,6 +16,7 @@ from handctl.errors import UsageError
 from handctl.families import FAMILIES, WIRES
 from handctl.files import read_text
 from handctl.frame.clikit import Group
+from handctl.frame.devicefile import stable_name
 from handctl.frame.family import Family, load, refuse_missing, refuse_serial
 from handctl.frame.filetypes import InFile
 from handctl.frame.options import (
@@ -28,10 +29,9 @@ from handctl.frame.options import (
     own_options,
     read_config,
 )
-from handctl.frame.portname import stable_name
 from handctl.frame.precedence import resolve
 from handctl.frame.run import Run
-from handctl.link.urls import SCHEMES
+from handctl.link.base import SCHEMES
 from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:

@@ -14,8 +14,7 @@ from typing import Any
 
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
-from handctl.model.latency import RoundTrips
-from handctl.model.profile import SLOW, Profile
+from handctl.model.profile import SLOW, Profile, RoundTrips
 from handctl.model.result import Journal, hex_bytes
 from handctl.sentence import plural
 from handctl.tools.machine import Machine

@@ -29,13 +29,11 @@ import click
 from handctl import __version__
 from handctl.errors import Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES, SCANNED
-from handctl.frame.clikit import Command
+from handctl.frame.clikit import Command, scan_options
 from handctl.frame.run import Run
-from handctl.frame.scanverb import scan_options
 from handctl.link import ByteLink, Deadline, Link, is_can, open_link
 from handctl.link.lock import Lock, hold
-from handctl.link.tap import Tap
-from handctl.link.tracefile import TraceFile
+from handctl.link.tap import Tap, TraceFile
 from handctl.model.result import Journal, Table
 from handctl.system import clock
 from handctl.tools.machine import Machine

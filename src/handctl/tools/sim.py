@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from handctl.families import FAMILIES
-from handctl.link import kept
+from handctl.link import fake
 from handctl.sim.cli import SimError, cli
 
 __all__ = ["cli"]
@@ -22,7 +22,7 @@ def forget(family: str | None) -> None:
     """
     for kind in [family] if family is not None else FAMILIES:
         try:
-            found = kept.forget(kind)
+            found = fake.forget(kind)
         except OSError as exc:
             raise SimError(
                 f"{exc.filename}: cannot be removed: {exc.strerror or exc}", hint="remove the file yourself"

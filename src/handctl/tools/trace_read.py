@@ -20,8 +20,8 @@ from handctl.errors import UsageError
 from handctl.families import FAMILIES, TOLD
 from handctl.frame.family import load
 from handctl.link.tap import Entry, parse_line
-from handctl.model.latency import RoundTrips
 from handctl.model.piece import DEVICE, HOST, SIDES, Explainer, Piece
+from handctl.model.profile import RoundTrips
 from handctl.model.result import Row
 from handctl.sentence import plural
 

@@ -152,7 +152,7 @@ ROWS = (
     mistake(
         "ekso-log-mark-breaks-the-row",
         "escapes let through",
-        "handctl.record.layout",
+        "handctl.record.source",
         "clean",
         'return " ".join("".join(c if c.isprintable() else " " for c in text).split())',
         "return text",
@@ -161,7 +161,7 @@ ROWS = (
     mistake(
         "ekso-log-quotes-not-doubled",
         "escapes let through",
-        "handctl.record.layout",
+        "handctl.record.source",
         "quoted",
         """return '"' + text.replace('"', '""') + '"' if any(c in text for c in ',"\\r\\n') else text""",
         """return '"' + text + '"' if any(c in text for c in ',"\\r\\n') else text""",
@@ -207,7 +207,7 @@ ROWS = (
     mistake(
         "ekso-log-tick-half-a-period-late",
         "range off by one",
-        "handctl.record.polling",
+        "handctl.record.recording",
         "Pace.wait",
         "if passed > self._next + 0.5:",
         "if passed > self._next + 5.5:",
@@ -216,7 +216,7 @@ ROWS = (
     mistake(
         "ekso-log-ends-by-silence-never",
         "deadline ignored",
-        "handctl.record.polling",
+        "handctl.record.recording",
         "_Loop.step",
         "if now - self._heard >= self._limits.silence or (bound is not None and now >= bound):",
         "if now - self._heard >= 100 * self._limits.silence or (bound is not None and now >= bound):",

@@ -3,13 +3,13 @@
 from tests.mistakes.table import mistake
 
 BATCH = "handctl.frame.batch"
-SESSION = "handctl.frame.session"
+SESSION = "handctl.frame.connection"
 
 ROWS = (
     mistake(
         "frame-full-disk-hides-the-device",
         "wrong exit code",
-        "handctl.frame.cause",
+        "handctl.frame.envelope",
         "weightier",
         "if error is None or isinstance(error, OutputError):",
         "if error is not lost:",

@@ -59,7 +59,7 @@ ROWS = (
     mistake(
         "unit-factor-upside-down",
         "unit",
-        "handctl.model.units",
+        "handctl.model.param",
         "scale_of",
         "return Scale(int(whole + decimals), int(over or 1) * 10 ** len(decimals), rest)",
         "return Scale(int(whole + decimals) * 10 ** len(decimals), int(over or 1), rest)",
@@ -68,7 +68,7 @@ ROWS = (
     mistake(
         "unit-milliamperes-are-amperes",
         "unit",
-        "handctl.model.units",
+        "handctl.model.param",
         "",
         '"mA": Scale(1, 1000, "amperes"),',
         '"mA": Scale(1, 1, "amperes"),',
@@ -114,7 +114,7 @@ ROWS = (
     mistake(
         "gate-open-without-a-look",
         "identity left out",
-        "handctl.model.gate",
+        "handctl.model.device",
         "Gate.check",
         "look()",
         "pass",
@@ -123,7 +123,7 @@ ROWS = (
     mistake(
         "gate-passes-what-speaks-against-it",
         "identity left out",
-        "handctl.model.gate",
+        "handctl.model.device",
         "Gate.check",
         'if not link.replayed or exc.code != "replay-miss":',
         'if link.replayed and exc.code != "replay-miss":',

@@ -63,7 +63,7 @@ ROWS = (
     mistake(
         "lock-of-another-way-to-a-port",
         "two locks",
-        "handctl.link.urls",
+        "handctl.link.base",
         "",
         'OF_A_PORT = ("spy", "alt", "cp2110")',
         'OF_A_PORT = ("spy",)',
@@ -270,7 +270,7 @@ ROWS = (
     mistake(
         "kept-who-only-reads-finds-another-device",
         "evidence believed",
-        "handctl.link.kept",
+        "handctl.link.fake",
         "Kept.options",
         "if not self.path or not (self._writes or self.before):",
         "if not self.path or not self._writes:",
@@ -280,7 +280,7 @@ ROWS = (
     mistake(
         "kept-forget-leaves-the-other-wires",
         "swallowed error",
-        "handctl.link.kept",
+        "handctl.link.fake",
         "forget",
         'if name.startswith((f"{begin}.json", f"{begin}-")):',
         'if name.startswith(f"{begin}.json"):',
@@ -289,7 +289,7 @@ ROWS = (
     mistake(
         "kept-damaged-file-is-not-begun-afresh",
         "evidence believed",
-        "handctl.link.kept",
+        "handctl.link.fake",
         "Kept.discard",
         "os.unlink(self.path)",
         "pass",

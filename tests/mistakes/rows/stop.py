@@ -166,7 +166,7 @@ ROWS = (
     mistake(
         "stop-at-any-speed",
         "stop held up",
-        "handctl.stop.falling_back",
+        "handctl.stop.command",
         "fall_back",
         "elif settings.baud is not None and family.speeds and settings.baud not in family.speeds:",
         "elif settings.baud is not None and not family.speeds:",
@@ -175,7 +175,7 @@ ROWS = (
     mistake(
         "stop-refused-for-an-id",
         "stop held up",
-        "handctl.stop.falling_back",
+        "handctl.stop.command",
         "_own",
         "_drop(run, dropped, error.text)",
         "raise error",

@@ -19,8 +19,7 @@ from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
 from handctl.frame.numbers import NEGATIVE_NUMBERS, FiniteRange
 from handctl.frame.run import Run
-from handctl.model.device import limits_of
-from handctl.model.gate import Gate
+from handctl.model.device import Gate, limits_of
 from handctl.model.param import Step
 from handctl.model.result import Table
 from handctl.model.stopping import BEAT

@@ -14,7 +14,7 @@ from handctl.devices.aidin.reception import SILENCE, Reception
 from handctl.devices.aidin.way import FIND_OUT, ExchangeMode, Way
 from handctl.errors import ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline
-from handctl.model.gate import Gate
+from handctl.model.device import Gate
 from handctl.model.result import Journal
 
 LISTEN = 0.3

@@ -13,9 +13,8 @@ from handctl.devices.aidin.map import Mode
 from handctl.devices.aidin.messages import Out, encode
 from handctl.errors import HandctlError, Left, LinkError
 from handctl.model.guide import Guide
-from handctl.model.leaving import leaving
 from handctl.model.param import Step
-from handctl.model.stopping import Stopped, interrupted
+from handctl.model.stopping import Stopped, interrupted, leaving
 
 AGAIN = 1.0
 """Seconds in which a connection that was lost is opened again, all tries together."""

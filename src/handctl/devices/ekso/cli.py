@@ -17,17 +17,14 @@ from handctl.devices.ekso.frames import LENGTH_MODES
 from handctl.devices.ekso.map import EKSO
 from handctl.errors import UsageError
 from handctl.frame import stored, verbs
-from handctl.frame.clikit import Command, Group
+from handctl.frame.clikit import Command, Group, log_options
 from handctl.frame.family import Family
 from handctl.frame.filetypes import InFile, OutFile
 from handctl.frame.mapverbs import NAMES, add_map_verbs
 from handctl.frame.numbers import FiniteRange, WholeRange
-from handctl.frame.own import Own
-from handctl.frame.recorder import Wishes, log_options
-from handctl.frame.recorder import log as record
+from handctl.frame.options import Own
 from handctl.frame.run import Run
-from handctl.model.device import limits_of
-from handctl.model.gate import Gate
+from handctl.model.device import Gate, limits_of
 from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:
@@ -71,13 +68,14 @@ def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -
 
     FILE can be a directory. On a terminal, press any letter or space to set a mark.
     """
+    from handctl.frame import recorder
 
     def source(again: Callable[[], bool]) -> Source:
         from handctl.devices.ekso.log import EksoSource
 
         return EksoSource(run.device(), again, raw=raw, personal=include_pilot_id)
 
-    return record(run, file, Wishes(**wishes), source)
+    return recorder.log(run, file, recorder.Wishes(**wishes), source)
 
 
 @cli.verb("export", "Files", offline=True)

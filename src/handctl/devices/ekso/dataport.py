@@ -23,10 +23,9 @@ from handctl.devices.ekso.map import SETTINGS
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.clocks import Moment
-from handctl.model.device import Line
+from handctl.model.device import Gate, Line
 from handctl.model.foreign import harmless
 from handctl.model.frames import frames_in
-from handctl.model.gate import Gate
 from handctl.model.result import Journal, hex_bytes
 from handctl.sentence import plural
 

@@ -12,8 +12,7 @@ from functools import lru_cache
 from handctl.devices.ekso.frames import LENGTH_MODES, MESSAGES, OVERHEAD, Command, crc, name_of, status_text, unpack
 from handctl.devices.ekso.map import CLOCKS, EKSO, Word, boot_ms, boot_text
 from handctl.devices.ekso.map import MESSAGES as WORDS
-from handctl.model.cutting import Cut, Cutter
-from handctl.model.piece import DEVICE, HOST, Later, Part, Piece, Value, stray
+from handctl.model.piece import DEVICE, HOST, Cut, Cutter, Later, Part, Piece, Value, stray
 from handctl.sentence import plural
 
 LONGEST = max(size for row in MESSAGES.values() for size in row.answers) + OVERHEAD + max(LENGTH_MODES.values())

@@ -21,8 +21,8 @@ from handctl.devices.ekso.log import LEAD, NAMED, RowLayout, parse, parse_fixed,
 from handctl.devices.ekso.map import DATA, boot_ms, state_text
 from handctl.errors import UsageError
 from handctl.files import NoFile, opened, read_text
-from handctl.record.layout import MARK, clean, quoted
 from handctl.record.recording import schema
+from handctl.record.source import MARK, clean, quoted
 from handctl.record.timeline import GAP_PERIODS, LEAST_PERIOD_MS
 from handctl.sentence import plural
 

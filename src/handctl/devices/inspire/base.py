@@ -14,10 +14,9 @@ from handctl.devices.inspire.map import Register, register_of
 from handctl.devices.inspire.registers import RegisterBus
 from handctl.errors import HandctlError, Left, NoAnswer, ProtocolError
 from handctl.model.device import Device
-from handctl.model.leaving import leaving
 from handctl.model.param import Element, Number, ParamMap, Reading, Step
 from handctl.model.result import Column, Row, Table, hex_bytes
-from handctl.model.stopping import Stopped, interrupted
+from handctl.model.stopping import Stopped, interrupted, leaving
 
 
 class RegisterDevice(Device):

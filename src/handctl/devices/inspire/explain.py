@@ -15,9 +15,8 @@ from handctl.devices.inspire.eb90 import FORCE_COMMAND, POSITION_COMMAND, READ, 
 from handctl.devices.inspire.map import EXO, FINGERS, WRIST, Register
 from handctl.devices.inspire.spans import describe, span_name, span_parts, span_values
 from handctl.devices.inspire.wrist.raw import CAN_MISPRINTS, MISPRINTS
-from handctl.model.cutting import Cut, Cutter
 from handctl.model.param import ParamMap
-from handctl.model.piece import DEVICE, HOST, Later, Part, Piece, Value, stray
+from handctl.model.piece import DEVICE, HOST, Cut, Cutter, Later, Part, Piece, Value, stray
 from handctl.sentence import plural
 
 CALIBRATION_END = 2

@@ -15,7 +15,7 @@ from handctl.devices.inspire import eb90, modbus
 from handctl.devices.inspire.quiet import READS, Span
 from handctl.devices.inspire.registers import RegisterBus
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
-from handctl.model.gate import Gate
+from handctl.model.device import Gate
 from handctl.model.result import hex_bytes
 
 At = Callable[[int, int], bytes | None]

@@ -16,11 +16,10 @@ from handctl.devices.inspire.generations import Generation, Generations
 from handctl.devices.inspire.map import Register
 from handctl.devices.inspire.spans import describe, span_name, span_parts, span_values
 from handctl.devices.inspire.writes import InspireWrites
-from handctl.model.cutting import Cut
 from handctl.model.frames import frames_in
 from handctl.model.ledger import Frame
 from handctl.model.param import ParamMap
-from handctl.model.piece import DEVICE, HOST, Later, Part, Piece, Value, stray
+from handctl.model.piece import DEVICE, HOST, Cut, Later, Part, Piece, Value, stray
 from handctl.sentence import plural
 
 RTU, TCP = "rtu", "tcp"

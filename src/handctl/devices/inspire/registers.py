@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, ClassVar, TypeVar
 from handctl.errors import HandctlError, Left, LinkError, NoAnswer, ProtocolError
 from handctl.link import CanFrame, Deadline, Link
 from handctl.model.device import Line
-from handctl.model.leaving import leaving
 from handctl.model.moving import Clock
 from handctl.model.param import Step
 from handctl.model.result import Journal
+from handctl.model.stopping import leaving
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.eb90 import Frame

@@ -12,11 +12,10 @@ from handctl.devices.barrett.realtime.blocks import FEEDBACK, UNITS, DeltaPositi
 from handctl.devices.barrett.realtime.flags import Prepared, Wish
 from handctl.devices.barrett.realtime.guards import Event, Guards, implausible
 from handctl.errors import CheckFailed
-from handctl.model.latency import RoundTrips
-from handctl.model.param import Number
+from handctl.model.param import Number, scale_of
+from handctl.model.profile import RoundTrips
 from handctl.model.result import Row, Sample
 from handctl.model.sampling import started
-from handctl.model.units import scale_of
 
 
 class Sent(NamedTuple):

@@ -15,10 +15,10 @@ from handctl.devices.inspire.flash import outcome
 from handctl.devices.inspire.map import EXO, FINGERS, pushes
 from handctl.devices.inspire.registers import may_still_move
 from handctl.model.guide import Guide
-from handctl.model.leaving import stopped_by_ctrl_c
 from handctl.model.moving import REACHED, Goal, Seen, Stillness, Watch, judged, marked, watch, with_arrival
 from handctl.model.param import Reading, elements_of
 from handctl.model.result import Table
+from handctl.model.stopping import stopped_by_ctrl_c
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.exo.device import ExoHand

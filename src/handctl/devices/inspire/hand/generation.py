@@ -28,7 +28,7 @@ from handctl.devices.inspire.identity import (
 from handctl.devices.inspire.modbusbus import BETWEEN_PROTOCOLS, ModbusBus
 from handctl.devices.inspire.registers import RegisterBus
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
-from handctl.model.gate import Gate
+from handctl.model.device import Gate
 
 ANGLES = range(-20, 1021)
 AT, IP, VOLTAGE, LIMITS = (1546, 12), (1700, 4), (1472, 2), (1020, 12)

@@ -16,10 +16,10 @@ from handctl.devices.inspire.registers import may_still_move
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Left
 from handctl.model import pending
 from handctl.model.guide import Guide
-from handctl.model.leaving import leaving
 from handctl.model.moving import REACHED, Goal, Seen, Stillness, Watch, judged, marked, watch, with_arrival
 from handctl.model.param import Element, Number, Reading, elements_of
 from handctl.model.result import Table
+from handctl.model.stopping import leaving
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.hand.device import Hand

@@ -23,9 +23,9 @@ from handctl.devices.inspire.scan import sweep
 from handctl.errors import CheckFailed, HandctlError, Left, LinkError, NoAnswer, NotConfirmed, UsageError
 from handctl.link import ByteLink
 from handctl.model.guide import Guide
-from handctl.model.leaving import leaving
 from handctl.model.param import Step, elements_of
 from handctl.model.quest import Quest
+from handctl.model.stopping import leaving
 from handctl.sentence import plural
 
 LEFT, RIGHT = "left", "right"

@@ -176,7 +176,7 @@ def _named(run: Run, found: Sequence[Paired], names: dict[str, str], force: bool
 
 def _values(run: Run, one: Paired) -> dict[str, Any]:
     """What the configuration file says of a hand."""
-    from handctl.frame.portname import stable_name
+    from handctl.frame.devicefile import stable_name
 
     settings, bus = run.settings, one.hand.bus
     values: dict[str, Any] = {"kind": "hand", "port": stable_name(one.link) or one.link}

@@ -1,24 +1,31 @@
-"""The wish of another process to stop the device that this one holds: a socket beside the lock file (`system.local`).
+"""The wish to stop the device that this process holds: of another process, and of who presses s at a live view.
 
-Whoever connects wishes the stop. The system tells by a signal (SIGIO), so nobody polls and no thread waits, but on Windows,
-where a thread does. The handler runs between two steps of the program, also while that waits for the device or, but for
-Windows, for a reader of its output. It answers `heard` at once, then one line of JSON with what was sent.
+Another process connects to a socket beside the lock file (`system.local`). The system tells by a signal (SIGIO), so nobody polls
+and no thread waits, but on Windows, where a thread does. The handler runs between two steps of the program, also while that waits
+for the device or, but for Windows, for a reader of its output. It answers `heard` at once, then one line of JSON with what was sent.
+For the key a thread waits, so the loop on the wire never looks.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
+import sys
+import threading
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from handctl.system import clock, local, signals
+from handctl.frame.console import is_terminal
+from handctl.system import clock, local, signals, terminal
+
+if TYPE_CHECKING:
+    from handctl.stop.holding import Hold
 
 HEARD_SECONDS = 0.3
 """A holder that does not answer within this is asleep, or blocked."""
 STOP_SECONDS = 9.0
 """Longest time from `heard` to the report: the longest stop, with silence at every step."""
-MOST = 1 << 16
+LARGEST = 1 << 16
 
 
 class Ear:
@@ -98,7 +105,7 @@ def ask(lock: str, until: float, seconds: float = STOP_SECONDS) -> tuple[bool, d
                 return False, None
             line.settimeout(seconds)
             with contextlib.suppress(OSError):
-                while len(came) < MOST and (chunk := line.recv(4096)):
+                while len(came) < LARGEST and (chunk := line.recv(4096)):
                     came += chunk
     except OSError:
         return False, None
@@ -117,3 +124,46 @@ def _beside(lock: str) -> str:
 
         name = hashlib.sha256(name.encode()).hexdigest()[:32]
     return os.path.join(folder, f"stop-{name}")
+
+
+KEY = b"s"
+
+
+class StopKey:
+    """Waits for the key until it is closed; then the terminal is as it was."""
+
+    def __init__(self, hold: Hold, descriptor: int) -> None:
+        """Raises `terminal.TROUBLE` where it cannot be."""
+        self._hold = hold
+        self._keys = terminal.Listener(descriptor)
+        self._bell = signals.Bell(self._pressed)
+        self._thread = threading.Thread(target=self._wait, daemon=True)
+        self._thread.start()
+
+    @classmethod
+    def on_terminal(cls, hold: Hold) -> StopKey | None:
+        """The key, where a person can press one: stdin is a terminal, this is the job in front, and its main thread."""
+        if not is_terminal(sys.stdin) or threading.current_thread() is not threading.main_thread():
+            return None
+        descriptor = sys.stdin.fileno()
+        try:
+            return cls(hold, descriptor) if terminal.in_front(descriptor) else None
+        except terminal.TROUBLE:
+            return None
+
+    def close(self) -> None:
+        """No key any more."""
+        self._keys.wake()
+        self._thread.join()
+        self._keys.close()
+        self._bell.close()
+
+    def _wait(self) -> None:
+        while came := self._keys.wait():
+            if KEY in came.lower():
+                self._bell.ring()
+                return
+
+    def _pressed(self, frame: Any) -> None:
+        self._hold.stop("stopped by the key s")
+        self._hold.end(frame)
