@@ -312,34 +312,33 @@ def bus(
         if on_line if plan.wire == "can" else on_can:
             places = "--slcan-pty or --slcan-tcp HOST:PORT" if plan.wire == "can" else "--pty or --tcp HOST:PORT"
             raise click.UsageError(f'{file}: wire = "{plan.wire}" needs {places}')
-        crowd, link = _crowd(plan)
+        whole, link = _whole(plan)
     except ValueError as exc:
         raise click.UsageError(str(exc)) from exc
     from handctl.sim.engine import ports, serve
 
     try:
+        server = serve.Server(whole)
         if on_pty or slcan_pty:
-            crowd.at(ports.PtyPort(plan.baud if on_line else None, by_id), link)
+            server.at(ports.PtyPort(plan.baud if on_line else None, by_id), link)
         if (place := tcp or slcan_tcp) is not None:
-            crowd.behind(ports.TcpDoor(*place), link)
-        serve.serve_both(crowd, duration=duration, control=control)
+            server.behind(ports.TcpDoor(*place), link)
+        server.run(duration, control)
     except (serve.ServeError, OSError) as exc:
         raise SimError(str(exc), hint=SERVING) from exc
 
 
-def _crowd(plan: Any) -> tuple[Any, Any]:
+def _whole(plan: Any) -> tuple[Any, Any]:
     """The bus for several clients, and how a link to it is written."""
-    from handctl.sim.engine.crowd import Adapters, Crowd
-
     if plan.wire == "can":
         from handctl.sim.bus.can import CanBus
         from handctl.sim.engine import slcan
         from handctl.sim.engine.can import Hub
 
-        return Crowd(Adapters(Hub(CanBus(plan)), plan.adapter_faults)), slcan.link
+        return slcan.Adapters(Hub(CanBus(plan)), plan.adapter_faults), slcan.link
     from handctl.sim.bus.line import Bus
 
-    return Crowd(Bus(plan)), str
+    return Bus(plan), str
 
 
 @cli.command(

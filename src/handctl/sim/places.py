@@ -43,57 +43,52 @@ class Places:
 
 def one(kind: str, raw: dict[str, str], places: Places) -> Serve:
     """One wire of the device."""
-    from handctl.sim.engine import serve, slcan
+    from handctl.sim.engine import slcan
+    from handctl.sim.engine.can import Hub
+    from handctl.sim.engine.ports import PtyPort, TcpDoor
+    from handctl.sim.engine.serve import Alone, Server
 
     on_can = places.bus == "can"
     adapter = _adapter(raw) if on_can else []
     line: Any = create(kind, raw)  # a Line or a CanLine
     place = places.slcan_tcp if on_can else places.tcp
-    served: serve.Served = slcan.Adapter(line, adapter) if on_can else line
 
     def run(duration: float | None, control: str | None) -> None:
         if place is None:
-            speed = None if on_can else line.device.speed
-            serve.serve_pty(served, speed, duration=duration, control=control, link=places.link, name=places.name)
-        elif on_can:
-            from handctl.sim.engine.can import Hub
-            from handctl.sim.engine.crowd import Adapters, Crowd
-            from handctl.sim.engine.ports import TcpDoor
-
-            crowd = Crowd(Adapters(Hub(line), adapter))
-            crowd.behind(TcpDoor(*place), places.link)
-            serve.serve_both(crowd, duration=duration, control=control)
+            whole: Any = Alone(slcan.Adapter(line, adapter) if on_can else line)
+            server = Server(whole).at(PtyPort(None if on_can else line.device.speed, places.name), places.link)
         else:
-            serve.serve_tcp(served, *place, duration=duration, control=control, link=places.link)
+            whole = slcan.Adapters(Hub(line), adapter) if on_can else Alone(line)
+            server = Server(whole).behind(TcpDoor(*place), places.link)
+        server.run(duration, control)
 
     return run
 
 
 def wires(kind: str, raw: dict[str, str], places: Places) -> Serve:
     """Modbus TCP for any number of clients, and beside it at most one other wire of the same device."""
-    from handctl.sim.engine.wires import Alone, Each, Wires
+    from handctl.sim.engine import slcan
+    from handctl.sim.engine.can import Hub
+    from handctl.sim.engine.ports import PtyPort, TcpDoor
+    from handctl.sim.engine.serve import Alone, Server
+    from handctl.sim.engine.wires import Each, Wires
 
     adapter = _adapter(raw) if places.bus == "can" else []
     whole = Wires(kind, raw, ["modbus-tcp", *([places.bus] if places.bus else [])])
     line: Any = whole.lines[-1]
 
     def run(duration: float | None, control: str | None) -> None:
-        from handctl.sim.engine.can import Hub
-        from handctl.sim.engine.crowd import Adapters, Crowd
-        from handctl.sim.engine.ports import PtyPort, TcpDoor
-        from handctl.sim.engine.serve import serve_both
-
-        crowd: Crowd[Any] = Crowd(whole)
+        server = Server(whole)
         if places.modbus_tcp is not None:
             door = TcpDoor(*places.modbus_tcp)
-            crowd.behind(door, place=Each(whole, "modbus-tcp"))
+            server.behind(door, place=Each(whole, "modbus-tcp"))
             whole.door = door if door.host == whole.lines[0].device.host else None
-        place: Any = Adapters(Hub(line), adapter) if places.bus == "can" else Alone(line)
+        place: Any = slcan.Adapters(Hub(line), adapter) if places.bus == "can" else Alone(line)
         if places.pty or places.slcan_pty:
-            crowd.at(PtyPort(line.device.speed if places.pty else None, places.name), places.link, place)
+            server.at(PtyPort(line.device.speed if places.pty else None, places.name), places.link, place)
         elif (where := places.tcp or places.slcan_tcp) is not None:
-            crowd.behind(TcpDoor(*where), places.link, place)
-        serve_both(crowd, duration=duration, control=control)
+            server.behind(TcpDoor(*where), places.link, place)
+        server.run(duration, control)
 
     return run
 

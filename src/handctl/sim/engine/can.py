@@ -292,6 +292,10 @@ class Hub:
         self.seats: list[Seat] = []
         self.asked: Seat | None = None  # who sent last
 
+    def seat(self) -> Seat:
+        """One that hears nothing yet."""
+        return Seat(self)
+
     def join(self) -> Seat:
         self.seats.append(Seat(self))
         return self.seats[-1]

@@ -1,6 +1,8 @@
-"""Where clients of a simulator come in: a pseudo terminal, or a TCP port for one client at a time.
+"""Where clients of a simulator come in: a pseudo terminal, or a TCP port and each client that came through it.
 
-Knows file descriptors and serial speeds; nothing of the line behind it, and no time but the patience of a hang-up.
+Knows file descriptors and serial speeds; nothing of the line behind it, and no time but the patience of a hang-up. A port has
+`fileno`, -1 when there is nothing to wait for; `read`, None when its client has left; `write`, which takes what fits without
+waiting; `baud`, the serial speed of its client or None; `hang_up`; `plug`; `close`. One that is `gone` never comes back.
 """
 
 from __future__ import annotations
@@ -8,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import os
 import socket
-from typing import Protocol
 
 from handctl.system import clock, pseudo
 
@@ -17,40 +18,13 @@ class ServeError(Exception):
     """The place to serve at cannot be had; the text says what and why."""
 
 
-class Port(Protocol):
-    """Where clients come in."""
-
-    @property
-    def link(self) -> str:
-        """What a client passes to --port."""
-
-    def readers(self) -> list[int]: ...
-
-    def read(self, ready: list[int]) -> bytes | None:
-        """What came in; b"" nothing, None: a new client took the place of the old one."""
-
-    def write(self, data: bytes) -> int:
-        """Writes what fits without waiting, returns how much."""
-
-    def writer(self) -> int | None: ...
-
-    def baud(self) -> int | None:
-        """The serial speed of the client, None if the link has none."""
-
-    def hang_up(self) -> bool:
-        """Drops the client; True when nobody can come any more."""
-
-    def plug(self, present: bool) -> None:
-        """Unplugs it, with its client, or plugs it in again."""
-
-    def close(self) -> None: ...
-
-
 class PtyPort:
     """A pseudo terminal. Its slave side is kept open here, so that clients can come and go.
 
     With `name` a symbolic link leads to it, as /dev/serial/by-id does: the name stays when the terminal is another one.
     """
+
+    gone = False
 
     def __init__(self, speed: int | None, name: str | None = None) -> None:
         self._speed = speed
@@ -81,12 +55,10 @@ class PtyPort:
         elif not present:
             self.close()
 
-    def readers(self) -> list[int]:
-        return [] if self._closed else [self._master]
+    def fileno(self) -> int:
+        return -1 if self._closed else self._master
 
-    def read(self, ready: list[int]) -> bytes:
-        if self._closed or self._master not in ready:
-            return b""
+    def read(self) -> bytes | None:
         try:
             return os.read(self._master, 4096)
         except BlockingIOError:
@@ -100,14 +72,11 @@ class PtyPort:
         except BlockingIOError:
             return 0
 
-    def writer(self) -> int:
-        return self._master
-
     def baud(self) -> int:
         """The speed that the client set; -1 for one that has no name."""
         return -1 if self._closed else pseudo.speed_of(self._master)
 
-    def hang_up(self) -> bool:
+    def hang_up(self) -> None:
         # Closing the master throws away what the client has not read: let it have the first half of the reply. The
         # kernel hands bytes to the slave side a little later, so a count of 0 means nothing at once.
         clock.sleep(0.02)
@@ -115,7 +84,6 @@ class PtyPort:
         while pseudo.unread(self._slave) and clock.now() < patience:
             clock.sleep(0.002)
         self.close()
-        return True
 
     def close(self) -> None:
         if not self._closed:
@@ -172,7 +140,7 @@ class TcpDoor:
             return None
         client.setblocking(False)
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        return TcpClient(client, self.link)
+        return TcpClient(client)
 
     def close(self) -> None:
         self._listener.close()
@@ -181,27 +149,20 @@ class TcpDoor:
 class TcpClient:
     """One client that came through a door."""
 
-    def __init__(self, client: socket.socket, link: str) -> None:
+    def __init__(self, client: socket.socket) -> None:
         self._client = client
-        self.link = link
         self.gone = False
 
-    def readers(self) -> list[int]:
-        return [] if self.gone else [self._client.fileno()]
+    def fileno(self) -> int:
+        return -1 if self.gone else self._client.fileno()
 
-    def read(self, ready: list[int]) -> bytes | None:
-        """None: it has left."""
-        if self.gone:
-            return None
-        if not ready:
-            return b""
+    def read(self) -> bytes | None:
         try:
-            data = self._client.recv(4096)
+            return self._client.recv(4096) or None
         except BlockingIOError:
             return b""
         except OSError:
-            data = b""
-        return data or None
+            return None
 
     def write(self, data: bytes) -> int:
         try:
@@ -212,70 +173,14 @@ class TcpClient:
             self.gone = True
             return len(data)
 
-    def writer(self) -> int | None:
-        return None if self.gone else self._client.fileno()
-
     def baud(self) -> None:
         return None
 
-    def hang_up(self) -> bool:
+    def hang_up(self) -> None:
         self.gone = True
-        return True
 
     def plug(self, present: bool) -> None:
-        if not present:
-            self.hang_up()
+        self.gone = self.gone or not present
 
     def close(self) -> None:
         self._client.close()
-
-
-class TcpPort:
-    """A listening port that serves one client at a time; others wait until it leaves."""
-
-    def __init__(self, host: str, port: int) -> None:
-        self._door = TcpDoor(host, port)
-        self._client: TcpClient | None = None
-        self.link = self._door.link
-
-    def readers(self) -> list[int]:
-        return [self._door.fileno()] if self._client is None else self._client.readers()
-
-    def read(self, ready: list[int]) -> bytes | None:
-        if not ready:
-            return b""
-        if self._client is None:
-            self._client = self._door.accept()
-            return b"" if self._client is None else None
-        data = self._client.read(ready)
-        if data is None:
-            self.hang_up()
-        return data or b""
-
-    def write(self, data: bytes) -> int:
-        if self._client is None:
-            return len(data)  # nobody there: a line without a listener loses its bytes
-        count = self._client.write(data)
-        if self._client.gone:
-            self.hang_up()
-        return count
-
-    def writer(self) -> int | None:
-        return None if self._client is None else self._client.writer()
-
-    def baud(self) -> None:
-        return None
-
-    def hang_up(self) -> bool:
-        if self._client is not None:
-            self._client.close()
-            self._client = None
-        return False
-
-    def plug(self, present: bool) -> None:
-        if not present:
-            self.hang_up()
-
-    def close(self) -> None:
-        self.hang_up()
-        self._door.close()

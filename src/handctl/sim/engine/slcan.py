@@ -19,8 +19,9 @@ from __future__ import annotations
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Iterable
+    from typing import Any
 
-    from handctl.sim.engine.can import CanLine, Seat
+    from handctl.sim.engine.can import CanLine, Hub, Seat
 
 OK, ERROR = b"\r", b"\x07"
 BITRATES = (10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000, 1000000, 83300)  # S0 to S8; S9 of some
@@ -242,6 +243,34 @@ class Adapter:
         changed, self._state = state != self._state, state
         told = b"" if state == b"b" else b"e1a\r"
         return told + (b"s%s000%03d\r" % (state, 256 if state == b"b" else 128) if changed else b"")
+
+
+class Adapters:
+    """A bus of which each client has an slcan adapter of its own, all with the same faults."""
+
+    def __init__(self, hub: Hub, faults: Iterable[str] = ()) -> None:
+        self.hub = hub
+        self._front = Adapter(hub.seat(), faults)  # at no bus: it takes the commands for all
+        self._seats: dict[Adapter, Seat] = {}
+
+    def join(self) -> Adapter:
+        seat = self.hub.join()
+        adapter = Adapter(seat, self._front.faults)
+        self._seats[adapter] = seat
+        return adapter
+
+    def leave(self, adapter: Adapter) -> None:
+        self.hub.leave(self._seats.pop(adapter))
+
+    def __getattr__(self, name: str) -> Any:
+        """What concerns the bus itself."""
+        return getattr(self.hub, name)
+
+    def command(self, text: str) -> str:
+        answer = self._front.command(text)
+        for adapter in self._seats:
+            adapter.faults = self._front.faults
+        return answer
 
 
 _COUNTS = frozenset(b"%d" % count for count in range(9))

@@ -115,25 +115,6 @@ class Wires:
         for line in self.lines:
             line.close()
 
-    def join(self) -> Line:
-        raise NotImplementedError("each place has a wire of its own")
-
-    def leave(self, client: Line) -> None:
-        raise NotImplementedError("each place has a wire of its own")
-
-
-class Alone:
-    """A wire for one client at a time, as a place of the server."""
-
-    def __init__(self, line: Line) -> None:
-        self.line = line
-
-    def join(self) -> Line:
-        return self.line
-
-    def leave(self, client: Line) -> None:
-        """The wire stays."""
-
 
 class Each:
     """A wire of which every client has an end of his own."""
