@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from handctl.sim.engine import ports, serve
+from handctl.sim.engine import serve
 from tests.harm.cell import Port
 from tests.hostile.cell import FORMATS, Folder, attempt
 from tests.hostile.devices import Place
@@ -43,9 +43,9 @@ def _serve(place: Place, wire: str, told: Connection) -> None:
     port = Wired(place.make())
     server = serve.Server(serve.Alone(port))
     if wire == "tcp":
-        server.behind(ports.TcpDoor("127.0.0.1", 0), tell)
+        server.behind(serve.TcpDoor("127.0.0.1", 0), tell)
     else:
-        server.at(ports.PtyPort(port.line.device.speed), tell)
+        server.at(serve.PtyPort(port.line.device.speed), tell)
     server.run(60.0)
 
 

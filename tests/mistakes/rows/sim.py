@@ -6,7 +6,7 @@ EB90 = "handctl.devices.inspire.eb90"
 SIM_FRAMES = "handctl.sim.inspire.frames"
 EXO = "handctl.sim.exo.device"
 SERVE = "handctl.sim.engine.serve"
-PORTS = "handctl.sim.engine.ports"
+PORTS = "handctl.sim.engine.serve"
 SLCAN = "handctl.sim.engine.slcan"
 
 ROWS = (

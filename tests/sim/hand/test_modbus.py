@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from handctl.sim.engine.wires import Each, Wires
+from handctl.sim.engine.serve import Each, Wires
 from tests.sim.hand.bench import Bench
 from tests.support.each_row import each_row
 

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any
 from handctl.digits import whole
 from handctl.sim.barrett.board import OBSTACLES, STATES
 from handctl.sim.barrett.device import Device
-from handctl.sim.barrett.memory import Bank, Memory
+from handctl.sim.barrett.hand import NAMES, Motor
 from handctl.sim.barrett.monitor import Image
-from handctl.sim.barrett.motor import NAMES, Motor
-from handctl.sim.barrett.tables import ALIAS, BAUDS
+from handctl.sim.barrett.tables import ALIAS, BAUDS, Bank, Memory
 from handctl.sim.engine.statefile import Fields, checked, columns, kept, rows_of, spread
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from handctl.sim.barrett import board, loop, monitor
 from handctl.sim.barrett.board import Board
 from handctl.sim.barrett.gcl import Answer, execute
-from handctl.sim.barrett.motor import STOPS
+from handctl.sim.barrett.hand import STOPS
 from handctl.sim.barrett.tables import TOO_HOT
 from handctl.sim.engine.model import NOTHING, Options, Random, Reply
 

@@ -11,7 +11,6 @@ comment says so. No print-out of lists, help, status codes and version is in the
 
 from __future__ import annotations
 
-from handctl.sim.barrett.memory import Bank, decimal_number
 from handctl.sim.barrett.tables import (
     BAD_VALUE,
     COMMANDS,
@@ -25,6 +24,8 @@ from handctl.sim.barrett.tables import (
     TOO_MANY,
     UNKNOWN_COMMAND,
     UNKNOWN_NAME,
+    Bank,
+    decimal_number,
 )
 
 TYPE_CHECKING = False

@@ -11,9 +11,37 @@ from typing import Any
 
 from handctl.digits import number_in
 from handctl.sim import folder_of, kinds, model_class
-from handctl.sim.bus.models import MODELS
 from handctl.sim.engine.line import Plug
 from handctl.sim.engine.slcan import ADAPTER_FAULTS
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    pass
+
+Value = str | int | float | bool
+
+# Lines as they are met. The figures are typical ones, not of one product: 16 ms is the timer that USB serial adapters come with,
+# 62 bytes what one of their USB packets holds; Bluetooth 4 carries 20 bytes a packet, and no serial speed.
+MODELS: dict[str, dict[str, Value]] = {
+    "clean": {"wire": "rs232"},
+    "half-duplex": {"wire": "rs485", "half_duplex": True},
+    "first-byte-lost": {"wire": "rs485", "half_duplex": True, "first_byte_lost": True},
+    "usb-16ms": {"wire": "rs232", "coalesce_ms": 16, "packet": 62, "speed_ignored": False},
+    "bluetooth": {
+        "wire": "rs232", "latency_ms": 60, "spread_ms": 20, "packet": 20, "coalesce_ms": 4, "speed_ignored": True,
+    },
+    "serial-server": {"wire": "rs485", "half_duplex": True, "latency_ms": 4, "spread_ms": 4, "coalesce_ms": 50},
+}  # fmt: skip
+
+SAID: dict[str, str] = {
+    "clean": "RS-232 without anything",
+    "half-duplex": "RS-485 on two wires",
+    "first-byte-lost": "the same with an adapter that switches to receiving too late",
+    "usb-16ms": "RS-232 behind a USB adapter with its timer",
+    "bluetooth": "a Bluetooth 4.0 link: slow, in packets, without a speed",
+    "serial-server": "RS-485 behind a server in the network that gathers bytes",
+}
+
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -1,4 +1,4 @@
-"""Drives a simulated line in real time behind the places of ports.py, for one client or for many: one select loop, no threads.
+"""Drives a simulated line in real time behind ports, for one client or for many: one select loop, no threads.
 
 Knows the clock and the control socket, no protocol. A server prints one JSON line when it is ready, then serves until
 SIGTERM, SIGINT or the end of its duration; it exits in order, with the state saved.
@@ -6,23 +6,207 @@ SIGTERM, SIGINT or the end of its duration; it exits in order, with the state sa
 What is served behaves as a `Line`: `advance`, `feed`, `take`, `next_event`, `hung_up`, `client_baud`, `reconnect`. A place gives
 one to each client who comes (`join`) and takes it back (`leave`). What all share is advanced, power-cycled, commanded and closed
 once, and is `away` while the adapters of all clients are unplugged.
+
+A port is a pseudo terminal, or a client that came through a TCP port. It has `fileno`, -1 when there is nothing to wait for;
+`read`, None when its client has left; `write`, which takes what fits without waiting; `baud`, the serial speed of its client or
+None; `hang_up`; `plug`; `close`. One that is `gone` never comes back.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import select
+import socket
 import sys
 from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack, closing, suppress
 from typing import Any
 
-from handctl.sim.engine.ports import PtyPort, ServeError, TcpClient, TcpDoor
-from handctl.system import clock, local
+from handctl.sim import model_class
+from handctl.sim.engine.can import CAN_FAULTS, CAN_OPTIONS, CanLine
+from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS, Line
+from handctl.system import clock, local, pseudo
 from handctl.system.signals import Served as Signals
 
-__all__ = ["Alone", "ControlPort", "ServeError", "Server", "send_control"]
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from handctl.sim.engine.model import Model, Rows
+
+
+class ServeError(Exception):
+    """The place to serve at cannot be had; the text says what and why."""
+
+
+class PtyPort:
+    """A pseudo terminal. Its slave side is kept open here, so that clients can come and go.
+
+    With `name` a symbolic link leads to it, as /dev/serial/by-id does: the name stays when the terminal is another one.
+    """
+
+    gone = False
+
+    def __init__(self, speed: int | None, name: str | None = None) -> None:
+        self._speed = speed
+        self._name = name
+        self._closed = True
+        self._open()
+        self.link = name or pseudo.name(self._slave)
+
+    def _open(self) -> None:
+        try:
+            self._master, self._slave = pseudo.opened(self._speed)
+        except OSError as exc:
+            raise ServeError(f"cannot open a pty: {exc.strerror or exc}") from exc
+        self._closed = False
+        if self._name is not None:
+            try:
+                if os.path.islink(self._name) and not os.path.exists(self._name):
+                    os.unlink(self._name)  # of one that was killed
+                os.symlink(pseudo.name(self._slave), self._name)
+            except OSError as exc:
+                name, self._name = self._name, None
+                self.close()
+                raise ServeError(f"cannot make the link {name}: {exc.strerror}") from exc
+
+    def plug(self, present: bool) -> None:
+        if present and self._closed:
+            self._open()
+        elif not present:
+            self.close()
+
+    def fileno(self) -> int:
+        return -1 if self._closed else self._master
+
+    def read(self) -> bytes | None:
+        try:
+            return os.read(self._master, 4096)
+        except BlockingIOError:
+            return b""
+
+    def write(self, data: bytes) -> int:
+        if self._closed:
+            return len(data)
+        try:
+            return os.write(self._master, data)
+        except BlockingIOError:
+            return 0
+
+    def baud(self) -> int:
+        """The speed that the client set; -1 for one that has no name."""
+        return -1 if self._closed else pseudo.speed_of(self._master)
+
+    def hang_up(self) -> None:
+        # Closing the master throws away what the client has not read: let it have the first half of the reply. The
+        # kernel hands bytes to the slave side a little later, so a count of 0 means nothing at once.
+        clock.sleep(0.02)
+        patience = clock.now() + 0.2
+        while pseudo.unread(self._slave) and clock.now() < patience:
+            clock.sleep(0.002)
+        self.close()
+
+    def close(self) -> None:
+        if not self._closed:
+            self._closed = True
+            os.close(self._master)
+            os.close(self._slave)
+            if self._name is not None:
+                with contextlib.suppress(OSError):
+                    os.unlink(self._name)
+
+
+class TcpDoor:
+    """A listening port; who comes gets a place of its own."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self.host = host
+        self._open(host, port)
+        self._port = self._listener.getsockname()[1]
+        shown = f"[{host}]" if ":" in host else host
+        self.link = f"tcp://{shown}:{self._port}"
+
+    def _open(self, host: str, port: int) -> None:
+        try:
+            family, kind, proto, _, address = socket.getaddrinfo(
+                host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+            )[0]
+            self._listener = socket.socket(family, kind, proto)
+            self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            self._listener.bind(address)
+            self._listener.listen(8)
+        except OSError as exc:
+            raise ServeError(f"cannot listen on {host}:{port}: {exc.strerror or exc}") from exc
+        self._listener.setblocking(False)
+
+    def move(self, host: str) -> None:
+        """Listens at this address of the machine instead, or nowhere when the machine does not have it."""
+        if host != self.host:
+            self._listener.close()
+            self.host = host
+            with contextlib.suppress(ServeError):
+                self._open(host, self._port)
+                return
+            self._listener.close()
+
+    def fileno(self) -> int:
+        """-1 when it listens nowhere."""
+        return self._listener.fileno()
+
+    def accept(self) -> TcpClient | None:
+        """Whoever waits at the door; None: it has left again."""
+        try:
+            client, _ = self._listener.accept()
+        except (BlockingIOError, ConnectionAbortedError):
+            return None
+        client.setblocking(False)
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return TcpClient(client)
+
+    def close(self) -> None:
+        self._listener.close()
+
+
+class TcpClient:
+    """One client that came through a door."""
+
+    def __init__(self, client: socket.socket) -> None:
+        self._client = client
+        self.gone = False
+
+    def fileno(self) -> int:
+        return -1 if self.gone else self._client.fileno()
+
+    def read(self) -> bytes | None:
+        try:
+            return self._client.recv(4096) or None
+        except BlockingIOError:
+            return b""
+        except OSError:
+            return None
+
+    def write(self, data: bytes) -> int:
+        try:
+            return self._client.send(data)
+        except BlockingIOError:
+            return 0
+        except OSError:
+            self.gone = True
+            return len(data)
+
+    def baud(self) -> None:
+        return None
+
+    def hang_up(self) -> None:
+        self.gone = True
+
+    def plug(self, present: bool) -> None:
+        self.gone = self.gone or not present
+
+    def close(self) -> None:
+        self._client.close()
+
 
 SPIN = 0.0003  # s before an event that are waited for busily: select alone wakes up to 0.1 ms late
 REMEMBERED = 256  # chunks of a client's bytes that the control command `heard` tells
@@ -311,3 +495,134 @@ def send_control(path: str, command: str, timeout: float = 5.0) -> str:
             return answer.decode("utf-8", "replace").rstrip("\n")
     except OSError as exc:
         raise ServeError(f"control socket {path}: {exc.strerror or exc}") from exc
+
+
+OF_FIRST = ("state", "save", "elapse", "power-cycle", "use", "unplug")  # options that only the first wire has
+
+
+class Wires:
+    """The device with its wires: what is done on one shows on all. Each wire, and each client of a wire that takes several, is a
+    line of its own, with its own faults; the first one keeps the state file and takes the control commands of the device.
+
+    Raises ValueError for an option or a fault that none of them knows."""
+
+    away = False
+
+    def __init__(self, kind: str, raw: dict[str, str], buses: list[str]) -> None:
+        self.kind = kind
+        self._raw = {name.replace("_", "-"): text for name, text in raw.items()}
+        self.lines: list[Line | CanLine] = []
+        self.door: TcpDoor | None = None  # moves to the address that the device has
+        self._heard = 0  # requests at ends that are gone
+        models = {bus: model_class(kind, bus) for bus in buses}
+        self._options = {bus: {*_cable(bus)[0], *model.OPTIONS} for bus, model in models.items()}
+        self._faults = {bus: {*_cable(bus)[1], *model.FAULTS} for bus, model in models.items()}
+        self._buses: dict[Line | CanLine, str] = {}
+        known: set[str] = set().union(*self._options.values())
+        for name in self._raw:
+            if name not in known:
+                raise ValueError(f"unknown option {name!r} of the simulated {kind}. Known: {', '.join(sorted(known))}")
+        self._check(self._raw.get("fault", ""))
+        for bus in buses:
+            self.add(bus)
+
+    def add(self, bus: str) -> Line | CanLine:
+        """One more end of this wire."""
+        raw = {name: text for name, text in self._raw.items() if name in self._options[bus]}
+        raw["bus"] = bus
+        model: type[Model] = model_class(self.kind, bus)
+        if self.lines:
+            raw = {name: text for name, text in raw.items() if name not in OF_FIRST}
+            model = self.lines[0].device.beside(model)
+        if "fault" in raw:
+            raw["fault"] = ",".join(self._known(raw["fault"], bus)) or "none"
+        line: Line | CanLine = CanLine(model, raw) if bus == "can" else Line(model, raw)
+        self.lines.append(line)
+        self._buses[line] = bus
+        return line
+
+    def reconnect(self) -> None:
+        """Its adapters never went away."""
+
+    def drop(self, line: Line | CanLine) -> None:
+        """That end is gone."""
+        if line in self.lines[1:]:
+            self.lines.remove(line)
+            self._heard += line.requests
+            del self._buses[line]
+
+    def _known(self, faults: str, bus: str) -> list[str]:
+        names = [name.strip().replace("_", "-") for name in faults.split(",")]
+        return [name for name in names if name in self._faults[bus]]
+
+    def _check(self, faults: str) -> None:
+        known: set[str] = set().union(*self._faults.values())
+        for name in faults.split(","):
+            if name.strip().replace("_", "-") not in {*known, "", "none"}:
+                raise ValueError(
+                    f"unknown fault {name!r} of the simulated {self.kind}. Known: {', '.join(sorted(known))}"
+                )
+
+    # -- as what the server has in front of its clients -------------------------------------------------------------------
+
+    def advance(self, now: float) -> None:
+        for line in list(self.lines):
+            line.advance(now)
+        if self.door is not None:
+            self.door.move(self.lines[0].device.host)
+
+    def power_cycle(self) -> None:
+        for on in (False, True):
+            for line in self.lines:
+                line.power(on)
+
+    def command(self, text: str) -> str:
+        """A control command; returns one line, raises ValueError."""
+        match text.split():
+            case ["power-cycle"]:
+                self.power_cycle()
+                return "power cycled"
+            case ["power", "on" | "off" as state]:
+                for line in self.lines:
+                    line.power(state == "on")
+                return f"power {state}"
+            case ["fault", _, *_] as words:
+                faults = ",".join(words[1:])
+                self._check(faults)
+                self._raw["fault"] = faults
+                for line in self.lines:
+                    line.command(f"fault {','.join(self._known(faults, self._buses[line])) or 'none'}")
+                return f"fault {faults}"
+            case ["requests"]:
+                return f"requests {self._heard + sum(line.requests for line in self.lines)}"
+        return self.lines[0].command(text)
+
+    def close(self) -> None:
+        for line in self.lines:
+            line.close()
+
+
+class Each:
+    """A wire of which every client has an end of his own."""
+
+    def __init__(self, wires: Wires, bus: str) -> None:
+        self.wires = wires
+        self.bus = bus
+        self.clients: list[Line] = []
+
+    def join(self) -> Line:
+        line = self.wires.add(self.bus)
+        assert isinstance(line, Line)
+        if line.device.one_client:
+            for other in self.clients:
+                other.hung_up = True
+        self.clients.append(line)
+        return line
+
+    def leave(self, client: Line) -> None:
+        self.clients.remove(client)
+        self.wires.drop(client)
+
+
+def _cable(bus: str) -> tuple[Rows, dict[str, str]]:
+    return (CAN_OPTIONS, CAN_FAULTS) if bus == "can" else (LINE_OPTIONS, LINE_FAULTS)

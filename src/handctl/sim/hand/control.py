@@ -12,8 +12,7 @@ from handctl.digits import whole
 from handctl.sim.engine.statefile import checked, columns, kept, rows_of, spread
 from handctl.sim.hand.books import MEMORY
 from handctl.sim.hand.fingers import COURSE, Body, Finger
-from handctl.sim.hand.model import ACTS, Hand
-from handctl.sim.hand.wires import Front
+from handctl.sim.hand.model import ACTS, Front, Hand
 from handctl.sim.inspire.space import poking
 
 if TYPE_CHECKING:
