@@ -242,7 +242,6 @@ def _serve(
             f"bus={raw['bus']}: serve CAN with --slcan-pty or --slcan-tcp, serial with --pty or --tcp"
         )
     from handctl.sim.engine import slcan
-    from handctl.sim.engine.can import Hub
     from handctl.sim.engine.serve import Alone, Each, PtyPort, ServeError, Server, TcpDoor, Wires
 
     try:
@@ -259,7 +258,7 @@ def _serve(
     elif slcan_pty and whole is None:
         place = Alone(slcan.Adapter(line, adapter))
     else:
-        place = slcan.Adapters(Hub(line), adapter)
+        place = slcan.Hub(line, adapter)
 
     def link(address: str) -> str:
         """What a client passes to --port; tcp:// is Modbus TCP where there is that."""
@@ -329,9 +328,7 @@ def _bus(
     except ValueError as exc:
         raise click.UsageError(str(exc)) from exc
     if plan.wire == "can":
-        from handctl.sim.engine.can import Hub
-
-        whole = slcan.Adapters(Hub(whole), plan.adapter_faults)
+        whole = slcan.Hub(whole, plan.adapter_faults)
     link = slcan.link if on_can else str
     try:
         server = serve.Server(whole)

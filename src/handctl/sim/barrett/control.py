@@ -56,12 +56,10 @@ GRASP, HOLD, RELEASE, REST = 4.5, 1.5, 4.5, 1.0  # s
 SPREAD_SHARE = 0.6  # of the time of a grasp during which the spread moves
 
 
-def command(device: Device, words: list[str]) -> str:
-    """One control command (see HELP); returns one line, raises ValueError."""
+def command(device: Device, words: list[str]) -> str | None:
+    """One control command (see HELP), as the engine wants it."""
     hand = device.hand
     match words:
-        case ["help"]:
-            return HELP
         case ["motors"]:
             return ", ".join(_line(device, motor) for motor in hand.motors)
         case ["ram" | "eeprom", name]:
@@ -110,10 +108,9 @@ def command(device: Device, words: list[str]) -> str:
             for motor in _motors(device, name):
                 motor.strain = None if text == "off" else whole(text, 0, 255)
         case _:
-            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
+            return ""
     hand.disturbed()
-    device.dirty = True
-    return " ".join(words)
+    return None
 
 
 def _put(device: Device, what: str, motor: Motor, counts: int) -> None:

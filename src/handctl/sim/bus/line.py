@@ -18,6 +18,8 @@ from handctl.sim.engine.line import TICK, Line
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from handctl.sim.bus.file import Plan
 
 PAUSE = 0.005  # s; what comes without such a pause between shares one random delay
@@ -69,11 +71,6 @@ class Client:
         else:
             self._speed = self.ear.speed = speed
 
-    @property
-    def away(self) -> bool:
-        """Whether its adapter is unplugged."""
-        return self.bus.away
-
     def look(self) -> None:
         """With the adapter goes what was on its way."""
         if self.away and not self.pulled:
@@ -115,14 +112,9 @@ class Client:
         self._chunk.clear()
         self._used = self._swallow = self.hung_up = self.pulled = False
 
-    def power_cycle(self) -> None:
-        self.bus.power_cycle()
-
-    def command(self, text: str) -> str:
-        return self.bus.command(text)
-
-    def close(self) -> None:
-        self.bus.close()
+    def __getattr__(self, name: str) -> Any:
+        """What concerns the bus itself."""
+        return getattr(self.bus, name)
 
     # -- towards the bus ---------------------------------------------------------------------------------------------
 

@@ -187,10 +187,11 @@ class Device(Model):
         self._deaf_until = self.now + (self.given["startup"] if seconds is None else seconds)
         self.boot_time.since = self._deaf_until
 
-    def thaw(self) -> None:
+    def thaw(self) -> Body:
         """The body is computed again, after the fixed pose of a preset or of a control command."""
         self.body.frozen = None
         self.pinned.clear()
+        return self.body
 
     def boot_ms(self) -> int:
         return self.boot_time.read(max(self.now, self.boot_time.since))
@@ -365,8 +366,7 @@ class Device(Model):
         """The status word of SetValue. The order of the checks is a guess, and so is the state byte."""
         self.sets += 1
         if "stands-up" in hits:
-            self.thaw()
-            self.body.pose("rising")
+            self.thaw().pose("rising")
         if "refuse" in hits:
             return self._status(self.given["refuse-status"], hits)
         place = tables.PLACE.get(parameter)

@@ -13,8 +13,11 @@ if TYPE_CHECKING:
     class Control(Protocol):
         """A module that knows a device from outside: its control commands, what a state file keeps of it, its use."""
 
-        def command(self, device: Any, words: list[str]) -> str:
-            """One control command; returns one line, raises ValueError."""
+        HELP: str  # the commands
+
+        def command(self, device: Any, words: list[str]) -> str | None:
+            """One control command: the answer, "" when there is no such command, None when it has changed the device. Raises
+            ValueError."""
 
         def snapshot(self, device: Any) -> dict[str, Any]:
             """What a state file keeps."""
@@ -248,7 +251,17 @@ class Model:
         """A control command of this device; returns one line, raises ValueError."""
         if not self.CONTROL:
             raise ValueError(f"unknown command {' '.join(words)!r}")
-        return self._control().command(self, words)
+        control = self._control()
+        answer = self.about if words == ["help"] else control.command(self, words)
+        if answer == "":
+            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {control.HELP}")
+        self.dirty = self.dirty or answer is None
+        return " ".join(words) if answer is None else answer
+
+    @property
+    def about(self) -> str:
+        """Its control commands."""
+        return self._control().HELP
 
     def snapshot(self) -> dict[str, Any]:
         """What a state file keeps."""

@@ -34,12 +34,10 @@ PRESSED = 0.2  # s
 SHARES = (0.6, 0.8, 1.0, 1.1, 1.3)  # of each finger
 
 
-def command(device: Device, words: list[str]) -> str:
-    """One control command (see HELP); returns one line, raises ValueError."""
+def command(device: Device, words: list[str]) -> str | None:
+    """One control command (see HELP), as the engine wants it."""
     match words:
-        case ["help"]:
-            return HELP
-        case ["set", _, *digits] if digits:
+        case ["set", _, _, *_]:
             place, data = poking(words[1:], MEMORY - 1)
             _poke(device, place, data)
             return f"set {place} {data.hex(' ').upper()}"
@@ -51,9 +49,8 @@ def command(device: Device, words: list[str]) -> str:
         case ["block" | "release", name]:
             _finger(device, name).blocked = words[0] == "block"
         case _:
-            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
-    device.dirty = True
-    return " ".join(words)
+            return ""
+    return None
 
 
 def _poke(device: Device, place: int, data: bytes) -> None:

@@ -45,13 +45,11 @@ HELP = (
 )
 
 
-def command(device: Front, words: list[str]) -> str:
-    """One control command (see HELP); returns one line, raises ValueError. COUNT is one of bytes."""
+def command(device: Front, words: list[str]) -> str | None:
+    """One control command (see HELP), as the engine wants it. COUNT is one of bytes."""
     hand = device.hand
     unit = hand.generation.unit
     match words:
-        case ["help"]:
-            return f"{HELP}. FINGER: {', '.join(hand.generation.names)}"
         case ["set", address, *digits] if digits:
             place, data = poking(words[1:], MEMORY // unit - 1)
             poke(hand, place * unit, data)
@@ -74,10 +72,9 @@ def command(device: Front, words: list[str]) -> str:
         case ["ip"]:
             return ".".join(str(part) for part in hand.address)
         case _:
-            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
+            return ""
     hand.publish()
-    device.dirty = True
-    return " ".join(words)
+    return None
 
 
 def poke(hand: Hand, place: int, data: bytes) -> None:

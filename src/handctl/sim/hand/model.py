@@ -408,6 +408,10 @@ class Front(Asked):
     def id(self) -> int:  # type: ignore[override]
         return self.hand.number
 
+    @property
+    def about(self) -> str:
+        return f"{super().about}. FINGER: {', '.join(self.hand.generation.names)}"
+
     def beside(self, model: type[Model]) -> type[Model]:
         """Another wire of this hand, of a class like this one."""
         hand = self.hand

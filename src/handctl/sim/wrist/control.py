@@ -44,11 +44,9 @@ COURSE = (  # pitch and yaw in 0.01°, seconds to get there, seconds there
 )
 
 
-def command(device: Module, words: list[str]) -> str:
-    """One control command (see HELP); returns one line, raises ValueError."""
+def command(device: Module, words: list[str]) -> str | None:
+    """One control command (see HELP), as the engine wants it."""
     match words:
-        case ["help"]:
-            return HELP
         case ["set" | "hand-set", address, *digits] if digits:
             place, data = poking(words[1:], MEMORY - 1)
             _poke(device, words[0] == "set", place, data)
@@ -63,9 +61,8 @@ def command(device: Module, words: list[str]) -> str:
         case ["release", "pitch" | "yaw" as axis]:
             device.body.release(AXES.index(axis))
         case _:
-            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
-    device.dirty = True
-    return " ".join(words)
+            return ""
+    return None
 
 
 def _poke(device: Module, of_wrist: bool, address: int, data: bytes) -> None:
