@@ -242,7 +242,7 @@ def _serve(
             f"bus={raw['bus']}: serve CAN with --slcan-pty or --slcan-tcp, serial with --pty or --tcp"
         )
     from handctl.sim.engine import slcan
-    from handctl.sim.engine.serve import Alone, Each, PtyPort, ServeError, Server, TcpDoor, Wires
+    from handctl.sim.engine.serve import Alone, PtyPort, ServeError, Server, TcpDoor, Wires
 
     try:
         adapter = _adapter(raw) if on_can else []
@@ -270,7 +270,7 @@ def _serve(
         server = Server(whole or place)
         if modbus_tcp is not None:
             door = TcpDoor(*modbus_tcp)
-            server.behind(door, place=Each(whole, "modbus-tcp"))
+            server.behind(door)
             whole.door = door if door.host == whole.lines[0].device.host else None
         if on_pty or modbus_pty or slcan_pty:
             server.at(PtyPort(None if on_can else line.device.speed, by_id), link, place)

@@ -97,17 +97,16 @@ class CanBus(Rack[CanLine]):
         self.bus_off = self.hung_up = self.pulled = False
 
     def command(self, text: str) -> str:
-        """Of the faults those of the bus are its own, the others those of all devices."""
-        words = text.split()
-        if words[:1] != ["fault"] or len(words) < 2:
-            answer = super().command(text)
-            self._look()
-            return answer
-        names = [name.strip() for name in ",".join(words[1:]).split(",")]
-        others = [name for name in names if name not in BUS_FAULTS]
-        answer = super().command(f"fault {','.join(others) or 'none'}")
-        self.faults = frozenset(names).intersection(BUS_FAULTS)
-        return f"fault {','.join(words[1:])}" if self.faults else answer
+        answer = super().command(text)
+        self._look()
+        return answer
+
+    def fault(self, names: str) -> str:
+        """Those of the bus are its own, the others those of all devices."""
+        given = [name.strip() for name in names.split(",")]
+        answer = super().fault(",".join(name for name in given if name not in BUS_FAULTS) or "none")
+        self.faults = frozenset(given).intersection(BUS_FAULTS)
+        return names if self.faults else answer
 
     # -- inside -----------------------------------------------------------------------------------------------------
 

@@ -61,7 +61,7 @@ PLUG_COMMANDS = ("unplug [SECONDS]", "replug")
 
 
 class Plug:
-    """Out at the moments of a plan "AT:SECONDS,AT:SECONDS", counted from the start, or from `pull` to `push`."""
+    """Out at the moments of a plan "AT:SECONDS,AT:SECONDS", counted from the start, or by command."""
 
     def __init__(self, plan: str | None) -> None:
         """Raises ValueError for a plan that is none."""
@@ -73,21 +73,13 @@ class Plug:
         """The start of the plan."""
         self._start = now
 
-    def pull(self, until: float) -> None:
-        """Out until this moment."""
-        self._until = until
-
-    def push(self) -> None:
-        """In again, whatever the plan says of the present."""
-        self._until = 0.0
-
     def command(self, words: list[str], now: float) -> str:
         """unplug [SECONDS] | replug, as words. Raises ValueError."""
         match words:
             case ["unplug", *seconds] if len(seconds) < 2:
-                self.pull(now + _seconds(seconds[0]) if seconds else float("inf"))
+                self._until = now + _seconds(seconds[0]) if seconds else float("inf")
             case ["replug"]:
-                self.push()
+                self._until = 0.0
             case _:
                 raise ValueError(f"unknown command {' '.join(words)!r}. Known: {' | '.join(PLUG_COMMANDS)}")
         return " ".join(words)
@@ -128,7 +120,45 @@ def _pair(text: str) -> tuple[float, float]:
     return found
 
 
-class Cable:
+class Switched:
+    """What has power, faults, and a count of requests that were understood: the control commands of every simulator."""
+
+    requests = 0
+
+    def power(self, on: bool) -> None:
+        """Off: whatever was on the wire or still to come is gone."""
+        raise NotImplementedError
+
+    def fault(self, names: str) -> str:
+        """Other faults from now on, with commas between; those that are present then. Raises ValueError."""
+        raise NotImplementedError
+
+    def further(self, words: list[str]) -> str:
+        """Any other control command. Raises ValueError."""
+        raise NotImplementedError
+
+    def power_cycle(self) -> None:
+        self.power(False)
+        self.power(True)
+
+    def command(self, text: str) -> str:
+        """A control command; returns one line, raises ValueError."""
+        match text.split():
+            case ["power-cycle"]:
+                self.power_cycle()
+                return "power cycled"
+            case ["power", "on" | "off" as state]:
+                self.power(state == "on")
+                return f"power {state}"
+            case ["fault", _, *_] as words:
+                return f"fault {self.fault(','.join(words[1:]))}"
+            case ["requests"]:
+                return f"requests {self.requests}"
+            case words:
+                return self.further(words or ["help"])
+
+
+class Cable(Switched):
     """A simulated device at the end of a cable that has options and faults of its own."""
 
     def __init__(self, model: type[Model], raw: dict[str, str], options: Rows, faults: Mapping[str, str]) -> None:
@@ -145,7 +175,6 @@ class Cable:
         self.device.power(True)
         self.hung_up = False
         self.second = False  # another device than the first of its kind: what it measures differs a little
-        self.requests = 0  # requests that the device understood so far
         self._now: float | None = None
         self._closed = False
         self._save = "never" if given["use"] == "on" else given["save"]
@@ -168,36 +197,22 @@ class Cable:
 
     # -- power and control ----------------------------------------------------------------------------------------
 
-    def power_cycle(self) -> None:
-        self.power(False)
-        self.power(True)
-
     def power(self, on: bool) -> None:
-        """Off: whatever was on the wire or still to come is gone."""
         if not on:
             self._drop()
         if on != self.device.powered:
             self.device.power(on)
         self._persist()
 
-    def command(self, text: str) -> str:
-        """A control command for the simulator; returns one line, raises ValueError."""
-        words = text.split()
-        if words == ["power-cycle"]:
-            self.power_cycle()
-            return "power cycled"
-        if words in (["power", "on"], ["power", "off"]):
-            self.power(words[1] == "on")
-            return f"power {words[1]}"
-        if words[:1] == ["fault"] and len(words) > 1:
-            self._faults = self._parse_faults(",".join(words[1:]))
-            self.device.set_faults(self._faults)
-            return f"fault {','.join(sorted(self._faults)) or 'none'}"
-        if words == ["requests"]:
-            return f"requests {self.requests}"
-        if not words or words == ["help"]:
-            return f"power-cycle | power on|off | fault NAME[,NAME]|none | requests | {self.device.command(['help'])}"
+    def fault(self, names: str) -> str:
+        self._faults = self._parse_faults(names)
+        self.device.set_faults(self._faults)
+        return ",".join(sorted(self._faults)) or "none"
+
+    def further(self, words: list[str]) -> str:
         answer = self.device.command(words)
+        if words == ["help"]:
+            return f"power-cycle | power on|off | fault NAME[,NAME]|none | requests | {answer}"
         self._persist()
         return answer
 
@@ -375,16 +390,16 @@ class Line(Cable):
             self._drop()
 
     def command(self, text: str) -> str:
-        """Beside those of every device: unplug [SECONDS] | replug."""
-        match text.split():
-            case ["unplug" | "replug", *_] as words:
-                answer = self._plug.command(words, self._present())
-            case ["help"]:
-                return " | ".join((*PLUG_COMMANDS, super().command(text)))
-            case _:
-                answer = super().command(text)
+        answer = super().command(text)
         self._look()
         return answer
+
+    def further(self, words: list[str]) -> str:
+        """Beside those of every device: unplug [SECONDS] | replug."""
+        if words[0] in ("unplug", "replug"):
+            return self._plug.command(words, self._present())
+        answer = super().further(words)
+        return " | ".join((*PLUG_COMMANDS, answer)) if words == ["help"] else answer
 
     def feed(self, data: bytes) -> None:
         """Bytes that the client writes at the present time."""

@@ -70,23 +70,23 @@ class Options:
 
     def __init__(self, kind: str, raw: dict[str, str], known: Iterable[str]) -> None:
         self.kind = kind
-        self._raw = {name.replace("_", "-"): text for name, text in raw.items()}
+        self.raw = {name.replace("_", "-"): text for name, text in raw.items()}
         names = set(known)
-        for name in self._raw:
+        for name in self.raw:
             if name not in names:
                 raise ValueError(f"unknown option {name!r} of the simulated {kind}. Known: {', '.join(sorted(names))}")
 
     def text(self, name: str) -> str | None:
-        return self._raw.get(name)
+        return self.raw.get(name)
 
     def choice(self, name: str, default: str, allowed: tuple[str, ...]) -> str:
-        text = self._raw.get(name, default)
+        text = self.raw.get(name, default)
         if text not in allowed:
             raise ValueError(f"option {name}={text}: not one of {', '.join(allowed)}")
         return text
 
     def integer(self, name: str, default: int | None, low: int, high: int) -> Any:
-        text = self._raw.get(name)
+        text = self.raw.get(name)
         if text is None:
             return default
         try:
@@ -98,7 +98,7 @@ class Options:
         return value
 
     def seconds(self, name: str, default: float | None, high: float) -> Any:
-        text = self._raw.get(name)
+        text = self.raw.get(name)
         if text is None:
             return default
         try:
@@ -118,7 +118,7 @@ class Options:
             case bool():
                 return self.choice(name, "01"[form], ("1", "0") if form else ("0", "1")) == "1"
             case (default, tuple(words)):
-                return self.choice(name, default, words) if name in self._raw else default
+                return self.choice(name, default, words) if name in self.raw else default
             case (str(), str(), *_):
                 return self.choice(name, form[0], form)
             case (str(default), int(low), int(high)):
@@ -131,7 +131,7 @@ class Options:
 
     def _numbers(self, name: str, default: str, low: int, high: int) -> tuple[int, ...]:
         """As many whole numbers as the default has, with commas between."""
-        text = self._raw.get(name) or default
+        text = self.raw.get(name) or default
         numbers = [Options(self.kind, {name: part}, [name]).integer(name, 0, low, high) for part in text.split(",")]
         if len(numbers) != default.count(",") + 1:
             raise ValueError(f"option {name}={text}: not {default.count(',') + 1} numbers, such as {default}")
