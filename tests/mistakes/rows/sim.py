@@ -125,9 +125,9 @@ ROWS = (
         "sim-line-late-answer-in-time",
         "deadline ignored",
         "handctl.sim.engine.line",
-        "Line._transmit",
-        'due += self.given["late"]',
-        "due += 0.0",
+        "Cable._due",
+        'slow, late = SLOW if "slow" in reply.hits else 0.0, self.given["late"] if "late" in reply.hits else 0.0',
+        'slow, late = SLOW if "slow" in reply.hits else 0.0, 0.0',
         "tests/sim/test_line.py::test_late",
     ),
     mistake(

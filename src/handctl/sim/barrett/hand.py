@@ -35,9 +35,6 @@ class Drive:
     the strain limits in force, `press` the strain at which the motor stalls.
     """
 
-    __slots__ = ("accel", "after", "begin", "goal", "high", "hits", "low", "offset", "press", "sign", "speed",
-                 "start", "stop", "stop_at_breakaway", "way")  # fmt: skip
-
     def __init__(self, start: float, begin: float, sign: int, way: float | None, speed: float, accel: float) -> None:
         self.start = start
         self.begin = begin
@@ -286,8 +283,6 @@ MOVING, HOLDING = 12.0, 6.0  # 0.1 °C above rest for each motor, once settled; 
 
 class Movement:
     """The movement command under way."""
-
-    __slots__ = ("code", "end", "kind", "running")
 
     def __init__(self, kind: str) -> None:
         self.kind = kind

@@ -8,8 +8,8 @@ destroyed. A device at another bitrate hears and acknowledges nothing. For a cli
 from __future__ import annotations
 
 from handctl.sim.bus.file import BUS_FAULTS, Plan
-from handctl.sim.bus.rack import IDLE, Master, Rack
-from handctl.sim.engine.can import BACKLOG, SOON, CanLine, Frame
+from handctl.sim.bus.rack import IDLE, SOON, Master, Rack
+from handctl.sim.engine.can import BACKLOG, CanLine, Frame
 
 Sender = CanLine | Master | None  # None: the client
 
@@ -44,19 +44,9 @@ class CanBus(Rack[CanLine]):
 
     # -- time and frames ------------------------------------------------------------------------------------------
 
-    def advance(self, now: float) -> None:
-        """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
-        if self.now is None:
-            self.now = now
-            self.begin(now)
-        for master in self.masters:
-            master.wait(now)
-        while (event := self._next()) is not None and event <= now + SOON:
-            self.now = max(event, self.now)
-            self._happen(self.now)
-        self.now = max(now, self.now)
+    def _settle(self, now: float) -> None:
         for line in self.lines:
-            self._act(line, self.now)
+            self._act(line, now)
         self._look()
 
     def feed_frame(self, can_id: int, data: bytes, extended: bool = True, remote: bool = False) -> None:
@@ -69,13 +59,14 @@ class CanBus(Rack[CanLine]):
             return
         self.bus_off = self.bus_off or "bus-off" in self.faults
         heard = self.client_bitrate in (None, self.speed) and not self.bus_off and "no-ack" not in self.faults
-        self.acknowledged = heard and (any(self._takes_part(line) for line in self.lines) or bool(self.masters))
+        parts = [line for line in self.lines if not self._out(line) and line.device.powered and not line.deafened]
+        self.acknowledged = heard and (any(line.device.speed == self.speed for line in parts) or bool(self.masters))
         if not self.acknowledged:
             self.unacknowledged += 1
         elif sum(sender is None for _, sender in self._waiting) < BACKLOG:
-            frame = Frame(self._present() + self._half(), can_id, bytes(data), extended, remote)
+            frame = Frame(self._present() + self.half(), can_id, bytes(data), extended, remote)
             frame.echo = self.plan.echo and extended and not remote
-            self._wait(frame, None)
+            self._waiting.append((frame, None))
 
     def take_frames(self) -> list[tuple[int, bytes]]:
         """(identifier, data) of the frames that have fully arrived at the client by now."""
@@ -120,13 +111,6 @@ class CanBus(Rack[CanLine]):
         """Whether the device is not on the bus."""
         return self.plugs[self.lines.index(line)].out(self._present())
 
-    def _takes_part(self, line: CanLine) -> bool:
-        return not self._out(line) and line.device.powered and line.device.speed == self.speed and not line.deafened
-
-    def _half(self) -> float:
-        """Seconds of one way between client and bus."""
-        return self.plan.latency / 2 + self.plan.spread / 2 * self.random.between(0, 1000) / 1000
-
     def _next(self) -> float | None:
         times = [master.due for master in self.masters] + list(self._wakes.values())
         times += self.pulls()
@@ -142,7 +126,7 @@ class CanBus(Rack[CanLine]):
             self._finish(now)
         for master in self.masters:
             if master.due <= now + SOON:
-                self._wait(Frame(master.due, master.identifier, master.data), master)
+                self._waiting.append((Frame(master.due, master.identifier, master.data), master))
                 master.asked()
         for line in [line for line, wake in self._wakes.items() if wake <= now + SOON]:
             self._act(line, now)
@@ -150,15 +134,12 @@ class CanBus(Rack[CanLine]):
             self._begin(now)
         self._look()
 
-    def _wait(self, frame: Frame, sender: Sender) -> None:
-        self._waiting.append((frame, sender))
-
     def _act(self, line: CanLine, now: float) -> None:
         """Lets the device do what it does by itself; its frames wait for the bus."""
         line.advance(now)
         for identifier, data in line.take_frames():
             if line.device.speed == self.speed and not self._out(line):
-                self._wait(Frame(now, identifier, data), line)
+                self._waiting.append((Frame(now, identifier, data), line))
         if line.hung_up:
             line.reconnect()
         wake = line.next_event()
@@ -189,7 +170,7 @@ class CanBus(Rack[CanLine]):
             return
         hears = self.client_bitrate in (None, self.speed) and not self.bus_off
         if hears and (None not in senders or frame.echo) and frame.extended and not frame.remote:
-            when = now + self._half()
+            when = now + self.half()
             self._arrived.append(
                 (max(when, self._arrived[-1][0] if self._arrived else when), frame.identifier, frame.data)
             )

@@ -145,7 +145,7 @@ class Client:
             return
         plan = self.bus.plan
         if now - self._heard_last > PAUSE:
-            self._delay = self._half()
+            self._delay = self.bus.half()
         self._heard_last = now
         if self._swallow:
             self._swallow = False
@@ -160,16 +160,9 @@ class Client:
 
     # -- inside -----------------------------------------------------------------------------------------------------
 
-    def _half(self) -> float:
-        """Seconds of one way: half of the latency, and of its spread by chance."""
-        plan = self.bus.plan
-        if not plan.spread:
-            return plan.latency / 2
-        return plan.latency / 2 + plan.spread / 2 * self.bus.random.between(0, 1000) / 1000
-
     def _way(self, queue: deque[tuple[float, bytes | None, int | None]]) -> float:
         """When something that starts now is at the wire; nothing overtakes."""
-        return max(self._now + self._half(), queue[-1][0] if queue else 0.0)
+        return max(self._now + self.bus.half(), queue[-1][0] if queue else 0.0)
 
     def _flush(self, now: float) -> None:
         """Gives what was held back long enough to the way to the client."""
@@ -245,21 +238,11 @@ class Bus(Rack[Line]):
 
     # -- time -------------------------------------------------------------------------------------------------------------
 
-    def advance(self, now: float) -> None:
-        """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
-        if self.now is None:
-            self.now = now
-            self.begin(now)
-        for master in self.masters:
-            master.wait(now)
-        while (event := self._first()) is not None and event <= now + EDGE:
-            self.now = max(event, self.now)
-            self._happen(self.now)
-        self.now = max(now, self.now)
+    def _settle(self, now: float) -> None:
         for station in self.stations:
-            station.act(self.now)
+            station.act(now)
         for pair in (self.down, self.up):
-            pair.forget(self.now)
+            pair.forget(now)
 
     def next_event(self, client: Client) -> float | None:
         """When something may happen that this client notices; bytes on the wire in pieces of 2 ms."""
@@ -279,13 +262,13 @@ class Bus(Rack[Line]):
         times += [due for client in self.clients if (due := client.due()) is not None]
         return times + self.pulls()
 
-    def _first(self) -> float | None:
+    def _next(self) -> float | None:
         times = self._acts()
         times += [byte[0] for ear in self._ears() if (byte := ear.next()) is not None]
         return min(times, default=None)
 
     def _happen(self, now: float) -> None:
-        """Everything that is due at this moment; what bytes end comes before what begins."""
+        """What bytes end comes before what begins."""
         until = now + EDGE
         heard: list[tuple[Station | Client, int]] = []
         listeners: list[Station | Client] = [*self.stations, *self.clients]

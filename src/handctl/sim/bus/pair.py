@@ -23,8 +23,6 @@ KEPT = 0.25  # s that a burst is remembered behind its end: ten bits at 50 bit/s
 class Burst:
     """Bytes that one sender puts on the pair back to back."""
 
-    __slots__ = ("_bits", "bit", "data", "end", "fits_all", "sender", "speed", "start")
-
     def __init__(self, sender: object, start: float, speed: int, data: bytes, fits_all: bool) -> None:
         self.sender = sender
         self.start = start

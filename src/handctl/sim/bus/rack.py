@@ -11,6 +11,7 @@ from handctl.sim.bus.file import Plan
 from handctl.sim.engine.line import PLUG_COMMANDS, Cable, Plug, Switched
 from handctl.sim.engine.model import Model, Random
 
+SOON = 0.000000001  # s, rounding
 IDLE = 0.001  # s until a device is asked again that says that it acts now, and does not
 BEHIND = 5.0  # s; a master does not catch up with more
 HELP = " | ".join((
@@ -72,10 +73,23 @@ class Rack(Switched, Generic[Wire]):
         """Whether the clients' adapters are unplugged."""
         return self.adapters.out(self._present())
 
-    def begin(self, now: float) -> None:
-        """The moment of power-on."""
-        for plug in (self.adapters, *self.plugs):
-            plug.begin(now)
+    def advance(self, now: float) -> None:
+        """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
+        if self.now is None:
+            self.now = now
+            for plug in (self.adapters, *self.plugs):
+                plug.begin(now)
+        for master in self.masters:
+            master.wait(now)
+        while (event := self._next()) is not None and event <= now + SOON:
+            self.now = max(event, self.now)
+            self._happen(self.now)
+        self.now = max(now, self.now)
+        self._settle(self.now)
+
+    def half(self) -> float:
+        """Seconds of one way between client and bus: half of the latency, and of its spread by chance."""
+        return self.plan.latency / 2 + self.plan.spread / 2 * self.random.between(0, 1000) / 1000
 
     def pulls(self) -> list[float]:
         """When plugs go out or in next."""
@@ -128,6 +142,18 @@ class Rack(Switched, Generic[Wire]):
         return 0.0 if self.now is None else self.now
 
     # -- what the wires do ----------------------------------------------------------------------------------------------
+
+    def _next(self) -> float | None:
+        """When something happens next; None: nothing is due."""
+        raise NotImplementedError
+
+    def _happen(self, now: float) -> None:
+        """Everything that is due at this moment."""
+        raise NotImplementedError
+
+    def _settle(self, now: float) -> None:
+        """Time has come to this moment, at which nothing was due."""
+        raise NotImplementedError
 
     def _switched(self, on: bool) -> None:
         """All devices were switched."""

@@ -399,9 +399,6 @@ class Device(Model):
 
     # -- faults that know the message -----------------------------------------------------------------------------------
 
-    def spoil(self, data: bytes) -> bytes:
-        return data[:-1] + bytes([(data[-1] + 1) % 256])
-
     def readdress(self, data: bytes) -> bytes:
         ident = (data[2] * 256 + data[3] + 1) % 65536
         return seal(data[:2] + ident.to_bytes(2, "big") + data[4:-2])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import struct
 
-from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS, SLOW, Cable
+from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS, Cable
 from handctl.sim.engine.model import Model, Reply
 
 TYPE_CHECKING = False
@@ -41,8 +41,6 @@ SOON = 0.000000001  # s, rounding
 
 class Frame:
     """A frame that waits for the bus, not sent before `ready`."""
-
-    __slots__ = ("data", "echo", "extended", "hang", "identifier", "ready", "remote")
 
     def __init__(self, ready: float, identifier: int, data: bytes, extended: bool = True, remote: bool = False) -> None:
         self.ready = ready
@@ -88,15 +86,8 @@ class CanLine(Cable):
 
     # -- time and frames ------------------------------------------------------------------------------------------
 
-    def advance(self, now: float) -> None:
-        """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
-        if self._now is None:
-            self._now = self._traffic_due = now
-            self._boot(now)
-            return
-        if self._user is not None:
-            self._follow(now)
-        self._pass(now)
+    def _begin(self, now: float) -> None:
+        self._traffic_due = now
 
     def _pass(self, now: float) -> None:
         self._now = max(now, self._present())
@@ -245,11 +236,7 @@ class CanLine(Cable):
             frames.insert(0, previous)
         if "noise" in hits:
             frames = [*self._foreigners(identifier), *frames, *self._foreigners(identifier)]
-        due = reply.due + self.given["turnaround"]
-        if "slow" in hits:
-            due += SLOW
-        if "late" in hits:
-            due += self.given["late"]
+        due = self._due(reply)
         queue = [Frame(due, *frame) for frame in frames]
         if "disconnect" in hits:
             queue = [Frame(due, identifier, b"")]

@@ -195,6 +195,19 @@ class Cable(Switched):
         self.hung_up = False
         self._drop()
 
+    def advance(self, now: float) -> None:
+        """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
+        if self._now is None:
+            self._now = now
+            self._begin(now)
+            self.device.boot(now)
+            self._acts = now + UNTOUCHED
+            return
+        while self._user is not None and self._acts <= now:  # the user of the device acts at each moment that has come
+            self._pass(self._acts)
+            self._acts += next(self._user)
+        self._pass(now)
+
     # -- power and control ----------------------------------------------------------------------------------------
 
     def power(self, on: bool) -> None:
@@ -229,19 +242,13 @@ class Cable(Switched):
         """Forgets what is on the wire."""
         raise NotImplementedError
 
+    def _begin(self, now: float) -> None:
+        """The moment of power-on."""
+        raise NotImplementedError
+
     def _pass(self, now: float) -> None:
         """Moves time on to this moment, with all that happens until then."""
         raise NotImplementedError
-
-    def _boot(self, now: float) -> None:
-        self.device.boot(now)
-        self._acts = now + UNTOUCHED
-
-    def _follow(self, now: float) -> None:
-        """Lets the user of the device act at each moment that has come."""
-        while self._user is not None and self._acts <= now:
-            self._pass(self._acts)
-            self._acts += next(self._user)
 
     def _present(self) -> float:
         return 0.0 if self._now is None else self._now
@@ -259,6 +266,11 @@ class Cable(Switched):
         """The faults that befall the request with this number, counted from 1."""
         beyond = number - self.given["after"]
         return self._faults if beyond > 0 and beyond % self.given["every"] == 0 else NOTHING
+
+    def _due(self, reply: Reply) -> float:
+        """When it leaves."""
+        slow, late = SLOW if "slow" in reply.hits else 0.0, self.given["late"] if "late" in reply.hits else 0.0
+        return reply.due + float(self.given["turnaround"]) + slow + late
 
     def _judge(self) -> frozenset[str]:
         self.requests += 1
@@ -291,8 +303,6 @@ def _near(name: str, known: Collection[str]) -> str:
 class _Segment:
     """Bytes on the wire: byte k is complete at start + (k + 1) * step (at start when step is 0). `put` are those that were
     sent at `speed`; `data` is what is heard of them."""
-
-    __slots__ = ("data", "hang", "put", "sent", "speed", "start", "step")
 
     def __init__(
         self, start: float, step: float, data: bytes, hang: bool = False, put: bytes = b"", speed: int | None = None
@@ -329,8 +339,7 @@ class Line(Cable):
         self._client_baud: int | None = None
         self._rx: list[_Segment] = []
         self._rx_free = 0.0
-        self._out: list[tuple[float, int, list[tuple[float, float, bytes]], bool, int | None, int | None]] = []
-        self._count = 0  # keeps replies of one due time in order
+        self._out: list[tuple[float, list[tuple[float, float, bytes]], bool, int | None, int | None]] = []
         self._tx: list[_Segment] = []
         self._tx_free = 0.0
         self._previous = b""
@@ -365,16 +374,8 @@ class Line(Cable):
 
     # -- time and bytes -------------------------------------------------------------------------------------------
 
-    def advance(self, now: float) -> None:
-        """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
-        if self._now is None:
-            self._now = now
-            self._plug.begin(now)
-            self._boot(now)
-            return
-        if self._user is not None:
-            self._follow(now)
-        self._pass(now)
+    def _begin(self, now: float) -> None:
+        self._plug.begin(now)
 
     def _pass(self, now: float) -> None:
         self._now = max(now, self._present())
@@ -510,9 +511,8 @@ class Line(Cable):
 
     def _collect(self) -> None:
         """Takes the replies of the device and puts those that are due on the wire."""
-        if replies := self.device.take():
-            for reply in sorted(replies, key=lambda reply: reply.due):
-                self._transmit(reply)
+        for reply in sorted(self.device.take(), key=lambda reply: reply.due):
+            self._transmit(reply)
         if self._out:
             self._dispatch(self._present())
         self._persist()
@@ -538,12 +538,7 @@ class Line(Cable):
         if "noise" in hits:
             before = self._random.junk(self._random.between(1, 6), self.device.HEADER)
             frame = before + frame + self._random.junk(self._random.between(1, 6), self.device.HEADER)
-        due = reply.due + self.given["turnaround"]
-        if "slow" in hits:
-            due += SLOW
-        if "late" in hits:
-            due += self.given["late"]
-        self._send(due, frame, hits)
+        self._send(self._due(reply), frame, hits)
 
     def _send(self, due: float, data: bytes, hits: frozenset[str]) -> None:
         """Queues bytes as (gap before, seconds per byte, bytes) pieces."""
@@ -560,13 +555,12 @@ class Line(Cable):
                 count = self._random.between(1, max(1, len(data) // 2))
                 pieces.append((self._random.between(0, 8) / 1000.0 if pieces else 0.0, step, data[:count]))
                 data = data[count:]
-        self._count += 1
-        self._out.append((due, self._count, pieces, hang, self.device.speed, self.client_baud))
-        self._out.sort(key=lambda entry: entry[:2])
+        self._out.append((due, pieces, hang, self.device.speed, self.client_baud))
+        self._out.sort(key=lambda entry: entry[0])
 
     def _dispatch(self, now: float) -> None:
         while self._out and self._out[0][0] <= now + 0.000000001:
-            due, _, pieces, hang, speed, listener = self._out.pop(0)
+            due, pieces, hang, speed, listener = self._out.pop(0)
             start = max(due, self._tx_free)
             for gap, step, sent in pieces:
                 start += gap

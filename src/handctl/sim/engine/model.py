@@ -40,8 +40,6 @@ NOTHING: frozenset[str] = frozenset()
 class Random:
     """Xorshift generator of 32 bits: the same seed gives the same run on every Python version."""
 
-    __slots__ = ("_state",)
-
     def __init__(self, seed: int) -> None:
         self._state = (seed * 2654435761 + 2463534242) % 4294967296 or 1
 
@@ -141,8 +139,6 @@ class Options:
 class Reply:
     """One frame that leaves the device: not before `due`; `hits` are the faults that befall it."""
 
-    __slots__ = ("data", "due", "hits")
-
     def __init__(self, due: float, data: bytes, hits: frozenset[str]) -> None:
         self.due = due
         self.data = data
@@ -236,8 +232,8 @@ class Model:
         return None
 
     def spoil(self, data: bytes) -> bytes:
-        """The frame with a check value that does not fit."""
-        return data
+        """The frame with a check value that does not fit; where that is the last byte, another one."""
+        return data[:-1] + bytes([(data[-1] + 1) % 256])
 
     def readdress(self, data: bytes) -> bytes:
         """The frame as another device on the line would have sent it: valid, but with another id."""

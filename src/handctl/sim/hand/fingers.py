@@ -32,11 +32,6 @@ STROKE = 2000
 class Finger(Servo):
     """One actuator with the finger it moves. A set value acts only once it was written."""
 
-    __slots__ = (
-        "angle", "blocked", "closed", "command", "current_limit", "force_limit", "forced", "goal", "object", "open", "pressing",
-        "rate", "rest_current", "rest_force", "short", "speed", "state", "stroke", "stroke_goal", "stubborn", "thing", "waiting",
-    )  # fmt: skip
-
     def __init__(
         self, ends: tuple[int, int], found: tuple[int, int, int, int, int, int], rate: float, limit: float
     ) -> None:

@@ -164,9 +164,6 @@ class Serial(Asked):
         if "no-late-frames" not in self.faults:
             self._replies.append(Reply(when, frame(self.id, flag, body), hits))
 
-    def spoil(self, data: bytes) -> bytes:
-        return data[:-1] + bytes([(data[-1] + 1) % 256])
-
     def readdress(self, data: bytes) -> bytes:
         return frame(data[2] % 254 + 1, data[4], data[5:-1])
 
