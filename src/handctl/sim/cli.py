@@ -210,19 +210,14 @@ def _server(kind: str) -> click.Command:
 
 def _serve(
     kind: str,
-    tcp: Address | None,
     fault: tuple[str, ...],
     duration: float | None,
     control: str | None,
     settings: tuple[str, ...],
-    on_pty: bool = False,
-    slcan_pty: bool = False,
-    slcan_tcp: Address | None = None,
-    modbus_pty: bool = False,
-    modbus_tcp: Address | None = None,
-    by_id: str | None = None,
-    **given: str | None,
+    **given: Any,
 ) -> None:
+    on_pty, slcan_pty, modbus_pty = (given.pop(name, False) for name in ("on_pty", "slcan_pty", "modbus_pty"))
+    tcp, slcan_tcp, modbus_tcp, by_id = (given.pop(name, None) for name in ("tcp", "slcan_tcp", "modbus_tcp", "by_id"))
     wires = folder_of(kind).WIRES
     on_can = slcan_pty or slcan_tcp is not None
     given_places = [on_pty, tcp is not None, slcan_pty, slcan_tcp is not None, modbus_pty].count(True)
@@ -291,15 +286,7 @@ def _adapter(raw: dict[str, str]) -> list[str]:
 
 
 def _bus(
-    file: str,
-    on_pty: bool,
-    by_id: str | None,
-    tcp: Address | None,
-    slcan_pty: bool,
-    slcan_tcp: Address | None,
-    seed: str | None,
-    duration: float | None,
-    control: str | None,
+    file: str, seed: str | None, duration: float | None, control: str | None, by_id: str | None, **given: Any
 ) -> None:
     """Serve several simulated devices on one RS-485, RS-232 or CAN bus.
 
@@ -308,7 +295,8 @@ def _bus(
 
     Prints one JSON line when it is ready, with several links under "links", and serves until SIGTERM, SIGINT or --duration.
     """
-    on_line, on_can = on_pty or tcp is not None, slcan_pty or slcan_tcp is not None
+    on_pty, slcan_pty, place = given["on_pty"], given["slcan_pty"], given["tcp"] or given["slcan_tcp"]
+    on_line, on_can = on_pty or given["tcp"] is not None, slcan_pty or given["slcan_tcp"] is not None
     if not on_line and not on_can:
         raise click.UsageError(
             "No place to serve at. Give --pty, --tcp HOST:PORT, --slcan-pty or --slcan-tcp HOST:PORT"
@@ -322,8 +310,8 @@ def _bus(
     try:
         plan = read(file, seed)
         if on_line if plan.wire == "can" else on_can:
-            places = "--slcan-pty or --slcan-tcp HOST:PORT" if plan.wire == "can" else "--pty or --tcp HOST:PORT"
-            raise click.UsageError(f'{file}: wire = "{plan.wire}" needs {places}')
+            wanted = "--slcan-pty or --slcan-tcp HOST:PORT" if plan.wire == "can" else "--pty or --tcp HOST:PORT"
+            raise click.UsageError(f'{file}: wire = "{plan.wire}" needs {wanted}')
         whole = whole_of(plan)
     except ValueError as exc:
         raise click.UsageError(str(exc)) from exc
@@ -334,7 +322,7 @@ def _bus(
         server = serve.Server(whole)
         if on_pty or slcan_pty:
             server.at(serve.PtyPort(plan.baud if on_line else None, by_id), link)
-        if (place := tcp or slcan_tcp) is not None:
+        if place is not None:
             server.behind(serve.TcpDoor(*place), link)
         server.run(duration, control)
     except (serve.ServeError, OSError) as exc:

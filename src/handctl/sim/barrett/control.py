@@ -50,6 +50,13 @@ HEAT: Fields = {
     "uptime": ("uptime", float, 0, 5000000000),
 }
 COUNTS: Fields = {"saves": ("saves", int, 0, 1000000)}
+IMAGE: Fields = {
+    "firmware": ("firmware", bool, 0, 1),
+    "records": ("records", int, 0, 1000000),
+    "partial": ("partial", bool, 0, 1),
+    "spoiled": ("spoiled", bool, 0, 1),
+    "decayed": ("decayed", bool, 0, 1),
+}
 CRUISE = 16  # LCV that somebody has left: 1 count a sample (§6.2.1)
 FINGER, SPREAD = 2400.0, 350.0  # counts/s
 GRASP, HOLD, RELEASE, REST = 4.5, 1.5, 4.5, 1.0  # s
@@ -175,9 +182,13 @@ def snapshot(device: Device) -> dict[str, Any]:
         "eeprom": _book(memory.motor.saved, memory.common.saved),
         "saves": [memory.motor.saves, memory.common.saves],
         "serial": hand.serial,
-        "heat": {name: value for name, (value,) in kept([hand], HEAT).items()},
+        "heat": rows_of(kept([hand], HEAT))[0],
         "motors": rows_of(body),
-        "image": device.monitor.image.snapshot(),
+        "image": {
+            **rows_of(kept([device.monitor.image], IMAGE))[0],
+            "version": device.monitor.image.version,
+            "ranges": [[start, data.hex()] for start, data in device.monitor.image.ranges()],
+        },
     }
 
 
@@ -196,15 +207,30 @@ def restore(device: Device, state: dict[str, Any]) -> None:
             raise ValueError(f"BAUD is {books[-1][1]['BAUD'][0]}")
     saves = checked(state, COUNTS, 2)["saves"]
     serial = checked({"serial": [state["serial"]]}, {"serial": ("serial", int, 0, 65535)}, 1)["serial"][0]
-    heat = checked({name: [state["heat"][name]] for name in HEAT}, HEAT, 1)
+    heat = checked(columns([state["heat"]], HEAT), HEAT, 1)
     body = checked(columns(state["motors"], BODY), BODY, 4)
-    image = Image.restored(state["image"], device.monitor.needed)
+    image = _image_of(state["image"], device.monitor.needed)
     (memory.motor.values, memory.common.values), (memory.motor.saved, memory.common.saved) = books
     memory.motor.saves, memory.common.saves = saves
     hand.serial, device.monitor.image = serial, image
     spread([hand], HEAT, heat)
     spread(hand.motors, BODY, body)
     device.settle()
+
+
+def _image_of(state: dict[str, Any], needed: int) -> Image:
+    image = Image(True, needed)
+    spread([image], IMAGE, checked(columns([state], IMAGE), IMAGE, 1))
+    image.version = state["version"]
+    if not isinstance(image.version, str | None):
+        raise ValueError(f"image: version {image.version!r}")
+    for start, text in state["ranges"]:
+        data = bytes.fromhex(text)
+        if not isinstance(start, int) or not 0 <= start <= len(image.data) - len(data):
+            raise ValueError(f"image: range at {start!r}")
+        image.data[start : start + len(data)] = data
+        image.written[start : start + len(data)] = b"\x01" * len(data)
+    return image
 
 
 def _values(bank: Bank, book: dict[str, list[Any]]) -> dict[str, list[int]]:

@@ -89,7 +89,8 @@ class Rack(Switched, Generic[Wire]):
 
     def half(self) -> float:
         """Seconds of one way between client and bus: half of the latency, and of its spread by chance."""
-        return self.plan.latency / 2 + self.plan.spread / 2 * self.random.between(0, 1000) / 1000
+        way: float = self.plan.latency / 2 + self.plan.spread / 2 * self.random.between(0, 1000) / 1000
+        return way
 
     def pulls(self) -> list[float]:
         """When plugs go out or in next."""

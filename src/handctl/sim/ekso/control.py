@@ -10,7 +10,7 @@ from handctl.sim.ekso.body import POSTURES
 from handctl.sim.ekso.clock import WRAP
 from handctl.sim.ekso.device import Device
 from handctl.sim.engine.model import NOTHING
-from handctl.sim.engine.statefile import Fields, checked, kept, real, spread
+from handctl.sim.engine.statefile import Fields, checked, columns, kept, real, spread
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -99,7 +99,7 @@ def restore(device: Device, state: dict[str, Any]) -> None:
     boot_ms = state["boot_ms"]
     if not isinstance(boot_ms, int) or not 0 <= boot_ms < WRAP:  # a float is looked for in a range one by one
         raise ValueError(f"boot_ms {boot_ms!r} is not a number of two words")
-    body = checked({name: [state["body"][name]] for name in BODY}, BODY, 1)
+    body = checked(columns([state["body"]], BODY), BODY, 1)
     if body["walking"][0] and body["place"][0] != 2.0:
         raise ValueError("walking, but not upright")
     device.calendar.set(state["rtc"], device.now)
