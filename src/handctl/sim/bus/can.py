@@ -10,6 +10,7 @@ from __future__ import annotations
 from handctl.sim.bus.file import BUS_FAULTS, Plan
 from handctl.sim.bus.rack import IDLE, SOON, Master, Rack
 from handctl.sim.engine.can import BACKLOG, CanLine, Frame
+from handctl.sim.engine.model import soonest
 
 Sender = CanLine | Master | None  # None: the client
 
@@ -77,9 +78,7 @@ class CanBus(Rack[CanLine]):
 
     def next_event(self) -> float | None:
         """The earliest time at which `take_frames` may return something or something happens; None: nothing is due."""
-        times = [self._arrived[0][0]] if self._arrived else []
-        event = self._next()
-        return min([*times, *(() if event is None else (event,))], default=None)
+        return soonest(self._next(), *(when for when, _, _ in self._arrived[:1]))
 
     def reconnect(self) -> None:
         """A new client: what was on its way is lost, the devices go on."""
@@ -112,13 +111,10 @@ class CanBus(Rack[CanLine]):
         return self.plugs[self.lines.index(line)].out(self._present())
 
     def _next(self) -> float | None:
-        times = [master.due for master in self.masters] + list(self._wakes.values())
-        times += self.pulls()
-        if self._flying:
-            times.append(self._end)
-        elif self._waiting:
-            times.append(max(self._free, min(frame.ready for frame, _ in self._waiting)))
-        return min(times, default=None)
+        turn = self._end if self._flying else None
+        if not self._flying and self._waiting:
+            turn = max(self._free, min(frame.ready for frame, _ in self._waiting))
+        return soonest(turn, *(master.due for master in self.masters), *self._wakes.values(), *self.pulls())
 
     def _happen(self, now: float) -> None:
         """What is due at this moment: a frame ends, questions and answers come, the next frame begins."""

@@ -15,6 +15,7 @@ from handctl.sim.bus.file import Plan
 from handctl.sim.bus.pair import EDGE, Ear, Pair
 from handctl.sim.bus.rack import IDLE, Rack
 from handctl.sim.engine.line import TICK, Line
+from handctl.sim.engine.model import soonest
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -246,26 +247,20 @@ class Bus(Rack[Line]):
 
     def next_event(self, client: Client) -> float | None:
         """When something may happen that this client notices; bytes on the wire in pieces of 2 ms."""
-        times = [] if (arrival := client.arrival()) is None else [arrival]
         bytes_due = (byte for ear in self._ears() if (byte := ear.next()) is not None)
-        times += [max(byte[0], min(byte[3], (self.now or 0.0) + TICK)) for byte in bytes_due]
-        times += self._acts()
-        return min(times, default=None)
+        pieces = (max(byte[0], min(byte[3], (self.now or 0.0) + TICK)) for byte in bytes_due)
+        return soonest(client.arrival(), *pieces, *self._acts())
 
     def _ears(self) -> list[Ear]:
         return [*(station.ear for station in self.stations), *(client.ear for client in self.clients)]
 
-    def _acts(self) -> list[float]:
+    def _acts(self) -> list[float | None]:
         """When devices, masters and what clients sent act next."""
-        times = [master.due for master in self.masters]
-        times += [station.wake for station in self.stations if station.wake is not None]
-        times += [due for client in self.clients if (due := client.due()) is not None]
-        return times + self.pulls()
+        wakes = [station.wake for station in self.stations]
+        return [*(master.due for master in self.masters), *wakes, *(c.due() for c in self.clients), *self.pulls()]
 
     def _next(self) -> float | None:
-        times = self._acts()
-        times += [byte[0] for ear in self._ears() if (byte := ear.next()) is not None]
-        return min(times, default=None)
+        return soonest(*self._acts(), *(byte[0] for ear in self._ears() if (byte := ear.next()) is not None))
 
     def _happen(self, now: float) -> None:
         """What bytes end comes before what begins."""

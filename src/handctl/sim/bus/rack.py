@@ -92,10 +92,9 @@ class Rack(Switched, Generic[Wire]):
         way: float = self.plan.latency / 2 + self.plan.spread / 2 * self.random.between(0, 1000) / 1000
         return way
 
-    def pulls(self) -> list[float]:
+    def pulls(self) -> list[float | None]:
         """When plugs go out or in next."""
-        moments = [plug.next_event(self._present()) for plug in (self.adapters, *self.plugs)]
-        return [moment for moment in moments if moment is not None]
+        return [plug.next_event(self._present()) for plug in (self.adapters, *self.plugs)]
 
     def power(self, on: bool) -> None:
         """All devices."""

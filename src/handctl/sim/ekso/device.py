@@ -16,7 +16,7 @@ from math import ceil, floor
 from handctl.sim.ekso import tables
 from handctl.sim.ekso.body import LEFT, POSTURES, RIGHT, Body, hips
 from handctl.sim.ekso.clock import FIRST_BOOT_MS, SIZES, WRAP, BootTime, Calendar, Unrest
-from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply
+from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, soonest
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -160,11 +160,10 @@ class Device(Model):
     def next_event(self) -> float | None:
         back = self._deaf_until if self.absent else None
         unrest = self.unrest.following()
-        soon = (self._event_at, back, None if unrest is None else self._grid + unrest)
-        return min((when for when in soon if when is not None), default=None)
+        return soonest(self._event_at, back, None if unrest is None else self._grid + unrest)
 
     @property
-    def absent(self) -> bool:
+    def absent(self) -> bool:  # type: ignore[override]
         """On USB the port goes with a restart, and is listed again when that is over (ekso dossier §7)."""
         return bool(self.given["usb"]) and self.now < self._deaf_until
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 
 from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS, Cable
-from handctl.sim.engine.model import Model, Reply
+from handctl.sim.engine.model import Model, Reply, soonest
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -138,18 +138,16 @@ class CanLine(Cable):
 
     def next_event(self) -> float | None:
         """The earliest time at which `take_frames` may return something or the device acts; None: nothing is due."""
-        times = [self._present()] if self._arrived else []
-        if self._flying is not None:
-            times.append(self._flying[1])
-        elif self._host or self._device:
-            winner, start, _ = self._winner()
-            times.append(start + self._duration(winner))
-        if self._traffic:
-            times.append(self._traffic_due)
-        event = self.device.next_event() if self.device.powered else None
-        if event is not None:
-            times.append(event)
-        return min(times) if times else None
+        bus = None if self._flying is None else self._flying[1]
+        if bus is None and (self._host or self._device):
+            winner, bus, _ = self._winner()
+            bus += self._duration(winner)
+        return soonest(
+            self._present() if self._arrived else None,
+            bus,
+            self._traffic_due if self._traffic else None,
+            self.device.next_event() if self.device.powered else None,
+        )
 
     def reconnect(self) -> None:
         super().reconnect()

@@ -7,7 +7,7 @@ Generic: knows bytes, replies and time, no protocol. Both directions are indepen
 
 from __future__ import annotations
 
-from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply
+from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, soonest
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -461,16 +461,13 @@ class Line(Cable):
 
     def next_event(self) -> float | None:
         """The earliest time at which `take` may return something or the device acts; None: nothing is scheduled."""
-        times = []
-        if self._tx:
-            times.append(self._tx[0].next_event())
-        if self._out:
-            times.append(self._out[0][0])
-        if self._rx:
-            times.append(self._hearing()[1])
-        event = self.device.next_event() if self.device.powered else None
-        times += [when for when in (event, self._plug.next_event(self._present())) if when is not None]
-        return min(times) if times else None
+        return soonest(
+            self._tx[0].next_event() if self._tx else None,
+            self._out[0][0] if self._out else None,
+            self._hearing()[1] if self._rx else None,
+            self.device.next_event() if self.device.powered else None,
+            self._plug.next_event(self._present()),
+        )
 
     # -- inside -----------------------------------------------------------------------------------------------------
 

@@ -37,6 +37,11 @@ if TYPE_CHECKING:
 NOTHING: frozenset[str] = frozenset()
 
 
+def soonest(*times: float | None) -> float | None:
+    """The first of these moments; None: there is none."""
+    return min((when for when in times if when is not None), default=None)
+
+
 class Random:
     """Xorshift generator of 32 bits: the same seed gives the same run on every Python version."""
 
@@ -157,6 +162,9 @@ class Model:
     FAULTS: ClassVar[dict[str, str]] = {}  # name -> help; states of the device, in addition to the faults of the line
     CONTROL = ""  # name of the module that is its Control, loaded on use
     HEADER = b""  # bytes that start frames here; noise is made of them to trap naive framers
+    absent = False  # whether its port is gone: that of a device with USB inside goes with a restart
+    host = ""  # the IP address that it has in the network
+    one_client = False  # whether it drops a client when another one comes, where several can come
     speed: int | None = None  # the speed of the wire in force, bit/s; None: it has none
 
     def __init__(self, options: Options, random: Random) -> None:
@@ -194,21 +202,6 @@ class Model:
     def next_event(self) -> float | None:
         """When the device acts by itself next, apart from replies that are already due."""
         return None
-
-    @property
-    def absent(self) -> bool:
-        """Whether its port is gone: that of a device with USB inside goes with a restart."""
-        return False
-
-    @property
-    def host(self) -> str:
-        """The IP address that it has in the network, "" = none."""
-        return ""
-
-    @property
-    def one_client(self) -> bool:
-        """Whether it drops a client when another one comes, where several can come."""
-        return False
 
     def beside(self, model: type[Model]) -> type[Model]:
         """The model of another wire of this very device."""

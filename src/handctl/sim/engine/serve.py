@@ -28,7 +28,7 @@ from typing import Any
 from handctl.sim import model_class
 from handctl.sim.engine.can import CAN_FAULTS, CAN_OPTIONS, CanLine
 from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS, Line, Switched
-from handctl.sim.engine.model import Options
+from handctl.sim.engine.model import Options, soonest
 from handctl.system import clock, local, pseudo
 from handctl.system.signals import Served as Signals
 
@@ -404,7 +404,7 @@ class Server:
 
     def _next_event(self) -> float | None:
         served = [self._whole] if isinstance(self._whole, Alone) else [guest.served for guest in self._guests]
-        return min([event for one in served if (event := one.next_event()) is not None], default=None)
+        return soonest(*(one.next_event() for one in served))
 
     def _open(self) -> list[tuple[TcpDoor, Any]]:
         """The doors through which somebody can come now."""
@@ -467,8 +467,8 @@ class Server:
 
 def _wait(now: float, event: float | None, end: float | None, readers: list[int], writers: list[int]) -> list[int]:
     """Sleeps until something comes in, or shortly before the next event; the rest of that is waited for busily."""
-    times = [when for when in (event, end) if when is not None]
-    timeout = max(0.0, min(times) - now - SPIN) if times else None
+    soon = soonest(event, end)
+    timeout = None if soon is None else max(0.0, soon - now - SPIN)
     ready, _, _ = select.select(readers, writers, [], timeout)
     return ready
 

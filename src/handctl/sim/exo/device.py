@@ -10,7 +10,7 @@ import struct
 
 from handctl.sim.engine.model import Options, Random
 from handctl.sim.exo.hand import Hand
-from handctl.sim.inspire.frames import Serial, frame
+from handctl.sim.inspire.frames import SERIAL_OPTIONS, Serial, frame
 from handctl.sim.inspire.servo import heat, strike
 from handctl.sim.inspire.space import Space, differ
 
@@ -40,10 +40,7 @@ LONGEST = 1.0  # s; no movement takes longer
 ALL_FAULTS = (1, 2, 4, 6, 24)  # error bytes of the state "faults"; the 6 is the example of exo §2.3.12
 
 _OPTIONS = {
-    "id": ((1, 1, 254), "id at the first start, 1..254 (default 1)"),
-    "baud": (("115200", "57600", "19200"), "speed at the first start: 115200, 57600 or 19200"),
-    "ack-id": (("new", "old"), "the ack of an id change carries the id: new (default) or old"),
-    "result-flag": (("17", "18"), "flag of the save result: 17 (11 hex, default) or 18 (12 hex)"),
+    **SERIAL_OPTIONS,
     "calibration": ((None, 3600.0), "seconds that a calibration takes (default about 12: waits and movements)"),
     "jitter": (False, "1: force and current jitter also at rest"),
     "limit": ((70, 40, 100), "temperature in °C that sets the over-temperature error (default 70)"),

@@ -238,11 +238,11 @@ class TcpDevice(Front):
         self._other = self.hand.connections % 2 == 0
 
     @property
-    def host(self) -> str:
+    def host(self) -> str:  # type: ignore[override]
         return ".".join(str(part) for part in self.hand.address)
 
     @property
-    def one_client(self) -> bool:
+    def one_client(self) -> bool:  # type: ignore[override]
         return "two-clients-drop" in self.faults
 
     def due(self, pending: bytes) -> int | None:

@@ -61,6 +61,14 @@ def _sum(data: bytes | bytearray) -> int:
     return total % 256
 
 
+SERIAL_OPTIONS = {
+    "id": ((1, 1, 254), "id at the first start, 1..254 (default 1)"),
+    "baud": (("115200", "57600", "19200"), "speed at the first start: 115200, 57600 or 19200"),
+    "ack-id": (("new", "old"), "the ack of an id change carries the id: new (default) or old"),
+    "result-flag": (("17", "18"), "flag of the save result: 17 (11 hex, default) or 18 (12 hex)"),
+}
+
+
 class Asked(Model):
     """A device with address spaces that are read and written. `unit` is how many bytes one address counts."""
 

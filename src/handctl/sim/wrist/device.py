@@ -7,16 +7,13 @@ than the host.
 
 from __future__ import annotations
 
-from handctl.sim.inspire.frames import Can, Serial
+from handctl.sim.inspire.frames import SERIAL_OPTIONS, Can, Serial
 from handctl.sim.wrist import model
 from handctl.sim.wrist.model import Module
 
 _OPTIONS = {
     **model.OPTIONS,
-    "id": ((1, 1, 254), "id at the first start, 1..254 (default 1)"),
-    "baud": (("115200", "57600", "19200"), "speed at the first start: 115200, 57600 or 19200"),
-    "ack-id": (("new", "old"), "the ack of an id change carries the id: new (default) or old"),
-    "result-flag": (("17", "18"), "flag of the save result: 17 (11 hex, default) or 18 (12 hex)"),
+    **SERIAL_OPTIONS,
     "gap": ((0.1, 3600.0), "seconds of silence after which an unfinished request is forgotten (default 0.1)"),
 }
 _FAULTS = {**model.FAULTS, "no-late-frames": "no save result, no end of a calibration"}
