@@ -39,7 +39,7 @@ NOTHING: frozenset[str] = frozenset()
 
 def soonest(*times: float | None) -> float | None:
     """The first of these moments; None: there is none."""
-    return min((when for when in times if when is not None), default=None)
+    return min([when for when in times if when is not None], default=None)
 
 
 class Random:

@@ -259,11 +259,10 @@ class Module(Asked):
         self._publish_wrist()
 
     def _publish_wrist(self) -> None:
-        pitch, yaw = (3000, 3001) if "foreign" in self.faults else self.body.positions()
-        first, second = self.body.currents()
+        body, put = self.body, self.wrist.put
+        put("pitch", [3000, 3001] if "foreign" in self.faults else body.positions())  # yaw lies behind it
         # The register table has #2 before #1; the CAN example calls 1024 the first (wrist §2.1, §2.3.1: open).
-        for word, value in (("pitch", pitch), ("yaw", yaw), ("current-1", first), ("current-2", second)):
-            self.wrist.put(word, [value])
-        for number, actuator in enumerate(self.body.actuators, 1):
-            self.wrist.put(f"error-{number}", [actuator.error()])
-            self.wrist.put(f"temperature-{number}", [bounded(int(actuator.temperature + 0.0001), 0, 255)])
+        put("current-2", body.currents()[::-1])
+        for number, actuator in enumerate(body.actuators, 1):
+            put(f"error-{number}", [actuator.error()])
+        put("temperature-1", [bounded(int(actuator.temperature + 0.0001), 0, 255) for actuator in body.actuators])
