@@ -95,11 +95,6 @@ class Hand:
         """What a group of signed words shows."""
         return struct.unpack_from(f"<{self.generation.count}h", self.space.memory, self.space.place(word))
 
-    def put(self, word: str, values: tuple[int, ...] | list[int]) -> None:
-        """Fills a group, of bytes or words as its row has it, where the hand has it."""
-        if word in self.space.row:
-            self.space.put(word, values)
-
     def code(self) -> int:
         """The speed code in memory."""
         return self.space.memory[self.space.place("speed")]
@@ -134,10 +129,10 @@ class Hand:
         self.space.clear()
         self.felt = None
         self.number, self.speed_code, self.address = self.flash_number, self.flash_code, self.flash_address
-        self.put("id", [self.number])
+        self.space.put("id", [self.number])
         self.space.memory[self.space.place("speed")] = self.flash_code
-        self.put("voltage", [books.VOLTAGE])
-        self.put("address", self.address)
+        self.space.put("voltage", [books.VOLTAGE])
+        self.space.put("address", self.address)
         if (self._used or self.stays) and "fresh" not in self.faults:
             self._start({"speed-set": self.kept["default-speed"], **self.golden, **self.kept})
         else:
@@ -150,7 +145,7 @@ class Hand:
 
     def _start(self, values: dict[str, tuple[int, ...]]) -> None:
         for word, row in values.items():
-            self.put(word, row)
+            self.space.put(word, row)
         self.use_set_values()
 
     def _fresh(self) -> None:
@@ -284,9 +279,9 @@ class Hand:
         """Id at once, speed and IP address with the next power-on; what else is kept comes back too (open)."""
         self._start(self.factory)
         self.number = 1
-        self.put("id", [1])
+        self.space.put("id", [1])
         self.space.memory[self.space.place("speed")] = 0
-        self.put("address", FACTORY_ADDRESS)
+        self.space.put("address", FACTORY_ADDRESS)
         if self.given["reset"] == "flash":
             self._save()
 
@@ -296,15 +291,15 @@ class Hand:
         """Puts the readings of this moment into memory."""
         self.body.jitters()
         for word, values in self.body.readings("foreign" in self.faults):
-            self.put(word, values)
+            self.space.put(word, values)
         presses = [finger.pressed() for finger in self.body.fingers]
         if "tactile" in self.space.row:
             dead, saturated = "tactile-dead" in self.faults, "tactile-saturated" in self.faults
             if self.felt != (felt := (presses, dead, saturated)):
-                self.put("tactile", skin(presses, dead, saturated, self.given["tactile"] == "quiet"))
+                self.space.put("tactile", skin(presses, dead, saturated, self.given["tactile"] == "quiet"))
                 self.felt = felt
         elif "touch" in self.space.row:
-            self.put("touch", touched(presses))
+            self.space.put("touch", touched(presses))
 
 
 _SET = ("stroke-set", "angle-set", "force-set", "speed-set")
@@ -402,6 +397,7 @@ class Front(Asked):
         options.choice("bus", self.BUS, (self.BUS,))
         self.alone = hand is None
         self.hand = from_options(options, self.given, random) if hand is None else hand
+        self.spaces = {"": self.hand.space}
         self.unit = self.hand.generation.unit
 
     @property
@@ -459,6 +455,3 @@ class Front(Asked):
         """A write, after which the state file is another one."""
         self.dirty = True
         return self.hand.write(address, data, hits)
-
-    def second(self, space: str, address: int, data: bytes) -> bytes:
-        return self.hand.space.twin(address, data)

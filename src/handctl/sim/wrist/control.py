@@ -53,7 +53,7 @@ def command(device: Module, words: list[str]) -> str | None:
             return f"{words[0]} {address} {data.hex(' ').upper()}"
         case ["get" | "hand-get", _, _]:
             device.publish()
-            return device.space("wrist" if words[0] == "get" else "carrier").peek(words[1:])
+            return device.spaces["wrist" if words[0] == "get" else "carrier"].peek(words[1:])
         case ["temperature", "1" | "2" as number, degrees]:
             device.body.actuators[int(number) - 1].temperature = whole(degrees, 0, 100)
         case ["block", "pitch" | "yaw" as axis]:
