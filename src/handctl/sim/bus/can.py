@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from handctl.sim.bus.file import BUS_FAULTS, Plan
 from handctl.sim.bus.rack import IDLE, SOON, Master, Rack
-from handctl.sim.engine.can import BACKLOG, CanLine, Frame
+from handctl.sim.engine.can import BACKLOG, CanLine, Controller, Frame
 from handctl.sim.engine.model import soonest
 
 Sender = CanLine | Master | None  # None: the client
 
 
-class CanBus(Rack[CanLine]):
+class CanBus(Controller, Rack[CanLine]):
     """The bus as a client's CAN controller sees it: takes and gives frames."""
 
     deafened = False
@@ -26,11 +26,6 @@ class CanBus(Rack[CanLine]):
         self.faults = plan.faults
         self.hung_up = self.pulled = False  # the adapter was unplugged, and nobody has opened it since
         self.speed = plan.baud
-        self.client_bitrate: int | None = None  # None: taken for the right one
-        self.acknowledged = True  # whether anybody acknowledged the last frame of the client
-        self.unacknowledged = 0  # frames of the client that nobody acknowledged so far
-        self.bus_errors = 0  # frames that came to grief on the bus
-        self.bus_off = False
         self._waiting: list[tuple[Frame, Sender]] = []
         self._flying: list[tuple[Frame, Sender]] = []  # who sends now; several when they cannot tell each other
         self._end = 0.0  # of what flies
@@ -50,10 +45,7 @@ class CanBus(Rack[CanLine]):
             self._act(line, now)
         self._look()
 
-    def feed_frame(self, can_id: int, data: bytes, extended: bool = True, remote: bool = False) -> None:
-        """A frame that the client sends at the present time. ValueError: there is no such frame."""
-        if not 0 <= can_id < (536870912 if extended else 2048) or len(data) > 8:
-            raise ValueError(f"not a CAN frame: identifier {can_id}, {len(data)} data bytes")
+    def send(self, can_id: int, data: bytes, extended: bool, remote: bool) -> None:
         if self.now is None:
             self.advance(0.0)
         if self.pulled:

@@ -61,7 +61,28 @@ class Frame:
         return ((high * 2 + self.extended) * 262144 + low) * 2 + self.remote
 
 
-class CanLine(Cable):
+class Controller:
+    """What a client's CAN controller knows of the bus."""
+
+    client_bitrate: int | None = None  # None: taken for the right one
+    acknowledged = True  # whether anybody acknowledged the last frame of the client
+    unacknowledged = 0  # frames of the client that nobody acknowledged so far
+    bus_errors = 0  # frames of others that came to grief on the bus, or at the client's bitrate
+    bus_off = False
+    taking_part = True  # whether it acknowledges what others send
+
+    def feed_frame(self, can_id: int, data: bytes, extended: bool = True, remote: bool = False) -> None:
+        """A frame that the client sends at the present time. ValueError: there is no such frame."""
+        if not 0 <= can_id < (536870912 if extended else 2048) or len(data) > 8:
+            raise ValueError(f"not a CAN frame: identifier {can_id}, {len(data)} data bytes")
+        self.send(can_id, data, extended, remote)
+
+    def send(self, can_id: int, data: bytes, extended: bool, remote: bool) -> None:
+        """One that there is."""
+        raise NotImplementedError
+
+
+class CanLine(Controller, Cable):
     """A simulated device as a client's CAN controller sees it: takes and gives frames."""
 
     def __init__(self, model: type[Model], raw: dict[str, str]) -> None:
@@ -70,12 +91,6 @@ class CanLine(Cable):
         self._traffic_due = 0.0  # when the next of these frames is sent
         self._traffic_near = 0  # an identifier of the client, which they avoid
         self._timed = self.given["wire"] != "0"
-        self.client_bitrate: int | None = None  # None: taken for the right one
-        self.taking_part = True  # whether the client's controller acknowledges what others send
-        self.acknowledged = True  # whether anybody acknowledged the last frame of the client
-        self.unacknowledged = 0  # frames of the client that nobody acknowledged so far
-        self.bus_errors = 0  # frames of others that came to grief on the bus, or at the client's bitrate
-        self.bus_off = False
         self._sent = 0
         self._host: list[Frame] = []
         self._device: list[Frame] = []  # in order of time
@@ -96,10 +111,7 @@ class CanLine(Cable):
         self._collect()
         self._run(self._now)
 
-    def feed_frame(self, can_id: int, data: bytes, extended: bool = True, remote: bool = False) -> None:
-        """A frame that the client sends at the present time. ValueError: there is no such frame."""
-        if not 0 <= can_id < (536870912 if extended else 2048) or len(data) > 8:
-            raise ValueError(f"not a CAN frame: identifier {can_id}, {len(data)} data bytes")
+    def send(self, can_id: int, data: bytes, extended: bool, remote: bool) -> None:
         if self._now is None:
             self.advance(0.0)
         if self.hung_up:

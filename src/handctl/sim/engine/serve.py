@@ -224,10 +224,6 @@ class Alone:
     def __getattr__(self, name: str) -> Any:
         return getattr(self.line, name)
 
-    @property
-    def away(self) -> bool:
-        return bool(getattr(self.line, "away", False))
-
     def advance(self, now: float) -> None:
         self.line.advance(now)
         if self.free:
@@ -413,7 +409,7 @@ class Server:
 
     def _give(self) -> bool:
         """Each client gets its own; False when nobody is there, and nobody can come any more."""
-        if self._whole.away != self._away:
+        if getattr(self._whole, "away", False) != self._away:
             self._plug(self._away)
         if self._away:
             return True
@@ -505,8 +501,6 @@ class Wires(Switched):
     """A device with several wires: what is done on one shows on all. Each wire, and each client of the first, is a line of its
     own, with its own faults; the first line keeps the state file and takes the control commands of the device.
     """
-
-    away = False
 
     def __init__(self, kind: str, raw: dict[str, str], buses: list[str]) -> None:
         """Raises ValueError for an option or a fault that none of them knows."""

@@ -16,6 +16,8 @@ nothing happens on the bus: the queue stays full, and no error is added.
 
 from __future__ import annotations
 
+from handctl.sim.engine.can import Controller
+
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -276,11 +278,6 @@ class Hub:
             adapter.faults = self._front.faults
         return answer
 
-    @property
-    def away(self) -> bool:
-        """Whether all adapters are unplugged, as those of a bus of a file can be."""
-        return bool(getattr(self.line, "away", False))
-
     def advance(self, now: float) -> None:
         self.line.advance(now)
         self.collect()
@@ -310,23 +307,19 @@ class Hub:
             seat.bus_errors += errors
             if seat.hears():
                 seat.arrived += frames
-        if line.hung_up and not self.away:  # the adapter of who asked goes away
+        if line.hung_up and not getattr(line, "away", False):  # the adapter of who asked goes away
             line.reconnect()
             if self.asked is not None:
                 self.asked.hung_up = True
 
 
-class Seat:
+class Seat(Controller):
     """One client's controller on the bus."""
 
     def __init__(self, hub: Hub) -> None:
         self.hub = hub
-        self.client_bitrate: int | None = None  # None: taken for the right one
-        self.acknowledged = True
-        self.bus_errors = 0
-        self.bus_off = False
         self.hung_up = False
-        self.taking_part = False  # whether it acknowledges what others send
+        self.taking_part = False
         self.arrived: list[tuple[int, bytes]] = []
 
     def hears(self) -> bool:
@@ -335,7 +328,7 @@ class Seat:
     def advance(self, now: float) -> None:
         self.hub.advance(now)
 
-    def feed_frame(self, can_id: int, data: bytes, extended: bool = True, remote: bool = False) -> None:
+    def send(self, can_id: int, data: bytes, extended: bool, remote: bool) -> None:
         if not self.hung_up:
             self.hub.send(self, can_id, data, extended, remote)
 
