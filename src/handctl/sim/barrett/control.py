@@ -7,7 +7,8 @@ and fro. Speeds, in counts a second, and the object are invented.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 from handctl.digits import whole
 from handctl.sim.barrett.board import OBSTACLES, STATES
@@ -16,9 +17,6 @@ from handctl.sim.barrett.hand import NAMES, Motor
 from handctl.sim.barrett.monitor import Image
 from handctl.sim.barrett.tables import ALIAS, BAUDS, Bank, Memory
 from handctl.sim.engine.statefile import Fields, checked, columns, kept, rows_of, spread
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 HELP = " | ".join(
     (

@@ -11,9 +11,7 @@ No protocol is known here, and no device: those are the other folders beside thi
 
 from __future__ import annotations
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from typing import Any
+from typing import Any
 
 
 def create(options: dict[str, str]) -> Any:

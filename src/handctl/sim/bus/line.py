@@ -10,18 +10,13 @@ place on the wire. Bytes always take their time. Nothing sleeps: `advance(now)` 
 from __future__ import annotations
 
 from collections import deque
+from typing import Any
 
 from handctl.sim.bus.file import Plan
 from handctl.sim.bus.pair import EDGE, Ear, Pair
 from handctl.sim.bus.rack import IDLE, Rack
 from handctl.sim.engine.line import TICK, Line
 from handctl.sim.engine.model import soonest
-
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from typing import Any
-
-    from handctl.sim.bus.file import Plan
 
 PAUSE = 0.005  # s; what comes without such a pause between shares one random delay
 BACKLOG = 65536  # bytes on their way to the wire that are kept

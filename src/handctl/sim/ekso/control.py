@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 from handctl.digits import whole
 from handctl.sim.ekso import tables
@@ -11,9 +12,6 @@ from handctl.sim.ekso.clock import WRAP
 from handctl.sim.ekso.device import Device
 from handctl.sim.engine.model import NOTHING
 from handctl.sim.engine.statefile import Fields, checked, columns, kept, real, spread
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 HELP = " | ".join(
     (

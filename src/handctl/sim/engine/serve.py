@@ -32,10 +32,6 @@ from handctl.sim.engine.model import Options, soonest
 from handctl.system import clock, local, pseudo
 from handctl.system.signals import Served as Signals
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from handctl.sim.engine.model import Rows
-
 
 class ServeError(Exception):
     """The place to serve at cannot be had; the text says what and why."""
@@ -589,5 +585,5 @@ class Wires(Switched):
             line.close()
 
 
-def _cable(bus: str) -> tuple[type[Line] | type[CanLine], Rows, dict[str, str]]:
+def _cable(bus: str) -> tuple[type[Line] | type[CanLine], dict[str, Any], dict[str, str]]:
     return (CanLine, CAN_OPTIONS, CAN_FAULTS) if bus == "can" else (Line, LINE_OPTIONS, LINE_FAULTS)

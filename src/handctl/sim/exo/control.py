@@ -6,16 +6,14 @@ Poses are positions, 0 bent to 1000 open (exo §2.3.7); the hand holds an object
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 from handctl.digits import whole
 from handctl.sim.engine.statefile import checked, kept, spread
 from handctl.sim.exo.device import SPEEDS, Device
 from handctl.sim.exo.hand import CURRENTS, FINGERS, Finger
 from handctl.sim.inspire.space import MEMORY, poking
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 HELP = "set ADDRESS HEX | get ADDRESS COUNT | temperature FINGER DEGREES | block FINGER | release FINGER"
 OF_BOTH = {"positions": ("position", float, 0, 1000), "targets": ("target", int, 0, 1000, None)}

@@ -6,7 +6,8 @@ crushes anything.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 from handctl.digits import whole
 from handctl.sim.engine.statefile import checked, columns, kept, rows_of, spread
@@ -14,9 +15,6 @@ from handctl.sim.hand.books import MEMORY
 from handctl.sim.hand.fingers import COURSE, Body, Finger
 from handctl.sim.hand.model import ACTS, Front, Hand
 from handctl.sim.inspire.space import poking
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 FIELDS = {  # of a finger in a state file
     "angle": ("angle", float, -4000, 4000),

@@ -6,7 +6,8 @@ Angles are well within the ranges of the set values (wrist §2.1: yaw ±25.5°, 
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 from handctl.digits import whole
 from handctl.sim.engine.statefile import Fields, checked, kept, spread
@@ -15,9 +16,6 @@ from handctl.sim.hand.fingers import CALIBRATION
 from handctl.sim.inspire.space import MEMORY, poking
 from handctl.sim.wrist.body import AXES, PITCH, YAW
 from handctl.sim.wrist.model import KEPT, Module
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 HELP = (
     "set ADDRESS HEX | get ADDRESS COUNT | hand-set ADDRESS HEX | hand-get ADDRESS COUNT"
