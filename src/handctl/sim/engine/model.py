@@ -89,27 +89,25 @@ class Options:
         return text
 
     def integer(self, name: str, default: int | None, low: int, high: int) -> Any:
-        text = self.raw.get(name)
-        if text is None:
-            return default
-        try:
-            value = int(text, 10)
-        except ValueError:
-            raise ValueError(f"option {name}={text}: not a whole number ({low} to {high})") from None
-        if not low <= value <= high:
-            raise ValueError(f"option {name}={text}: out of range {low} to {high}")
-        return value
+        span = f"{low} to {high}"
+        return self._number(name, default, int, low, high, f"not a whole number ({span})", f"out of range {span}")
 
     def seconds(self, name: str, default: float | None, high: float) -> Any:
+        beyond = f"out of range 0 to {high:g} seconds"
+        return self._number(name, default, float, 0.0, high, "not a number of seconds", beyond)
+
+    def _number(
+        self, name: str, default: float | None, kind: type[float], low: float, high: float, no_number: str, beyond: str
+    ) -> Any:
         text = self.raw.get(name)
         if text is None:
             return default
         try:
-            value = float(text)
+            value = kind(text)
         except ValueError:
-            raise ValueError(f"option {name}={text}: not a number of seconds") from None
-        if not 0.0 <= value <= high:
-            raise ValueError(f"option {name}={text}: out of range 0 to {high:g} seconds")
+            raise ValueError(f"option {name}={text}: {no_number}") from None
+        if not low <= value <= high:
+            raise ValueError(f"option {name}={text}: {beyond}")
         return value
 
     def read(self, rows: Rows) -> dict[str, Any]:
