@@ -41,10 +41,12 @@ def _serve(place: Place, wire: str, told: Connection) -> None:
         return link
 
     port = Wired(place.make())
+    server = serve.Server(serve.Alone(port))
     if wire == "tcp":
-        serve.serve_tcp(port, "127.0.0.1", 0, duration=60.0, link=tell)  # type: ignore[arg-type]
+        server.behind(serve.TcpDoor("127.0.0.1", 0), tell)
     else:
-        serve.serve_pty(port, port.line.device.speed, duration=60.0, link=tell)  # type: ignore[arg-type]
+        server.at(serve.PtyPort(port.line.device.speed), tell)
+    server.run(60.0)
 
 
 @contextmanager

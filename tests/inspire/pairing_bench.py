@@ -17,7 +17,7 @@ from handctl.link import ByteLink, FrameLink, Link, open_link
 from handctl.model.guide import Guide
 from handctl.model.param import Step
 from handctl.model.result import Journal
-from handctl.sim.bus.models import text
+from tests.support.bus_file import text
 
 
 class Person(Guide):

@@ -16,9 +16,9 @@ from handctl.families import FAMILIES
 from handctl.link import open_link
 from handctl.model.guide import Progress
 from handctl.model.quest import Quest
-from handctl.sim.bus.models import text
 from tests.inspire.scanning import scan_hand, scanner
 from tests.search import scan_grid
+from tests.support.bus_file import text
 from tests.support.cli import Result, run
 from tests.support.scripted import changing, codes, fake_hand, hand_on, message
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from handctl.sim.bus.models import text
 from tests.contract.facts import passed
+from tests.support.bus_file import text
 from tests.support.cli import run
 
 OTHER = bytes.fromhex("EB 90 C8 04 11 E8 03 01 C9")

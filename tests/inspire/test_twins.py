@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from handctl.sim.bus.models import text
+from tests.support.bus_file import text
 from tests.support.cli import Result, run, writes
 from tests.support.each_row import each_row
 

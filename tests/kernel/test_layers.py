@@ -267,7 +267,7 @@ def test_a_rule_can_be_broken() -> None:
         ("frame.clikit", "devices.inspire.exo.cli"), ("screen.render", "frame.clikit"), ("link.can", "sim"),
         ("devices.barrett.gcl.language", "link"), ("devices.barrett.device", "sim"), ("model.result", "link"),
         ("devices.inspire.canreg", "link"), ("devices.inspire.canreg", "devices.inspire.canbus"),
-        ("devices.barrett.realtime.blocks", "link"), ("sim.wrist.can", "devices.inspire.canreg"),
+        ("devices.barrett.realtime.blocks", "link"), ("sim.wrist.device", "devices.inspire.canreg"),
     ]:  # fmt: skip
         assert not allowed(Import(module, target, False)), f"{module} -> {target}"
     for module, target in [

@@ -16,13 +16,14 @@ from typing import Any, NamedTuple
 from handctl.families import FAMILIES
 from handctl.frame.family import load
 from handctl.sim import folder_of, model_class
-from handctl.sim.bus.models import MODELS, text
+from handctl.sim.bus.file import MODELS
 from handctl.sim.engine.can import CAN_FAULTS
 from handctl.sim.engine.line import LINE_FAULTS
 from tests.contract.cell import CODES, judge, tried, wrote
 from tests.contract.commands import ELSEWHERE, commands, scratch_of
 from tests.contract.facts import facts_of
 from tests.search.suite import Listed, bounded, parts
+from tests.support.bus_file import text
 from tests.support.cli import spying
 
 VIRTUAL_SECONDS = 900.0

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from handctl.families import FAMILIES
-from handctl.sim.bus.models import text
 from handctl.tools.probes import family_of, probe_of
 from tests.search.suite import Listed
+from tests.support.bus_file import text
 from tests.support.cli import run
 
 LATENCIES = (0, 50, 150, 500)

@@ -8,11 +8,10 @@ import pytest
 
 from handctl.sim import create
 from handctl.sim.bus import client_of
-from handctl.sim.bus.client import Client
-from handctl.sim.bus.file import read
-from handctl.sim.bus.line import Bus
-from handctl.sim.bus.models import MODELS, text
+from handctl.sim.bus.file import MODELS, read
+from handctl.sim.bus.line import Bus, Client
 from handctl.sim.bus.pair import Ear, Pair
+from tests.support.bus_file import text
 from tests.support.each_row import each_row
 
 EXO, WRIST = {"kind": "exo"}, {"kind": "wrist"}

@@ -11,7 +11,7 @@ import pytest
 from handctl.errors import LinkError
 from handctl.link import CanFrame, open_link
 from handctl.sim import create
-from handctl.sim.bus.models import text
+from tests.support.bus_file import text
 from tests.support.cli import run
 from tests.support.virtual import Loop
 

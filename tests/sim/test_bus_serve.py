@@ -11,8 +11,8 @@ import serial
 from click.testing import CliRunner
 
 from handctl.sim.bus.file import EXAMPLE
-from handctl.sim.bus.models import text
 from handctl.sim.cli import cli
+from tests.support.bus_file import text
 from tests.support.cli import PATIENCE, Simulator, wait_until
 from tests.support.virtual import Loop
 

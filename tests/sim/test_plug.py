@@ -28,11 +28,11 @@ def test_a_plan_counts_from_the_start() -> None:
 
 def test_by_hand_for_a_while_or_until_it_is_pushed() -> None:
     plug = Plug(None)
-    plug.pull(7.0)
+    plug.command(["unplug", "7"], 0.0)
     assert (plug.out(6.9), plug.out(7.0), plug.next_event(5.0)) == (True, False, 7.0)
-    plug.pull(float("inf"))
+    plug.command(["unplug"], 0.0)
     assert (plug.out(1e9), plug.next_event(5.0)) == (True, None)
-    plug.push()
+    plug.command(["replug"], 0.0)
     assert not plug.out(5.0)
 
 

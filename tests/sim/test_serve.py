@@ -247,8 +247,7 @@ def test_what_does_not_fit_for_a_client_that_does_not_read_is_lost_in_whole_repl
     reply, given, taken = b"<" + b"x" * 9998 + b">", [0], bytearray()
 
     class Line:
-        client_baud = None
-        hung_up = False
+        away = hung_up = False
 
         def take(self) -> bytes:
             given[0] += 1
@@ -261,24 +260,27 @@ def test_what_does_not_fit_for_a_client_that_does_not_read_is_lost_in_whole_repl
             return lambda *_: None
 
     class Place:
+        gone, link = False, ""
+
         def write(self, data: bytes) -> int:
             if given[0] < 30:
                 return 0
             taken.extend(data[:3333])
             return len(data[:3333])
 
-        def read(self, ready: list[int]) -> bytes:
+        def baud(self) -> None:
             signals.stop = given[0] > 200
-            return b""
 
-        def readers(self) -> list[int]:
-            return []
+        def fileno(self) -> int:
+            return quiet.fileno()
 
         def __getattr__(self, name: str) -> Callable[..., None]:
             return lambda *_: None
 
-    with serve.Signals() as signals:
-        serve._loop(Line(), Place(), None, signals, None)  # type: ignore[arg-type]
+    quiet, other = socket.socketpair()
+    with serve.Signals() as signals, quiet, other:
+        server = serve.Server(serve.Alone(Line())).at(Place())  # type: ignore[arg-type]
+        server._loop(None, signals, None)
     replies = bytes(taken).split(b">")[:-1]
     assert len(replies) > 6 and {row + b">" for row in replies} == {reply}
 

@@ -1492,7 +1492,7 @@ def test_it_starts_light() -> None:
     }
     assert not can & heavy
     assert "handctl.sim.exo.device" not in can
-    assert "handctl.sim.wrist.can" in can - serial
+    assert "handctl.sim.engine.can" in can - serial
 
 
 # -- the hand behind the wrist --------------------------------------------------------------------------------------------

@@ -9,10 +9,10 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from handctl.sim import cli, places
+from handctl.sim import cli
 from handctl.sim.engine import wires
 
-create, add = places.create, wires.Wires.add
+create, add = cli.create, wires.Wires.add
 
 
 def noted(line: Any) -> Any:
@@ -40,6 +40,6 @@ def one_more(whole: wires.Wires, bus: str) -> Any:
 
 if __name__ == "__main__":
     with open(sys.argv[1], "w", buffering=1, encoding="utf-8") as log:
-        places.create = recorded
+        cli.create = recorded
         wires.Wires.add = one_more  # type: ignore[method-assign]
         cli.cli(sys.argv[2:], prog_name="sim")

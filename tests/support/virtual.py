@@ -25,7 +25,7 @@ import click
 import serial
 
 from handctl.sim.cli import cli
-from handctl.sim.engine import ports, serve
+from handctl.sim.engine import serve
 from handctl.system import clock, terminal
 from tests.support.cli import PATIENCE
 
@@ -339,8 +339,8 @@ class Loop(Clock):
         stand_in = SimpleNamespace(
             pseudo=self._opened, pseudo_name=self._name, speed_of=self._speed_of, unread=terminal.unread
         )
-        enter(mock.patch.object(ports, "terminal", stand_in))
-        enter(mock.patch.object(ports.TcpDoor, "_open", listen))
+        enter(mock.patch.object(serve, "terminal", stand_in))
+        enter(mock.patch.object(serve.TcpDoor, "_open", listen))
         enter(mock.patch.object(serve, "Signals", lambda: self.signals))
         enter(mock.patch.object(serve, "select", SimpleNamespace(select=self._select)))
         enter(mock.patch.object(serve, "print", self._print, create=True))
@@ -465,7 +465,7 @@ class Loop(Clock):
 
     def _listener(self, host: str, port: int) -> _Door:
         if not host.startswith("127."):
-            raise ports.ServeError(f"cannot listen on {host}:{port}: the machine does not have it")
+            raise serve.ServeError(f"cannot listen on {host}:{port}: the machine does not have it")
         address = (host, port or 40000 + len(self._doors))
         self._doors[address] = _Door(address)
         return self._doors[address]

@@ -20,11 +20,11 @@ from handctl.link import ByteLink, Deadline
 from handctl.link.lock import hold
 from handctl.model.result import Journal, Row
 from handctl.sim.barrett.uart import resample
-from handctl.sim.bus import models
 from handctl.tools import scan, scan_report
 from handctl.tools.probes import probe_of
 from handctl.tools.scan_look import plan
 from handctl.tools.scan_report import Step
+from tests.support import bus_file
 from tests.support.cli import Result, Simulator, run, sent
 from tests.support.machine import System
 
@@ -342,7 +342,7 @@ def test_what_talks_by_itself_is_left_alone() -> None:
 ])  # fmt: skip
 def test_another_master_of_a_family_is_named(kind: str, ask: str, tmp_path: Path) -> None:
     path = tmp_path / "bus.toml"
-    path.write_text(models.text("half-duplex", [{"kind": kind}], [{"ask": ask, "every_ms": 50}]))
+    path.write_text(bus_file.text("half-duplex", [{"kind": kind}], [{"ask": ask, "every_ms": 50}]))
     answer = looked(f"fake://bus?file={path}&clock=virtual")
     assert (answer.code, answer.error["code"], answer.json["counters"]["sent"]) == (5, "talks", 0)
     assert f"with {kind} id 3 on this line" in answer.error["text"]
@@ -453,7 +453,7 @@ def test_a_slow_line_is_asked_again_with_patience(kind: str, seconds: float) -> 
 @pytest.mark.parametrize(("wire", "baud"), [("bluetooth", None), ("clean", 19200), ("half-duplex", 57600)])
 def test_the_row_has_the_speed_of_the_device_on_a_slow_line(wire: str, baud: int | None, tmp_path: Path) -> None:
     path = tmp_path / "bus.toml"
-    path.write_text(models.text(wire, [{"kind": "exo"}], baud=baud or 115200, latency_ms=300, spread_ms=60))
+    path.write_text(bus_file.text(wire, [{"kind": "exo"}], baud=baud or 115200, latency_ms=300, spread_ms=60))
     answer = looked(f"fake://bus?file={path}&clock=virtual")
     assert found(answer) == [("exo", baud, 1)]
     assert 300 <= answer.json["line"]["round_trip_ms"] <= 400

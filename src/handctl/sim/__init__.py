@@ -1,11 +1,11 @@
 """Simulated devices: a second, independent reading of the manuals, standard library only.
 
 `create` returns a `Line` (engine/line.py), the end of a cable: bytes in, bytes out, time passed in by the caller; or, for
-a device on a CAN bus (option bus=can), a `CanLine` (engine/canline.py): frames in, frames out. The in-process fake link
+a device on a CAN bus (option bus=can), a `CanLine` (engine/can.py): frames in, frames out. The in-process fake link
 and the servers of engine/serve.py drive the same object, so both show the same device.
 
 A simulated device is a folder here, called as its command is: `SUMMARY` and `WIRES` ("serial" or "tcp", "can", "modbus-tcp")
-of the folder itself tell what it is, its module `device` has the class `Device`; that of another wire is in a module of its own.
+of the folder itself tell what it is, its module `device` has the class `Device`, and one more for each further wire.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from handctl.sim.engine.line import Line
     from handctl.sim.engine.model import Model
 
-MODULES = {"can": "can", "modbus-tcp": "modbus_tcp"}
+CLASSES = {"can": "CanDevice", "modbus-tcp": "TcpDevice"}
 """Of a wire that is not the first of its device, by the value of the option `bus`."""
 
 
@@ -45,8 +45,8 @@ def model_class(kind: str, bus: str = "serial") -> type[Model]:
     folder = folder_of(kind)
     if folder is None:
         raise ValueError(f"no simulated device {kind!r}. Known: {', '.join(kinds())}")
-    module = MODULES.get(bus, "device") if bus in folder.WIRES else "device"
-    found: type[Model] = importlib.import_module(f"{folder.__name__}.{module}").Device
+    name = CLASSES.get(bus, "Device") if bus in folder.WIRES else "Device"
+    found: type[Model] = getattr(importlib.import_module(f"{folder.__name__}.device"), name)
     return found
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import inspect
+from functools import partial
 from typing import Any
 
 import click
 
 from handctl.digits import number_in
-from handctl.sim import folder_of, kinds, model_class
+from handctl.sim import create, folder_of, kinds, model_class
+
+Address = tuple[str, int]
 
 
 class SimError(click.ClickException):
@@ -38,42 +41,73 @@ def cli() -> None:
     """
 
 
-class _ServerCommand(click.Command):
-    """Shows the faults and the further options of the device in its help; imports the model only then."""
+class _Command(click.Command):
+    """A server, with what can be said to it in its help; that is imported only then."""
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS
-
-        model = model_class(str(self.name))
-        flags = {option.lstrip("-") for param in self.params for option in param.opts} | {"clock", "power-cycle"}
-        options = {name: text for name, text in LINE_OPTIONS.items() if name not in flags}
-        sections: tuple[tuple[str, dict[str, Any]], ...] = (
-            ("Faults of the line", LINE_FAULTS),
-            ("Faults and states of the device", model.FAULTS),
-            ("Further options, for --set", {"power-cycle": LINE_OPTIONS["power-cycle"], **options, **model.OPTIONS}),
-        )
-        for title, rows in sections:
+        for title, rows in _of_bus() if self.name == "bus" else _of_device(self):
             with formatter.section(title):
                 formatter.write_dl([(name, row if isinstance(row, str) else row[1]) for name, row in rows.items()])
-        if "--modbus-tcp" in {option for param in self.params for option in param.opts}:
-            there = model_class(str(self.name), "modbus-tcp")
-            with formatter.section("Further faults with --modbus-tcp"):
-                formatter.write_dl([row for row in there.FAULTS.items() if row not in model.FAULTS.items()])
-        if "--slcan-pty" in {option for param in self.params for option in param.opts}:
-            from handctl.sim.engine.can import CAN_FAULTS, CAN_OPTIONS
-            from handctl.sim.engine.slcan import ADAPTER_FAULTS
+        if self.name == "bus":
+            from handctl.sim.bus.file import EXAMPLE
 
-            new = {name: row for name, row in CAN_OPTIONS.items() if LINE_OPTIONS.get(name, ("", ""))[1] != row[1]}
-            on_can = {**new, **model_class(str(self.name), "can").OPTIONS}
-            with formatter.section("Faults of the line with --slcan-pty, --slcan-tcp"):
-                formatter.write_dl(list(CAN_FAULTS.items()))
-            with formatter.section("Faults of the adapter there"):
-                formatter.write_dl(list(ADAPTER_FAULTS.items()))
-            with formatter.section("Further options there"):
-                formatter.write_dl([(name, row[1]) for name, row in on_can.items() if model.OPTIONS.get(name) != row])
+            with formatter.section("Example of a file"):
+                for line in EXAMPLE.splitlines():
+                    formatter.write(f"{'':{formatter.current_indent}}{line}".rstrip() + "\n")
 
 
-def _address(ctx: click.Context, param: click.Parameter, text: str | None) -> tuple[str, int] | None:
+Sections = list[tuple[str, dict[str, Any]]]
+
+
+def _of_device(command: click.Command) -> Sections:
+    """Its faults, and its options beyond those of the command line."""
+    from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS
+
+    kind, model = str(command.name), model_class(str(command.name))
+    flags = {option for param in command.params for option in param.opts}
+    options = {
+        name: row
+        for name, row in LINE_OPTIONS.items()
+        if f"--{name}" not in flags and name not in ("clock", "power-cycle")
+    }
+    sections: Sections = [
+        ("Faults of the line", LINE_FAULTS),
+        ("Faults and states of the device", model.FAULTS),
+        ("Further options, for --set", {"power-cycle": LINE_OPTIONS["power-cycle"], **options, **model.OPTIONS}),
+    ]
+
+    def new(rows: dict[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+        return {name: row for name, row in rows.items() if known.get(name) != row}
+
+    if "--modbus-tcp" in flags:
+        there = model_class(kind, "modbus-tcp")
+        sections.append(("Further faults with --modbus-tcp", new(there.FAULTS, model.FAULTS)))
+    if "--slcan-pty" in flags:
+        from handctl.sim.engine.can import CAN_FAULTS, CAN_OPTIONS
+        from handctl.sim.engine.slcan import ADAPTER_FAULTS
+
+        on_can = {**new(CAN_OPTIONS, LINE_OPTIONS), **new(model_class(kind, "can").OPTIONS, model.OPTIONS)}
+        sections += [
+            ("Faults of the line with --slcan-pty, --slcan-tcp", CAN_FAULTS),
+            ("Faults of the adapter there", ADAPTER_FAULTS),
+            ("Further options there", on_can),
+        ]
+    return sections
+
+
+def _of_bus() -> Sections:
+    """What may stand in its file."""
+    from handctl.sim.bus.file import DEVICE_KEYS, LINE_KEYS, MASTER_KEYS, SAID
+
+    return [
+        ("Keys of [line]", LINE_KEYS),
+        ("Keys of each [[device]]", DEVICE_KEYS),
+        ("Keys of each [[master]]", MASTER_KEYS),
+        ("Values of model", SAID),
+    ]
+
+
+def _address(ctx: click.Context, param: click.Parameter, text: str | None) -> Address | None:
     """HOST:PORT; an IPv6 host in brackets."""
     if text is None:
         return None
@@ -112,42 +146,44 @@ def _raw_options(given: dict[str, Any], fault: tuple[str, ...], settings: tuple[
     return raw
 
 
-def _no_options(function: Callable[..., None]) -> Callable[..., None]:
-    return function
+def _option(*names: str, **more: Any) -> click.Option:
+    return click.Option(names, **more)
 
 
-def _slcan_options(function: Callable[..., None]) -> Callable[..., None]:
-    tcp = click.option(
-        "--slcan-tcp", metavar="HOST:PORT", callback=_address, help="Serve CAN as an slcan adapter on a TCP port."
-    )
-    return click.option("--slcan-pty", is_flag=True, help="Serve CAN as an slcan adapter on a new pseudo terminal.")(
-        tcp(function)
-    )
-
-
-def _pty_option(function: Callable[..., None]) -> Callable[..., None]:
-    by_id = click.option(
-        "--by-id",
-        metavar="PATH",
-        callback=_some,
-        help="Make PATH a symbolic link to the pseudo terminal. It stays valid when the port is unplugged and replugged.",
-    )
-    return click.option("--pty", "on_pty", is_flag=True, help="Serve on a new pseudo terminal.")(by_id(function))
-
-
-def _modbus_options(function: Callable[..., None]) -> Callable[..., None]:
-    pty = click.option("--modbus-pty", is_flag=True, help="Serve Modbus RTU alone on a new pseudo terminal.")
-    tcp = click.option(
-        "--modbus-tcp",
-        metavar="HOST:PORT",
-        callback=_address,
-        help="Serve Modbus TCP to several clients. Can be combined with a serial port of the same device.",
-    )
-    return pty(tcp(function))
-
-
-def _model_option(models: tuple[str, ...]) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    return click.option("--model", type=click.Choice(models), help="The model to simulate.") if models else _no_options
+BY_ID = "Make PATH a symbolic link to the pseudo terminal. It stays valid when the port is unplugged and replugged."
+MODBUS_TCP = "Serve Modbus TCP to several clients. Can be combined with a serial port of the same device."
+WIRE = "Simulate the transmission time of this baud rate in bit/s (auto: the device's baud rate)."
+OF_PTY = (
+    _option("--pty", "on_pty", is_flag=True, help="Serve on a new pseudo terminal."),
+    _option("--by-id", metavar="PATH", callback=_some, help=BY_ID),
+)
+TCP = "Serve on a TCP port. Port 0 takes any free port."
+OF_TCP = (_option("--tcp", metavar="HOST:PORT", callback=_address, help=TCP),)
+OF_MODBUS = (
+    _option("--modbus-pty", is_flag=True, help="Serve Modbus RTU alone on a new pseudo terminal."),
+    _option("--modbus-tcp", metavar="HOST:PORT", callback=_address, help=MODBUS_TCP),
+)
+OF_CAN = (
+    _option("--slcan-pty", is_flag=True, help="Serve CAN as an slcan adapter on a new pseudo terminal."),
+    _option("--slcan-tcp", metavar="HOST:PORT", callback=_address, help="Serve CAN as an slcan adapter on a TCP port."),
+)
+SEED = _option("--seed", metavar="N", help="Seed of the random generator.")
+OF_DEVICE = (
+    SEED,
+    _option("--fault", metavar="NAME[,NAME]", multiple=True, help="Faults and states, listed below. Can be repeated."),
+    _option("--after", metavar="N", help="Answer the first N requests without the fault."),
+    _option("--every", metavar="N", help="Apply the fault only to every N-th request after that."),
+    _option("--wire", metavar="BAUD", help=WIRE),
+    _option(
+        "--state", metavar="FILE", callback=_some, help="Keep memory, flash and positions in this file between runs."
+    ),
+)
+OF_SERVER = (
+    _option("--duration", metavar="S", type=click.FloatRange(0.0, 1e9), callback=_number, help="Stop after S seconds."),
+    _option("--control", metavar="PATH", callback=_some, help="Open a local socket at PATH for `handctl sim control`."),
+)
+SET = "Set a further option, listed below. Can be repeated."
+OF_SET = (_option("--set", "settings", metavar="KEY=VALUE", multiple=True, help=SET),)
 
 
 def _server(kind: str) -> click.Command:
@@ -156,140 +192,101 @@ def _server(kind: str) -> click.Command:
     A device without a serial wire is served on a TCP port only.
     """
     folder = folder_of(kind)
-    summary: str = folder.SUMMARY
-    can, serial, modbus = "can" in folder.WIRES, "serial" in folder.WIRES, "modbus-tcp" in folder.WIRES
-
-    @click.command(kind, cls=_ServerCommand, short_help=f"Serve a simulated {summary}")
-    @(_pty_option if serial else _no_options)
-    @click.option(
-        "--tcp", metavar="HOST:PORT", callback=_address, help="Serve on a TCP port. Port 0 takes any free port."
-    )
-    @(_modbus_options if modbus else _no_options)
-    @(_slcan_options if can else _no_options)
-    @_model_option(getattr(folder, "MODELS", ()))
-    @click.option("--seed", metavar="N", help="Seed of the random generator.")
-    @click.option(
-        "--fault", metavar="NAME[,NAME]", multiple=True, help="Faults and states, listed below. Can be repeated."
-    )
-    @click.option("--after", metavar="N", help="Answer the first N requests without the fault.")
-    @click.option("--every", metavar="N", help="Apply the fault only to every N-th request after that.")
-    @click.option(
-        "--wire",
-        metavar="BAUD",
-        help="Simulate the transmission time of this baud rate in bit/s (auto: the device's baud rate).",
-    )
-    @click.option(
-        "--state", metavar="FILE", callback=_some, help="Keep memory, flash and positions in this file between runs."
-    )
-    @click.option(
-        "--duration",
-        metavar="S",
-        type=click.FloatRange(0.0, 1e9),
-        callback=_number,
-        help="Stop after S seconds.",
-    )
-    @click.option(
-        "--control", metavar="PATH", callback=_some, help="Open a local socket at PATH for `handctl sim control`."
-    )
-    @click.option(
-        "--set",
-        "settings",
-        metavar="KEY=VALUE",
-        multiple=True,
-        help="Set a further option, listed below. Can be repeated.",
-    )
-    def command(
-        tcp: tuple[str, int] | None,
-        fault: tuple[str, ...],
-        duration: float | None,
-        control: str | None,
-        settings: tuple[str, ...],
-        on_pty: bool = False,
-        slcan_pty: bool = False,
-        slcan_tcp: tuple[str, int] | None = None,
-        modbus_pty: bool = False,
-        modbus_tcp: tuple[str, int] | None = None,
-        by_id: str | None = None,
-        **given: str | None,
-    ) -> None:
-        on_can = slcan_pty or slcan_tcp is not None
-        given_places = [on_pty, tcp is not None, slcan_pty, slcan_tcp is not None, modbus_pty].count(True)
-        if given_places != 1 and (given_places or modbus_tcp is None):
-            first = "either --pty or --tcp HOST:PORT" if serial else "--tcp HOST:PORT"
-            more = ", or --slcan-pty or --slcan-tcp HOST:PORT" if can else ""
-            more += ", or --modbus-pty or --modbus-tcp HOST:PORT" if modbus else ""
-            raise click.UsageError(f"{'More than one' if given_places else 'No'} place to serve at. Give {first}{more}")
-        if by_id is not None and not (on_pty or modbus_pty):
-            raise click.UsageError("--by-id needs --pty")
-        raw = _raw_options(given, fault, settings)
-        if modbus_pty and raw.setdefault("speaks", "modbus") != "modbus":
-            raise click.UsageError(f"speaks={raw['speaks']}: --modbus-pty serves Modbus RTU alone")
-        if can and modbus_tcp is None and (raw.setdefault("bus", "can" if on_can else "serial") == "can") != on_can:
-            raise click.UsageError(
-                f"bus={raw['bus']}: serve CAN with --slcan-pty or --slcan-tcp, serial with --pty or --tcp"
-            )
-        from handctl.sim import places
-        from handctl.sim.engine.serve import ServeError
-
-        where = places.Places(on_pty or modbus_pty, tcp, slcan_pty, slcan_tcp, modbus_tcp, by_id, modbus)
-        try:
-            serve = places.wires(kind, raw, where) if modbus_tcp is not None else places.one(kind, raw, where)
-        except ValueError as exc:
-            raise click.UsageError(str(exc)) from exc
-        try:
-            serve(duration, control)
-        except (ServeError, OSError) as exc:
-            raise SimError(str(exc), hint=SERVING) from exc
-
-    command.help = f"Serve a simulated {summary}\n\nPrints one JSON line when it is ready, and serves until SIGTERM, SIGINT or --duration."
-    return command
+    models = getattr(folder, "MODELS", ())
+    params: list[click.Parameter] = [
+        *(OF_PTY if "serial" in folder.WIRES else ()),
+        *OF_TCP,
+        *(OF_MODBUS if "modbus-tcp" in folder.WIRES else ()),
+        *(OF_CAN if "can" in folder.WIRES else ()),
+        *([_option("--model", type=click.Choice(models), help="The model to simulate.")] if models else ()),
+        *OF_DEVICE,
+        *OF_SERVER,
+        *OF_SET,
+    ]
+    said = f"Serve a simulated {folder.SUMMARY}"
+    more = "Prints one JSON line when it is ready, and serves until SIGTERM, SIGINT or --duration."
+    return _Command(kind, params=params, callback=partial(_serve, kind), short_help=said, help=f"{said}\n\n{more}")
 
 
-class _BusCommand(click.Command):
-    """Shows what may stand in the file; imports that only then."""
-
-    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        from handctl.sim.bus.file import DEVICE_KEYS, EXAMPLE, LINE_KEYS, MASTER_KEYS
-        from handctl.sim.bus.models import SAID
-
-        for title, rows in (
-            ("Keys of [line]", LINE_KEYS),
-            ("Keys of each [[device]]", DEVICE_KEYS),
-            ("Keys of each [[master]]", MASTER_KEYS),
-            ("Values of model", SAID),
-        ):
-            with formatter.section(title):
-                formatter.write_dl(list(rows.items()))
-        with formatter.section("Example of a file"):
-            for line in EXAMPLE.splitlines():
-                formatter.write(f"{'':{formatter.current_indent}}{line}".rstrip() + "\n")
-
-
-@cli.command("bus", cls=_BusCommand, short_help="Serve several simulated devices on one RS-485, RS-232 or CAN bus.")
-@click.argument("file", callback=_some)
-@_pty_option
-@click.option("--tcp", metavar="HOST:PORT", callback=_address, help="Serve on a TCP port. Port 0 takes any free port.")
-@click.option("--slcan-pty", is_flag=True, help="Serve CAN as an slcan adapter on a new pseudo terminal.")
-@click.option(
-    "--slcan-tcp", metavar="HOST:PORT", callback=_address, help="Serve CAN as an slcan adapter on a TCP port."
-)
-@click.option("--seed", metavar="N", help="Seed of the random generator.")
-@click.option(
-    "--duration", metavar="S", type=click.FloatRange(0.0, 1e9), callback=_number, help="Stop after S seconds."
-)
-@click.option(
-    "--control", metavar="PATH", callback=_some, help="Open a local socket at PATH for `handctl sim control`."
-)
-def bus(
-    file: str,
-    on_pty: bool,
-    tcp: tuple[str, int] | None,
-    slcan_pty: bool,
-    slcan_tcp: tuple[str, int] | None,
-    seed: str | None,
+def _serve(
+    kind: str,
+    fault: tuple[str, ...],
     duration: float | None,
     control: str | None,
-    by_id: str | None,
+    settings: tuple[str, ...],
+    **given: Any,
+) -> None:
+    on_pty, slcan_pty, modbus_pty = (given.pop(name, False) for name in ("on_pty", "slcan_pty", "modbus_pty"))
+    tcp, slcan_tcp, modbus_tcp, by_id = (given.pop(name, None) for name in ("tcp", "slcan_tcp", "modbus_tcp", "by_id"))
+    wires = folder_of(kind).WIRES
+    on_can = slcan_pty or slcan_tcp is not None
+    given_places = [on_pty, tcp is not None, slcan_pty, slcan_tcp is not None, modbus_pty].count(True)
+    if given_places != 1 and (given_places or modbus_tcp is None):
+        first = "either --pty or --tcp HOST:PORT" if "serial" in wires else "--tcp HOST:PORT"
+        more = ", or --slcan-pty or --slcan-tcp HOST:PORT" if "can" in wires else ""
+        more += ", or --modbus-pty or --modbus-tcp HOST:PORT" if "modbus-tcp" in wires else ""
+        raise click.UsageError(f"{'More than one' if given_places else 'No'} place to serve at. Give {first}{more}")
+    if by_id is not None and not (on_pty or modbus_pty):
+        raise click.UsageError("--by-id needs --pty")
+    raw = _raw_options(given, fault, settings)
+    if modbus_pty and raw.setdefault("speaks", "modbus") != "modbus":
+        raise click.UsageError(f"speaks={raw['speaks']}: --modbus-pty serves Modbus RTU alone")
+    one = "can" in wires and modbus_tcp is None
+    if one and (raw.setdefault("bus", "can" if on_can else "serial") == "can") != on_can:
+        raise click.UsageError(
+            f"bus={raw['bus']}: serve CAN with --slcan-pty or --slcan-tcp, serial with --pty or --tcp"
+        )
+    from handctl.sim.engine import slcan
+    from handctl.sim.engine.serve import Alone, PtyPort, ServeError, Server, TcpDoor, Wires
+
+    try:
+        adapter = _adapter(raw) if on_can else []
+        whole: Any = None
+        if modbus_tcp is not None:
+            wire = ["can"] if on_can else ["serial"] if given_places else []
+            whole = Wires(kind, raw, ["modbus-tcp", *wire])
+        line: Any = create(kind, raw) if whole is None else whole.lines[-1]
+    except ValueError as exc:
+        raise click.UsageError(str(exc)) from exc
+    if not on_can:
+        place: Any = Alone(line)
+    elif slcan_pty and whole is None:
+        place = Alone(slcan.Adapter(line, adapter))
+    else:
+        place = slcan.Hub(line, adapter)
+
+    def link(address: str) -> str:
+        """What a client passes to --port; tcp:// is Modbus TCP where there is that."""
+        if on_can:
+            return slcan.link(address)
+        return address.replace("tcp://", "socket://") if "modbus-tcp" in wires else address
+
+    try:
+        server = Server(whole or place)
+        if modbus_tcp is not None:
+            door = TcpDoor(*modbus_tcp)
+            server.behind(door)
+            whole.door = door if door.host == whole.lines[0].device.host else None
+        if on_pty or modbus_pty or slcan_pty:
+            server.at(PtyPort(None if on_can else line.device.speed, by_id), link, place)
+        elif (where := tcp or slcan_tcp) is not None:
+            server.behind(TcpDoor(*where), link, place)
+        server.run(duration, control)
+    except (ServeError, OSError) as exc:
+        raise SimError(str(exc), hint=SERVING) from exc
+
+
+def _adapter(raw: dict[str, str]) -> list[str]:
+    """Takes the faults of an slcan adapter out of the options."""
+    from handctl.sim.engine import slcan
+
+    adapter, others = slcan.split_faults(raw.pop("fault", ""))
+    raw.update({"fault": others} if others else {})
+    return adapter
+
+
+def _bus(
+    file: str, seed: str | None, duration: float | None, control: str | None, by_id: str | None, **given: Any
 ) -> None:
     """Serve several simulated devices on one RS-485, RS-232 or CAN bus.
 
@@ -298,48 +295,49 @@ def bus(
 
     Prints one JSON line when it is ready, with several links under "links", and serves until SIGTERM, SIGINT or --duration.
     """
-    on_line, on_can = on_pty or tcp is not None, slcan_pty or slcan_tcp is not None
+    on_pty, slcan_pty, place = given["on_pty"], given["slcan_pty"], given["tcp"] or given["slcan_tcp"]
+    on_line, on_can = on_pty or given["tcp"] is not None, slcan_pty or given["slcan_tcp"] is not None
     if not on_line and not on_can:
         raise click.UsageError(
             "No place to serve at. Give --pty, --tcp HOST:PORT, --slcan-pty or --slcan-tcp HOST:PORT"
         )
     if by_id is not None and not on_pty and not slcan_pty:
         raise click.UsageError("--by-id needs --pty or --slcan-pty")
+    from handctl.sim.bus import whole_of
     from handctl.sim.bus.file import read
+    from handctl.sim.engine import serve, slcan
 
     try:
         plan = read(file, seed)
         if on_line if plan.wire == "can" else on_can:
-            places = "--slcan-pty or --slcan-tcp HOST:PORT" if plan.wire == "can" else "--pty or --tcp HOST:PORT"
-            raise click.UsageError(f'{file}: wire = "{plan.wire}" needs {places}')
-        crowd, link = _crowd(plan)
+            wanted = "--slcan-pty or --slcan-tcp HOST:PORT" if plan.wire == "can" else "--pty or --tcp HOST:PORT"
+            raise click.UsageError(f'{file}: wire = "{plan.wire}" needs {wanted}')
+        whole = whole_of(plan)
     except ValueError as exc:
         raise click.UsageError(str(exc)) from exc
-    from handctl.sim.engine import ports, serve
-
+    if plan.wire == "can":
+        whole = slcan.Hub(whole, plan.adapter_faults)
+    link = slcan.link if on_can else str
     try:
+        server = serve.Server(whole)
         if on_pty or slcan_pty:
-            crowd.at(ports.PtyPort(plan.baud if on_line else None, by_id), link)
-        if (place := tcp or slcan_tcp) is not None:
-            crowd.behind(ports.TcpDoor(*place), link)
-        serve.serve_both(crowd, duration=duration, control=control)
+            server.at(serve.PtyPort(plan.baud if on_line else None, by_id), link)
+        if place is not None:
+            server.behind(serve.TcpDoor(*place), link)
+        server.run(duration, control)
     except (serve.ServeError, OSError) as exc:
         raise SimError(str(exc), hint=SERVING) from exc
 
 
-def _crowd(plan: Any) -> tuple[Any, Any]:
-    """The bus for several clients, and how a link to it is written."""
-    from handctl.sim.engine.crowd import Adapters, Crowd
-
-    if plan.wire == "can":
-        from handctl.sim.bus.can import CanBus
-        from handctl.sim.engine import slcan
-        from handctl.sim.engine.can import Hub
-
-        return Crowd(Adapters(Hub(CanBus(plan)), plan.adapter_faults)), slcan.link
-    from handctl.sim.bus.line import Bus
-
-    return Crowd(Bus(plan)), str
+cli.add_command(
+    _Command(
+        "bus",
+        params=[click.Argument(["file"], callback=_some), *OF_PTY, *OF_TCP, *OF_CAN, SEED, *OF_SERVER],
+        callback=_bus,
+        short_help="Serve several simulated devices on one RS-485, RS-232 or CAN bus.",
+        help=inspect.cleandoc(_bus.__doc__ or ""),
+    )
+)
 
 
 @cli.command(

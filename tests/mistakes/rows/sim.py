@@ -6,8 +6,8 @@ EB90 = "handctl.devices.inspire.eb90"
 SIM_FRAMES = "handctl.sim.inspire.frames"
 EXO = "handctl.sim.exo.device"
 SERVE = "handctl.sim.engine.serve"
-PORTS = "handctl.sim.engine.ports"
-CROWD = "handctl.sim.engine.crowd"
+PORTS = "handctl.sim.engine.serve"
+SLCAN = "handctl.sim.engine.slcan"
 
 ROWS = (
     mistake(
@@ -125,9 +125,9 @@ ROWS = (
         "sim-line-late-answer-in-time",
         "deadline ignored",
         "handctl.sim.engine.line",
-        "Line._transmit",
-        'due += self.given["late"]',
-        "due += 0.0",
+        "Cable._due",
+        'slow, late = SLOW if "slow" in reply.hits else 0.0, self.given["late"] if "late" in reply.hits else 0.0',
+        'slow, late = SLOW if "slow" in reply.hits else 0.0, 0.0',
         "tests/sim/test_line.py::test_late",
     ),
     mistake(
@@ -143,8 +143,8 @@ ROWS = (
         "serve-unsent-bytes-without-bound",
         "output half written",
         SERVE,
-        "_loop",
-        "if len(unsent) + len(taken) <= UNREAD or not unsent:",
+        "Guest.give",
+        "if len(self.unsent) + len(taken) <= UNREAD or not self.unsent:",
         "if taken:",
         "tests/sim/test_serve.py::test_what_a_client_does_not_read_is_bounded",
     ),
@@ -152,9 +152,9 @@ ROWS = (
         "serve-reply-of-who-left-goes-to-the-next",
         "stale input believed",
         SERVE,
-        "_loop",
-        "if data is None:\nline.reconnect()\nunsent.clear()",
-        "if data is None:\n    unsent.clear()",
+        "Guest.renew",
+        "self.served.reconnect()",
+        "pass",
         "tests/sim/test_serve.py::test_a_client_that_left_without_reading_leaves_no_reply_to_the_next",
         "tests/sim/test_aidin_serve.py::test_half_an_object_of_a_client_that_left_does_not_swallow_what_the_next_one_sends",
     ),
@@ -163,8 +163,8 @@ ROWS = (
         "deadline ignored",
         SERVE,
         "_wait",
-        "timeout = max(0.0, min(times) - now - SPIN) if times else None",
-        "timeout = max(0.0, min(times) - now + 1.0) if times else None",
+        "timeout = None if soon is None else max(0.0, soon - now - SPIN)",
+        "timeout = None if soon is None else max(0.0, soon - now + 1.0)",
         "tests/sim/test_serve.py::test_it_ends_by_itself_at_its_time",
         "tests/sim/test_serve.py::test_wire_time_passes",
         "tests/sim/test_aidin_serve.py::test_stream_and_a_move",
@@ -173,9 +173,9 @@ ROWS = (
         "serve-speed-of-the-client-not-looked-at",
         "evidence believed",
         SERVE,
-        "_loop",
-        "line.client_baud = port.baud()  # a client may change it while an answer is on its way",
-        "line.client_baud = None",
+        "Server._loop",
+        "guest.served.client_baud = guest.port.baud()",
+        "guest.served.client_baud = None",
         "tests/sim/test_serve.py::test_a_wrong_speed_is_silence_or_garbage",
         "tests/sim/test_barrett_serve.py::test_a_speed_change",
     ),
@@ -183,8 +183,8 @@ ROWS = (
         "serve-power-cycle-forgotten",
         "swallowed error",
         SERVE,
-        "_loop",
-        "signals.power_cycles -= 1\nline.power_cycle()",
+        "Server._loop",
+        "signals.power_cycles -= 1\nself._whole.power_cycle()",
         "signals.power_cycles -= 1",
         "tests/sim/test_serve.py::test_a_speed_change_needs_save_and_power_cycle",
         "tests/sim/test_barrett_serve.py::test_control_and_power",
@@ -210,10 +210,10 @@ ROWS = (
     mistake(
         "serve-a-disconnect-ends-the-listener-too",
         "wrong exit code",
-        PORTS,
-        "TcpPort.hang_up",
-        "return False",
-        "return True",
+        SERVE,
+        "Server._give",
+        "return bool(self._guests or self._doors)",
+        "return bool(self._guests)",
         "tests/sim/test_serve.py::test_a_disconnect_ends_a_terminal_and_leaves_a_listener",
     ),
     mistake(
@@ -228,10 +228,10 @@ ROWS = (
     mistake(
         "serve-new-client-of-an-adapter-without-its-faults",
         "swallowed error",
-        CROWD,
-        "Adapters.join",
-        "adapter = Adapter(seat, self._front.faults)",
-        "adapter = Adapter(seat)",
+        SLCAN,
+        "Hub.join",
+        "self.adapters.append(Adapter(self.seats[-1], self._front.faults))",
+        "self.adapters.append(Adapter(self.seats[-1]))",
         "tests/sim/test_slcan.py::test_faults_of_the_adapter_are_options_and_commands",
         "tests/sim/test_bus_plug.py::test_a_fault_of_the_adapters_from_the_file_and_by_hand",
         "tests/link/test_slcan.py::test_conditions_of_the_bus",
@@ -239,8 +239,8 @@ ROWS = (
     mistake(
         "serve-clients-come-in-while-the-adapters-are-away",
         "swallowed error",
-        CROWD,
-        "Crowd.plug",
+        SERVE,
+        "Server._plug",
         "self._away = not present",
         "self._away = False",
         "tests/sim/test_bus_plug.py::test_the_adapters_go_and_come_back_under_their_names",

@@ -9,7 +9,7 @@ import pytest
 
 import handctl.sim.hand
 from handctl.sim import create
-from handctl.sim.bus.models import text
+from tests.support.bus_file import text
 
 ANGLES = "EB 90 {0} 04 11 0A 06 0C {1}"
 RTU_ANGLES = {1: "01 03 06 0A 00 06 E5 42", 2: "02 03 06 0A 00 06 E5 71"}

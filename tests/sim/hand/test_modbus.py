@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from handctl.sim.engine.wires import Each, Wires
+from handctl.sim.engine.serve import Wires
 from tests.sim.hand.bench import Bench
 from tests.support.each_row import each_row
 
@@ -294,7 +294,7 @@ def test_one_hand_on_two_wires() -> None:
 
 def test_each_client_has_its_own_end_and_the_faults_of_all() -> None:
     wires = Wires("hand", {"after": "1", "fault": "silent"}, ["modbus-tcp"])
-    place = Each(wires, "modbus-tcp")
+    place = wires
     wires.advance(0.0)
     first, second = place.join(), place.join()
     wires.advance(0.1)
@@ -311,7 +311,7 @@ def test_each_client_has_its_own_end_and_the_faults_of_all() -> None:
 @pytest.mark.parametrize("fault", ["", "two-clients-drop"])
 def test_a_second_client(fault: str) -> None:
     wires = Wires("hand", {"fault": fault} if fault else {}, ["modbus-tcp"])
-    place = Each(wires, "modbus-tcp")
+    place = wires
     wires.advance(0.0)
     first, second = place.join(), place.join()
     assert first.hung_up == bool(fault)

@@ -12,7 +12,7 @@ from typing import Any
 
 from handctl.sim.aidin.device import MODES, Device
 from handctl.sim.aidin.hand import FINGERS, STROKES, Motor
-from handctl.sim.engine.statefile import Fields, checked, kept, spread
+from handctl.sim.engine.statefile import Fields, checked, kept, real, spread
 
 HELP = " | ".join(
     (
@@ -37,12 +37,10 @@ CLOSING, HOLDING, OPENING, RESTING = 3.0, 1.5, 2.5, 1.0  # s
 PRESSURE = (3.0, 2.6, 2.2, 1.6, 1.2)  # Fz at each fingertip while it holds
 
 
-def command(device: Device, words: list[str]) -> str:
-    """One control command (see HELP); returns one line, raises ValueError."""
+def command(device: Device, words: list[str]) -> str | None:
+    """One control command (see HELP), as the engine wants it."""
     hand = device.hand
     match words:
-        case ["help"]:
-            return HELP
         case ["state"]:
             homed = "homed" if hand.homed else "not homed"
             dropped = f"dropped {device.reader.dropped} ignored {device.ignored}"
@@ -51,7 +49,7 @@ def command(device: Device, words: list[str]) -> str:
             return _get(device, key)
         case ["touch", name, *forces] if len(forces) in (3, 6):
             place = 6 * _finger(name)
-            values = [_number(force, -1000.0, 1000.0) for force in forces]
+            values = [real(force, -1000.0, 1000.0) for force in forces]
             hand.touch[place : place + 6] = [*values, 0.0, 0.0, 0.0][:6]
         case ["block", name]:
             for motor in _motors(device, name):
@@ -61,7 +59,7 @@ def command(device: Device, words: list[str]) -> str:
             motor.ceiling = motor.place
         case ["obstacle", name, counts]:  # an object that was not there before does not push the finger back
             motor = _motors(device, name)[2]
-            motor.ceiling = max(motor.place, _number(counts, 0.0, motor.stroke) + motor.origin)
+            motor.ceiling = max(motor.place, real(counts, 0.0, motor.stroke) + motor.origin)
         case ["release", name]:
             place = 6 * _finger(name)
             hand.touch[place : place + 6] = [0.0] * 6
@@ -70,9 +68,8 @@ def command(device: Device, words: list[str]) -> str:
         case ["bend", name, *counts] if len(counts) == 3:
             _bend(_motors(device, name), counts)
         case _:
-            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
-    device.dirty = True
-    return " ".join(words)
+            return ""
+    return None
 
 
 def _get(device: Device, key: str) -> str:
@@ -93,7 +90,7 @@ def _get(device: Device, key: str) -> str:
 def _bend(motors: list[Motor], counts: list[str]) -> None:
     """Somebody moves the finger by hand to these encoder values; only without motor power."""
     places = [
-        _number(count, -motor.origin, motor.stroke - motor.origin) for count, motor in zip(counts, motors, strict=True)
+        real(count, -motor.origin, motor.stroke - motor.origin) for count, motor in zip(counts, motors, strict=True)
     ]
     if any(motor.drive != "off" for motor in motors):
         raise ValueError("the motors of this finger are on. Use stop mode (3) to free them")
@@ -145,16 +142,6 @@ def _finger(name: str) -> int:
     if name not in FINGERS:
         raise ValueError(f"unknown finger {name!r}. Known: {', '.join(FINGERS)}")
     return FINGERS.index(name)
-
-
-def _number(text: str, low: float, high: float) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise ValueError(f"{text!r} is not a number") from None
-    if not low <= value <= high:
-        raise ValueError(f"{text} is not from {low:g} to {high:g}")
-    return value
 
 
 def use(device: Device) -> Iterator[float]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from handctl.sim.aidin.hand import HOMING, JOINTS, STARTS, STROKES, TIPS, Hand, Motor, from_joints, from_tips
 from handctl.sim.aidin.text import RADIANS, TEXT_FAULTS, TEXT_OPTIONS, Reader, Writer
-from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply
+from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, soonest
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -178,10 +178,8 @@ class Device(Model):
     def next_event(self) -> float | None:
         if not self.powered:
             return None
-        times = [self._homing_event()]
-        if self.given["exchange"] == "stream" and "loopback" not in self.faults:
-            times.append(self._next_feedback)
-        return min((when for when in times if when is not None), default=None)
+        streams = self.given["exchange"] == "stream" and "loopback" not in self.faults
+        return soonest(self._homing_event(), self._next_feedback if streams else None)
 
     # -- feedback ------------------------------------------------------------------------------------------------------
 

@@ -44,21 +44,6 @@ STARTS = ("used", "homed", "open", "cold")
 class Motor:
     """One motor with its incremental encoder; `place` and `goal` are counts from the open stop, unrounded."""
 
-    __slots__ = (
-        "ceiling",
-        "dead",
-        "drive",
-        "floor",
-        "goal",
-        "holding",
-        "jammed",
-        "origin",
-        "place",
-        "rest",
-        "slip",
-        "stroke",
-    )
-
     def __init__(self, number: int) -> None:
         self.stroke = STROKES[number // 3][number % 3]
         self.place = self.origin = 0.0

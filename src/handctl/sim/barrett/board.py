@@ -5,10 +5,8 @@ The parts are GCL, RealTime mode and the boot monitor; device.py puts them toget
 
 from __future__ import annotations
 
-from handctl.sim.barrett.hand import TEMPERATURE, Hand
-from handctl.sim.barrett.memory import Memory
-from handctl.sim.barrett.motor import NO_LOAD
-from handctl.sim.barrett.tables import BAUDS, NO_BOARD, NO_MOTOR, STATUS
+from handctl.sim.barrett.hand import NO_LOAD, TEMPERATURE, Hand
+from handctl.sim.barrett.tables import BAUDS, NO_BOARD, NO_MOTOR, STATUS, Memory
 from handctl.sim.engine.model import NOTHING, Model, Options, Random
 
 TYPE_CHECKING = False

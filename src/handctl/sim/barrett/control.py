@@ -7,19 +7,16 @@ and fro. Speeds, in counts a second, and the object are invented.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 from handctl.digits import whole
 from handctl.sim.barrett.board import OBSTACLES, STATES
 from handctl.sim.barrett.device import Device
-from handctl.sim.barrett.memory import Bank, Memory
+from handctl.sim.barrett.hand import NAMES, Motor
 from handctl.sim.barrett.monitor import Image
-from handctl.sim.barrett.motor import NAMES, Motor
-from handctl.sim.barrett.tables import ALIAS, BAUDS
+from handctl.sim.barrett.tables import ALIAS, BAUDS, Bank, Memory
 from handctl.sim.engine.statefile import Fields, checked, columns, kept, rows_of, spread
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 HELP = " | ".join(
     (
@@ -51,18 +48,23 @@ HEAT: Fields = {
     "uptime": ("uptime", float, 0, 5000000000),
 }
 COUNTS: Fields = {"saves": ("saves", int, 0, 1000000)}
+IMAGE: Fields = {
+    "firmware": ("firmware", bool, 0, 1),
+    "records": ("records", int, 0, 1000000),
+    "partial": ("partial", bool, 0, 1),
+    "spoiled": ("spoiled", bool, 0, 1),
+    "decayed": ("decayed", bool, 0, 1),
+}
 CRUISE = 16  # LCV that somebody has left: 1 count a sample (§6.2.1)
 FINGER, SPREAD = 2400.0, 350.0  # counts/s
 GRASP, HOLD, RELEASE, REST = 4.5, 1.5, 4.5, 1.0  # s
 SPREAD_SHARE = 0.6  # of the time of a grasp during which the spread moves
 
 
-def command(device: Device, words: list[str]) -> str:
-    """One control command (see HELP); returns one line, raises ValueError."""
+def command(device: Device, words: list[str]) -> str | None:
+    """One control command (see HELP), as the engine wants it."""
     hand = device.hand
     match words:
-        case ["help"]:
-            return HELP
         case ["motors"]:
             return ", ".join(_line(device, motor) for motor in hand.motors)
         case ["ram" | "eeprom", name]:
@@ -111,10 +113,9 @@ def command(device: Device, words: list[str]) -> str:
             for motor in _motors(device, name):
                 motor.strain = None if text == "off" else whole(text, 0, 255)
         case _:
-            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
+            return ""
     hand.disturbed()
-    device.dirty = True
-    return " ".join(words)
+    return None
 
 
 def _put(device: Device, what: str, motor: Motor, counts: int) -> None:
@@ -179,9 +180,13 @@ def snapshot(device: Device) -> dict[str, Any]:
         "eeprom": _book(memory.motor.saved, memory.common.saved),
         "saves": [memory.motor.saves, memory.common.saves],
         "serial": hand.serial,
-        "heat": {name: value for name, (value,) in kept([hand], HEAT).items()},
+        "heat": rows_of(kept([hand], HEAT))[0],
         "motors": rows_of(body),
-        "image": device.monitor.image.snapshot(),
+        "image": {
+            **rows_of(kept([device.monitor.image], IMAGE))[0],
+            "version": device.monitor.image.version,
+            "ranges": [[start, data.hex()] for start, data in device.monitor.image.ranges()],
+        },
     }
 
 
@@ -200,15 +205,30 @@ def restore(device: Device, state: dict[str, Any]) -> None:
             raise ValueError(f"BAUD is {books[-1][1]['BAUD'][0]}")
     saves = checked(state, COUNTS, 2)["saves"]
     serial = checked({"serial": [state["serial"]]}, {"serial": ("serial", int, 0, 65535)}, 1)["serial"][0]
-    heat = checked({name: [state["heat"][name]] for name in HEAT}, HEAT, 1)
+    heat = checked(columns([state["heat"]], HEAT), HEAT, 1)
     body = checked(columns(state["motors"], BODY), BODY, 4)
-    image = Image.restored(state["image"], device.monitor.needed)
+    image = _image_of(state["image"], device.monitor.needed)
     (memory.motor.values, memory.common.values), (memory.motor.saved, memory.common.saved) = books
     memory.motor.saves, memory.common.saves = saves
     hand.serial, device.monitor.image = serial, image
     spread([hand], HEAT, heat)
     spread(hand.motors, BODY, body)
     device.settle()
+
+
+def _image_of(state: dict[str, Any], needed: int) -> Image:
+    image = Image(True, needed)
+    spread([image], IMAGE, checked(columns([state], IMAGE), IMAGE, 1))
+    image.version = state["version"]
+    if not isinstance(image.version, str | None):
+        raise ValueError(f"image: version {image.version!r}")
+    for start, text in state["ranges"]:
+        data = bytes.fromhex(text)
+        if not isinstance(start, int) or not 0 <= start <= len(image.data) - len(data):
+            raise ValueError(f"image: range at {start!r}")
+        image.data[start : start + len(data)] = data
+        image.written[start : start + len(data)] = b"\x01" * len(data)
+    return image
 
 
 def _values(bank: Bank, book: dict[str, list[Any]]) -> dict[str, list[int]]:

@@ -14,9 +14,9 @@ from __future__ import annotations
 from handctl.sim.barrett import board, loop, monitor
 from handctl.sim.barrett.board import Board
 from handctl.sim.barrett.gcl import Answer, execute
-from handctl.sim.barrett.motor import STOPS
+from handctl.sim.barrett.hand import STOPS
 from handctl.sim.barrett.tables import TOO_HOT
-from handctl.sim.engine.model import NOTHING, Options, Random, Reply
+from handctl.sim.engine.model import NOTHING, Options, Random, Reply, soonest
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -159,12 +159,10 @@ class Device(Board):
             self._waiting = None
 
     def _timer(self) -> float | None:
-        times = [when for when in (self._until, self.monitor.until, *self._switches[:1]) if when is not None]
-        return min(times) if times else None
+        return soonest(self._until, self.monitor.until, *self._switches[:1])
 
     def next_event(self) -> float | None:
-        times = [when for when in (self._timer(), self.hand.next_event()) if when is not None]
-        return min(times) if times else None
+        return soonest(self._timer(), self.hand.next_event())
 
     def _check_movement(self) -> None:
         movement = self.hand.movement

@@ -11,7 +11,6 @@ comment says so. No print-out of lists, help, status codes and version is in the
 
 from __future__ import annotations
 
-from handctl.sim.barrett.memory import Bank, decimal_number
 from handctl.sim.barrett.tables import (
     BAD_VALUE,
     COMMANDS,
@@ -25,6 +24,8 @@ from handctl.sim.barrett.tables import (
     TOO_MANY,
     UNKNOWN_COMMAND,
     UNKNOWN_NAME,
+    Bank,
+    decimal_number,
 )
 
 TYPE_CHECKING = False
@@ -39,8 +40,6 @@ WRITES = ("FSET", "FLOAD", "FSAVE", "FDEF", "PSET", "PLOAD", "PSAVE", "PDEF")
 
 class Answer:
     """What a command prints: lines, then a status code if it is not 0; `seconds` is how long it is busy before that."""
-
-    __slots__ = ("code", "lines", "seconds")
 
     def __init__(self, code: int = 0, lines: list[str] | None = None, seconds: float = 0.0) -> None:
         self.code = code

@@ -12,7 +12,7 @@ one comes: there is no watchdog (our guess, the manual has none).
 
 from __future__ import annotations
 
-from handctl.sim.barrett.motor import PRESS, Motor
+from handctl.sim.barrett.hand import PRESS, Motor
 from handctl.sim.barrett.tables import BAD_HEADER, TOO_HOT
 
 TYPE_CHECKING = False

@@ -16,8 +16,6 @@ from handctl.sim.engine.model import Random
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import Any
-
     from handctl.sim.barrett.board import Board
 
 SPEED = 9600
@@ -105,31 +103,6 @@ class Image:
         for start, data in runs:
             out += b"\xff" * (start - low - len(out)) + data
         return bytes(out)
-
-    def snapshot(self) -> dict[str, Any]:
-        names = ("firmware", "records", "partial", "spoiled", "decayed", "version")
-        runs = [[start, data.hex()] for start, data in self.ranges()]
-        return {**{name: getattr(self, name) for name in names}, "ranges": runs}
-
-    @staticmethod
-    def restored(state: dict[str, Any], needed: int) -> Image:
-        """All or nothing; KeyError, TypeError or ValueError when it does not fit."""
-        image = Image(True, needed)
-        for name in ("firmware", "partial", "spoiled", "decayed"):
-            if not isinstance(state[name], bool):
-                raise ValueError(f"image: {name} is {state[name]!r}, not true or false")
-            setattr(image, name, state[name])
-        records, version = state["records"], state["version"]
-        if not isinstance(records, int) or not 0 <= records <= 1000000 or not isinstance(version, str | None):
-            raise ValueError(f"image: records {records!r}, version {version!r}")
-        image.records, image.version = records, version
-        for start, text in state["ranges"]:
-            data = bytes.fromhex(text)
-            if not isinstance(start, int) or not 0 <= start <= SIZE - len(data):
-                raise ValueError(f"image: range at {start!r}")
-            image.data[start : start + len(data)] = data
-            image.written[start : start + len(data)] = b"\x01" * len(data)
-        return image
 
 
 WAIT, RECORD, LOW, HIGH, COUNT, DATA_TRIGGER, DATA = range(7)

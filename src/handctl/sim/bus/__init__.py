@@ -1,10 +1,8 @@
 """Several simulated devices, clients and other masters on one line, from a FILE: RS-232, RS-485 or a CAN bus.
 
-    file.py    the FILE (TOML): what may stand in it, one clear complaint for what may not
-    models.py  lines as they are met, by name: clean, half-duplex, bluetooth …
+    file.py    the FILE (TOML): what may stand in it, one clear complaint for what may not; lines as they are met, by name
     pair.py    a pair of wires: who drives it when, and what a UART makes of that at its own speed
-    line.py    the devices and masters on their wires
-    client.py  a client behind its adapter: latency, packets, a timer, the first byte
+    line.py    the devices and masters on their wires; a client behind its adapter: latency, packets, a timer, the first byte
     can.py     the same for frames on a CAN bus
     rack.py    what both have in common: devices, masters, power, control
 
@@ -13,9 +11,7 @@ No protocol is known here, and no device: those are the other folders beside thi
 
 from __future__ import annotations
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from typing import Any
+from typing import Any
 
 
 def create(options: dict[str, str]) -> Any:
@@ -39,12 +35,17 @@ def create(options: dict[str, str]) -> Any:
     return client_of(plan)
 
 
-def client_of(plan: Any) -> Any:
-    """The end of one client of this bus."""
+def whole_of(plan: Any) -> Any:
+    """The bus itself."""
     if plan.wire == "can":
         from handctl.sim.bus.can import CanBus
 
         return CanBus(plan)
     from handctl.sim.bus.line import Bus
 
-    return Bus(plan).join()
+    return Bus(plan)
+
+
+def client_of(plan: Any) -> Any:
+    """The end of one client of this bus."""
+    return whole_of(plan) if plan.wire == "can" else whole_of(plan).join()

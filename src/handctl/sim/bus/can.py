@@ -8,13 +8,14 @@ destroyed. A device at another bitrate hears and acknowledges nothing. For a cli
 from __future__ import annotations
 
 from handctl.sim.bus.file import BUS_FAULTS, Plan
-from handctl.sim.bus.rack import IDLE, Master, Rack
-from handctl.sim.engine.can import BACKLOG, SOON, CanLine, Frame
+from handctl.sim.bus.rack import IDLE, SOON, Master, Rack
+from handctl.sim.engine.can import BACKLOG, CanLine, Controller, Frame
+from handctl.sim.engine.model import soonest
 
 Sender = CanLine | Master | None  # None: the client
 
 
-class CanBus(Rack[CanLine]):
+class CanBus(Controller, Rack[CanLine]):
     """The bus as a client's CAN controller sees it: takes and gives frames."""
 
     deafened = False
@@ -25,11 +26,6 @@ class CanBus(Rack[CanLine]):
         self.faults = plan.faults
         self.hung_up = self.pulled = False  # the adapter was unplugged, and nobody has opened it since
         self.speed = plan.baud
-        self.client_bitrate: int | None = None  # None: taken for the right one
-        self.acknowledged = True  # whether anybody acknowledged the last frame of the client
-        self.unacknowledged = 0  # frames of the client that nobody acknowledged so far
-        self.bus_errors = 0  # frames that came to grief on the bus
-        self.bus_off = False
         self._waiting: list[tuple[Frame, Sender]] = []
         self._flying: list[tuple[Frame, Sender]] = []  # who sends now; several when they cannot tell each other
         self._end = 0.0  # of what flies
@@ -44,38 +40,26 @@ class CanBus(Rack[CanLine]):
 
     # -- time and frames ------------------------------------------------------------------------------------------
 
-    def advance(self, now: float) -> None:
-        """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
-        if self.now is None:
-            self.now = now
-            self.begin(now)
-        for master in self.masters:
-            master.wait(now)
-        while (event := self._next()) is not None and event <= now + SOON:
-            self.now = max(event, self.now)
-            self._happen(self.now)
-        self.now = max(now, self.now)
+    def _settle(self, now: float) -> None:
         for line in self.lines:
-            self._act(line, self.now)
+            self._act(line, now)
         self._look()
 
-    def feed_frame(self, can_id: int, data: bytes, extended: bool = True, remote: bool = False) -> None:
-        """A frame that the client sends at the present time. ValueError: there is no such frame."""
-        if not 0 <= can_id < (536870912 if extended else 2048) or len(data) > 8:
-            raise ValueError(f"not a CAN frame: identifier {can_id}, {len(data)} data bytes")
+    def send(self, can_id: int, data: bytes, extended: bool, remote: bool) -> None:
         if self.now is None:
             self.advance(0.0)
         if self.pulled:
             return
         self.bus_off = self.bus_off or "bus-off" in self.faults
         heard = self.client_bitrate in (None, self.speed) and not self.bus_off and "no-ack" not in self.faults
-        self.acknowledged = heard and (any(self._takes_part(line) for line in self.lines) or bool(self.masters))
+        parts = [line for line in self.lines if not self._out(line) and line.device.powered and not line.deafened]
+        self.acknowledged = heard and (any(line.device.speed == self.speed for line in parts) or bool(self.masters))
         if not self.acknowledged:
             self.unacknowledged += 1
         elif sum(sender is None for _, sender in self._waiting) < BACKLOG:
-            frame = Frame(self._present() + self._half(), can_id, bytes(data), extended, remote)
+            frame = Frame(self._present() + self.half(), can_id, bytes(data), extended, remote)
             frame.echo = self.plan.echo and extended and not remote
-            self._wait(frame, None)
+            self._waiting.append((frame, None))
 
     def take_frames(self) -> list[tuple[int, bytes]]:
         """(identifier, data) of the frames that have fully arrived at the client by now."""
@@ -86,9 +70,7 @@ class CanBus(Rack[CanLine]):
 
     def next_event(self) -> float | None:
         """The earliest time at which `take_frames` may return something or something happens; None: nothing is due."""
-        times = [self._arrived[0][0]] if self._arrived else []
-        event = self._next()
-        return min([*times, *(() if event is None else (event,))], default=None)
+        return soonest(self._next(), *(when for when, _, _ in self._arrived[:1]))
 
     def reconnect(self) -> None:
         """A new client: what was on its way is lost, the devices go on."""
@@ -97,17 +79,16 @@ class CanBus(Rack[CanLine]):
         self.bus_off = self.hung_up = self.pulled = False
 
     def command(self, text: str) -> str:
-        """Of the faults those of the bus are its own, the others those of all devices."""
-        words = text.split()
-        if words[:1] != ["fault"] or len(words) < 2:
-            answer = super().command(text)
-            self._look()
-            return answer
-        names = [name.strip() for name in ",".join(words[1:]).split(",")]
-        others = [name for name in names if name not in BUS_FAULTS]
-        answer = super().command(f"fault {','.join(others) or 'none'}")
-        self.faults = frozenset(names).intersection(BUS_FAULTS)
-        return f"fault {','.join(words[1:])}" if self.faults else answer
+        answer = super().command(text)
+        self._look()
+        return answer
+
+    def fault(self, names: str) -> str:
+        """Those of the bus are its own, the others those of all devices."""
+        given = [name.strip() for name in names.split(",")]
+        answer = super().fault(",".join(name for name in given if name not in BUS_FAULTS) or "none")
+        self.faults = frozenset(given).intersection(BUS_FAULTS)
+        return names if self.faults else answer
 
     # -- inside -----------------------------------------------------------------------------------------------------
 
@@ -121,21 +102,11 @@ class CanBus(Rack[CanLine]):
         """Whether the device is not on the bus."""
         return self.plugs[self.lines.index(line)].out(self._present())
 
-    def _takes_part(self, line: CanLine) -> bool:
-        return not self._out(line) and line.device.powered and line.device.speed == self.speed and not line.deafened
-
-    def _half(self) -> float:
-        """Seconds of one way between client and bus."""
-        return self.plan.latency / 2 + self.plan.spread / 2 * self.random.between(0, 1000) / 1000
-
     def _next(self) -> float | None:
-        times = [master.due for master in self.masters] + list(self._wakes.values())
-        times += self.pulls()
-        if self._flying:
-            times.append(self._end)
-        elif self._waiting:
-            times.append(max(self._free, min(frame.ready for frame, _ in self._waiting)))
-        return min(times, default=None)
+        turn = self._end if self._flying else None
+        if not self._flying and self._waiting:
+            turn = max(self._free, min(frame.ready for frame, _ in self._waiting))
+        return soonest(turn, *(master.due for master in self.masters), *self._wakes.values(), *self.pulls())
 
     def _happen(self, now: float) -> None:
         """What is due at this moment: a frame ends, questions and answers come, the next frame begins."""
@@ -143,7 +114,7 @@ class CanBus(Rack[CanLine]):
             self._finish(now)
         for master in self.masters:
             if master.due <= now + SOON:
-                self._wait(Frame(master.due, master.identifier, master.data), master)
+                self._waiting.append((Frame(master.due, master.identifier, master.data), master))
                 master.asked()
         for line in [line for line, wake in self._wakes.items() if wake <= now + SOON]:
             self._act(line, now)
@@ -151,15 +122,12 @@ class CanBus(Rack[CanLine]):
             self._begin(now)
         self._look()
 
-    def _wait(self, frame: Frame, sender: Sender) -> None:
-        self._waiting.append((frame, sender))
-
     def _act(self, line: CanLine, now: float) -> None:
         """Lets the device do what it does by itself; its frames wait for the bus."""
         line.advance(now)
         for identifier, data in line.take_frames():
             if line.device.speed == self.speed and not self._out(line):
-                self._wait(Frame(now, identifier, data), line)
+                self._waiting.append((Frame(now, identifier, data), line))
         if line.hung_up:
             line.reconnect()
         wake = line.next_event()
@@ -190,7 +158,7 @@ class CanBus(Rack[CanLine]):
             return
         hears = self.client_bitrate in (None, self.speed) and not self.bus_off
         if hears and (None not in senders or frame.echo) and frame.extended and not frame.remote:
-            when = now + self._half()
+            when = now + self.half()
             self._arrived.append(
                 (max(when, self._arrived[-1][0] if self._arrived else when), frame.identifier, frame.data)
             )

@@ -6,14 +6,42 @@ Every complaint is a ValueError of one line: which key of which table, what is a
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from handctl.digits import number_in
 from handctl.sim import folder_of, kinds, model_class
-from handctl.sim.bus.models import MODELS
 from handctl.sim.engine.line import Plug
 from handctl.sim.engine.slcan import ADAPTER_FAULTS
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    pass
+
+Value = str | int | float | bool
+
+# Lines as they are met. The figures are typical ones, not of one product: 16 ms is the timer that USB serial adapters come with,
+# 62 bytes what one of their USB packets holds; Bluetooth 4 carries 20 bytes a packet, and no serial speed.
+MODELS: dict[str, dict[str, Value]] = {
+    "clean": {"wire": "rs232"},
+    "half-duplex": {"wire": "rs485", "half_duplex": True},
+    "first-byte-lost": {"wire": "rs485", "half_duplex": True, "first_byte_lost": True},
+    "usb-16ms": {"wire": "rs232", "coalesce_ms": 16, "packet": 62, "speed_ignored": False},
+    "bluetooth": {
+        "wire": "rs232", "latency_ms": 60, "spread_ms": 20, "packet": 20, "coalesce_ms": 4, "speed_ignored": True,
+    },
+    "serial-server": {"wire": "rs485", "half_duplex": True, "latency_ms": 4, "spread_ms": 4, "coalesce_ms": 50},
+}  # fmt: skip
+
+SAID: dict[str, str] = {
+    "clean": "RS-232 without anything",
+    "half-duplex": "RS-485 on two wires",
+    "first-byte-lost": "the same with an adapter that switches to receiving too late",
+    "usb-16ms": "RS-232 behind a USB adapter with its timer",
+    "bluetooth": "a Bluetooth 4.0 link: slow, in packets, without a speed",
+    "serial-server": "RS-485 behind a server in the network that gathers bytes",
+}
+
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -28,22 +56,22 @@ BUS_FAULTS: dict[str, str] = {
     "bus-off": "a client's controller gives up with its first frame until it connects again",
     "bus-errors": "each frame of a device is destroyed on the bus",
 }
-LINE_KEYS: dict[str, str] = {
-    "wire": "rs485, rs232 or can",
-    "model": f"a line by its name, which the other keys change: {', '.join(MODELS)}",
-    "baud": "speed of the line, and of devices and masters without their own (default 115200, can 1000000)",
-    "latency_ms": "a round trip takes this much longer, half of it each way (default 0)",
-    "spread_ms": "at most this much more for each round trip, at random (default 0)",
-    "packet": "largest packet in bytes. With packets the client's speed does not matter (default 0: none)",
-    "speed_ignored": "true: the client's speed does not matter (default: whether there is a packet)",
-    "half_duplex": "true: one pair of wires, and whoever sends hears nothing (default: true for rs485)",
-    "first_byte_lost": "true: the client's adapter swallows the first byte after each sending (default false)",
-    "coalesce_ms": "the client gets bytes this long after the first of them (default 0)",
-    "echo": "true: the client's adapter hears itself (default false)",
-    "unplug": f"{UNPLUG}: the adapters of all clients are unplugged AT seconds after the start, for SECONDS",
-    "fault": f"faults of a CAN bus and of its adapters: {', '.join([*BUS_FAULTS, *ADAPTER_FAULTS])}",
-    "seed": "start of the random generator (default 0)",
-}
+LINE_KEYS: dict[str, tuple[Any, str]] = {
+    "wire": (WIRES, "rs485, rs232 or can"),
+    "model": (tuple(MODELS), f"a line by its name, which the other keys change: {', '.join(MODELS)}"),
+    "baud": ((115200, 50, 20_000_000), "speed of the line, and of devices and masters without their own (default 115200, can 1000000)"),
+    "latency_ms": ((0.0, 0.0, 10_000.0), "a round trip takes this much longer, half of it each way (default 0)"),
+    "spread_ms": ((0.0, 0.0, 10_000.0), "at most this much more for each round trip, at random (default 0)"),
+    "packet": ((0, 0, 65536), "largest packet in bytes. With packets the client's speed does not matter (default 0: none)"),
+    "speed_ignored": (False, "true: the client's speed does not matter (default: whether there is a packet)"),
+    "half_duplex": (False, "true: one pair of wires, and whoever sends hears nothing (default: true for rs485)"),
+    "first_byte_lost": (False, "true: the client's adapter swallows the first byte after each sending (default false)"),
+    "coalesce_ms": ((0.0, 0.0, 10_000.0), "the client gets bytes this long after the first of them (default 0)"),
+    "echo": (False, "true: the client's adapter hears itself (default false)"),
+    "unplug": (UNPLUG, f"{UNPLUG}: the adapters of all clients are unplugged AT seconds after the start, for SECONDS"),
+    "fault": ([*BUS_FAULTS, *ADAPTER_FAULTS], f"faults of a CAN bus and of its adapters: {', '.join([*BUS_FAULTS, *ADAPTER_FAULTS])}"),
+    "seed": ((0, 0, 4294967295), "start of the random generator (default 0)"),
+}  # fmt: skip
 DEVICE_KEYS: dict[str, str] = {
     "kind": "a simulated device with this wire, as in `handctl sim`",
     "id": "its id, where it has one",
@@ -75,28 +103,19 @@ every_ms = 100
 OF_LINE = ("wire", "clock", "bus", "traffic")  # options of a lone simulator that a bus has by itself
 
 
-@dataclass
 class Plan:
-    """What stands in a file."""
+    """What stands in a file; what [line] says as attributes, times in seconds and without their _ms."""
 
-    path: str
-    wire: str
-    baud: int
-    latency: float = 0.0  # s
-    spread: float = 0.0  # s
-    packet: int = 0
-    speed_ignored: bool = False
-    half_duplex: bool = False
-    first_byte_lost: bool = False
-    coalesce: float = 0.0  # s
-    echo: bool = False
-    unplug: str = ""
-    faults: frozenset[str] = frozenset()  # of the bus
-    adapter_faults: frozenset[str] = frozenset()
-    seed: int = 0
-    devices: list[tuple[str, dict[str, str]]] = field(default_factory=list)  # kind, raw options
-    plugs: list[str] = field(default_factory=list)  # the plan of each device's plug
-    masters: list[tuple[bytes, int, float]] = field(default_factory=list)  # bytes, identifier on CAN, s
+    def __init__(self, path: str, line: dict[str, Any]) -> None:
+        self.path = path
+        for name, value in line.items():
+            setattr(self, name.removesuffix("_ms"), value / 1000.0 if name.endswith("_ms") else value)
+        self.devices: list[tuple[str, dict[str, str]]] = []  # kind, raw options
+        self.plugs: list[str] = []  # the plan of each device's plug
+        self.masters: list[tuple[bytes, int, float]] = []  # bytes, identifier on CAN, s
+
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(name)
 
 
 def load(path: str) -> dict[str, Any]:
@@ -160,36 +179,24 @@ def _plan(path: str, tables: dict[str, Any]) -> Plan:
     for name in tables:
         if name not in ("line", "device", "master"):
             raise ValueError(f"unknown table {name!r}. Known: [line], [[device]], [[master]]")
-    line = _Keys("[line]", _table(tables, "line"), tuple(LINE_KEYS))
-    if (model := line.choice("model", "clean", tuple(MODELS))) and "model" in line.given:
-        line.given = {**MODELS[model], **line.given}
-    if "wire" not in line.given:
+    given = _table(tables, "line")
+    _check_keys("[line]", given, LINE_KEYS)
+    if "model" in given:
+        given = {**MODELS[_value("[line]", "model", tuple(MODELS), given["model"])], **given}
+    if "wire" not in given:
         raise ValueError(f"[line] wire is missing: one of {', '.join(WIRES)}")
-    wire = line.choice("wire", "", WIRES)
-    plan = Plan(
-        path=path,
-        wire=wire,
-        baud=line.whole("baud", 1000000 if wire == "can" else 115200, 50, 20_000_000),
-        latency=line.number("latency_ms", 0.0, 10_000.0) / 1000.0,
-        spread=line.number("spread_ms", 0.0, 10_000.0) / 1000.0,
-        packet=line.whole("packet", 0, 0, 65536),
-        half_duplex=line.flag("half_duplex", wire == "rs485"),
-        first_byte_lost=line.flag("first_byte_lost", False),
-        coalesce=line.number("coalesce_ms", 0.0, 10_000.0) / 1000.0,
-        echo=line.flag("echo", False),
-        unplug=line.plan("unplug"),
-        seed=line.whole("seed", 0, 0, 4294967295),
-    )
-    plan.speed_ignored = line.flag("speed_ignored", plan.packet > 0)
-    if wire == "can" and (beside := [key for key in _SERIAL if key in line.given]):
+    can = given["wire"] == "can"
+    if can and (beside := [key for key in _SERIAL if key in given]):
         raise ValueError(f'[line] {beside[0]} belongs to a serial line. Keys with wire = "can": {", ".join(_CAN)}')
-    faults = line.names("fault", (*BUS_FAULTS, *ADAPTER_FAULTS))
-    if faults and wire != "can":
+    usual = {"baud": 1000000 if can else 115200, "half_duplex": given["wire"] == "rs485"}
+    line = _values("[line]", LINE_KEYS, {**usual, "speed_ignored": bool(given.get("packet")), **given})
+    if line["fault"] and not can:
         raise ValueError('[line] fault belongs to wire = "can". A device has its own in [[device]]')
-    plan.faults = faults.intersection(BUS_FAULTS)
-    plan.adapter_faults = faults.intersection(ADAPTER_FAULTS)
+    line["faults"] = line["fault"].intersection(BUS_FAULTS)
+    line["adapter_faults"] = line["fault"].intersection(ADAPTER_FAULTS)
+    plan = Plan(path, line)
     plan.devices = [_device(number, row, plan) for number, row in enumerate(_rows(tables, "device"), 1)]
-    plan.masters = [_master(number, row, wire) for number, row in enumerate(_rows(tables, "master"), 1)]
+    plan.masters = [_master(number, row, line["wire"]) for number, row in enumerate(_rows(tables, "master"), 1)]
     return plan
 
 
@@ -206,7 +213,7 @@ def _device(number: int, row: dict[str, Any], plan: Plan) -> tuple[str, dict[str
     if kind not in fitting:
         what = "kind is missing" if kind is None else f"kind = {kind!r}: no simulated device on {plan.wire}"
         raise ValueError(f"{where} {what}. Known: {', '.join(fitting)}")
-    plan.plugs.append(_Keys(where, {"unplug": row.get("unplug", "")}, ("unplug",)).plan("unplug"))
+    plan.plugs.append(_value(where, "unplug", UNPLUG, row.get("unplug", "")))
     raw: dict[str, str] = {}
     for key, given in row.items():
         name, value = key.replace("_", "-"), given
@@ -227,11 +234,12 @@ def _device(number: int, row: dict[str, Any], plan: Plan) -> tuple[str, dict[str
 
 
 def _master(number: int, row: dict[str, Any], wire: str) -> tuple[bytes, int, float]:
-    keys = _Keys(f"[[master]] {number}", row, ("ask", "every_ms"))
+    where = f"[[master]] {number}"
+    _check_keys(where, row, MASTER_KEYS)
     ask = row.get("ask")
     allowed = 'ID#DATA in hex, as "11000001#04"' if wire == "can" else 'bytes in hex, as "EB 90 01 04 11 E8 03 01 02"'
     if not isinstance(ask, str):
-        raise ValueError(f"{keys.where} ask is {'missing' if ask is None else 'no text'}: {allowed}")
+        raise ValueError(f"{where} ask is {'missing' if ask is None else 'no text'}: {allowed}")
     identifier, digits = 0, ask
     try:
         if wire == "can":
@@ -239,60 +247,56 @@ def _master(number: int, row: dict[str, Any], wire: str) -> tuple[bytes, int, fl
             identifier = int(head, 16) if sign and head.strip().isalnum() else -1
         data = bytes.fromhex(digits)
     except ValueError:
-        raise ValueError(f"{keys.where} ask = {ask!r}: {allowed}") from None
+        raise ValueError(f"{where} ask = {ask!r}: {allowed}") from None
     if not 0 <= identifier < 536870912 or (wire == "can" and len(data) > 8) or (wire != "can" and not data):
-        raise ValueError(f"{keys.where} ask = {ask!r}: {allowed}")
-    return data, identifier, keys.number("every_ms", None, 3_600_000.0, 1.0) / 1000.0
+        raise ValueError(f"{where} ask = {ask!r}: {allowed}")
+    every = _values(where, {"every_ms": ((None, 1.0, 3_600_000.0), "")}, row)["every_ms"]
+    return data, identifier, every / 1000.0
 
 
-class _Keys:
-    """The keys of one table, with their ranges."""
+def _check_keys(where: str, given: dict[str, Any], known: Collection[str]) -> None:
+    for key in given:
+        if key not in known:
+            raise ValueError(f"{where} unknown key {key!r}. Known: {', '.join(known)}")
 
-    def __init__(self, where: str, given: dict[str, Any], known: tuple[str, ...]) -> None:
-        self.where, self.given = where, given
-        for key in given:
-            if key not in known:
-                raise ValueError(f"{where} unknown key {key!r}. Known: {', '.join(known)}")
 
-    def choice(self, key: str, default: str, allowed: tuple[str, ...]) -> str:
-        value = self.given.get(key, default)
-        if value not in allowed:
-            raise ValueError(f"{self.where} {key} = {value!r}: one of {', '.join(allowed)}")
-        return str(value)
+def _values(where: str, rows: Mapping[str, tuple[Any, str]], given: dict[str, Any]) -> dict[str, Any]:
+    """The values of these keys, each by its form: True or False, the first of some words, (default, lowest, highest), some of
+    several words, a plan to unplug."""
+    found = {}
+    for key, (form, _) in rows.items():
+        usual = form if isinstance(form, bool) else form[0] if isinstance(form, tuple) else [] if form != UNPLUG else ""
+        found[key] = _value(where, key, form, given.get(key, usual))
+    return found
 
-    def plan(self, key: str) -> str:
-        value = self.given.get(key, "")
-        if not isinstance(value, str):
-            raise ValueError(f"{self.where} {key} = {value!r}: a text, {UNPLUG}")
-        try:
-            Plug(value)
-        except ValueError as exc:
-            raise ValueError(f"{self.where} {exc}") from exc
-        return value
 
-    def names(self, key: str, allowed: tuple[str, ...]) -> frozenset[str]:
-        value = self.given.get(key, [])
-        names = value.split(",") if isinstance(value, str) else value
-        if not isinstance(names, list) or not {str(name).strip() for name in names} <= set(allowed):
-            raise ValueError(f"{self.where} {key} = {value!r}: some of {', '.join(allowed)}")
-        return frozenset(str(name).strip() for name in names)
-
-    def flag(self, key: str, default: bool) -> bool:
-        value = self.given.get(key, default)
-        if not isinstance(value, bool):
-            raise ValueError(f"{self.where} {key} = {value!r}: true or false")
-        return value
-
-    def whole(self, key: str, default: int, low: int, high: int) -> int:
-        value = self.given.get(key, default)
-        if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
-            raise ValueError(f"{self.where} {key} = {value!r}: a whole number from {low} to {high}")
-        return value
-
-    def number(self, key: str, default: float | None, high: float, low: float = 0.0) -> float:
-        value = self.given.get(key, default)
-        if value is None:
-            raise ValueError(f"{self.where} {key} is missing: a number from {low:g} to {high:g}")
-        if not isinstance(value, int | float) or isinstance(value, bool) or not low <= value <= high:
-            raise ValueError(f"{self.where} {key} = {value!r}: a number from {low:g} to {high:g}")
-        return float(value)
+def _value(where: str, key: str, form: Any, value: Any) -> Any:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    match form:
+        case bool():
+            good, wanted = isinstance(value, bool), "true or false"
+        case (str(), *_) if isinstance(form, tuple):
+            good, wanted = value in form, f"one of {', '.join(form)}"
+        case (_, int(low), int(high)):
+            good = isinstance(value, int) and number and low <= value <= high
+            wanted = f"a whole number from {low} to {high}"
+        case (_, float(low), float(high)):
+            good, wanted = number and low <= value <= high, f"a number from {low:g} to {high:g}"
+            if value is None:
+                raise ValueError(f"{where} {key} is missing: {wanted}")
+        case str():
+            good, wanted = isinstance(value, str), f"a text, {UNPLUG}"
+            if good:
+                try:
+                    Plug(value)
+                except ValueError as exc:
+                    raise ValueError(f"{where} {exc}") from exc
+        case _:
+            names = value.split(",") if isinstance(value, str) else value
+            good, wanted = isinstance(names, list), f"some of {', '.join(form)}"
+            value = frozenset(str(name).strip() for name in names) if good else names
+            good = good and value <= set(form)
+            value = value if good else names
+    if not good:
+        raise ValueError(f"{where} {key} = {value!r}: {wanted}")
+    return value

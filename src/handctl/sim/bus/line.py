@@ -9,11 +9,163 @@ place on the wire. Bytes always take their time. Nothing sleeps: `advance(now)` 
 
 from __future__ import annotations
 
-from handctl.sim.bus.client import Client
+from collections import deque
+from typing import Any
+
 from handctl.sim.bus.file import Plan
 from handctl.sim.bus.pair import EDGE, Ear, Pair
 from handctl.sim.bus.rack import IDLE, Rack
 from handctl.sim.engine.line import TICK, Line
+from handctl.sim.engine.model import soonest
+
+PAUSE = 0.005  # s; what comes without such a pause between shares one random delay
+BACKLOG = 65536  # bytes on their way to the wire that are kept
+
+
+class Client:
+    """One end of the bus that takes and gives bytes, behind its adapter. Towards a server, and the in-process link, a `Line`.
+
+    client -> half of the latency -> wire                 in packets; speed changes take the same way, in order
+    wire -> first byte swallowed, timer, packets -> half of the latency -> client
+    """
+
+    def __init__(self, bus: Bus) -> None:
+        self.bus = bus
+        self.hung_up = self.pulled = False  # its adapter was unplugged, and nobody has opened it since
+        self._baud: int | None = None
+        self._speed: int | None = None  # at which its adapter sends; None: that of whoever listens
+        self.ear = Ear(bus.up, self, None, bus.plan.echo)
+        self._forth: deque[tuple[float, bytes | None, int | None]] = deque()  # when it is at the wire, bytes or speed
+        self._back: deque[tuple[float, bytes]] = deque()  # when it is at the client
+        self._used = False
+        self._swallow = False
+        self._chunk = bytearray()  # what the adapter holds back for the client
+        self._chunk_due = 0.0
+        self._heard_last = -1.0e300
+        self._delay = 0.0
+
+    @property
+    def _now(self) -> float:
+        return self.bus.now or 0.0
+
+    # -- as a line ------------------------------------------------------------------------------------------------
+
+    @property
+    def client_baud(self) -> int | None:
+        """The speed that the client has set; None: it has none, as on TCP."""
+        return self._baud
+
+    @client_baud.setter
+    def client_baud(self, baud: int | None) -> None:
+        if baud == self._baud:
+            return
+        self._baud = baud
+        speed = None if self.bus.plan.speed_ignored else baud
+        if self._used:
+            self._forth.append((self._way(self._forth), None, speed))
+            self.send(self._now)
+        else:
+            self._speed = self.ear.speed = speed
+
+    def look(self) -> None:
+        """With the adapter goes what was on its way."""
+        if self.away and not self.pulled:
+            self.reconnect()
+            self.hung_up = self.pulled = True
+
+    def advance(self, now: float) -> None:
+        self.bus.advance(now)
+        self.look()
+
+    def feed(self, data: bytes) -> None:
+        """Bytes that the client writes at the present time."""
+        if self.bus.now is None:
+            self.bus.advance(0.0)
+        if self.pulled:
+            return
+        self._used = True
+        size = self.bus.plan.packet or len(data)
+        if sum(len(part or b"") for _, part, _ in self._forth) + len(data) <= BACKLOG:
+            for place in range(0, len(data), size):
+                self._forth.append((self._way(self._forth), bytes(data[place : place + size]), None))
+        self.send(self._now + EDGE)
+
+    def take(self) -> bytes:
+        """What the client may read by now."""
+        self._flush(self._now)
+        out = bytearray()
+        while self._back and self._back[0][0] <= self._now + EDGE:
+            out += self._back.popleft()[1]
+        return bytes(out)
+
+    def next_event(self) -> float | None:
+        return self.bus.next_event(self)
+
+    def reconnect(self) -> None:
+        """A new client: what was on its way is lost, the devices go on."""
+        self._forth.clear()
+        self._back.clear()
+        self._chunk.clear()
+        self._used = self._swallow = self.hung_up = self.pulled = False
+
+    def __getattr__(self, name: str) -> Any:
+        """What concerns the bus itself."""
+        return getattr(self.bus, name)
+
+    # -- towards the bus ---------------------------------------------------------------------------------------------
+
+    def due(self) -> float | None:
+        """When something that it sent reaches the wire."""
+        return self._forth[0][0] if self._forth else None
+
+    def arrival(self) -> float | None:
+        """When something reaches the client."""
+        if self._back:
+            return self._back[0][0]
+        return self._chunk_due if self._chunk else None
+
+    def send(self, until: float) -> None:
+        """Puts on the wire what has reached it."""
+        while self._forth and self._forth[0][0] <= until:
+            when, data, speed = self._forth.popleft()
+            if data is None:
+                self._speed = self.ear.speed = speed
+            elif self._speed is None or self._speed > 0:
+                baud = self._speed or self.bus.plan.baud
+                self.bus.down.put(self, max(when, self._now), baud, data, self._speed is None)
+                self._swallow = self.bus.plan.first_byte_lost
+
+    def heard(self, byte: int, now: float) -> None:
+        """One byte from the wire."""
+        if self.pulled:
+            return
+        plan = self.bus.plan
+        if now - self._heard_last > PAUSE:
+            self._delay = self.bus.half()
+        self._heard_last = now
+        if self._swallow:
+            self._swallow = False
+            return
+        self._flush(now)
+        if not self._chunk:
+            self._chunk_due = now + plan.coalesce
+        self._chunk.append(byte)
+        if len(self._chunk) == plan.packet:
+            self._chunk_due = now
+        self._flush(now)
+
+    # -- inside -----------------------------------------------------------------------------------------------------
+
+    def _way(self, queue: deque[tuple[float, bytes | None, int | None]]) -> float:
+        """When something that starts now is at the wire; nothing overtakes."""
+        return max(self._now + self.bus.half(), queue[-1][0] if queue else 0.0)
+
+    def _flush(self, now: float) -> None:
+        """Gives what was held back long enough to the way to the client."""
+        if self._chunk and self._chunk_due <= now + EDGE:
+            when = self._chunk_due + self._delay
+            self._back.append((max(when, self._back[-1][0] if self._back else when), bytes(self._chunk)))
+            self._chunk.clear()
 
 
 class Station:
@@ -82,47 +234,31 @@ class Bus(Rack[Line]):
 
     # -- time -------------------------------------------------------------------------------------------------------------
 
-    def advance(self, now: float) -> None:
-        """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
-        if self.now is None:
-            self.now = now
-            self.begin(now)
-        for master in self.masters:
-            master.wait(now)
-        while (event := self._first()) is not None and event <= now + EDGE:
-            self.now = max(event, self.now)
-            self._happen(self.now)
-        self.now = max(now, self.now)
+    def _settle(self, now: float) -> None:
         for station in self.stations:
-            station.act(self.now)
+            station.act(now)
         for pair in (self.down, self.up):
-            pair.forget(self.now)
+            pair.forget(now)
 
     def next_event(self, client: Client) -> float | None:
         """When something may happen that this client notices; bytes on the wire in pieces of 2 ms."""
-        times = [] if (arrival := client.arrival()) is None else [arrival]
         bytes_due = (byte for ear in self._ears() if (byte := ear.next()) is not None)
-        times += [max(byte[0], min(byte[3], (self.now or 0.0) + TICK)) for byte in bytes_due]
-        times += self._acts()
-        return min(times, default=None)
+        pieces = (max(byte[0], min(byte[3], (self.now or 0.0) + TICK)) for byte in bytes_due)
+        return soonest(client.arrival(), *pieces, *self._acts())
 
     def _ears(self) -> list[Ear]:
         return [*(station.ear for station in self.stations), *(client.ear for client in self.clients)]
 
-    def _acts(self) -> list[float]:
+    def _acts(self) -> list[float | None]:
         """When devices, masters and what clients sent act next."""
-        times = [master.due for master in self.masters]
-        times += [station.wake for station in self.stations if station.wake is not None]
-        times += [due for client in self.clients if (due := client.due()) is not None]
-        return times + self.pulls()
+        wakes = [station.wake for station in self.stations]
+        return [*(master.due for master in self.masters), *wakes, *(c.due() for c in self.clients), *self.pulls()]
 
-    def _first(self) -> float | None:
-        times = self._acts()
-        times += [byte[0] for ear in self._ears() if (byte := ear.next()) is not None]
-        return min(times, default=None)
+    def _next(self) -> float | None:
+        return soonest(*self._acts(), *(byte[0] for ear in self._ears() if (byte := ear.next()) is not None))
 
     def _happen(self, now: float) -> None:
-        """Everything that is due at this moment; what bytes end comes before what begins."""
+        """What bytes end comes before what begins."""
         until = now + EDGE
         heard: list[tuple[Station | Client, int]] = []
         listeners: list[Station | Client] = [*self.stations, *self.clients]

@@ -10,11 +10,8 @@ time, no protocol and no device.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import ceil, floor
-
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 EDGE = 0.000000001  # s, rounding
 KEPT = 0.25  # s that a burst is remembered behind its end: ten bits at 50 bit/s are not longer
@@ -22,8 +19,6 @@ KEPT = 0.25  # s that a burst is remembered behind its end: ten bits at 50 bit/s
 
 class Burst:
     """Bytes that one sender puts on the pair back to back."""
-
-    __slots__ = ("_bits", "bit", "data", "end", "fits_all", "sender", "speed", "start")
 
     def __init__(self, sender: object, start: float, speed: int, data: bytes, fits_all: bool) -> None:
         self.sender = sender

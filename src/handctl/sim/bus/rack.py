@@ -8,9 +8,10 @@ from typing import Generic, TypeVar
 from handctl.digits import number_in
 from handctl.sim import model_class
 from handctl.sim.bus.file import Plan
-from handctl.sim.engine.line import PLUG_COMMANDS, Cable, Plug
+from handctl.sim.engine.line import PLUG_COMMANDS, Cable, Plug, Switched
 from handctl.sim.engine.model import Model, Random
 
+SOON = 0.000000001  # s, rounding
 IDLE = 0.001  # s until a device is asked again that says that it acts now, and does not
 BEHIND = 5.0  # s; a master does not catch up with more
 HELP = " | ".join((
@@ -47,7 +48,7 @@ class Master:
 Wire = TypeVar("Wire", bound=Cable)
 
 
-class Rack(Generic[Wire]):
+class Rack(Switched, Generic[Wire]):
     """The devices of a file, each at a cable of its own, and the masters. `now`: None before the moment of power-on."""
 
     now: float | None = None
@@ -72,15 +73,28 @@ class Rack(Generic[Wire]):
         """Whether the clients' adapters are unplugged."""
         return self.adapters.out(self._present())
 
-    def begin(self, now: float) -> None:
-        """The moment of power-on."""
-        for plug in (self.adapters, *self.plugs):
-            plug.begin(now)
+    def advance(self, now: float) -> None:
+        """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
+        if self.now is None:
+            self.now = now
+            for plug in (self.adapters, *self.plugs):
+                plug.begin(now)
+        for master in self.masters:
+            master.wait(now)
+        while (event := self._next()) is not None and event <= now + SOON:
+            self.now = max(event, self.now)
+            self._happen(self.now)
+        self.now = max(now, self.now)
+        self._settle(self.now)
 
-    def pulls(self) -> list[float]:
+    def half(self) -> float:
+        """Seconds of one way between client and bus: half of the latency, and of its spread by chance."""
+        way: float = self.plan.latency / 2 + self.plan.spread / 2 * self.random.between(0, 1000) / 1000
+        return way
+
+    def pulls(self) -> list[float | None]:
         """When plugs go out or in next."""
-        moments = [plug.next_event(self._present()) for plug in (self.adapters, *self.plugs)]
-        return [moment for moment in moments if moment is not None]
+        return [plug.next_event(self._present()) for plug in (self.adapters, *self.plugs)]
 
     def power(self, on: bool) -> None:
         """All devices."""
@@ -89,42 +103,34 @@ class Rack(Generic[Wire]):
         self._switched(on)
         self._changed()
 
-    def power_cycle(self) -> None:
-        self.power(False)
-        self.power(True)
+    @property
+    def requests(self) -> int:  # type: ignore[override]
+        return sum(line.requests for line in self.lines)
 
-    def command(self, text: str) -> str:
-        """A control command; returns one line, raises ValueError."""
-        match text.split():
-            case ["unplug" | "replug", *_] as words:
+    def fault(self, names: str) -> str:
+        """Of all devices."""
+        return next(iter([line.fault(names) for line in self.lines]), "none")
+
+    def further(self, words: list[str]) -> str:
+        match words:
+            case ["unplug" | "replug", *_]:
                 return self.adapters.command(words, self._present())
-            case ["power-cycle"]:
-                self.power_cycle()
-                return "power cycled"
-            case ["power", "on" | "off" as state]:
-                self.power(state == "on")
-                return f"power {state}"
-            case ["fault", _, *_]:
-                answers = [line.command(text) for line in self.lines]
-                return answers[0] if answers else "no device"
-            case ["requests"]:
-                return f"requests {sum(line.requests for line in self.lines)}"
             case ["devices"]:
                 return ", ".join(f"{number} {line.kind}" for number, line in enumerate(self.lines, 1)) or "none"
-            case ["device", number, *words] if words:
-                return self._one(number, " ".join(words))
-            case [] | ["help"]:
+            case ["device", number, *more] if more:
+                return self._one(number, more)
+            case ["help"]:
                 return HELP
-        raise ValueError(f"unknown command {text!r}. Known: {HELP}")
+        raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
 
-    def _one(self, number: str, text: str) -> str:
+    def _one(self, number: str, words: list[str]) -> str:
         if not 1 <= (number_in(number) or 0) <= len(self.lines):
             raise ValueError(f"there is no device {number}. Known: 1 to {len(self.lines)}")
-        words, place = text.split(), int(number) - 1
+        place = int(number) - 1
         if words[0] in ("unplug", "replug"):  # of its plug at the bus
             answer = self.plugs[place].command(words, self._present())
         else:
-            answer = self.lines[place].command(text)
+            answer = self.lines[place].command(" ".join(words))
         self._changed()
         return answer
 
@@ -136,6 +142,18 @@ class Rack(Generic[Wire]):
         return 0.0 if self.now is None else self.now
 
     # -- what the wires do ----------------------------------------------------------------------------------------------
+
+    def _next(self) -> float | None:
+        """When something happens next; None: nothing is due."""
+        raise NotImplementedError
+
+    def _happen(self, now: float) -> None:
+        """Everything that is due at this moment."""
+        raise NotImplementedError
+
+    def _settle(self, now: float) -> None:
+        """Time has come to this moment, at which nothing was due."""
+        raise NotImplementedError
 
     def _switched(self, on: bool) -> None:
         """All devices were switched."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 from handctl.digits import whole
 from handctl.sim.ekso import tables
@@ -10,10 +11,7 @@ from handctl.sim.ekso.body import POSTURES
 from handctl.sim.ekso.clock import WRAP
 from handctl.sim.ekso.device import Device
 from handctl.sim.engine.model import NOTHING
-from handctl.sim.engine.statefile import Fields, checked, kept, spread
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
+from handctl.sim.engine.statefile import Fields, checked, columns, kept, real, spread
 
 HELP = " | ".join(
     (
@@ -31,11 +29,9 @@ BODY: Fields = {
 LOOK = 0.5  # s between two looks at whether the wearer is upright
 
 
-def command(device: Device, words: list[str]) -> str:
-    """One control command (see HELP); returns one line, raises ValueError."""
+def command(device: Device, words: list[str]) -> str | None:
+    """One control command (see HELP), as the engine wants it."""
     match words:
-        case ["help"]:
-            return HELP
         case ["posture"]:
             return f"posture {device.body.posture} state {device.data_words(NOTHING)[18]:04X}"
         case ["counts"]:
@@ -51,18 +47,18 @@ def command(device: Device, words: list[str]) -> str:
             return f"boot {device.boot_ms()}"
         case ["rtc"]:
             return f"rtc {device.calendar.text(device.now)}"
-        case _:
-            _change(device, words)
-    device.dirty = True
-    return " ".join(words)
-
-
-def _change(device: Device, words: list[str]) -> None:
-    match words:
-        case ["posture" | "rise" | "sit" | "walk" | "live", *_]:
-            _move(device, words)
+        case ["live"]:
+            device.thaw()
+        case ["posture", name] if name in POSTURES:
+            device.thaw().pose(name)
+        case ["rise" | "sit"]:
+            device.thaw().move(1 if words == ["rise"] else -1)
+        case ["walk", "on" | "off"]:
+            if words[1] == "on" and device.body.posture not in ("standing", "walking"):
+                raise ValueError(f"walking starts from standing, it is {device.body.posture}")
+            device.thaw().walk(words[1] == "on")
         case ["pose", *numbers] if len(numbers) == 3:
-            pitch, hip, knee = (_degrees(text) for text in numbers)
+            pitch, hip, knee = (real(text, -180.0, 180.0) for text in numbers)
             device.body.frozen = (pitch, 0.0, hip, knee, hip, knee)
         case ["set", name, raw]:
             device.settings[tables.place_of(name)] = _word(raw)
@@ -79,29 +75,8 @@ def _change(device: Device, words: list[str]) -> None:
         case ["unsolicited"]:
             device.send_event(NOTHING)
         case _:
-            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
-
-
-def _move(device: Device, words: list[str]) -> None:
-    body = device.body
-    match words:
-        case ["posture", name] if name in POSTURES:
-            body.pose(name)
-        case ["rise"]:
-            body.move(1)
-        case ["sit"]:
-            body.move(-1)
-        case ["walk", "off"]:
-            body.walk(False)
-        case ["walk", "on"]:
-            if body.posture not in ("standing", "walking"):
-                raise ValueError(f"walking starts from standing, it is {body.posture}")
-            body.walk(True)
-        case ["live"]:
-            pass
-        case _:
-            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
-    device.thaw()
+            return ""
+    return None
 
 
 def snapshot(device: Device) -> dict[str, Any]:
@@ -122,7 +97,7 @@ def restore(device: Device, state: dict[str, Any]) -> None:
     boot_ms = state["boot_ms"]
     if not isinstance(boot_ms, int) or not 0 <= boot_ms < WRAP:  # a float is looked for in a range one by one
         raise ValueError(f"boot_ms {boot_ms!r} is not a number of two words")
-    body = checked({name: [state["body"][name]] for name in BODY}, BODY, 1)
+    body = checked(columns([state["body"]], BODY), BODY, 1)
     if body["walking"][0] and body["place"][0] != 2.0:
         raise ValueError("walking, but not upright")
     device.calendar.set(state["rtc"], device.now)
@@ -150,16 +125,6 @@ def _hex(digits: str) -> int:
         return int.from_bytes(bytes.fromhex(digits), "big")
     except ValueError:
         raise ValueError(f"{digits!r} is not a word in hex") from None
-
-
-def _degrees(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise ValueError(f"{text!r} is not an angle in degrees") from None
-    if not -180.0 <= value <= 180.0:
-        raise ValueError(f"{text!r} is not an angle from -180 to 180 degrees")
-    return value
 
 
 def use(device: Device) -> Iterator[float]:

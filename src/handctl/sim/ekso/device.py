@@ -16,13 +16,21 @@ from math import ceil, floor
 from handctl.sim.ekso import tables
 from handctl.sim.ekso.body import LEFT, POSTURES, RIGHT, Body, hips
 from handctl.sim.ekso.clock import FIRST_BOOT_MS, SIZES, WRAP, BootTime, Calendar, Unrest
-from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply
+from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, soonest
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from handctl.sim.engine.model import Rows
 
-TIME, SET_VALUE, CANCEL, EVENT = 150, 155, 156, 160  # commands; the last is met in the field, not in the manual
+TIME, DATE, SET_VALUE, CANCEL, EVENT = (
+    150,
+    151,
+    155,
+    156,
+    160,
+)  # commands; the last is met in the field, not in the manual
 BODY_SIZES = {150: 0, 151: 0, 152: 0, 153: 0, 154: 0, 155: 4, 156: 2, 157: 2}
 LENGTHS = {"body": 0, "n-4": 2, "n-2": 4, "frame": 6}  # convention -> what the length byte counts beside the body
 ACCEPTED, WRONG_STATE, NOT_ALLOWED = 0, 1, 3  # status codes of field clients; the manual has none
@@ -78,7 +86,7 @@ _FAULTS = {
 
 
 class Device(Model):
-    """The device without its
+    """The device without its wire.
 
     Of the faults of the line `wrong-id` is a wrong msgID, `refuse` a status other than 0 to SetValue and CancelAction.
     Every fault strikes request by request, so that after and every apply to the faults of the device too.
@@ -94,9 +102,10 @@ class Device(Model):
         super().__init__(options, random)
         given = self.given
         self.preset = given["preset"]
-        self.first_settings = _first_settings(self.preset)
-        self.settings = list(self.first_settings)
         vectors = self.preset == "vectors"
+        found = tables.VECTOR_SETTINGS if vectors else tables.POWER_ON
+        self.first_settings = self._ladder(tables.SETTING_COUNT) or found
+        self.settings = list(self.first_settings)
         self.feedback = list(tables.VECTOR_FEEDBACK if vectors else tables.FEEDBACK)
         self.body = Body(given["sway"])
         self.body.pose(given["posture"])
@@ -151,11 +160,10 @@ class Device(Model):
     def next_event(self) -> float | None:
         back = self._deaf_until if self.absent else None
         unrest = self.unrest.following()
-        soon = (self._event_at, back, None if unrest is None else self._grid + unrest)
-        return min((when for when in soon if when is not None), default=None)
+        return soonest(self._event_at, back, None if unrest is None else self._grid + unrest)
 
     @property
-    def absent(self) -> bool:
+    def absent(self) -> bool:  # type: ignore[override]
         """On USB the port goes with a restart, and is listed again when that is over (ekso dossier §7)."""
         return bool(self.given["usb"]) and self.now < self._deaf_until
 
@@ -187,10 +195,11 @@ class Device(Model):
         self._deaf_until = self.now + (self.given["startup"] if seconds is None else seconds)
         self.boot_time.since = self._deaf_until
 
-    def thaw(self) -> None:
+    def thaw(self) -> Body:
         """The body is computed again, after the fixed pose of a preset or of a control command."""
         self.body.frozen = None
         self.pinned.clear()
+        return self.body
 
     def boot_ms(self) -> int:
         return self.boot_time.read(max(self.now, self.boot_time.since))
@@ -284,31 +293,35 @@ class Device(Model):
         """The body of the answer; None: silence."""
         if command in BODY_SIZES and len(body) != BODY_SIZES[command]:
             return b""  # "at least an acknowledge" (manual §6); a guess for a body of the wrong size
-        pad = bytes(int(self.given["time-body"]) - 3)
-        year, month, day, hour, minute, second = self.calendar.read(self.now)
-        match command:
-            case 150:  # GetTime
-                return bytes([hour, minute, second]) + pad
-            case 151:  # GetDate
-                return bytes([year - 2000, month, day]) + pad
-            case 152:  # GetSettings
-                return _pack(self._settings_words(hits))
-            case 153:  # GetData
-                return _pack(self.data_words(hits))
-            case 154:  # GetFeedback
-                return _pack(self._feedback_words(hits))
-            case 155:  # SetValue
-                return _pack([self._set(int.from_bytes(body[:2], "big"), int.from_bytes(body[2:], "big"), hits)])
-            case 156:  # CancelAction
-                return _pack([self._cancel(int.from_bytes(body, "big"), hits)])
-            case 157:  # a movement: met in the field, not in the manual, as the next two
-                self.violations += 1
-                return _pack([NOT_ALLOWED])
-            case 158:  # the state
-                return _pack([self.data_words(hits)[STATE_WORD], MIN_STATE, 0])
-            case 159:  # whether a step may follow
-                return _pack([1 if self.body.posture == "standing" else 0])
+        year, month, day, *time = self.calendar.read(self.now)
+        if command in (TIME, DATE):
+            return bytes(time if command == TIME else [year - 2000, month, day]) + bytes(
+                int(self.given["time-body"]) - 3
+            )
+        numbers = [int.from_bytes(body[place : place + 2], "big") for place in range(0, len(body), 2)]
+        words: dict[int, Callable[[], Sequence[int]]] = {
+            152: lambda: self._settings_words(hits),
+            153: lambda: self.data_words(hits),
+            154: lambda: self._ladder(tables.FEEDBACK_COUNT) or [*self.feedback, *self._boot_words(hits)],
+            SET_VALUE: lambda: [self._set(numbers[0], numbers[1], hits)],
+            CANCEL: lambda: [self._cancel(numbers[0], hits)],
+            157: lambda: [self._refuse_movement()],  # met in the field, not in the manual, as the next two
+            158: lambda: [self.data_words(hits)[STATE_WORD], MIN_STATE, 0],
+            159: lambda: [1 if self.body.posture == "standing" else 0],
+        }
+        if command in words:
+            found = words[command]()
+            return struct.pack(f">{len(found)}H", *found)
         return b"" if self.given["unknown"] == "acknowledge" else None
+
+    def _ladder(self, count: int) -> list[int]:
+        """Words that all differ, of the presets that have such."""
+        step = tables.LADDERS.get(self.preset)
+        return [step[0] + step[1] * place for place in range(count)] if step else []
+
+    def _refuse_movement(self) -> int:
+        self.violations += 1
+        return NOT_ALLOWED
 
     # -- what they say ------------------------------------------------------------------------------------------------
 
@@ -324,8 +337,8 @@ class Device(Model):
 
     def data_words(self, hits: frozenset[str]) -> list[int]:
         """The 27 words of GetData at this moment."""
-        if self.preset in ("order", "sign"):
-            return tables.ladder(self.preset, tables.DATA_COUNT)
+        if ladder := self._ladder(tables.DATA_COUNT):
+            return ladder
         pitch, roll, *joints = self.body.angles()
         words = [_raw(pitch, 100), _raw(roll, 100), *(_raw(value, 1) for value in self.body.pressures())]
         upper, lower = self.settings[0] / 100.0, self.settings[1] / 100.0
@@ -346,11 +359,6 @@ class Device(Model):
             words[6] = (words[6] + OFFSET_TENTHS) % 65536
         return words
 
-    def _feedback_words(self, hits: frozenset[str]) -> list[int]:
-        if self.preset in ("order", "sign"):
-            return tables.ladder(self.preset, tables.FEEDBACK_COUNT)
-        return [*self.feedback, *self._boot_words(hits)]
-
     def _boot_words(self, hits: frozenset[str]) -> tuple[int, int]:
         """High word first."""
         if "frozen-clock" not in hits:
@@ -365,8 +373,7 @@ class Device(Model):
         """The status word of SetValue. The order of the checks is a guess, and so is the state byte."""
         self.sets += 1
         if "stands-up" in hits:
-            self.thaw()
-            self.body.pose("rising")
+            self.thaw().pose("rising")
         if "refuse" in hits:
             return self._status(self.given["refuse-status"], hits)
         place = tables.PLACE.get(parameter)
@@ -399,9 +406,6 @@ class Device(Model):
 
     # -- faults that know the message -----------------------------------------------------------------------------------
 
-    def spoil(self, data: bytes) -> bytes:
-        return data[:-1] + bytes([(data[-1] + 1) % 256])
-
     def readdress(self, data: bytes) -> bytes:
         ident = (data[2] * 256 + data[3] + 1) % 65536
         return seal(data[:2] + ident.to_bytes(2, "big") + data[4:-2])
@@ -411,19 +415,9 @@ class Device(Model):
         return data if len(data) < 7 else seal(data[:-3] + bytes([(data[-3] + 2) % 256]))
 
 
-def _first_settings(preset: str) -> tuple[int, ...]:
-    if preset in ("order", "sign"):
-        return tuple(tables.ladder(preset, tables.SETTING_COUNT))
-    return tables.VECTOR_SETTINGS if preset == "vectors" else tables.POWER_ON
-
-
 def _raw(value: float, scale: int) -> int:
     """The nearest whole number of 1/scale as a word, negative ones as two's complement."""
     return floor(value * scale + 0.5) % 65536
-
-
-def _pack(words: list[int]) -> bytes:
-    return struct.pack(f">{len(words)}H", *words)
 
 
 # -- messages ----------------------------------------------------------------------------------------------------------

@@ -50,13 +50,7 @@ VECTOR_ANGLES = (4.5, -0.75, 22.1, 8.4, -6.35, 3.2)
 VECTOR_BOOT = 5000001
 
 PRESETS = ("clinic", "vectors", "order", "sign")
-
-
-def ladder(preset: str, count: int) -> list[int]:
-    """Words that all differ: order i -> (i + 1) * 256 + 128 + i, sign i -> F000 hex + 17 * i."""
-    if preset == "order":
-        return [384 + 257 * place for place in range(count)]
-    return [61440 + 17 * place for place in range(count)]
+LADDERS = {"order": (384, 257), "sign": (61440, 17)}  # words that all differ: the first, and the step to the next
 
 
 def place_of(word: str) -> int:

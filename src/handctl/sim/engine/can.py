@@ -2,21 +2,18 @@
 
 Generic: knows frames and time, no protocol. A message reaches the device as its identifier in 4 bytes, high byte first,
 followed by the data; replies have the same form. Nothing here sleeps: the driver calls `advance(now)`, then
-`feed_frame` and `take_frames`, and asks `next_event` how long it may sleep. A `CanLine` knows one client; with a `Hub` there
-are several, each in a `Seat` that behaves as a `CanLine` towards an adapter.
+`feed_frame` and `take_frames`, and asks `next_event` how long it may sleep.
 """
 
 from __future__ import annotations
 
 import struct
 
-from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS, SLOW, Cable
-from handctl.sim.engine.model import Model, Reply
+from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS, Cable
+from handctl.sim.engine.model import Model, Reply, soonest
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import Any
-
     from handctl.sim.engine.model import Rows
 
 CAN_OPTIONS: Rows = {
@@ -45,8 +42,6 @@ SOON = 0.000000001  # s, rounding
 class Frame:
     """A frame that waits for the bus, not sent before `ready`."""
 
-    __slots__ = ("data", "echo", "extended", "hang", "identifier", "ready", "remote")
-
     def __init__(self, ready: float, identifier: int, data: bytes, extended: bool = True, remote: bool = False) -> None:
         self.ready = ready
         self.identifier = identifier
@@ -66,7 +61,28 @@ class Frame:
         return ((high * 2 + self.extended) * 262144 + low) * 2 + self.remote
 
 
-class CanLine(Cable):
+class Controller:
+    """What a client's CAN controller knows of the bus."""
+
+    client_bitrate: int | None = None  # None: taken for the right one
+    acknowledged = True  # whether anybody acknowledged the last frame of the client
+    unacknowledged = 0  # frames of the client that nobody acknowledged so far
+    bus_errors = 0  # frames of others that came to grief on the bus, or at the client's bitrate
+    bus_off = False
+    taking_part = True  # whether it acknowledges what others send
+
+    def feed_frame(self, can_id: int, data: bytes, extended: bool = True, remote: bool = False) -> None:
+        """A frame that the client sends at the present time. ValueError: there is no such frame."""
+        if not 0 <= can_id < (536870912 if extended else 2048) or len(data) > 8:
+            raise ValueError(f"not a CAN frame: identifier {can_id}, {len(data)} data bytes")
+        self.send(can_id, data, extended, remote)
+
+    def send(self, can_id: int, data: bytes, extended: bool, remote: bool) -> None:
+        """One that there is."""
+        raise NotImplementedError
+
+
+class CanLine(Controller, Cable):
     """A simulated device as a client's CAN controller sees it: takes and gives frames."""
 
     def __init__(self, model: type[Model], raw: dict[str, str]) -> None:
@@ -75,12 +91,6 @@ class CanLine(Cable):
         self._traffic_due = 0.0  # when the next of these frames is sent
         self._traffic_near = 0  # an identifier of the client, which they avoid
         self._timed = self.given["wire"] != "0"
-        self.client_bitrate: int | None = None  # None: taken for the right one
-        self.taking_part = True  # whether the client's controller acknowledges what others send
-        self.acknowledged = True  # whether anybody acknowledged the last frame of the client
-        self.unacknowledged = 0  # frames of the client that nobody acknowledged so far
-        self.bus_errors = 0  # frames of others that came to grief on the bus, or at the client's bitrate
-        self.bus_off = False
         self._sent = 0
         self._host: list[Frame] = []
         self._device: list[Frame] = []  # in order of time
@@ -91,15 +101,8 @@ class CanLine(Cable):
 
     # -- time and frames ------------------------------------------------------------------------------------------
 
-    def advance(self, now: float) -> None:
-        """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
-        if self._now is None:
-            self._now = self._traffic_due = now
-            self._boot(now)
-            return
-        if self._user is not None:
-            self._follow(now)
-        self._pass(now)
+    def _begin(self, now: float) -> None:
+        self._traffic_due = now
 
     def _pass(self, now: float) -> None:
         self._now = max(now, self._present())
@@ -108,10 +111,7 @@ class CanLine(Cable):
         self._collect()
         self._run(self._now)
 
-    def feed_frame(self, can_id: int, data: bytes, extended: bool = True, remote: bool = False) -> None:
-        """A frame that the client sends at the present time. ValueError: there is no such frame."""
-        if not 0 <= can_id < (536870912 if extended else 2048) or len(data) > 8:
-            raise ValueError(f"not a CAN frame: identifier {can_id}, {len(data)} data bytes")
+    def send(self, can_id: int, data: bytes, extended: bool, remote: bool) -> None:
         if self._now is None:
             self.advance(0.0)
         if self.hung_up:
@@ -150,18 +150,16 @@ class CanLine(Cable):
 
     def next_event(self) -> float | None:
         """The earliest time at which `take_frames` may return something or the device acts; None: nothing is due."""
-        times = [self._present()] if self._arrived else []
-        if self._flying is not None:
-            times.append(self._flying[1])
-        elif self._host or self._device:
-            winner, start, _ = self._winner()
-            times.append(start + self._duration(winner))
-        if self._traffic:
-            times.append(self._traffic_due)
-        event = self.device.next_event() if self.device.powered else None
-        if event is not None:
-            times.append(event)
-        return min(times) if times else None
+        bus = None if self._flying is None else self._flying[1]
+        if bus is None and (self._host or self._device):
+            winner, bus, _ = self._winner()
+            bus += self._duration(winner)
+        return soonest(
+            self._present() if self._arrived else None,
+            bus,
+            self._traffic_due if self._traffic else None,
+            self.device.next_event() if self.device.powered else None,
+        )
 
     def reconnect(self) -> None:
         super().reconnect()
@@ -248,11 +246,7 @@ class CanLine(Cable):
             frames.insert(0, previous)
         if "noise" in hits:
             frames = [*self._foreigners(identifier), *frames, *self._foreigners(identifier)]
-        due = reply.due + self.given["turnaround"]
-        if "slow" in hits:
-            due += SLOW
-        if "late" in hits:
-            due += self.given["late"]
+        due = self._due(reply)
         queue = [Frame(due, *frame) for frame in frames]
         if "disconnect" in hits:
             queue = [Frame(due, identifier, b"")]
@@ -281,127 +275,3 @@ class CanLine(Cable):
 def _split(message: bytes) -> tuple[int, bytes]:
     identifier: int = struct.unpack_from(">I", message)[0]
     return identifier, message[4:]
-
-
-class Hub:
-    """The bus with the seats of its clients."""
-
-    def __init__(self, line: Any) -> None:
-        """`line` is a `CanLine`, or the CAN bus of a file."""
-        self.line = line
-        self.seats: list[Seat] = []
-        self.asked: Seat | None = None  # who sent last
-
-    def join(self) -> Seat:
-        self.seats.append(Seat(self))
-        return self.seats[-1]
-
-    def leave(self, seat: Seat) -> None:
-        if seat in self.seats:
-            self.seats.remove(seat)
-
-    def advance(self, now: float) -> None:
-        self.line.advance(now)
-        self.collect()
-
-    def next_event(self) -> float | None:
-        event: float | None = self.line.next_event()
-        return event
-
-    @property
-    def away(self) -> bool:
-        """Whether all adapters are unplugged, as those of a bus of a file can be."""
-        return bool(getattr(self.line, "away", False))
-
-    def reconnect(self) -> None:
-        """The adapters are back."""
-        self.line.reconnect()
-
-    def power_cycle(self) -> None:
-        self.line.power_cycle()
-
-    def command(self, text: str) -> str:
-        answer: str = self.line.command(text)
-        return answer
-
-    def close(self) -> None:
-        self.line.close()
-
-    def send(self, seat: Seat, can_id: int, data: bytes, extended: bool, remote: bool) -> None:
-        """A frame of this seat, for the bus and for all other seats."""
-        line, others = self.line, [other for other in self.seats if other is not seat and other.hears()]
-        self.asked = seat
-        deafened = line.deafened
-        line.client_bitrate, line.bus_off = seat.client_bitrate, seat.bus_off
-        line.feed_frame(can_id, data, extended, remote)
-        seat.acknowledged, seat.bus_off = line.acknowledged, line.bus_off
-        line.client_bitrate, line.bus_off = None, False
-        if not seat.acknowledged and not deafened and seat.hears():
-            seat.acknowledged = any(other.taking_part for other in others)
-        if seat.acknowledged and extended and not remote:
-            for other in others:
-                other.arrived.append((can_id, data))
-        self.collect()
-
-    def collect(self) -> None:
-        """Gives what has come to every seat that hears it."""
-        line = self.line
-        frames = line.take_frames()
-        errors, line.bus_errors = line.bus_errors, 0
-        for seat in self.seats:
-            seat.bus_errors += errors
-            if seat.hears():
-                seat.arrived += frames
-        if line.hung_up and not self.away:  # the adapter of who asked goes away
-            line.reconnect()
-            if self.asked is not None:
-                self.asked.hung_up = True
-
-
-class Seat:
-    """One client's controller on the bus."""
-
-    def __init__(self, hub: Hub) -> None:
-        self.hub = hub
-        self.client_bitrate: int | None = None  # None: taken for the right one
-        self.acknowledged = True
-        self.bus_errors = 0
-        self.bus_off = False
-        self.hung_up = False
-        self.taking_part = False  # whether it acknowledges what others send
-        self.arrived: list[tuple[int, bytes]] = []
-
-    @property
-    def device(self) -> Any:
-        return self.hub.line.device
-
-    def hears(self) -> bool:
-        return not self.bus_off and self.client_bitrate in (None, self.device.speed)
-
-    def advance(self, now: float) -> None:
-        self.hub.advance(now)
-
-    def feed_frame(self, can_id: int, data: bytes, extended: bool = True, remote: bool = False) -> None:
-        if not self.hung_up:
-            self.hub.send(self, can_id, data, extended, remote)
-
-    def take_frames(self) -> list[tuple[int, bytes]]:
-        self.hub.collect()
-        frames, self.arrived = self.arrived, []
-        return frames
-
-    def next_event(self) -> float | None:
-        return 0.0 if self.arrived else self.hub.next_event()
-
-    def reconnect(self) -> None:
-        self.arrived.clear()
-        self.bus_off = self.hung_up = False
-
-    def power_cycle(self) -> None:
-        self.hub.power_cycle()
-
-    def command(self, text: str) -> str:
-        return self.hub.command(text)
-
-    def close(self) -> None:
-        self.hub.close()

@@ -7,7 +7,7 @@ Generic: knows bytes, replies and time, no protocol. Both directions are indepen
 
 from __future__ import annotations
 
-from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply
+from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, soonest
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ PLUG_COMMANDS = ("unplug [SECONDS]", "replug")
 
 
 class Plug:
-    """Out at the moments of a plan "AT:SECONDS,AT:SECONDS", counted from the start, or from `pull` to `push`."""
+    """Out at the moments of a plan "AT:SECONDS,AT:SECONDS", counted from the start, or by command."""
 
     def __init__(self, plan: str | None) -> None:
         """Raises ValueError for a plan that is none."""
@@ -73,21 +73,13 @@ class Plug:
         """The start of the plan."""
         self._start = now
 
-    def pull(self, until: float) -> None:
-        """Out until this moment."""
-        self._until = until
-
-    def push(self) -> None:
-        """In again, whatever the plan says of the present."""
-        self._until = 0.0
-
     def command(self, words: list[str], now: float) -> str:
         """unplug [SECONDS] | replug, as words. Raises ValueError."""
         match words:
             case ["unplug", *seconds] if len(seconds) < 2:
-                self.pull(now + _seconds(seconds[0]) if seconds else float("inf"))
+                self._until = now + _seconds(seconds[0]) if seconds else float("inf")
             case ["replug"]:
-                self.push()
+                self._until = 0.0
             case _:
                 raise ValueError(f"unknown command {' '.join(words)!r}. Known: {' | '.join(PLUG_COMMANDS)}")
         return " ".join(words)
@@ -128,7 +120,45 @@ def _pair(text: str) -> tuple[float, float]:
     return found
 
 
-class Cable:
+class Switched:
+    """What has power, faults, and a count of requests that were understood: the control commands of every simulator."""
+
+    requests = 0
+
+    def power(self, on: bool) -> None:
+        """Off: whatever was on the wire or still to come is gone."""
+        raise NotImplementedError
+
+    def fault(self, names: str) -> str:
+        """Other faults from now on, with commas between; those that are present then. Raises ValueError."""
+        raise NotImplementedError
+
+    def further(self, words: list[str]) -> str:
+        """Any other control command. Raises ValueError."""
+        raise NotImplementedError
+
+    def power_cycle(self) -> None:
+        self.power(False)
+        self.power(True)
+
+    def command(self, text: str) -> str:
+        """A control command; returns one line, raises ValueError."""
+        match text.split():
+            case ["power-cycle"]:
+                self.power_cycle()
+                return "power cycled"
+            case ["power", "on" | "off" as state]:
+                self.power(state == "on")
+                return f"power {state}"
+            case ["fault", _, *_] as words:
+                return f"fault {self.fault(','.join(words[1:]))}"
+            case ["requests"]:
+                return f"requests {self.requests}"
+            case words:
+                return self.further(words or ["help"])
+
+
+class Cable(Switched):
     """A simulated device at the end of a cable that has options and faults of its own."""
 
     def __init__(self, model: type[Model], raw: dict[str, str], options: Rows, faults: Mapping[str, str]) -> None:
@@ -145,7 +175,6 @@ class Cable:
         self.device.power(True)
         self.hung_up = False
         self.second = False  # another device than the first of its kind: what it measures differs a little
-        self.requests = 0  # requests that the device understood so far
         self._now: float | None = None
         self._closed = False
         self._save = "never" if given["use"] == "on" else given["save"]
@@ -166,38 +195,37 @@ class Cable:
         self.hung_up = False
         self._drop()
 
+    def advance(self, now: float) -> None:
+        """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
+        if self._now is None:
+            self._now = now
+            self._begin(now)
+            self.device.boot(now)
+            self._acts = now + UNTOUCHED
+            return
+        while self._user is not None and self._acts <= now:  # the user of the device acts at each moment that has come
+            self._pass(self._acts)
+            self._acts += next(self._user)
+        self._pass(now)
+
     # -- power and control ----------------------------------------------------------------------------------------
 
-    def power_cycle(self) -> None:
-        self.power(False)
-        self.power(True)
-
     def power(self, on: bool) -> None:
-        """Off: whatever was on the wire or still to come is gone."""
         if not on:
             self._drop()
         if on != self.device.powered:
             self.device.power(on)
         self._persist()
 
-    def command(self, text: str) -> str:
-        """A control command for the simulator; returns one line, raises ValueError."""
-        words = text.split()
-        if words == ["power-cycle"]:
-            self.power_cycle()
-            return "power cycled"
-        if words in (["power", "on"], ["power", "off"]):
-            self.power(words[1] == "on")
-            return f"power {words[1]}"
-        if words[:1] == ["fault"] and len(words) > 1:
-            self._faults = self._parse_faults(",".join(words[1:]))
-            self.device.set_faults(self._faults)
-            return f"fault {','.join(sorted(self._faults)) or 'none'}"
-        if words == ["requests"]:
-            return f"requests {self.requests}"
-        if not words or words == ["help"]:
-            return f"power-cycle | power on|off | fault NAME[,NAME]|none | requests | {self.device.command(['help'])}"
+    def fault(self, names: str) -> str:
+        self._faults = self._parse_faults(names)
+        self.device.set_faults(self._faults)
+        return ",".join(sorted(self._faults)) or "none"
+
+    def further(self, words: list[str]) -> str:
         answer = self.device.command(words)
+        if words == ["help"]:
+            return f"power-cycle | power on|off | fault NAME[,NAME]|none | requests | {answer}"
         self._persist()
         return answer
 
@@ -214,19 +242,13 @@ class Cable:
         """Forgets what is on the wire."""
         raise NotImplementedError
 
+    def _begin(self, now: float) -> None:
+        """The moment of power-on."""
+        raise NotImplementedError
+
     def _pass(self, now: float) -> None:
         """Moves time on to this moment, with all that happens until then."""
         raise NotImplementedError
-
-    def _boot(self, now: float) -> None:
-        self.device.boot(now)
-        self._acts = now + UNTOUCHED
-
-    def _follow(self, now: float) -> None:
-        """Lets the user of the device act at each moment that has come."""
-        while self._user is not None and self._acts <= now:
-            self._pass(self._acts)
-            self._acts += next(self._user)
 
     def _present(self) -> float:
         return 0.0 if self._now is None else self._now
@@ -244,6 +266,11 @@ class Cable:
         """The faults that befall the request with this number, counted from 1."""
         beyond = number - self.given["after"]
         return self._faults if beyond > 0 and beyond % self.given["every"] == 0 else NOTHING
+
+    def _due(self, reply: Reply) -> float:
+        """When it leaves."""
+        slow, late = SLOW if "slow" in reply.hits else 0.0, self.given["late"] if "late" in reply.hits else 0.0
+        return reply.due + float(self.given["turnaround"]) + slow + late
 
     def _judge(self) -> frozenset[str]:
         self.requests += 1
@@ -276,8 +303,6 @@ def _near(name: str, known: Collection[str]) -> str:
 class _Segment:
     """Bytes on the wire: byte k is complete at start + (k + 1) * step (at start when step is 0). `put` are those that were
     sent at `speed`; `data` is what is heard of them."""
-
-    __slots__ = ("data", "hang", "put", "sent", "speed", "start", "step")
 
     def __init__(
         self, start: float, step: float, data: bytes, hang: bool = False, put: bytes = b"", speed: int | None = None
@@ -314,8 +339,7 @@ class Line(Cable):
         self._client_baud: int | None = None
         self._rx: list[_Segment] = []
         self._rx_free = 0.0
-        self._out: list[tuple[float, int, list[tuple[float, float, bytes]], bool, int | None, int | None]] = []
-        self._count = 0  # keeps replies of one due time in order
+        self._out: list[tuple[float, list[tuple[float, float, bytes]], bool, int | None, int | None]] = []
         self._tx: list[_Segment] = []
         self._tx_free = 0.0
         self._previous = b""
@@ -350,16 +374,8 @@ class Line(Cable):
 
     # -- time and bytes -------------------------------------------------------------------------------------------
 
-    def advance(self, now: float) -> None:
-        """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
-        if self._now is None:
-            self._now = now
-            self._plug.begin(now)
-            self._boot(now)
-            return
-        if self._user is not None:
-            self._follow(now)
-        self._pass(now)
+    def _begin(self, now: float) -> None:
+        self._plug.begin(now)
 
     def _pass(self, now: float) -> None:
         self._now = max(now, self._present())
@@ -375,16 +391,16 @@ class Line(Cable):
             self._drop()
 
     def command(self, text: str) -> str:
-        """Beside those of every device: unplug [SECONDS] | replug."""
-        match text.split():
-            case ["unplug" | "replug", *_] as words:
-                answer = self._plug.command(words, self._present())
-            case ["help"]:
-                return " | ".join((*PLUG_COMMANDS, super().command(text)))
-            case _:
-                answer = super().command(text)
+        answer = super().command(text)
         self._look()
         return answer
+
+    def further(self, words: list[str]) -> str:
+        """Beside those of every device: unplug [SECONDS] | replug."""
+        if words[0] in ("unplug", "replug"):
+            return self._plug.command(words, self._present())
+        answer = super().further(words)
+        return " | ".join((*PLUG_COMMANDS, answer)) if words == ["help"] else answer
 
     def feed(self, data: bytes) -> None:
         """Bytes that the client writes at the present time."""
@@ -445,16 +461,13 @@ class Line(Cable):
 
     def next_event(self) -> float | None:
         """The earliest time at which `take` may return something or the device acts; None: nothing is scheduled."""
-        times = []
-        if self._tx:
-            times.append(self._tx[0].next_event())
-        if self._out:
-            times.append(self._out[0][0])
-        if self._rx:
-            times.append(self._hearing()[1])
-        event = self.device.next_event() if self.device.powered else None
-        times += [when for when in (event, self._plug.next_event(self._present())) if when is not None]
-        return min(times) if times else None
+        return soonest(
+            self._tx[0].next_event() if self._tx else None,
+            self._out[0][0] if self._out else None,
+            self._hearing()[1] if self._rx else None,
+            self.device.next_event() if self.device.powered else None,
+            self._plug.next_event(self._present()),
+        )
 
     # -- inside -----------------------------------------------------------------------------------------------------
 
@@ -495,9 +508,8 @@ class Line(Cable):
 
     def _collect(self) -> None:
         """Takes the replies of the device and puts those that are due on the wire."""
-        if replies := self.device.take():
-            for reply in sorted(replies, key=lambda reply: reply.due):
-                self._transmit(reply)
+        for reply in sorted(self.device.take(), key=lambda reply: reply.due):
+            self._transmit(reply)
         if self._out:
             self._dispatch(self._present())
         self._persist()
@@ -523,12 +535,7 @@ class Line(Cable):
         if "noise" in hits:
             before = self._random.junk(self._random.between(1, 6), self.device.HEADER)
             frame = before + frame + self._random.junk(self._random.between(1, 6), self.device.HEADER)
-        due = reply.due + self.given["turnaround"]
-        if "slow" in hits:
-            due += SLOW
-        if "late" in hits:
-            due += self.given["late"]
-        self._send(due, frame, hits)
+        self._send(self._due(reply), frame, hits)
 
     def _send(self, due: float, data: bytes, hits: frozenset[str]) -> None:
         """Queues bytes as (gap before, seconds per byte, bytes) pieces."""
@@ -545,13 +552,12 @@ class Line(Cable):
                 count = self._random.between(1, max(1, len(data) // 2))
                 pieces.append((self._random.between(0, 8) / 1000.0 if pieces else 0.0, step, data[:count]))
                 data = data[count:]
-        self._count += 1
-        self._out.append((due, self._count, pieces, hang, self.device.speed, self.client_baud))
-        self._out.sort(key=lambda entry: entry[:2])
+        self._out.append((due, pieces, hang, self.device.speed, self.client_baud))
+        self._out.sort(key=lambda entry: entry[0])
 
     def _dispatch(self, now: float) -> None:
         while self._out and self._out[0][0] <= now + 0.000000001:
-            due, _, pieces, hang, speed, listener = self._out.pop(0)
+            due, pieces, hang, speed, listener = self._out.pop(0)
             start = max(due, self._tx_free)
             for gap, step, sent in pieces:
                 start += gap

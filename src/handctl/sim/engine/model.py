@@ -13,8 +13,11 @@ if TYPE_CHECKING:
     class Control(Protocol):
         """A module that knows a device from outside: its control commands, what a state file keeps of it, its use."""
 
-        def command(self, device: Any, words: list[str]) -> str:
-            """One control command; returns one line, raises ValueError."""
+        HELP: str  # the commands
+
+        def command(self, device: Any, words: list[str]) -> str | None:
+            """One control command: the answer, "" when there is no such command, None when it has changed the device. Raises
+            ValueError."""
 
         def snapshot(self, device: Any) -> dict[str, Any]:
             """What a state file keeps."""
@@ -34,10 +37,13 @@ if TYPE_CHECKING:
 NOTHING: frozenset[str] = frozenset()
 
 
+def soonest(*times: float | None) -> float | None:
+    """The first of these moments; None: there is none."""
+    return min([when for when in times if when is not None], default=None)
+
+
 class Random:
     """Xorshift generator of 32 bits: the same seed gives the same run on every Python version."""
-
-    __slots__ = ("_state",)
 
     def __init__(self, seed: int) -> None:
         self._state = (seed * 2654435761 + 2463534242) % 4294967296 or 1
@@ -67,43 +73,41 @@ class Options:
 
     def __init__(self, kind: str, raw: dict[str, str], known: Iterable[str]) -> None:
         self.kind = kind
-        self._raw = {name.replace("_", "-"): text for name, text in raw.items()}
+        self.raw = {name.replace("_", "-"): text for name, text in raw.items()}
         names = set(known)
-        for name in self._raw:
+        for name in self.raw:
             if name not in names:
                 raise ValueError(f"unknown option {name!r} of the simulated {kind}. Known: {', '.join(sorted(names))}")
 
     def text(self, name: str) -> str | None:
-        return self._raw.get(name)
+        return self.raw.get(name)
 
     def choice(self, name: str, default: str, allowed: tuple[str, ...]) -> str:
-        text = self._raw.get(name, default)
+        text = self.raw.get(name, default)
         if text not in allowed:
             raise ValueError(f"option {name}={text}: not one of {', '.join(allowed)}")
         return text
 
     def integer(self, name: str, default: int | None, low: int, high: int) -> Any:
-        text = self._raw.get(name)
-        if text is None:
-            return default
-        try:
-            value = int(text, 10)
-        except ValueError:
-            raise ValueError(f"option {name}={text}: not a whole number ({low} to {high})") from None
-        if not low <= value <= high:
-            raise ValueError(f"option {name}={text}: out of range {low} to {high}")
-        return value
+        span = f"{low} to {high}"
+        return self._number(name, default, int, low, high, f"not a whole number ({span})", f"out of range {span}")
 
     def seconds(self, name: str, default: float | None, high: float) -> Any:
-        text = self._raw.get(name)
+        beyond = f"out of range 0 to {high:g} seconds"
+        return self._number(name, default, float, 0.0, high, "not a number of seconds", beyond)
+
+    def _number(
+        self, name: str, default: float | None, kind: type[float], low: float, high: float, no_number: str, beyond: str
+    ) -> Any:
+        text = self.raw.get(name)
         if text is None:
             return default
         try:
-            value = float(text)
+            value = kind(text)
         except ValueError:
-            raise ValueError(f"option {name}={text}: not a number of seconds") from None
-        if not 0.0 <= value <= high:
-            raise ValueError(f"option {name}={text}: out of range 0 to {high:g} seconds")
+            raise ValueError(f"option {name}={text}: {no_number}") from None
+        if not low <= value <= high:
+            raise ValueError(f"option {name}={text}: {beyond}")
         return value
 
     def read(self, rows: Rows) -> dict[str, Any]:
@@ -115,7 +119,7 @@ class Options:
             case bool():
                 return self.choice(name, "01"[form], ("1", "0") if form else ("0", "1")) == "1"
             case (default, tuple(words)):
-                return self.choice(name, default, words) if name in self._raw else default
+                return self.choice(name, default, words) if name in self.raw else default
             case (str(), str(), *_):
                 return self.choice(name, form[0], form)
             case (str(default), int(low), int(high)):
@@ -128,7 +132,7 @@ class Options:
 
     def _numbers(self, name: str, default: str, low: int, high: int) -> tuple[int, ...]:
         """As many whole numbers as the default has, with commas between."""
-        text = self._raw.get(name) or default
+        text = self.raw.get(name) or default
         numbers = [Options(self.kind, {name: part}, [name]).integer(name, 0, low, high) for part in text.split(",")]
         if len(numbers) != default.count(",") + 1:
             raise ValueError(f"option {name}={text}: not {default.count(',') + 1} numbers, such as {default}")
@@ -137,8 +141,6 @@ class Options:
 
 class Reply:
     """One frame that leaves the device: not before `due`; `hits` are the faults that befall it."""
-
-    __slots__ = ("data", "due", "hits")
 
     def __init__(self, due: float, data: bytes, hits: frozenset[str]) -> None:
         self.due = due
@@ -158,6 +160,9 @@ class Model:
     FAULTS: ClassVar[dict[str, str]] = {}  # name -> help; states of the device, in addition to the faults of the line
     CONTROL = ""  # name of the module that is its Control, loaded on use
     HEADER = b""  # bytes that start frames here; noise is made of them to trap naive framers
+    absent = False  # whether its port is gone: that of a device with USB inside goes with a restart
+    host = ""  # the IP address that it has in the network
+    one_client = False  # whether it drops a client when another one comes, where several can come
     speed: int | None = None  # the speed of the wire in force, bit/s; None: it has none
 
     def __init__(self, options: Options, random: Random) -> None:
@@ -196,21 +201,6 @@ class Model:
         """When the device acts by itself next, apart from replies that are already due."""
         return None
 
-    @property
-    def absent(self) -> bool:
-        """Whether its port is gone: that of a device with USB inside goes with a restart."""
-        return False
-
-    @property
-    def host(self) -> str:
-        """The IP address that it has in the network, "" = none."""
-        return ""
-
-    @property
-    def one_client(self) -> bool:
-        """Whether it drops a client when another one comes, where several can come."""
-        return False
-
     def beside(self, model: type[Model]) -> type[Model]:
         """The model of another wire of this very device."""
         raise ValueError(f"a simulated {self.KIND} has one wire")
@@ -233,8 +223,8 @@ class Model:
         return None
 
     def spoil(self, data: bytes) -> bytes:
-        """The frame with a check value that does not fit."""
-        return data
+        """The frame with a check value that does not fit; where that is the last byte, another one."""
+        return data[:-1] + bytes([(data[-1] + 1) % 256])
 
     def readdress(self, data: bytes) -> bytes:
         """The frame as another device on the line would have sent it: valid, but with another id."""
@@ -248,7 +238,17 @@ class Model:
         """A control command of this device; returns one line, raises ValueError."""
         if not self.CONTROL:
             raise ValueError(f"unknown command {' '.join(words)!r}")
-        return self._control().command(self, words)
+        control = self._control()
+        answer = self.about if words == ["help"] else control.command(self, words)
+        if answer == "":
+            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {control.HELP}")
+        self.dirty = self.dirty or answer is None
+        return " ".join(words) if answer is None else answer
+
+    @property
+    def about(self) -> str:
+        """Its control commands."""
+        return self._control().HELP
 
     def snapshot(self) -> dict[str, Any]:
         """What a state file keeps."""

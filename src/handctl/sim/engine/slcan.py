@@ -16,11 +16,10 @@ nothing happens on the bus: the queue stays full, and no error is added.
 
 from __future__ import annotations
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from collections.abc import Iterable
+from collections.abc import Iterable
+from typing import Any
 
-    from handctl.sim.engine.can import CanLine, Seat
+from handctl.sim.engine.can import Controller
 
 OK, ERROR = b"\r", b"\x07"
 BITRATES = (10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000, 1000000, 83300)  # S0 to S8; S9 of some
@@ -41,7 +40,8 @@ LONGEST = 64  # bytes of a command that are kept; no command is longer than 27
 class Adapter:
     """The adapter with the bus and the device behind it; the client's serial speed does not matter to it."""
 
-    def __init__(self, line: CanLine | Seat, faults: Iterable[str] = ()) -> None:
+    def __init__(self, line: Any, faults: Iterable[str] = ()) -> None:
+        """`line` is a `CanLine`, or a seat of a hub."""
         self.line = line
         self.faults = frozenset(faults)
         self.device = line.device
@@ -67,7 +67,7 @@ class Adapter:
 
     @property
     def hung_up(self) -> bool:
-        return self.line.hung_up
+        return bool(self.line.hung_up)
 
     def advance(self, now: float) -> None:
         self._now = max(now, self._now)
@@ -107,7 +107,7 @@ class Adapter:
     def command(self, text: str) -> str:
         name, _, rest = text.strip().partition(" ")
         if name != "fault" or not rest:
-            return self.line.command(text)
+            return str(self.line.command(text))
         mine, others = split_faults(rest)
         answer = self.line.command(f"fault {others or 'none'}")
         self.faults = frozenset(mine)
@@ -242,6 +242,109 @@ class Adapter:
         changed, self._state = state != self._state, state
         told = b"" if state == b"b" else b"e1a\r"
         return told + (b"s%s000%03d\r" % (state, 256 if state == b"b" else 128) if changed else b"")
+
+
+class Hub:
+    """A bus of which each client has an adapter of its own, all with the same faults: each hears the devices and all others.
+
+    Behind it is a `CanLine`, or the CAN bus of a file, that knows of one client only.
+    """
+
+    def __init__(self, line: Any, faults: Iterable[str] = ()) -> None:
+        self.line = line
+        self.adapters: list[Adapter] = []
+        self.seats: list[Seat] = []
+        self.asked: Seat | None = None  # who sent last
+        self._front = Adapter(Seat(self), faults)  # at no bus: it takes the commands for all
+
+    def __getattr__(self, name: str) -> Any:
+        """What concerns the bus itself."""
+        return getattr(self.line, name)
+
+    def join(self) -> Adapter:
+        self.seats.append(Seat(self))
+        self.adapters.append(Adapter(self.seats[-1], self._front.faults))
+        return self.adapters[-1]
+
+    def leave(self, adapter: Adapter) -> None:
+        self.adapters.remove(adapter)
+        self.seats.remove(adapter.line)
+
+    def command(self, text: str) -> str:
+        answer = self._front.command(text)
+        for adapter in self.adapters:
+            adapter.faults = self._front.faults
+        return answer
+
+    def advance(self, now: float) -> None:
+        self.line.advance(now)
+        self.collect()
+
+    def send(self, seat: Seat, can_id: int, data: bytes, extended: bool, remote: bool) -> None:
+        """A frame of this seat, for the bus and for all other seats."""
+        line, others = self.line, [other for other in self.seats if other is not seat and other.hears()]
+        self.asked = seat
+        deafened = line.deafened
+        line.client_bitrate, line.bus_off = seat.client_bitrate, seat.bus_off
+        line.feed_frame(can_id, data, extended, remote)
+        seat.acknowledged, seat.bus_off = line.acknowledged, line.bus_off
+        line.client_bitrate, line.bus_off = None, False
+        if not seat.acknowledged and not deafened and seat.hears():
+            seat.acknowledged = any(other.taking_part for other in others)
+        if seat.acknowledged and extended and not remote:
+            for other in others:
+                other.arrived.append((can_id, data))
+        self.collect()
+
+    def collect(self) -> None:
+        """Gives what has come to every seat that hears it."""
+        line = self.line
+        frames = line.take_frames()
+        errors, line.bus_errors = line.bus_errors, 0
+        for seat in self.seats:
+            seat.bus_errors += errors
+            if seat.hears():
+                seat.arrived += frames
+        if line.hung_up and not getattr(line, "away", False):  # the adapter of who asked goes away
+            line.reconnect()
+            if self.asked is not None:
+                self.asked.hung_up = True
+
+
+class Seat(Controller):
+    """One client's controller on the bus."""
+
+    def __init__(self, hub: Hub) -> None:
+        self.hub = hub
+        self.hung_up = False
+        self.taking_part = False
+        self.arrived: list[tuple[int, bytes]] = []
+
+    def hears(self) -> bool:
+        return not self.bus_off and self.client_bitrate in (None, self.hub.line.device.speed)
+
+    def advance(self, now: float) -> None:
+        self.hub.advance(now)
+
+    def send(self, can_id: int, data: bytes, extended: bool, remote: bool) -> None:
+        if not self.hung_up:
+            self.hub.send(self, can_id, data, extended, remote)
+
+    def take_frames(self) -> list[tuple[int, bytes]]:
+        self.hub.collect()
+        frames, self.arrived = self.arrived, []
+        return frames
+
+    def next_event(self) -> float | None:
+        return 0.0 if self.arrived else self.hub.next_event()
+
+    def reconnect(self) -> None:
+        self.arrived.clear()
+        self.bus_off = self.hung_up = False
+
+    def __getattr__(self, name: str) -> Any:
+        """The device, and what concerns the bus itself."""
+        return getattr(self.hub.line, name)
 
 
 _COUNTS = frozenset(b"%d" % count for count in range(9))

@@ -56,6 +56,17 @@ def rows_of(lists: Mapping[str, list[Any]]) -> list[dict[str, Any]]:
     return [dict(zip(lists, values, strict=True)) for values in zip(*lists.values(), strict=True)]
 
 
+def real(text: str, low: float, high: float) -> float:
+    """A number that somebody typed, in its range. Raises ValueError."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = high + 1.0
+    if not low <= value <= high:
+        raise ValueError(f"{text!r} is not a number from {low:g} to {high:g}")
+    return value
+
+
 def load(path: str, device: Model) -> bool:
     """Puts the state into the device; False when there is no such file, ValueError when it cannot be used."""
     folder = os.path.dirname(path) or "."

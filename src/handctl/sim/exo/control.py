@@ -6,16 +6,14 @@ Poses are positions, 0 bent to 1000 open (exo §2.3.7); the hand holds an object
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 from handctl.digits import whole
 from handctl.sim.engine.statefile import checked, kept, spread
 from handctl.sim.exo.device import SPEEDS, Device
 from handctl.sim.exo.hand import CURRENTS, FINGERS, Finger
 from handctl.sim.inspire.space import MEMORY, poking
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 HELP = "set ADDRESS HEX | get ADDRESS COUNT | temperature FINGER DEGREES | block FINGER | release FINGER"
 OF_BOTH = {"positions": ("position", float, 0, 1000), "targets": ("target", int, 0, 1000, None)}
@@ -34,12 +32,10 @@ PRESSED = 0.2  # s
 SHARES = (0.6, 0.8, 1.0, 1.1, 1.3)  # of each finger
 
 
-def command(device: Device, words: list[str]) -> str:
-    """One control command (see HELP); returns one line, raises ValueError."""
+def command(device: Device, words: list[str]) -> str | None:
+    """One control command (see HELP), as the engine wants it."""
     match words:
-        case ["help"]:
-            return HELP
-        case ["set", _, *digits] if digits:
+        case ["set", _, _, *_]:
             place, data = poking(words[1:], MEMORY - 1)
             _poke(device, place, data)
             return f"set {place} {data.hex(' ').upper()}"
@@ -51,9 +47,8 @@ def command(device: Device, words: list[str]) -> str:
         case ["block" | "release", name]:
             _finger(device, name).blocked = words[0] == "block"
         case _:
-            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
-    device.dirty = True
-    return " ".join(words)
+            return ""
+    return None
 
 
 def _poke(device: Device, place: int, data: bytes) -> None:

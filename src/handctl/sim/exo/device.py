@@ -10,9 +10,13 @@ import struct
 
 from handctl.sim.engine.model import Options, Random
 from handctl.sim.exo.hand import Hand
-from handctl.sim.inspire.frames import Serial, frame
+from handctl.sim.inspire.frames import SERIAL_OPTIONS, Serial, frame
 from handctl.sim.inspire.servo import heat, strike
-from handctl.sim.inspire.space import Space, differ
+from handctl.sim.inspire.space import Element, Space, differ
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 # The second book of registers, exo §2.3: (word, address, bytes per element, elements, access, lowest, highest). 1006 is not
 # in the manual's table (exo §2.3.5 gives no address); it is taken from the RH56 hand of the same maker.
@@ -40,10 +44,7 @@ LONGEST = 1.0  # s; no movement takes longer
 ALL_FAULTS = (1, 2, 4, 6, 24)  # error bytes of the state "faults"; the 6 is the example of exo §2.3.12
 
 _OPTIONS = {
-    "id": ((1, 1, 254), "id at the first start, 1..254 (default 1)"),
-    "baud": (("115200", "57600", "19200"), "speed at the first start: 115200, 57600 or 19200"),
-    "ack-id": (("new", "old"), "the ack of an id change carries the id: new (default) or old"),
-    "result-flag": (("17", "18"), "flag of the save result: 17 (11 hex, default) or 18 (12 hex)"),
+    **SERIAL_OPTIONS,
     "calibration": ((None, 3600.0), "seconds that a calibration takes (default about 12: waits and movements)"),
     "jitter": (False, "1: force and current jitter also at rest"),
     "limit": ((70, 40, 100), "temperature in °C that sets the over-temperature error (default 70)"),
@@ -84,6 +85,7 @@ class Device(Serial):
         self.flash = {"id": self.given["id"], "speed_code": SPEEDS.index(self.speed)}
         self.hand = Hand(random, self.given["jitter"], float(self.given["limit"]))
         self.space = Space(REGISTERS, most=1000)
+        self.spaces = {"": self.space}
 
     # -- power, time, faults ----------------------------------------------------------------------------------------
 
@@ -156,23 +158,9 @@ class Device(Serial):
             return self._command(flag, struct.unpack("<5h", body), hits)
         return super().answer(flag, body, hits)
 
-    def read(self, space: str, address: int, count: int) -> bytes | None:
-        """exo §2.2.3."""
-        if "block-silent" in self.faults and not self.space.documented(address, count):
-            return None
-        self.publish()
-        return self.space.read(address, count)
-
-    def write(self, space: str, address: int, data: bytes, hits: frozenset[str]) -> bool | None:
-        """exo §2.2.4. Gaps, read-only bytes and values out of range are ignored but acknowledged (open on hardware), or met
-        with silence in the state "strict".
-        """
-        accepted, covered = self.space.plan(address, data)
-        if "strict" in self.faults and covered < len(data):
-            return None
-        for element in accepted if "refuse" not in hits else ():
+    def stored(self, accepted: Sequence[Element], hits: frozenset[str]) -> None:
+        for element in accepted:
             self._store(*element, hits)
-        return "refuse" not in hits
 
     def _store(self, word: str, number: int, value: int, place: int, raw: bytes, hits: frozenset[str]) -> None:
         """One register element that was written with a value in its range."""
@@ -218,15 +206,9 @@ class Device(Serial):
                 self._store(word, number, value, self.space.place(word, number), struct.pack("<h", value), hits)
         return struct.pack(f"<{len(answer)}h", *answer)
 
-    def publish(self) -> None:
-        """Puts the readings of this moment into memory."""
+    def publish(self, space: str = "") -> None:
         for word, values in self.hand.readings():
             self.space.put(word, values)
-
-    # -- faults that know the frame -----------------------------------------------------------------------------------
-
-    def second(self, space: str, address: int, data: bytes) -> bytes:
-        return self.space.twin(address, data)
 
     def twin(self, data: bytes) -> bytes:
         """All that a command tells is measured."""

@@ -29,10 +29,6 @@ STALL_FORCE = 400.0  # reaction of the obstacle
 class Finger(Servo):
     """One actuator with the finger it moves. A set point acts only once it was written."""
 
-    __slots__ = (
-        "blocked", "force", "force_goal", "number", "position", "pressing", "rest_current", "rest_force", "speed", "target",
-    )  # fmt: skip
-
     def __init__(self, number: int, limit: float) -> None:
         super().__init__(float(TEMPERATURES[number]), limit)
         self.number = number

@@ -6,18 +6,15 @@ crushes anything.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 from handctl.digits import whole
 from handctl.sim.engine.statefile import checked, columns, kept, rows_of, spread
 from handctl.sim.hand.books import MEMORY
 from handctl.sim.hand.fingers import COURSE, Body, Finger
-from handctl.sim.hand.model import ACTS, Hand
-from handctl.sim.hand.wires import Front
+from handctl.sim.hand.model import ACTS, Front, Hand
 from handctl.sim.inspire.space import poking
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 FIELDS = {  # of a finger in a state file
     "angle": ("angle", float, -4000, 4000),
@@ -46,13 +43,11 @@ HELP = (
 )
 
 
-def command(device: Front, words: list[str]) -> str:
-    """One control command (see HELP); returns one line, raises ValueError. COUNT is one of bytes."""
+def command(device: Front, words: list[str]) -> str | None:
+    """One control command (see HELP), as the engine wants it. COUNT is one of bytes."""
     hand = device.hand
     unit = hand.generation.unit
     match words:
-        case ["help"]:
-            return f"{HELP}. FINGER: {', '.join(hand.generation.names)}"
         case ["set", address, *digits] if digits:
             place, data = poking(words[1:], MEMORY // unit - 1)
             poke(hand, place * unit, data)
@@ -75,10 +70,9 @@ def command(device: Front, words: list[str]) -> str:
         case ["ip"]:
             return ".".join(str(part) for part in hand.address)
         case _:
-            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
+            return ""
     hand.publish()
-    device.dirty = True
-    return " ".join(words)
+    return None
 
 
 def poke(hand: Hand, place: int, data: bytes) -> None:

@@ -32,11 +32,6 @@ STROKE = 2000
 class Finger(Servo):
     """One actuator with the finger it moves. A set value acts only once it was written."""
 
-    __slots__ = (
-        "angle", "blocked", "closed", "command", "current_limit", "force_limit", "forced", "goal", "object", "open", "pressing",
-        "rate", "rest_current", "rest_force", "short", "speed", "state", "stroke", "stroke_goal", "stubborn", "thing", "waiting",
-    )  # fmt: skip
-
     def __init__(
         self, ends: tuple[int, int], found: tuple[int, int, int, int, int, int], rate: float, limit: float
     ) -> None:
@@ -270,11 +265,8 @@ class Body:
 
     def next_event(self) -> float | None:
         """When a command reaches its motor, or the next pose of a calibration begins."""
-        first = self.course[0][0] if self.course else None
-        for finger in self.fingers:
-            if finger.waiting and (first is None or finger.waiting[0][0] < first):
-                first = finger.waiting[0][0]
-        return first
+        waiting = [finger.waiting[0][0] for finger in self.fingers if finger.waiting]
+        return min([*waiting, *(when for when, _ in self.course[:1])], default=None)
 
     # -- commands -------------------------------------------------------------------------------------------------------
 

@@ -6,7 +6,7 @@
     refused   function + 128, exception 1 to 4
 
 Numbers go high byte first. On DF and TP register a is the bytes a, low half, and a + 1, high half; on F1 and DG2 it is word a.
-Knows what stands between unit and check sum; RTU frames are those of `rtu`, TCP has its own in modbus_tcp.py.
+Knows what stands between unit and check sum; RTU frames are those of `rtu`, TCP has its own in device.py.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import struct
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from handctl.sim.hand.wires import Front
+    from handctl.sim.hand.model import Front
 
 READ, WRITE_ONE, WRITE = 3, 6, 16
 BAD_FUNCTION, BAD_ADDRESS, BAD_VALUE, FAILED = 1, 2, 3, 4  # exceptions, by the standard: none was seen on a hand

@@ -1,4 +1,4 @@
-"""One simulated RH56 hand without its wires: registers, flash, triggers, readings (RH56 dossier §3, §6, §10).
+"""One simulated RH56 hand without its wires: registers, flash, triggers, readings, skin (RH56 dossier §3, §6, §10).
 
 Several wires may lead to it at once. Addresses are bytes here, also those of F1 and DG2 (books.py). Written from the dossier
 alone, by other means than the host. Where it says "open" the behaviour is invented and an option has the other one; nothing
@@ -10,15 +10,18 @@ from __future__ import annotations
 import struct
 
 from handctl.digits import number_in
-from handctl.sim.hand import books, tactile
+from handctl.sim.engine.model import Model, Options, Random
+from handctl.sim.hand import books
 from handctl.sim.hand.books import FACTORY_ADDRESS, GENERATIONS, MEMORY, Generation
 from handctl.sim.hand.fingers import Body, Finger
 from handctl.sim.hand.options import ALL_FAULTS
+from handctl.sim.inspire.frames import Asked
 from handctl.sim.inspire.servo import heat, strike
 from handctl.sim.inspire.space import Space
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from typing import Any
 
     from handctl.sim.engine.model import Options, Random
@@ -92,11 +95,6 @@ class Hand:
         """What a group of signed words shows."""
         return struct.unpack_from(f"<{self.generation.count}h", self.space.memory, self.space.place(word))
 
-    def put(self, word: str, values: tuple[int, ...] | list[int]) -> None:
-        """Fills a group, of bytes or words as its row has it, where the hand has it."""
-        if word in self.space.row:
-            self.space.put(word, values)
-
     def code(self) -> int:
         """The speed code in memory."""
         return self.space.memory[self.space.place("speed")]
@@ -131,10 +129,10 @@ class Hand:
         self.space.clear()
         self.felt = None
         self.number, self.speed_code, self.address = self.flash_number, self.flash_code, self.flash_address
-        self.put("id", [self.number])
+        self.space.put("id", [self.number])
         self.space.memory[self.space.place("speed")] = self.flash_code
-        self.put("voltage", [books.VOLTAGE])
-        self.put("address", self.address)
+        self.space.put("voltage", [books.VOLTAGE])
+        self.space.put("address", self.address)
         if (self._used or self.stays) and "fresh" not in self.faults:
             self._start({"speed-set": self.kept["default-speed"], **self.golden, **self.kept})
         else:
@@ -147,7 +145,7 @@ class Hand:
 
     def _start(self, values: dict[str, tuple[int, ...]]) -> None:
         for word, row in values.items():
-            self.put(word, row)
+            self.space.put(word, row)
         self.use_set_values()
 
     def _fresh(self) -> None:
@@ -281,9 +279,9 @@ class Hand:
         """Id at once, speed and IP address with the next power-on; what else is kept comes back too (open)."""
         self._start(self.factory)
         self.number = 1
-        self.put("id", [1])
+        self.space.put("id", [1])
         self.space.memory[self.space.place("speed")] = 0
-        self.put("address", FACTORY_ADDRESS)
+        self.space.put("address", FACTORY_ADDRESS)
         if self.given["reset"] == "flash":
             self._save()
 
@@ -293,15 +291,15 @@ class Hand:
         """Puts the readings of this moment into memory."""
         self.body.jitters()
         for word, values in self.body.readings("foreign" in self.faults):
-            self.put(word, values)
+            self.space.put(word, values)
         presses = [finger.pressed() for finger in self.body.fingers]
         if "tactile" in self.space.row:
             dead, saturated = "tactile-dead" in self.faults, "tactile-saturated" in self.faults
             if self.felt != (felt := (presses, dead, saturated)):
-                self.put("tactile", tactile.skin(presses, dead, saturated, self.given["tactile"] == "quiet"))
+                self.space.put("tactile", skin(presses, dead, saturated, self.given["tactile"] == "quiet"))
                 self.felt = felt
         elif "touch" in self.space.row:
-            self.put("touch", tactile.words(presses))
+            self.space.put("touch", touched(presses))
 
 
 _SET = ("stroke-set", "angle-set", "force-set", "speed-set")
@@ -326,3 +324,134 @@ def _address(text: str | None) -> tuple[int, ...]:
     if len(parts) != 4 or len(numbers) != 4:
         raise ValueError(f"option ip={text}: not an IP address, as 192.168.11.210")
     return tuple(numbers)
+
+
+# What the skin feels: 17 zones of a TP, 34 words of F1 and DG2 (dossier §3.4, §3.2). A hand that touches nothing shows value i
+# at index i, so that a swap is seen (dossier §10); what a finger grasps is added. Where on a zone an object lies is invented: in
+# its middle, weaker towards the edge.
+MOST = 4095
+INVALID = 65535  # at 65280 and above a value is saturated or invalid (dossier §3.4)
+VALUES = 1062
+FINGER = ((3, 3), (12, 8), (10, 8))  # rows and columns of tip, nail, pad
+THUMB = ((3, 3), (12, 8), (3, 3), (12, 8))  # tip, nail, middle, pad
+PALM = (8, 14)
+
+
+def _zones() -> list[tuple[int, int, int, int]]:
+    """(finger 0..4 or 5 = palm, index of the first value, rows, columns), in the order of the addresses."""
+    zones, first = [], 0
+    for finger, shapes in enumerate((FINGER, FINGER, FINGER, FINGER, THUMB, (PALM,))):
+        for rows, columns in shapes:
+            zones.append((finger, first, rows, columns))
+            first += rows * columns
+    return zones
+
+
+ZONES = _zones()
+NAILS = (1, 4, 7, 10, 13)  # zones that an object within the hand does not touch
+DEAD = (6, *range(12, 17))  # middle tip; thumb and palm (dossier §3.4)
+
+
+def skin(presses: Sequence[float], dead: bool, saturated: bool, quiet: bool) -> list[int]:
+    """All values of a TP for what each of six fingers is pressed with, g; the palm feels what all press together."""
+    values = [0] * VALUES if quiet else list(range(VALUES))
+    felt = [*presses[:4], max(presses[4:6]), sum(presses) / 6.0]
+    for number, (finger, first, rows, columns) in enumerate(ZONES):
+        if dead and number in DEAD:
+            values[first : first + rows * columns] = [0] * (rows * columns)
+        elif felt[finger] > 0.0 and number not in NAILS:
+            for place in range(rows * columns):
+                share = _share(place // columns, rows) * _share(place % columns, columns)
+                values[first + place] = min(MOST, values[first + place] + int(felt[finger] * share))
+    if saturated:
+        values[0], values[-1] = INVALID, INVALID - 255
+    return values
+
+
+def _share(place: int, count: int) -> float:
+    """1 in the middle, less towards the ends."""
+    return 1.0 - abs(2.0 * place + 1.0 - count) / (count + 1.0)
+
+
+def touched(presses: Sequence[float]) -> list[int]:
+    """F1 and DG2: of five fingers normal and tangential force in 0.01 N, direction, proximity (24 bits); a palm of 3 x 3."""
+    found = []
+    for number in range(5):
+        press = presses[number] if number < 4 else max(presses[4:])
+        near = 8000000 if press > 0.0 else 1000 * (number + 1)
+        normal = min(65535, round(0.98 * press)) or 11 * (number + 1)
+        found += [normal, normal // 4, 65535 if press <= 0.0 else 15 * number, near % 65536, near // 65536]
+    return found + [201 + place + round(0.98 * sum(presses) / 60.0) for place in range(9)]
+
+
+class Front(Asked):
+    """The hand as one of its wires shows it. A wire beside another one is made with that one's hand."""
+
+    KIND = "hand"
+    CONTROL = "handctl.sim.hand.control"
+    BUS = ""
+    FLAGS = {0: ("", False), 1: ("", True)}  # noqa: RUF012
+
+    def __init__(self, options: Options, random: Random, hand: Hand | None = None) -> None:
+        super().__init__(options, random)
+        options.choice("bus", self.BUS, (self.BUS,))
+        self.alone = hand is None
+        self.hand = from_options(options, self.given, random) if hand is None else hand
+        self.spaces = {"": self.hand.space}
+        self.unit = self.hand.generation.unit
+
+    @property
+    def id(self) -> int:  # type: ignore[override]
+        return self.hand.number
+
+    @property
+    def about(self) -> str:
+        return f"{super().about}. FINGER: {', '.join(self.hand.generation.names)}"
+
+    def beside(self, model: type[Model]) -> type[Model]:
+        """Another wire of this hand, of a class like this one."""
+        hand = self.hand
+
+        class Beside(model):  # type: ignore[valid-type, misc]
+            def __init__(self, options: Options, random: Random) -> None:
+                super().__init__(options, random, hand)
+
+        return Beside
+
+    def boot(self, now: float) -> None:
+        super().boot(now)
+        if self.alone:
+            self.hand.boot(now)
+
+    def advance(self, now: float) -> None:
+        self.now = now
+        self.hand.advance(max(now, self.hand.now))
+        if self.alone and self.hand.dirty:
+            self.dirty, self.hand.dirty = True, False
+
+    def elapse(self, seconds: float) -> None:
+        self.hand.elapse(seconds)
+
+    def power(self, on: bool) -> None:
+        """Late frames are gone; a wire that joins a hand that is on leaves it so."""
+        super().power(on)
+        self._replies.clear()
+        if on != self.hand.powered:
+            self.hand.faults = self.faults
+            self.hand.power(on)
+        self.dirty = self.dirty or on
+
+    def set_faults(self, faults: frozenset[str]) -> None:
+        self.faults = faults
+        self.hand.set_faults(faults)
+
+    def restored(self) -> None:
+        """A state file has changed the hand."""
+
+    def read(self, space: str, address: int, count: int) -> bytes | None:
+        return self.hand.read(address, count)
+
+    def write(self, space: str, address: int, data: bytes, hits: frozenset[str]) -> bool | None:
+        """A write, after which the state file is another one."""
+        self.dirty = True
+        return self.hand.write(address, data, hits)

@@ -12,8 +12,10 @@ from handctl.sim.engine.model import NOTHING, Model, Reply
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from typing import Any, ClassVar
+
+    from handctl.sim.inspire.space import Element, Space
 
 
 def find(buffer: bytes | bytearray, device_id: int, possible: Callable[[int, int], bool]) -> tuple[int, int, int]:
@@ -61,6 +63,14 @@ def _sum(data: bytes | bytearray) -> int:
     return total % 256
 
 
+SERIAL_OPTIONS = {
+    "id": ((1, 1, 254), "id at the first start, 1..254 (default 1)"),
+    "baud": (("115200", "57600", "19200"), "speed at the first start: 115200, 57600 or 19200"),
+    "ack-id": (("new", "old"), "the ack of an id change carries the id: new (default) or old"),
+    "result-flag": (("17", "18"), "flag of the save result: 17 (11 hex, default) or 18 (12 hex)"),
+}
+
+
 class Asked(Model):
     """A device with address spaces that are read and written. `unit` is how many bytes one address counts."""
 
@@ -69,17 +79,39 @@ class Asked(Model):
     unit = 1
     id: int
 
-    def read(self, space: str, address: int, count: int) -> bytes | None:
-        """The bytes from this byte address, None: silence."""
+    spaces: dict[str, Space]
+
+    def publish(self, space: str) -> None:
+        """Puts the readings of this moment into memory."""
         raise NotImplementedError
 
-    def write(self, space: str, address: int, data: bytes, hits: frozenset[str]) -> bool | None:
-        """Whether the write is accepted, None: silence."""
+    def stored(self, accepted: Sequence[Element], hits: frozenset[str]) -> None:
+        """Carries out what a write may set."""
         raise NotImplementedError
+
+    def read(self, space: str, address: int, count: int) -> bytes | None:
+        """The bytes from this byte address, None: silence."""
+        if "block-silent" in self.faults and not self.spaces[space].documented(address, count):
+            return None
+        self.publish(space)
+        return self.spaces[space].read(address, count)
+
+    def write(self, space: str, address: int, data: bytes, hits: frozenset[str]) -> bool | None:
+        """Whether the write is accepted, None: silence. Gaps, read-only bytes and values out of range are ignored but
+        acknowledged (open on hardware), or met with silence in the state "strict".
+        """
+        accepted, covered = self.spaces[space].plan(address, data)
+        if "strict" in self.faults and covered < len(data):
+            return None
+        if "refuse" in hits:
+            return False
+        self.dirty = self.dirty or bool(accepted)
+        self.stored(accepted, hits)
+        return True
 
     def second(self, space: str, address: int, data: bytes) -> bytes:
         """What a second device with the same commands would answer to a read at this byte address."""
-        raise NotImplementedError
+        return self.spaces[space].twin(address, data)
 
 
 class Serial(Asked):
@@ -163,9 +195,6 @@ class Serial(Asked):
     def _tell(self, when: float, flag: int, body: bytes, hits: frozenset[str]) -> None:
         if "no-late-frames" not in self.faults:
             self._replies.append(Reply(when, frame(self.id, flag, body), hits))
-
-    def spoil(self, data: bytes) -> bytes:
-        return data[:-1] + bytes([(data[-1] + 1) % 256])
 
     def readdress(self, data: bytes) -> bytes:
         return frame(data[2] % 254 + 1, data[4], data[5:-1])

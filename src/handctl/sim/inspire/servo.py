@@ -32,8 +32,6 @@ CLEARABLE = LOCKED_ROTOR + OVER_CURRENT + MOTOR_ABNORMAL + COMMUNICATION  # exo 
 class Servo:
     """Heat and errors of one actuator that settles at `at_rest` °C and is too hot from `limit` on."""
 
-    __slots__ = ("_temperature", "ambient", "at_rest", "errors", "hot", "limit")
-
     def __init__(self, at_rest: float, limit: float) -> None:
         self.at_rest = at_rest
         self.limit = limit

@@ -14,6 +14,8 @@ MEMORY = 4096  # bytes kept where nothing else is said; above, everything reads 
 
 Row = tuple[str, int, int, int, str, int, int]
 Rows = tuple[Row, ...]
+Element = tuple[str, int, int, int, bytes]
+"""Of a write: word, number, value, address, bytes."""
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -40,7 +42,9 @@ class Space:
         return self.row[word][1] + self.row[word][2] * number
 
     def put(self, word: str, values: Sequence[int]) -> None:
-        """Fills a row, also beyond its ranges, or with more values than it has."""
+        """Fills a row, also beyond its ranges, or with more values than it has; nothing where there is no such row."""
+        if word not in self.row:
+            return
         _, place, size, *_ = self.row[word]
         layout = "B" if size == 1 else "h" if min(values) < 0 else "H"
         struct.pack_into(f"<{len(values)}{layout}", self.memory, place, *values)
@@ -58,11 +62,8 @@ class Space:
         )
         return known == count
 
-    def plan(
-        self, address: int, data: bytes, unchecked: bool = False
-    ) -> tuple[list[tuple[str, int, int, int, bytes]], int]:
-        """What a write would do: (word, number, value, address, bytes) of each element it may set, and how many bytes that
-        takes up.
+    def plan(self, address: int, data: bytes, unchecked: bool = False) -> tuple[list[Element], int]:
+        """What a write would do: the elements it may set, and how many bytes they take up.
 
         Gaps, read-only bytes and values out of range, unless `unchecked`, are left out; half an element is completed
         from memory.

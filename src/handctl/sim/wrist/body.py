@@ -27,8 +27,6 @@ STALL_TIME = 0.3  # s against an obstacle until the locked-rotor error
 class Actuator(Servo):
     """A servo actuator: current, heat, errors."""
 
-    __slots__ = ("drive", "number", "rest_current")
-
     def __init__(self, number: int, limit: float) -> None:
         super().__init__(TEMPERATURES[number], limit)
         self.number = number

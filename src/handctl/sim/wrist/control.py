@@ -6,7 +6,8 @@ Angles are well within the ranges of the set values (wrist §2.1: yaw ±25.5°, 
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 from handctl.digits import whole
 from handctl.sim.engine.statefile import Fields, checked, kept, spread
@@ -15,9 +16,6 @@ from handctl.sim.hand.fingers import CALIBRATION
 from handctl.sim.inspire.space import MEMORY, poking
 from handctl.sim.wrist.body import AXES, PITCH, YAW
 from handctl.sim.wrist.model import KEPT, Module
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 HELP = (
     "set ADDRESS HEX | get ADDRESS COUNT | hand-set ADDRESS HEX | hand-get ADDRESS COUNT"
@@ -44,18 +42,16 @@ COURSE = (  # pitch and yaw in 0.01°, seconds to get there, seconds there
 )
 
 
-def command(device: Module, words: list[str]) -> str:
-    """One control command (see HELP); returns one line, raises ValueError."""
+def command(device: Module, words: list[str]) -> str | None:
+    """One control command (see HELP), as the engine wants it."""
     match words:
-        case ["help"]:
-            return HELP
         case ["set" | "hand-set", address, *digits] if digits:
             place, data = poking(words[1:], MEMORY - 1)
             _poke(device, words[0] == "set", place, data)
             return f"{words[0]} {address} {data.hex(' ').upper()}"
         case ["get" | "hand-get", _, _]:
             device.publish()
-            return device.space("wrist" if words[0] == "get" else "carrier").peek(words[1:])
+            return device.spaces["wrist" if words[0] == "get" else "carrier"].peek(words[1:])
         case ["temperature", "1" | "2" as number, degrees]:
             device.body.actuators[int(number) - 1].temperature = whole(degrees, 0, 100)
         case ["block", "pitch" | "yaw" as axis]:
@@ -63,9 +59,8 @@ def command(device: Module, words: list[str]) -> str:
         case ["release", "pitch" | "yaw" as axis]:
             device.body.release(AXES.index(axis))
         case _:
-            raise ValueError(f"unknown command {' '.join(words)!r}. Known: {HELP}")
-    device.dirty = True
-    return " ".join(words)
+            return ""
+    return None
 
 
 def _poke(device: Module, of_wrist: bool, address: int, data: bytes) -> None:

@@ -1,4 +1,4 @@
-"""A simulated wrist module on RS-232 or RS-485: frames, the late result of a save (wrist §2.2, RH56 §2.2).
+"""The wires of a simulated wrist module: RS-232 or RS-485 with the late result of a save (wrist §2.2, RH56 §2.2), CAN (§2.3).
 
 Flags 30 and 31 (hex) reach the wrist, 11 and 12 the hand that carries it; one id, the hand's. A write of 8 bytes looks like an
 exo's force command; a wrist takes it for what it is here, a write (wrist §2.2.1). Written from the manual alone, by other means
@@ -7,16 +7,13 @@ than the host.
 
 from __future__ import annotations
 
-from handctl.sim.inspire.frames import Serial
+from handctl.sim.inspire.frames import SERIAL_OPTIONS, Can, Serial
 from handctl.sim.wrist import model
 from handctl.sim.wrist.model import Module
 
 _OPTIONS = {
     **model.OPTIONS,
-    "id": ((1, 1, 254), "id at the first start, 1..254 (default 1)"),
-    "baud": (("115200", "57600", "19200"), "speed at the first start: 115200, 57600 or 19200"),
-    "ack-id": (("new", "old"), "the ack of an id change carries the id: new (default) or old"),
-    "result-flag": (("17", "18"), "flag of the save result: 17 (11 hex, default) or 18 (12 hex)"),
+    **SERIAL_OPTIONS,
     "gap": ((0.1, 3600.0), "seconds of silence after which an unfinished request is forgotten (default 0.1)"),
 }
 _FAULTS = {**model.FAULTS, "no-late-frames": "no save result, no end of a calibration"}
@@ -35,3 +32,24 @@ class Device(Serial, Module):
 
     def calibrates(self, end: float, hits: frozenset[str]) -> None:
         self.tell_calibrated(end, hits)
+
+
+_CAN_OPTIONS = {
+    **model.OPTIONS,
+    "id": ((1, 0, 16383), "id at the first start, 0..16383 (default 1)"),
+    "bitrate": (("1000000", "500000"), "speed at the first start: 1000000 (default) or 500000"),
+    "ack-dlc": (False, "data bytes of a write's acknowledgement: 0 (default), or 1 with the number of bytes written"),
+}
+
+
+class CanDevice(Can, Module):
+    """The module on its CAN bus: flag 4 reads the wrist, 5 writes it, 0 and 1 the hand."""
+
+    OPTIONS = _CAN_OPTIONS
+    SPEED = "bitrate"
+    SPEEDS = (1000000, 500000)  # wrist §2.3; the second speed code is that of the RH56 on CAN
+    FLAGS = {0: ("carrier", False), 1: ("carrier", True), 4: ("wrist", False), 5: ("wrist", True)}  # noqa: RUF012
+
+    def ack(self, written: int) -> bytes:
+        """The manual's acknowledgement is empty and so cannot tell a refusal: only reading back does (open)."""
+        return bytes([written] if self.given["ack-dlc"] else [])

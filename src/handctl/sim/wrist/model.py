@@ -13,8 +13,12 @@ from handctl.sim.hand.model import Hand
 from handctl.sim.hand.options import OPTIONS as OF_HAND
 from handctl.sim.inspire.frames import Asked
 from handctl.sim.inspire.servo import bounded, heat, strike
-from handctl.sim.inspire.space import Space
+from handctl.sim.inspire.space import Element, Space
 from handctl.sim.wrist.body import PITCH, YAW, Body
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 # wrist §2.1; angles in 0.01° with the ranges of wrist §1, currents in mA, time in ms.
 WRIST = (
@@ -123,6 +127,7 @@ class Module(Asked):
         self.body = Body(random, self.given["jitter"], float(self.given["limit"]))
         self.carrier = carrier(random)
         self.wrist, self.hand = Space(WRIST), self.carrier.space
+        self.spaces = {"wrist": self.wrist, "carrier": self.hand}
 
     # -- power, time, faults ----------------------------------------------------------------------------------------
 
@@ -181,47 +186,24 @@ class Module(Asked):
 
     # -- requests ---------------------------------------------------------------------------------------------------
 
-    def space(self, name: str) -> Space:
-        return self.wrist if name == "wrist" else self.hand
-
     def read(self, space: str, address: int, count: int) -> bytes | None:
-        if space == "wrist" and "no-wrist" in self.faults:
-            return None
-        if "block-silent" in self.faults and not self.space(space).documented(address, count):
-            return None
-        if space == "wrist":
-            self._publish_wrist()
-        else:
-            self.carrier.publish()
-        return self.space(space).read(address, count)
-
-    def second(self, space: str, address: int, data: bytes) -> bytes:
-        return self.space(space).twin(address, data)
+        return None if space == "wrist" and "no-wrist" in self.faults else super().read(space, address, count)
 
     def write(self, space: str, address: int, data: bytes, hits: frozenset[str]) -> bool | None:
-        """Gaps, read-only bytes and values out of range are ignored but acknowledged (open on hardware), or met with
-        silence in the state "strict".
-        """
         if space != "wrist":
             return self._write_hand(address, data, hits)
-        if "no-wrist" in self.faults:
-            return None
-        accepted, covered = self.wrist.plan(address, data)
-        if "strict" in self.faults and covered < len(data):
-            return None
-        if "refuse" in hits:
-            return False
-        self.dirty = True
+        return None if "no-wrist" in self.faults else super().write(space, address, data, hits)
+
+    def stored(self, accepted: Sequence[Element], hits: frozenset[str]) -> None:
+        """The time of the same write counts for its angles; a time alone is for the next movement (open)."""
         values = {}
         for word, _, value, place, raw in accepted:
             self.wrist.store(place, raw)
             values[word] = value
-        # The time of the same write counts for its angles; a time alone is for the next movement (open).
         targets = {axis: values[word] for axis, word in ((YAW, "yaw-set"), (PITCH, "pitch-set")) if word in values}
         if targets:
             place = self.wrist.place("time")
             self.body.move(targets, int.from_bytes(self.wrist.memory[place : place + 2], "little") / 1000.0)
-        return True
 
     def _write_hand(self, address: int, data: bytes, hits: frozenset[str]) -> bool | None:
         """What the hand does, and what of that concerns the wrist: the id, errors that are cleared, flash."""
@@ -253,17 +235,16 @@ class Module(Asked):
     def calibrates(self, end: float, hits: frozenset[str]) -> None:
         """The hand's calibration has begun and ends then; a wire that reports the end overrides this."""
 
-    def publish(self) -> None:
-        """Puts the readings of this moment into memory."""
-        self.carrier.publish()
-        self._publish_wrist()
-
-    def _publish_wrist(self) -> None:
-        pitch, yaw = (3000, 3001) if "foreign" in self.faults else self.body.positions()
-        first, second = self.body.currents()
+    def publish(self, space: str = "") -> None:
+        """Those of one space, or of both."""
+        if space != "wrist":
+            self.carrier.publish()
+        if space == "carrier":
+            return
+        body, put = self.body, self.wrist.put
+        put("pitch", [3000, 3001] if "foreign" in self.faults else body.positions())  # yaw lies behind it
         # The register table has #2 before #1; the CAN example calls 1024 the first (wrist §2.1, §2.3.1: open).
-        for word, value in (("pitch", pitch), ("yaw", yaw), ("current-1", first), ("current-2", second)):
-            self.wrist.put(word, [value])
-        for number, actuator in enumerate(self.body.actuators, 1):
-            self.wrist.put(f"error-{number}", [actuator.error()])
-            self.wrist.put(f"temperature-{number}", [bounded(int(actuator.temperature + 0.0001), 0, 255)])
+        put("current-2", body.currents()[::-1])
+        for number, actuator in enumerate(body.actuators, 1):
+            put(f"error-{number}", [actuator.error()])
+        put("temperature-1", [bounded(int(actuator.temperature + 0.0001), 0, 255) for actuator in body.actuators])
