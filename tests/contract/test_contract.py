@@ -27,6 +27,7 @@ from handctl.frame.clikit import HEADINGS, USUAL
 from handctl.frame.family import load
 from handctl.link.fake import FakeFrames, FakeLink
 from handctl.model.param import SETTING, Element, ParamMap, elements_of
+from handctl.tools.probes import family_of
 from handctl.tools.trace_read import explainer_of
 from tests.contract.cell import CODES, judge, tried, wrote
 from tests.contract.commands import ELSEWHERE, SECONDS, commands, scratch_of, writing_commands
@@ -101,11 +102,12 @@ def test_every_format(family: str, name: str) -> None:
 @pytest.mark.parametrize("family", FAMILIES)
 def test_the_probe_finds_its_own_device_and_no_other(family: str, tmp_path: Path) -> None:
     """It only reads; silence, an echo, garbage and the device of another protocol are nobody."""
+    few = ("--ids", "1-3") if family_of(family).ids else ()
     for kind in FAMILIES:
-        for fault in ("healthy", "silent", "loopback", "garble"):
+        for fault in ("healthy", "silent", "loopback", "garble") if kind == family else ("healthy", "garble"):
             trace, link = tmp_path / "trace.txt", facts_of(kind).link(kind, "", f"fault={fault}")
             trace.unlink(missing_ok=True)
-            done = run("scan", "--family", family, "-p", link, "--json", "--trace", trace)
+            done = run("scan", "--family", family, *few, "-p", link, "--json", "--trace", trace)
             found = {row["family"] for row in done.rows if row.get("family")}
             assert done.code in CODES - {8}, (kind, fault, done)
             if done.code == 2:
