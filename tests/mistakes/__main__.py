@@ -56,7 +56,7 @@ def chosen(names: Sequence[str]) -> list[Mistake]:
 
 def told(name: str, problems: Iterable[str]) -> None:
     """A mistake that was missed, and the command that says so again."""
-    print(f"MISSED {name}\n  " + "\n  ".join(problems) + f"\n  python -m tests.mistakes {name}")
+    print(f"MISSED {name}\n  " + "\n  ".join(problems) + f"\n  repeat: python -m tests.mistakes {name}")
 
 
 def check(some: Sequence[Mistake], jobs: int, folder: Path) -> int:

@@ -41,7 +41,9 @@ def replay(tmp_path_factory: pytest.TempPathFactory) -> Replay:
     def wrong(keys: list[str]) -> list[str]:
         """The cells that are not as they are written down, each with what shows it, and messages that are not."""
         found = replayed(recorder, [key for key in keys if key in known], noted)
-        lines = [f"{key}: {parts}\n  python -m tests.wire --diff '{key}'" for key, parts in differing(found, known)]
+        lines = [
+            f"{key}: {parts}\n  repeat: python -m tests.wire --diff '{key}'" for key, parts in differing(found, known)
+        ]
         lines += [
             f"not in {messages.GOLDEN.name} (python -m tests.messages --cells --write):\n{one}" for one in unwritten
         ]
