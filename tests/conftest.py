@@ -20,6 +20,7 @@ from hypothesis.internal.conjecture import providers
 from tests.support import own_state as state
 from tests.support.collecting import Collecting
 from tests.support.in_process import in_process
+from tests.support.telling import quickly
 
 __all__ = [
     "own_state",
@@ -63,6 +64,7 @@ def pytest_runtest_teardown(item: pytest.Item) -> Iterator[None]:
 def pytest_configure(config: pytest.Config) -> None:
     """Collecting in less time is a plugin of its own."""
     config.pluginmanager.register(Collecting(KEPT))
+    quickly()
 
 
 # The same few examples in each run: what a new one finds is a task for the search, not an end of an ordinary run by chance.

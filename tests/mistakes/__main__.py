@@ -7,6 +7,7 @@ named with it must fail. Exit code 1 if one was missed, if its line is gone from
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import tempfile
 import time
@@ -15,7 +16,7 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
-from tests.mistakes.seeded import prepare, run, seed
+from tests.mistakes.seeded import foreign, prepare, run, seed
 from tests.mistakes.table import TOP, Mistake, Stale, mistakes
 from tests.mistakes.together import Told, together
 
@@ -25,7 +26,7 @@ def healthy(tests: Sequence[str]) -> Told:
     verdict = run(tests)
     wrong = {name: f"fails without a mistake: {text}" for name, text in verdict.failed.items()}
     wrong.update({name: "is not there, or was skipped" for name in tests if name not in verdict.passed})
-    return {"broken": verdict.broken, "wrong": wrong, "took": verdict.passed}
+    return {"broken": verdict.broken, "wrong": wrong, "took": verdict.passed, "foreign": foreign()}
 
 
 def seeded(one: Mistake, files: Sequence[str]) -> Told:
@@ -55,7 +56,7 @@ def chosen(names: Sequence[str]) -> list[Mistake]:
 
 def told(name: str, problems: Iterable[str]) -> None:
     """A mistake that was missed, and the command that says so again."""
-    print(f"MISSED {name}\n  " + "\n  ".join(problems) + f"\n  python -m tests.mistakes {name}")
+    print(f"MISSED {name}\n  " + "\n  ".join(problems) + f"\n  repeat: python -m tests.mistakes {name}")
 
 
 def check(some: Sequence[Mistake], jobs: int, folder: Path) -> int:
@@ -70,6 +71,7 @@ def check(some: Sequence[Mistake], jobs: int, folder: Path) -> int:
     for _, result in together(clean, jobs, folder, 600.0):
         wrong.update(result.get("wrong", {}))
         broken += result["broken"]
+        prepare(result.get("foreign", ()))
     for text in broken:
         print(f"MISSED without a mistake: {text}")
     todo = [(one.name, partial(seeded, one, ())) for one in some]
@@ -127,7 +129,7 @@ def main() -> int:
             print(f"{one.room:<10} {one.kind:<28} {one.name}")
             print("".join(f"{'':<11}{test}\n" for test in one.tests), end="")
         return 0
-    prepare()
+    os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"  # looking for plugins takes each child as long as a test
     with tempfile.TemporaryDirectory() as folder:
         tempfile.tempdir = folder  # of the children, too: what they leave goes with it
         if args.find:

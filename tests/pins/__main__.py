@@ -1,8 +1,10 @@
-"""Choose the pins of some suites: `python -m tests.pins [SUITE…] [--more N] [--seed S] [--only TEXT]`.
+"""Choose the pins of some suites: `python -m tests.pins [SUITE…] [--more N] [--seed S] [--only TEXT] [--beside DATA]`.
 
 Candidates are the present pins, cells of what has no pin yet, and N more of each suite in an order that the seed gives. Of these the
 cheapest are kept that together show every line and branch of handctl, every outcome of a group and all that needs a pin.
 With --only the other pins stay, and what these do not show gets one. What fails is printed and not kept. What a search has found stays.
+--beside is coverage's data of the suite without its pins (`coverage run -m pytest -q --ignore tests/pins`): lines and branches that it
+shows need no pin.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from collections.abc import Hashable
 from itertools import islice
 
 from tests.pins import BY_HAND, file_of, found, pins
-from tests.pins.cover import Following, Shown, cover
+from tests.pins.cover import Following, Shown, arcs, cover
 from tests.search.suite import Suite, command, suites
 
 MOST = 4000
@@ -68,13 +70,18 @@ def main() -> int:
     parser.add_argument("--more", type=int, default=0, help="further cells of each suite to choose from (0)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="choose anew only among cells with this text in their key")
+    parser.add_argument(
+        "--beside", metavar="DATA", default="", help="what the rest of the suite shows, as coverage has it"
+    )
     args = parser.parse_args()
+    elsewhere = arcs(args.beside) if args.beside else frozenset()
     chosen = [suites()[name] for name in args.suites] or [one for one in suites().values() if file_of(one).exists()]
     following, seen = Following(), dict[str, Shown]()
     for suite in chosen:
         for cell in candidates(suite, args.seed, args.only, args.more):
             shown = following.shown(suite, cell)
-            seen[cell] = shown._replace(what=bare(suite, args.only, shown.what)) if args.only else shown
+            what = bare(suite, args.only, shown.what) if args.only else shown.what - elsewhere
+            seen[cell] = shown._replace(what=what)
             if shown.wrong:
                 print(f"{command(cell)}\n    {' '.join(shown.wrong.split())[:300]}", flush=True)
     best = cover(seen)

@@ -79,6 +79,13 @@ class Following:
         return Shown(frozenset({*wanted, ended, *ran}), coarse(calls.count))
 
 
+def arcs(data: str) -> frozenset[Hashable]:
+    """What coverage saw run, of any tests."""
+    found = coverage.CoverageData(data)
+    found.read()
+    return frozenset((path, arc) for path in found.measured_files() for arc in found.arcs(path) or ())
+
+
 @contextmanager
 def counted(calls: Calls) -> Iterator[None]:
     """Count the calls in the block."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
@@ -56,7 +57,8 @@ def hold(table: str, cells: Iterable[Cell], folder: Path) -> None:
     """Every cell holds."""
     names, failed = tried(cells, folder)
     assert names, table
-    told = "\n".join(f"[{name}] {why}" for name, why in failed.items())
+    again = f"repeat: python -m tests.promises {table} --only"
+    told = "\n".join(f"[{name}] {why}\n  {again} {shlex.quote(name)}" for name, why in failed.items())
     assert not failed, f"{len(failed)} of {len(names)} cells\n{told}"
 
 

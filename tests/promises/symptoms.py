@@ -166,6 +166,7 @@ def _doctor_of_server(family: str, folder: Path) -> None:
 
 
 def no_answer() -> Iterator[Cell]:
+    heard: set[str] = set()
     for family in FAMILIES:
         row = row_of(family)
         for wire, option in wires_of(family).items():
@@ -174,10 +175,11 @@ def no_answer() -> Iterator[Cell]:
                 f"{family} status, {wire}, no power",
                 lambda _, f=family, at=silent: needs(run(f, "status", "-p", at), 4),
             )
-            yield Cell(
-                f"{family}: scan of silence, {wire}",
-                lambda _, at=silent, f=family: needs(run(*step("no-answer", f, at)), 4),
-            )
+            if wire not in heard:  # whose silence it is nobody hears
+                heard.add(wire)
+                yield Cell(
+                    f"scan of silence, {wire}", lambda _, at=silent, f=family: needs(run(*step("no-answer", f, at)), 4)
+                )
             if row.ids and wire != "modbus-tcp":
                 yield from _elsewhere(family, wire, link_of(family, option, f"id={FAR}"), {"id": FAR}, f"id {FAR}")
         slower = [baud for baud in row.speeds if baud != row.baud][:1] if has_serial(family) and row.ids else []

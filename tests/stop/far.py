@@ -68,7 +68,7 @@ class Far(ByteLink):
         self.weather = Weather()
         self.seen = Seen()
         self.sent: list[bytes] = []
-        self._look, self._began = look, 0.0
+        self._look, self._began, self._looked = look, 0.0, float("inf")
         self._going: list[tuple[float, bytes]] = []
         self._coming: list[tuple[float, bytes]] = []
         self._other_at = 0.0
@@ -79,7 +79,15 @@ class Far(ByteLink):
         """From now on it is stopped, in this weather."""
         self.weather, self._began, self._other_at = weather, self.now(), self.now()
         self.seen, self.sent = Seen(), []
+        self._looked = -1.0
         self._coming.clear()
+
+    def rest(self, seconds: float) -> None:
+        """Time passes before that, and nobody looks or listens."""
+        for _ in range(round(seconds / 0.1)):
+            self.near.sleep(0.1)
+            while self.near.read(self.near.deadline(0.0)):
+                pass
 
     # -- a link --
 
@@ -136,4 +144,6 @@ class Far(ByteLink):
             self.near.write(self._going.pop(0)[1], self.near.deadline(1.0))
         while data := self.near.read(self.near.deadline(0.0)):
             self._coming.append((now + self.weather.one_way, data))
-        self.seen.at.append((now - self._began, self._look(self.near._line)))
+        if now > self._looked:
+            self._looked = now
+            self.seen.at.append((now - self._began, self._look(self.near._line)))

@@ -99,12 +99,13 @@ class Babble(ScriptedLink):
 
     def __init__(self, answer: Answer | None = None, baud: int | None = 115200) -> None:
         super().__init__(answer, baud)
+        self.pause = 0.0001
         self._junk = random.Random(1)
 
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:
         self._reads += 1
         assert self._reads < 200_000, "the command does not end while the line babbles"
-        self._pass_to(self.clock + 0.0001)
+        self._pass_to(self.clock + self.pause)
         return self._junk.randbytes(min(64, size))
 
 

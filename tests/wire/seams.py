@@ -17,7 +17,7 @@ from typing import Any
 from unittest import mock
 
 from handctl import report
-from handctl.link import deadman
+from handctl.link import deadman, owners
 from handctl.link.base import Outlet
 from handctl.link.fake import FakeFrames, FakeLink
 from handctl.stop.holding import Hold
@@ -27,7 +27,12 @@ from handctl.tools import doctor, machine
 SPEAKS = ((FakeLink, "write"), (FakeFrames, "send"))
 LISTENS = ((FakeLink, "read"), (FakeFrames, "receive"))
 WAITS = (*LISTENS, (FakeLink, "sleep"), (FakeFrames, "sleep"))
-THIS_MACHINE = ((doctor, "machine_checks", list), (report, "environment", list), (machine, "source", str))
+THIS_MACHINE = (
+    (doctor, "machine_checks", list),
+    (report, "environment", list),
+    (machine, "source", str),
+    (owners, "rivals", lambda: owners.Rivals([])),
+)
 """What tells of the machine: says nothing here."""
 EVENTS = ((FakeLink, "set_baud"), (FakeLink, "reopen"), (FakeLink, "power_cycle"), (FakeFrames, "power_cycle"))
 

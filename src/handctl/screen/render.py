@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 import sys
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
@@ -220,12 +221,14 @@ def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink)
 # -- data formats -------------------------------------------------------------------------------------------------
 
 
+_HALF = re.compile("[\ud800-\udfff]")
+"""Half of a character, as Python has a byte that is not UTF-8."""
+
+
 def dumps(value: Any) -> str:
     """JSON that is UTF-8 whatever it holds: a byte of a path that is not UTF-8 becomes an escape, such as ``\\udcff``."""
     text = json.dumps(value, ensure_ascii=False, allow_nan=False)
-    if not text.isascii() and any("\ud800" <= letter <= "\udfff" for letter in text):
-        return "".join(f"\\u{ord(c):04x}" if "\ud800" <= c <= "\udfff" else c for c in text)
-    return text
+    return text if text.isascii() else _HALF.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
 def _row_shown(row: Row) -> Row:
