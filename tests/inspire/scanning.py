@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from handctl.devices.inspire.exo.probe import TARGET
-from handctl.devices.inspire.scan import sweep
+from handctl.devices.inspire.scan import Target, sweep
 from handctl.devices.inspire.scanner import Scanner
-from handctl.devices.inspire.target import Target
 from handctl.model.guide import Guide
 from handctl.model.quest import Quest
 from tests.support.scripted import ScriptedLink, hand_on

@@ -238,7 +238,7 @@ def test_every_family_has_a_codec_and_a_map() -> None:
         assert "map" in pure and len(pure) > 1, home
 
 
-LONGEST = 400
+LONGEST = 1000
 
 
 def test_a_module_is_read_in_one_sitting() -> None:

@@ -165,7 +165,30 @@ def command_reply_prefix(device_id: int, flag: int) -> bytes:
     return DEVICE + bytes([device_id, length, flag])
 
 
-class Decoder:
+class Stream:
+    """Bytes that came and are not consumed yet. `skipped` counts those that belonged to no frame."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+        self.skipped = 0
+
+    def feed(self, data: bytes) -> None:
+        """Add received bytes."""
+        self._buffer += data
+
+    def rest(self) -> bytes:
+        """Take out what has not been consumed."""
+        rest = bytes(self._buffer)
+        self._buffer.clear()
+        return rest
+
+    @property
+    def pending(self) -> int:
+        """Bytes held back because they may still become a frame."""
+        return len(self._buffer)
+
+
+class Decoder(Stream):
     """Finds the expected frames in a stream: `feed` bytes, then call `next` until it returns None.
 
     Only frames that begin with one of `prefixes` (header, id, length, flag, and the address where there is one) are
@@ -173,19 +196,14 @@ class Decoder:
     the buffer, so an answer behind a false header, an echo or a stale reply is still found. With no `prefixes`, any
     frame of either direction is a candidate (for sniffing).
 
-    `skipped` counts bytes that belonged to no frame; `rejected` is the last candidate with a wrong sum.
+    `rejected` is the last candidate with a wrong sum.
     """
 
     def __init__(self, prefixes: Sequence[bytes] = ()) -> None:
         self._prefixes = tuple(prefixes) or (HOST, DEVICE)
+        super().__init__()
         self._known: _Known | None = None
-        self._buffer = bytearray()
-        self.skipped = 0
         self.rejected = b""
-
-    def feed(self, data: bytes) -> None:
-        """Add received bytes."""
-        self._buffer += data
 
     def next(self) -> Frame | None:
         """The next frame, or None until more bytes come. Raises ProtocolError for a candidate whose sum is wrong."""
@@ -224,17 +242,6 @@ class Decoder:
                 del self._buffer[:1]
                 self.skipped += 1
         return found
-
-    def rest(self) -> bytes:
-        """Take out what has not been consumed."""
-        rest = bytes(self._buffer)
-        self._buffer.clear()
-        return rest
-
-    @property
-    def pending(self) -> int:
-        """Bytes held back because they may still become a frame."""
-        return len(self._buffer)
 
     def _candidate(self) -> int:
         """Offset of the first place where a frame may begin; len(buffer) if there is none.

@@ -1,95 +1,94 @@
 """Which bytes of the Inspire family write, what acknowledges them, what to read when nothing does (see `ledger`).
 
-What is no read request counts as a write, whatever it is: nobody knows what a damaged frame does. On the serial wire the
-acknowledgement names id, flag and address, and 01 accepts; a force or position command is answered with values (exo
-§2.2.1, §2.2.2); on CAN the reply carries the identifier of the write (wrist §2.3.2).
+What a frame means, and which answer belongs to it, the explainer of the same conversation says. What is no read request
+counts as a write, whatever it is: nobody knows what a damaged frame does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
 
-from handctl.devices.inspire import canreg, eb90
-from handctl.devices.inspire.map import EXO, WRIST, Register
-from handctl.model.frames import frames_in
+from handctl.devices.inspire import canreg, eb90, modbus
+from handctl.devices.inspire.explain import InspireExplainer
+from handctl.devices.inspire.map import EXO, WRIST
+from handctl.devices.inspire.modbus import mode_of, pdu_of
 from handctl.model.ledger import Frame
-from handctl.model.param import ParamMap
+from handctl.model.piece import DEVICE
 
-READ_WRIST, WRITE_WRIST = 0x30, 0x31
 COMMANDS = {eb90.FORCE_COMMAND: "force_set", eb90.POSITION_COMMAND: "position_set"}
-SAVED, NOT_SAVED = 0x00, 0xFF
-"""Data of the late result frame of a save (RH56 §2.2.2)."""
 SHORTEST = 7
 """Bytes of a request up to its address."""
 
 
 class InspireWrites:
-    """One connection to an exo or a wrist."""
+    """One connection to an exo, a wrist or a hand, on whichever wire."""
 
-    def __init__(self, params: ParamMap[Register]) -> None:
-        self._map = params
-        self._own = params is not WRIST  # the hand's register space is its own
-        self._per = 1
-        """Bytes at one address of a frame: 2 where the device counts words (rh56 §3.2)."""
-        self._places = {name: EXO[name].address for name in ("id", "save", "factory_reset")}
-        """Addresses whose writes are acknowledged in a way of their own."""
-        self._decoder = eb90.Decoder()
-        self._key: Hashable = None
-        self._can: tuple[int, bytes] | None = None
-
-    # -- WriteWords ----------------------------------------------------------------------------------------------
+    def __init__(self, shown: InspireExplainer) -> None:
+        self._shown = shown
+        self._can: dict[int, bytes] = {}
+        self._save = ""
+        """Key of a save, whose acknowledgement tells only that its result will come."""
 
     def sent(self, data: bytes, can_id: int | None) -> Sequence[Frame]:
         """See WriteWords."""
-        if can_id is not None:
-            if _reads_can(can_id):
-                return ()
-            self._can = can_id, data
-            return (Frame(data, can_id, (can_id, data), can_id=can_id),)
-        if eb90.only_reads(data):
-            return ()
-        return [self._frame(single) for single in _frames(data) if not _reads(single)]
+        found, pieces = [], self._shown.sent(data, can_id)
+        for piece in pieces if can_id is not None or not eb90.only_reads(data) else ():
+            same = self.planned(piece.raw, can_id)
+            if same is None:
+                continue
+            found.append(Frame(piece.raw, piece.asks or None, same, can_id=can_id))
+            if can_id is not None:
+                self._can[can_id] = data
+            elif piece.fields.get("address") == self._shown.places["save"] and "flag" in piece.fields:
+                self._save = piece.asks
+        return found
 
     def came(self, data: bytes, can_id: int | None) -> Iterable[tuple[Hashable, bool]]:
         """See WriteWords."""
-        if can_id is not None:
-            sent = self._can
-            if sent is None or can_id != sent[0] or len(data) > 1 or data == sent[1]:
-                return ()  # longer, or what may be our own write coming back: who asked knows whether it is
-            return ((can_id, not data or data[0] == len(sent[1])),)
-        self._decoder.feed(data)
-        verdicts = [self._verdict(frame) for frame in frames_in(self._decoder)]
-        return [(self._key, verdict) for verdict in verdicts if verdict is not None]
+        for piece in self._shown.feed(DEVICE, data, can_id):
+            if can_id is not None and data == self._can.get(can_id):
+                continue  # what may be our own write coming back: who asked knows whether it is
+            if self._save and piece.answers == self._save and not piece.problem:
+                continue
+            key = piece.answers
+            if self._save and not key and piece.fields.get("address") == self._shown.places["save"]:
+                key = self._save  # its result
+            if key:
+                yield key, not piece.problem
 
     def planned(self, data: bytes, can_id: int | None) -> Hashable:
         """See WriteWords."""
         if can_id is not None:
-            return None if _reads_can(can_id) else (can_id, data)
-        return None if _reads(data) else data
+            reads = canreg.parse_identifier(can_id).flag in (canreg.READ_HAND, canreg.READ_WRIST)
+            return None if reads else (can_id, data)
+        if mode := mode_of(data):
+            pdu = pdu_of(data, mode)
+            return None if modbus.only_reads(pdu) else (mode, pdu)
+        reads = data[:2] == eb90.HOST and len(data) == 9 and data[3] == 4 and data[4] in (eb90.READ, eb90.WRIST_READ)
+        return None if reads or eb90.only_reads(data) else data
 
     def next(self, data: bytes, can_id: int | None) -> str:
         """See WriteWords."""
-        kind = self._map.kind
+        params, wrist = self._shown.params, self._shown.params is WRIST
         if can_id is not None:
             access = canreg.parse_identifier(can_id)
-            return self._read(
-                kind, access.address, len(data), of_hand=not self._own and access.flag == canreg.WRITE_HAND
-            )
+            return self._read(access.address, len(data), of_hand=wrist and access.flag == canreg.WRITE_HAND)
+        if mode := mode_of(data):
+            return self._read(int.from_bytes(pdu_of(data, mode)[1:3], "big"), 2)
         flag = data[4] if len(data) > 4 else 0
-        if self._map is EXO and flag in COMMANDS:
+        if params is EXO and flag in COMMANDS:
             return f"`handctl exo get {COMMANDS[flag]} position_actual`"
-        if flag not in (eb90.WRITE, WRITE_WRIST) or len(data) <= SHORTEST + 1:
-            return f"`handctl {kind} dump`"
+        if flag not in (eb90.WRITE, eb90.WRIST_WRITE) or len(data) <= SHORTEST + 1:
+            return f"`handctl {params.kind} dump`"
         address = int.from_bytes(data[5:7], "little")
-        return self._read(kind, address, len(data) - SHORTEST - 1, of_hand=not self._own and flag == eb90.WRITE)
+        return self._read(address, len(data) - SHORTEST - 1, of_hand=wrist and flag == eb90.WRITE)
 
-    # -- frames --------------------------------------------------------------------------------------------------
-
-    def _read(self, kind: str, address: int, count: int, *, of_hand: bool) -> str:
+    def _read(self, address: int, count: int, *, of_hand: bool = False) -> str:
         if of_hand:
             return f"`handctl wrist hand-read {address} {count}`"
-        for param in self._map:
-            if address * self._per in param.span:
+        kind = self._shown.params.kind
+        for param in self._shown.params:
+            if address * self._shown.per in param.span:
                 if param.name == "id":
                     return f"`handctl {kind} scan` finds the id"
                 if param.name in ("save", "factory_reset"):
@@ -98,52 +97,3 @@ class InspireWrites:
                     return f"`handctl {kind} status`"
                 return f"`handctl {kind} get {param.name}`"
         return f"`handctl {kind} read {address} {count}`"
-
-    def _frame(self, data: bytes) -> Frame:
-        key: Hashable = None
-        if data[:2] == eb90.HOST and len(data) >= SHORTEST:
-            device_id, flag = data[2], data[4]
-            prefixes = []
-            if self._map is EXO and flag in COMMANDS and len(data) == 16:
-                prefixes = [eb90.command_reply_prefix(device_id, flag)]
-            elif flag in (eb90.WRITE, WRITE_WRIST):
-                address = int.from_bytes(data[5:7], "little")
-                ids = {device_id, *self._new_ids(address, data)}
-                prefixes = [eb90.write_ack_prefix(single, address, flag) for single in ids]
-                if self._own and address == self._places["save"]:
-                    prefixes.append(eb90.read_reply_prefix(device_id, address, 1))  # its result may have either flag
-            if prefixes:
-                key = data[:SHORTEST]
-                self._decoder = eb90.Decoder(prefixes)
-                self._key = key
-        return Frame(data, key, data)
-
-    def _new_ids(self, address: int, data: bytes) -> tuple[int, ...]:
-        """Ids from which the acknowledgement may come, since the write gives them (RH56 ch. 3 ex. 1)."""
-        if self._own and address == self._places["id"] and len(data) == SHORTEST + self._per + 1:
-            return (data[SHORTEST],)
-        return (1,) if self._own and address == self._places["factory_reset"] else ()
-
-    def _verdict(self, frame: eb90.Frame) -> bool | None:
-        """What a frame from the device says of the last write; None = a save was taken, whether it is done comes later."""
-        if frame.address is None or len(frame.data) != 1:
-            return True  # the values that answer a force or position command
-        if self._own and frame.address == self._places["save"]:
-            return {SAVED: True, NOT_SAVED: False, eb90.ACCEPTED: None}.get(frame.data[0], False)
-        return frame.data[0] == eb90.ACCEPTED
-
-
-def _frames(data: bytes) -> Iterable[bytes]:
-    """The request frames in one write of the host; what is none stays together."""
-    while data:
-        size = data[3] + eb90.OVERHEAD if data[:2] == eb90.HOST and len(data) > 3 else len(data)
-        yield data[:size]
-        data = data[size:]
-
-
-def _reads(frame: bytes) -> bool:
-    return frame[:2] == eb90.HOST and len(frame) == 9 and frame[3] == 4 and frame[4] in (eb90.READ, READ_WRIST)
-
-
-def _reads_can(can_id: int) -> bool:
-    return canreg.parse_identifier(can_id).flag in (canreg.READ_HAND, canreg.READ_WRIST)

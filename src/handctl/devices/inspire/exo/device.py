@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from handctl.devices.inspire import eb90, twins
+from handctl.devices.inspire import eb90
 from handctl.devices.inspire.base import RegisterDevice
 from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.identity import identify_alone
 from handctl.devices.inspire.map import ALONE, BAUD_RATES, EXO, FINGERS, OVER_TEMPERATURE
-from handctl.errors import CheckFailed, NoAnswer, ProtocolError, UsageError
+from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.param import Element, Number, Reading, Step, elements_of
 from handctl.model.pending import Course, Release
 from handctl.model.result import Cell, Grid, Row, Table
@@ -48,12 +49,6 @@ class ExoHand(RegisterDevice):
     def view(rows: list[Row]) -> list[Grid]:
         """One line per register, fingers side by side."""
         return registers_view(rows)
-
-    def trigger_step(self, name: str, meaning: str) -> Step:
-        """The frame that writes 1 to a trigger register."""
-        register = self.map[name]
-        request = eb90.write_request(self.bus.id, register.address, b"\x01")
-        return Step(f"{meaning} (write 1 to address {register.address})", request, register.moves, register.strands)
 
     def command_step(self, which: str, values: Sequence[int]) -> Step:
         """The frame of a force or position command."""
@@ -152,12 +147,27 @@ class ExoHand(RegisterDevice):
         hint = "`handctl exo clear-errors` clears all errors except over_temperature, which goes away as the actuator cools (exo §2.3.3)"
         return self.judge(table, findings, check, hint=hint, more=self._strangeness)
 
+    def meet(self, *, keeps: bool = True) -> None:
+        if keeps:
+            self.check_identity()
+
+    def not_at(self, rate: int) -> HandctlError:
+        """The error of a hand that does not answer at a speed that it was given. Looks where it does."""
+        from handctl.devices.inspire import procedures
+
+        found = procedures.find_speed(self.bus)
+        where = f"It answers at {found} bit/s" if found else "It does not answer at any of the three baud rates"
+        return NoAnswer(
+            f"{self.bus.link.name}: no hand at {rate} bit/s after the power-cycle. {where}",
+            hint="use the RS-232 cable: a Bluetooth module may still use the old baud rate. `handctl exo scan` tries all ids and baud rates",
+        )
+
     def check_identity(self) -> None:
         """Refuse to go on when the registers do not look like an EH55BF1's. Raises CheckFailed.
 
         On another hand of the same maker address 1005 is the factory reset, so save and reset look first.
         """
-        twins.identify(self)
+        identify_alone(self)
         readings = self.read([element for param in EXO if param.readable for element in elements_of(param)])
         for reading in readings:
             if reading.error is not None:
@@ -169,18 +179,6 @@ class ExoHand(RegisterDevice):
                 hint="check the type plate: on another hand this address may erase settings. "
                 "Add --skip-identity-check to skip this check. Nothing was written.",
                 code="not-an-exo",
-            )
-
-
-def check_command(which: str, values: Sequence[int]) -> None:
-    """Refuse values that the command for five fingers does not have: -1 is one of the position registers only. Raises UsageError."""
-    for element, value in zip(elements_of(EXO[f"{which}_set"]), values, strict=True):
-        element.param.check(value, f"{which} {element.part}")
-        if which == "position" and value == ALONE:
-            raise UsageError(
-                f"position {element.part} = -1 is out of range",
-                hint="use 0 to 1000 (exo §2.2.2). Only the registers have -1. Nothing was sent.",
-                code="out-of-range",
             )
 
 

@@ -8,16 +8,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from handctl.devices.inspire import eb90
-from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.base import Movement
 from handctl.devices.inspire.exo.device import NEAR
-from handctl.devices.inspire.flash import outcome
 from handctl.devices.inspire.map import EXO, FINGERS, pushes
+from handctl.devices.inspire.procedures import outcome, wait_for_calibration
 from handctl.devices.inspire.registers import may_still_move
 from handctl.model.guide import Guide
 from handctl.model.leaving import stopped_by_ctrl_c
-from handctl.model.moving import REACHED, Goal, Seen, Stillness, Watch, judged, marked, watch, with_arrival
-from handctl.model.param import Reading, elements_of
+from handctl.model.moving import REACHED, Goal, Seen, Stillness
+from handctl.model.param import elements_of
 from handctl.model.result import Table
 
 if TYPE_CHECKING:
@@ -46,7 +45,6 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
     result says so. Raises Interrupted on Ctrl-C: no command stops a calibration.
     """
     bus = hand.bus
-    done = [eb90.read_reply_prefix(bus.id, 2, 1)]
     begun = hand.journal.ledger.mark
     with hand.bus.leaving(
         "the hand is still calibrating",
@@ -58,10 +56,9 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
             f"{POWER_OFF} The calibration is running. The hand goes through the steps above in this order. "
             "Nothing is sent meanwhile."
         )
-        try:
-            frame = _wait_with_clock(bus, done, guide, started)
-        finally:
-            guide.done()
+        least = sum(seconds for seconds, _ in CALIBRATION_STEPS)
+        more = f" (waits {least} s, the rest is movement)"
+        frame = wait_for_calibration(bus, guide, CALIBRATION_SECONDS, more, POWER_OFF)
     seconds = bus.link.now() - started
     if frame is None:
         bus.out_of_time("the end of the calibration. The calibration is still running")
@@ -88,23 +85,6 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
     return Table(rows=[*ended.rows, *(hand.row(reading) for reading in table)], columns=hand.columns)
 
 
-def _wait_with_clock(bus: Bus, prefixes: list[bytes], guide: Guide, started: float) -> eb90.Frame | None:
-    least = sum(seconds for seconds, _ in CALIBRATION_STEPS)
-    end = started + CALIBRATION_SECONDS
-    while bus.link.now() < end and not bus.over:
-        elapsed = bus.link.now() - started
-        guide.progress(
-            f"calibrating {elapsed:4.1f} s of at most {end - started:.0f} s (waits {least} s, the rest is movement)",
-            POWER_OFF,
-        )
-        frame = bus.listen(prefixes, min(0.25, end - bus.link.now()))
-        if frame is not None:
-            guide.done()
-            return frame
-    guide.done()
-    return None
-
-
 def command(hand: ExoHand, which: str, values: Mapping[int, int], guide: Guide) -> Table:
     """Send a force or position command and show its reply. Raises Interrupted on Ctrl-C, after the hand was stopped."""
     with stopped_by_ctrl_c(hand.stop, guide), may_still_move("the fingers"):
@@ -117,26 +97,14 @@ def move(hand: ExoHand, values: Mapping[int, int], guide: Guide, *, wait: float,
     `values` by index of the finger; others are left alone. Ctrl-C stops the hand. Rows have the target and what became of
     it; what was not as expected is the table's failure.
     """
-    hand.bus.identify()
-    goals = [Goal(FINGERS[index], value, NEAR) for index, value in values.items()]
-    with hand.driven(guide), may_still_move("the fingers"):
-        hand.command_some("position", values)
-        seen, last = _watch(hand, goals, guide, wait)
-        arrivals = {one.goal.name: one for one in seen.arrivals(_evidence(hand) if seen.short else None)}
-    rows = [marked(hand.row(reading), arrivals.get(reading.element.part or "")) for reading in last]
-    failure = judged(hand.bus.where, list(arrivals.values()), expect, hint="check with `handctl exo status`")
-    return Table(rows=rows, columns=with_arrival(hand.columns), failure=failure)
-
-
-def _watch(hand: ExoHand, goals: list[Goal], guide: Guide, wait: float) -> tuple[Watch, list[Reading]]:
-    elements = elements_of(EXO["position_actual"])
-    last: list[Reading] = []
-
-    def look() -> dict[str, Seen]:
-        last[:] = hand.read(elements)
-        return {reading.element.part or "": Seen(reading.value) for reading in last}
-
-    return watch(goals, STILL, look, guide, hand.bus.clock(wait, STILL.refresh, "The fingers")), last
+    this = Movement(
+        [Goal(FINGERS[index], value, NEAR) for index, value in values.items()],
+        STILL,
+        elements_of(EXO["position_actual"]),
+        lambda readings: {reading.element.part or "": Seen(reading.value) for reading in readings},
+        lambda seen, _: _evidence(hand) if seen.short else None,
+    )
+    return hand.moved(this, lambda: hand.command_some("position", values), guide, wait=wait, expect=expect)[0]
 
 
 def _evidence(hand: ExoHand) -> dict[str, Seen]:

@@ -7,7 +7,7 @@ is always from a place just read. The same bytes would be a write to a wrist: on
 from __future__ import annotations
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.stopping import QUICK, Read, answer, asks, instead, lead, seen_since, values
+from handctl.devices.inspire.stopping import QUICK, Read, Wire, answer, asks, instead, lead, seen_since
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
 from handctl.model.stopping import Aim, Say, Stopped, Talk, insist, taken_over
@@ -54,7 +54,11 @@ def stop_talk(aim: Aim) -> Talk:
             wanted = [None] * len(wanted)  # this hand does not show its commands there (the manual does not say)
         done = f"the hand acknowledged two commands: all forces to 0, then {meaning}. The manual has no stop command"
         against = yield from seen_since(
-            lambda: values(aim, POSITION_ACTUAL, MEASURED, eb90.READ), lambda: _targets(aim), wanted, STILL, places
+            lambda: Wire(aim, first=lead(aim)).values(POSITION_ACTUAL, MEASURED),
+            lambda: _targets(aim),
+            wanted,
+            STILL,
+            places,
         )
         return taken_over(Stopped(done), against) if against else Stopped(done)
     if meaning:
@@ -78,8 +82,9 @@ def _alike(wanted: list[int | None], now: list[int]) -> bool:
 
 def _targets(aim: Aim) -> Read:
     """The places that it is commanded to, and the forces; None where they are not answered."""
-    places = yield from values(aim, POSITION_SET, FINGERS, eb90.READ)
-    forces = (yield from values(aim, FORCE_SET, FINGERS, eb90.READ)) if places is not None else None
+    wire = Wire(aim, first=lead(aim))
+    places = yield from wire.values(POSITION_SET, FINGERS)
+    forces = (yield from wire.values(FORCE_SET, FINGERS)) if places is not None else None
     return None if places is None or forces is None else [*places, *forces]
 
 

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import partial
+from itertools import groupby
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.base import RegisterDevice
-from handctl.devices.inspire.bus import PATIENCE, Bus
-from handctl.devices.inspire.exo.device import check_command
-from handctl.devices.inspire.map import EXO, Register
-from handctl.devices.inspire.mishaps import hint_for, mishap, others_speak, shorten
-from handctl.devices.inspire.spans import describe, element_at, stretches
+from handctl.devices.inspire.bus import PATIENCE, Bus, hint_for, mishap, others_speak, shorten
+from handctl.devices.inspire.explain import InspireExplainer
+from handctl.devices.inspire.map import ALONE, EXO, Register
+from handctl.devices.inspire.registers import RegisterBus
+from handctl.devices.inspire.spans import describe, stretches
 from handctl.errors import CheckFailed, DeviceRefused, ProtocolError, UsageError
 from handctl.model.frames import frames_in
-from handctl.model.param import Element, ParamMap, Reading, Step
+from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
+from handctl.model.piece import DEVICE, Piece
 from handctl.model.result import Column, Row, Table, hex_bytes
 
 FORCED = "Add --force-ambiguous to send it anyway."
@@ -39,36 +43,26 @@ def read(hand: RegisterDevice, address: int, count: int) -> Table:
 
 
 def _rows(hand: RegisterDevice, address: int, data: bytes) -> list[Row]:
+    """A row for each whole element, and for what stands together of none."""
     rows: list[Row] = []
-    position = 0
-    while position < len(data):
-        element = _element_at(hand.map, address + position)
-        size = element[1].size if element is not None else 1
-        if element is not None and position + size <= len(data):
-            raw = data[position : position + size]
-            rows.append(hand.row(Reading(Element(element[1], element[0]), element[1].decode(raw), raw)))
-            position += size
+    for register, at, raw in stretches(hand.map, address, data):
+        if register is not None and register.readable:
+            rows.append(hand.row(Reading(Element(register, at), register.decode(raw), raw)))
             continue
-        start = position
-        label = _part_of(hand.map, address + start)
-        position += 1
-        while (
-            position < len(data)
-            and _element_at(hand.map, address + position) is None
-            and _part_of(hand.map, address + position) == label
-        ):
-            position += 1
-        rows.append(
-            {
-                "name": None,
-                "finger": None,
-                "address": (address + start) // hand.bus.per,
-                "value": None,
-                "unit": None,
-                "raw": hex_bytes(data[start:position]),
-                "label": label,
-            }
-        )
+        start = at if register is None else register.address_of(at)
+        for label, group in groupby(range(start, start + len(raw)), partial(_part_of, hand.map)):
+            places = list(group)
+            rows.append(
+                {
+                    "name": None,
+                    "finger": None,
+                    "address": places[0] // hand.bus.per,
+                    "value": None,
+                    "unit": None,
+                    "raw": hex_bytes(raw[places[0] - start : places[-1] + 1 - start]),
+                    "label": label,
+                }
+            )
     return rows
 
 
@@ -76,15 +70,8 @@ def _part_of(params: ParamMap[Register], address: int) -> str:
     """What a byte is that begins no whole element in the span that was read."""
     for register in params:
         if register.readable and address in register.span:
-            index = (address - register.address) // register.size
-            return f"part of {Element(register, index).full_name}"
+            return f"part of {Element(register, (address - register.address) // register.size).full_name}"
     return "undocumented"
-
-
-def _element_at(params: ParamMap[Register], address: int) -> tuple[int, Register] | None:
-    """The documented, readable element that begins at `address`: (index, register)."""
-    found = element_at(params, address)
-    return None if found is None or not found[0].readable else (found[1], found[0])
 
 
 def plan_write(hand: RegisterDevice, address: int, data: bytes, undocumented: bool) -> Step:
@@ -156,16 +143,32 @@ def _write(hand: RegisterDevice, address: int, data: bytes) -> Table:
     hand.bus.try_write(address, data, "the write", "handctl reads it back")
     now = hand.bus.read(address, len(data))
     table = Table(rows=_rows(hand, address, now), columns=hand.columns)
-    if now == data:
-        hand.journal.ledger.confirm("read back", step)
-    else:
-        hand.journal.ledger.doubt(f"reads {hex_bytes(now)}", step)
-        table.failure = CheckFailed(
-            f"{hand.bus.where}: {address} reads {hex_bytes(now)} after {hex_bytes(data)} was written",
-            hint=f"read it again before you write: `handctl {hand.kind} read {address} {len(data)}`",
-            code="read-back",
-        )
+    judge_read_back(hand.bus, table, step, str(address), data, now, f"{hand.kind} read {address} {len(data)}")
     return table
+
+
+def judge_read_back(
+    bus: RegisterBus, table: Table, step: Step, where: str, data: bytes, now: bytes, again: str
+) -> None:
+    """Enter what a write reads as `now`; where that differs it is the table's failure."""
+    if now == data:
+        bus.journal.ledger.confirm("read back", step)
+        return
+    bus.journal.ledger.doubt(f"reads {hex_bytes(now)}", step)
+    table.failure = CheckFailed(
+        f"{bus.where}: {where} reads {hex_bytes(now)} after {hex_bytes(data)} was written",
+        hint=f"read it again before you write: `handctl {again}`",
+        code="read-back",
+    )
+
+
+def changes_of(params: ParamMap[Register], address: int, data: bytes) -> list[tuple[Element, Number]]:
+    """What a checked write at a byte address changes."""
+    return [
+        (Element(register, index), register.decode(raw))
+        for register, index, raw in stretches(params, address, data)
+        if register is not None
+    ]
 
 
 def plan_raw(data: bytes, force_ambiguous: bool) -> Step:
@@ -183,10 +186,11 @@ def plan_raw(data: bytes, force_ambiguous: bool) -> Step:
     if frame.flag == eb90.READ and len(frame.payload) == 3:
         return Step(f"read {frame.payload[2]} bytes at {frame.address} from id {frame.id}", data)
     if frame.flag in (eb90.WRITE, eb90.FORCE_COMMAND, eb90.POSITION_COMMAND) and not force_ambiguous:
-        _refuse_id(frame.id)
+        with forceable(code="out-of-range"):
+            eb90.check_id(frame.id)  # what the hands on the line make of another one is unknown
     if frame.flag == eb90.WRITE and frame.address is not None:
         if not force_ambiguous:
-            _refuse_values(frame.address, frame.data)
+            check_values(EXO, frame.address, frame.data)
         meaning = f"write {hex_bytes(frame.data)} at {frame.address} to id {frame.id}"
         return Step(f"{meaning}: {describe(EXO, frame.address, frame.data)}", data, moves=True, strands=True)
     if frame.flag in (eb90.FORCE_COMMAND, eb90.POSITION_COMMAND) and len(frame.payload) == 10:
@@ -209,22 +213,35 @@ def _without_frame(data: bytes, force_ambiguous: bool) -> Step:
     return step._replace(meaning=meaning, data=data)
 
 
-def _refuse_id(device_id: int) -> None:
-    """Refuse to write to an id that no hand has: what the hands on the line make of it is unknown."""
+@contextmanager
+def forceable(more: str = "", code: str = "") -> Iterator[None]:
+    """Around checks of bytes that are sent as they are typed: the hint names the option that skips them."""
     try:
-        eb90.check_id(device_id)
+        yield
     except UsageError as exc:
-        raise UsageError(exc.text, hint=f"{exc.hint} {FORCED}", code="out-of-range") from exc
+        exc.text += more
+        exc.hint, exc.code = f"{exc.hint} {FORCED}", code or exc.code
+        raise
 
 
-def _refuse_values(address: int, data: bytes) -> None:
-    """Refuse a raw write of values that the manual does not allow. Raises UsageError."""
-    for register, index, raw in stretches(EXO, address, data):
-        if register is not None and register.writable:
-            try:
+def check_values(params: ParamMap[Register], address: int, data: bytes, more: str = "") -> None:
+    """Refuse a raw write of values that the manual does not allow, in words with `more` behind. Raises UsageError."""
+    for register, index, raw in stretches(params, address, data):
+        if register is not None and "w" in register.access:
+            with forceable(more):
                 register.check(register.decode(raw), Element(register, index).full_name)
-            except UsageError as exc:
-                raise UsageError(exc.text, hint=f"{exc.hint} {FORCED}", code=exc.code) from exc
+
+
+def check_command(which: str, values: Sequence[int]) -> None:
+    """Refuse values that the command for five fingers does not have: -1 is one of the position registers only. Raises UsageError."""
+    for element, value in zip(elements_of(EXO[f"{which}_set"]), values, strict=True):
+        element.param.check(value, f"{which} {element.part}")
+        if which == "position" and value == ALONE:
+            raise UsageError(
+                f"position {element.part} = -1 is out of range",
+                hint="use 0 to 1000 (exo §2.2.2). Only the registers have -1. Nothing was sent.",
+                code="out-of-range",
+            )
 
 
 def _may_go_on(data: bytes) -> bool:
@@ -248,10 +265,8 @@ def _raw_command(frame: eb90.Frame, data: bytes, force_ambiguous: bool) -> Step:
             code="ambiguous",
         )
     if not force_ambiguous:
-        try:
+        with forceable():
             check_command(name, values)
-        except UsageError as exc:
-            raise UsageError(exc.text, hint=f"{exc.hint} {FORCED}", code=exc.code) from exc
     return Step(f"{name} command, little to thumb: {' '.join(map(str, values))}, to id {frame.id}", data, moves=True)
 
 
@@ -285,63 +300,27 @@ def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
         bus.journal.line.others = True
     if not received:
         raise bus.unanswered(hex_bytes(data), wait, since, "listen longer with --wait S")
-    decoder = eb90.Decoder()
-    decoder.feed(received)
-    frames = _frames(decoder)
-    rows = [
-        _frame_row(hand.map, frame, "our own bytes" if frame.encode() == data else result)
-        for frame, result in zip(frames, _results(data, frames), strict=True)
-    ]
-    bus.journal.counters.received += len(rows)
-    bus.journal.counters.stray_bytes += decoder.skipped
-    table = Table(rows=rows, columns=RAW_COLUMNS, extra={"received": hex_bytes(received)})
-    replies = [frame for frame in frames if frame.from_device]
-    refusal = _refusal(data, replies)
-    if not any(frame.id == data[2] for frame in replies if len(data) > 2) and not _changes_id(data):
+    explainer = InspireExplainer(hand.map)
+    asks = {piece.asks for piece in explainer.sent(data)} - {""}
+    pieces = [piece for piece in (*explainer.feed(DEVICE, received), *explainer.flush()) if piece.frame]
+    bus.journal.counters.received += len(pieces)
+    bus.journal.counters.stray_bytes += len(received) - sum(len(piece.raw) for piece in pieces)
+    extra = {"received": hex_bytes(received)}
+    table = Table(rows=[_frame_row(piece) for piece in pieces], columns=RAW_COLUMNS, extra=extra)
+    replies = [piece for piece in pieces if piece.raw.startswith(eb90.DEVICE)]
+    if not any(piece.answers in asks or piece.raw[2:3] == data[2:3] for piece in replies):
         code, text = mishap(data, received)
-        table.failure = ProtocolError(
-            f"{bus.where}: {text}: {shorten(received)}", hint=hint_for(code, bus.family), code=code
-        )
-    elif refusal:
-        table.failure = DeviceRefused(
-            f"{bus.where}: {refusal}", hint=f"check with `handctl {hand.kind} status` before you send it again"
-        )
+        text = f"{bus.where}: {text}: {shorten(received)}"
+        table.failure = ProtocolError(text, hint=hint_for(code, bus.family), code=code)
+    elif refused := [p for p in replies if p.problem == "refused" and (p.answers in asks or not p.answers)]:
+        text = "the save failed: result FF (00 = saved, FF = failed)"
+        if refused[0].answers:
+            text = f"the device answered {hex_bytes(refused[0].raw[7:-1])} instead of 01"
+        hint = f"check with `handctl {hand.kind} status` before you send it again"
+        table.failure = DeviceRefused(f"{bus.where}: {text}", hint=hint)
     return table
 
 
-def _refusal(data: bytes, replies: list[eb90.Frame]) -> str:
-    """In words, that what came refuses the write `data`; the result of a save has the inverse sense of its ack."""
-    answers = [frame.data for frame in replies if frame.flag in WRITES and frame.address is not None]
-    if data[4:5] not in (bytes([flag]) for flag in WRITES):
-        return ""
-    if answers and answers[0] != b"\x01":
-        return f"the device answered {hex_bytes(answers[0])} instead of 01"
-    failed = any(frame.address == EXO["save"].address and frame.data == b"\xff" for frame in replies)
-    return "the save failed: result FF (00 = saved, FF = failed)" if _saves(data) and failed else ""
-
-
-def _saves(data: bytes) -> bool:
-    """Whether it writes 1 to the save register, which is answered twice (RH56 ch. 3 ex. 4)."""
-    return data[4:8] == bytes([eb90.WRITE]) + EXO["save"].address.to_bytes(2, "little") + b"\x01"
-
-
-def _results(data: bytes, frames: list[eb90.Frame]) -> list[str]:
-    """For each frame what it tells about a save that was accepted before it, or nothing."""
-    accepted, results = False, []
-    for frame in frames:
-        mine = frame.from_device and frame.address == EXO["save"].address and _saves(data)
-        results.append({b"\x00": "saved", b"\xff": "save failed"}.get(frame.data, "") if accepted and mine else "")
-        accepted = accepted or (mine and frame.flag == eb90.WRITE and frame.data == b"\x01")
-    return results
-
-
-def _changes_id(data: bytes) -> bool:
-    """A write to register 1000 may be acknowledged from the new id."""
-    return data[4:7] == bytes([eb90.WRITE]) + EXO["id"].address.to_bytes(2, "little")
-
-
-WRITES = (eb90.WRITE, eb90.FORCE_COMMAND)
-"""11/12 registers; a wrist writes with 31, which is the exo's force command in a longer frame."""
 RAW_COLUMNS = (
     Column("direction", "From"),
     Column("id", "Id", right=True),
@@ -357,33 +336,14 @@ def _frames(decoder: eb90.Decoder) -> list[eb90.Frame]:
     return [*frames_in(decoder), *decoder.finish()]
 
 
-def _frame_row(params: ParamMap[Register], frame: eb90.Frame, meaning: str) -> Row:
+def _frame_row(piece: Piece) -> Row:
+    frame = eb90.Frame(piece.raw[:2], piece.raw[2], piece.raw[4], piece.raw[5:-1])
     return {
         "direction": "device" if frame.from_device else "host",
         "id": frame.id,
         "flag": f"{frame.flag:02X}",
         "address": frame.address,
         "data": hex_bytes(frame.data if frame.address is not None else frame.payload),
-        "meaning": meaning or _meaning(params, frame),
-        "raw": hex_bytes(frame.encode()),
+        "meaning": piece.meaning,
+        "raw": hex_bytes(piece.raw),
     }
-
-
-def _meaning(params: ParamMap[Register], frame: eb90.Frame) -> str:
-    """What a frame says, by the map of the device: the wrist's registers answer with 30 and 31, a hand's with 11 and 12."""
-    other_space = (frame.flag in (eb90.READ, eb90.WRITE)) == (params.kind == "wrist")
-    if other_space and frame.address is not None and frame.flag in (eb90.READ, eb90.WRIST_READ):
-        return "another register space"
-    if frame.address is None:
-        return f"values {' '.join(map(str, eb90.unpack_s16(frame.payload)))}"
-    if frame.flag in (eb90.WRITE, eb90.FORCE_COMMAND) and len(frame.data) == 1:
-        return "accepted" if frame.data == b"\x01" else "not accepted"
-    parts = []
-    offset = 0
-    while offset < len(frame.data):
-        found = _element_at(params, frame.address + offset)
-        if found is not None and offset + found[1].size <= len(frame.data):
-            raw = frame.data[offset : offset + found[1].size]
-            parts.append(f"{Element(found[1], found[0]).full_name} = {found[1].decode(raw)}")
-        offset += found[1].size if found is not None else 1
-    return ", ".join(parts) or "undocumented"

@@ -1,14 +1,21 @@
-"""Probes of many ids back to back on a CAN bus. Read-only."""
+"""Probes of many ids back to back on a CAN bus. Read-only.
+
+Modbus RTU is asked one id at a time; late answers count too (rh56 §2.2). An answer names its id, and its sum tells it from an
+echo, a late one of another protocol, and noise.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 
-from handctl.devices.inspire import canreg
-from handctl.devices.inspire.canbus import DAMAGED_HINT, NO_ACK_HINT, CanBus, bus_failure, said_damaged
-from handctl.devices.inspire.quiet import Span
+from handctl.devices.inspire import canreg, modbus
+from handctl.devices.inspire.canbus import HINTS, NO_ACK_HINT, CanBus, bus_failure, said_damaged
+from handctl.devices.inspire.modbusbus import QUIET_SECONDS
+from handctl.devices.inspire.registers import Span
+from handctl.devices.inspire.scanner import FIRST_SECONDS, LATE_SECONDS, TURNAROUND
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
-from handctl.link import CanFrame
+from handctl.link import ByteLink, CanFrame, Deadline
+from handctl.model.result import Journal
 
 CHUNK = 32
 WAIT, FIRST, DRAIN, LATE = 0.02, 0.25, 0.05, 0.52
@@ -151,10 +158,92 @@ class CanSearch:
             return ProtocolError(f"{name}: only our own frames came back ({summary})", hint=hint, code="echo")
         if damaged:
             text = f"{name}: no {what}, but {said_damaged(damaged, self._bus.link.damage)} ({summary})"
-            return ProtocolError(text, hint=DAMAGED_HINT, code="damaged")
+            return ProtocolError(text, hint=HINTS["damaged"], code="damaged")
         if self.cut:
             return NoAnswer(f"{name}: no {what} so far ({summary})", hint="use a longer --deadline", code="deadline")
         if trouble is not None:
             text = f"{name}: no {what} answered. The adapter reports no bus error, so another device acknowledged ({summary})"
             return NoAnswer(text, hint=f"scan other ids: --ids 255-4350. If no {what} answers, {NO_ACK_HINT}")
         return NoAnswer(f"{name}: no {what}, complete silence ({summary})", hint=NO_ACK_HINT)
+
+
+# -- Modbus RTU -------------------------------------------------------------------------------------------------------
+
+PLACE, WORDS = 1546, 2
+"""Angles of two fingers (rh56 §3.1), or what an RH56F1 has there: whatever is read shows who answers."""
+QUESTION, ANSWER = 8, 5 + 2 * WORDS
+HEAD = bytes([modbus.READ, 2 * WORDS])
+KEPT = 64
+
+
+class RtuSearch:
+    """`trips` are the seconds from the question to an id to its answer, `damaged` counts answers whose sum is wrong. `beside` as of `Scanner`."""
+
+    def __init__(
+        self, link: ByteLink, journal: Journal, bound: Deadline | None, find_all: bool, beside: float | None = None
+    ) -> None:
+        self._link = link
+        self._find_all = find_all
+        self._beside = beside
+        self._journal = journal
+        self._bound = bound
+        self._asked: dict[int, float] = {}
+        self._came = b""
+        self.trips: dict[int, float] = {}
+        self.damaged: dict[int, int] = {}
+        self.probes = 0
+
+    def run(self, ids: Sequence[int], tell: Callable[[int], None], more: float = 0.0) -> list[int]:
+        """The ids that answer, the first of them alone unless all are wanted. The first is asked with patience, each other
+        one with `more` seconds than its answer needs."""
+        wire = (QUESTION + ANSWER) * 10 / self._link.baud if self._link.baud else 0.0
+        for number, device_id in enumerate(ids):
+            if self._done or (self._bound is not None and self._bound.expired):
+                break
+            tell(device_id)
+            self._ask(device_id)
+            first = FIRST_SECONDS if self._beside is None else self._beside
+            self._listen(first if number == 0 else wire + TURNAROUND + QUIET_SECONDS + more)
+        if not self._done and self._beside is None:
+            self._listen(LATE_SECONDS)
+        return list(self.trips)
+
+    @property
+    def _done(self) -> bool:
+        return bool(self.trips) and not self._find_all
+
+    def _ask(self, device_id: int) -> None:
+        link = self._link
+        request = modbus.rtu(device_id, modbus.read_request(PLACE, WORDS))
+        link.write(request, link.deadline(1.0))
+        self._asked[device_id] = link.now()
+        self._journal.counters.sent += 1
+        self.probes += 1
+
+    def _listen(self, seconds: float) -> None:
+        link = self._link
+        deadline = link.deadline(seconds)
+        if self._bound is not None:
+            deadline = deadline.earlier(self._bound)
+        while not self._done and (chunk := link.read(deadline)):
+            self._came += chunk
+            self._take()
+            self._came = self._came[-KEPT:]
+            if deadline.expired:
+                break
+
+    def _take(self) -> None:
+        """Whole answers to questions that were asked here, wherever they begin."""
+        place = self._came.find(HEAD)
+        while place >= 0:
+            frame = self._came[place - 1 : place - 1 + ANSWER] if place else b""
+            if len(frame) == ANSWER and frame[0] in self._asked:
+                if modbus.crc(frame[:-2]) == frame[-2:]:
+                    self.trips[frame[0]] = self._link.now() - self._asked[frame[0]]
+                    self._journal.counters.received += 1
+                else:
+                    self.damaged[frame[0]] = self.damaged.get(frame[0], 0) + 1
+                    self._journal.counters.bad_frames += 1
+                self._came = self._came[place - 1 + ANSWER :]
+                place = -1
+            place = self._came.find(HEAD, place + 1)
