@@ -29,7 +29,7 @@ from handctl.devices.aidin.targets import parse
 from handctl.devices.barrett import motion as barrett_motion
 from handctl.devices.barrett.map import BARRETT
 from handctl.devices.inspire import procedures
-from handctl.devices.inspire.exo import motion as exo_motion
+from handctl.devices.inspire.exo import device as exo_motion
 from handctl.devices.inspire.map import EXO, WRIST
 from handctl.errors import UsageError
 from handctl.model.guide import Guide

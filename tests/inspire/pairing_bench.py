@@ -106,7 +106,7 @@ def hand_behind(link: Link, journal: Journal, number: int = 1, *, tcp: bool = Fa
     gate = ModelGate(None, False)
     for one in (bus, other):
         if one is not None:
-            one.gate = gate  # type: ignore[assignment]
+            one.gate = gate
     return Hand(bus, gate, other)
 
 

@@ -30,5 +30,5 @@ def hand_on(model: str, wire: str = EB90, *, typed: str | None = None, both: boo
     gate = ModelGate(typed, False)
     for one in (line, other):
         if one is not None:
-            one.gate = gate  # type: ignore[assignment]
+            one.gate = gate
     return Hand(line, gate, other)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from handctl.devices.inspire import procedures
-from handctl.devices.inspire.exo import motion
+from handctl.devices.inspire.exo import device as motion
 from handctl.devices.inspire.exo.device import ExoHand
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.guide import Guide

@@ -200,7 +200,7 @@ def test_lost_ack_of_a_write_is_read_back() -> None:
 def test_reads_are_harmless() -> None:
     step = by_number.plan_raw(unhex(READ_VOLTAGE), False)
     assert (step.moves, step.strands) == (False, False)
-    assert "read 2 bytes at 1472 from id 1" in step.meaning
+    assert "2 bytes at 1472" in step.meaning
 
 
 @pytest.mark.parametrize(
@@ -244,7 +244,7 @@ def test_a_bad_frame_does_not_hide_a_good_one(data: str) -> None:
 def test_one_spoiled_frame_alone_is_harmless() -> None:
     step = by_number.plan_raw(unhex("EB 90 01 04 11 C0 05 02 00"), False)
     assert not step.moves and not step.strands
-    assert "read 2 bytes at 1472" in step.meaning and "CHECKSUM" in step.meaning
+    assert "2 bytes at 1472" in step.meaning and "checksum" in step.meaning
 
 
 @pytest.mark.parametrize("data", [INDEX_300, FORCE, "EB 90 01 04 12 ED 03 01 08", "EB 90 01 04 77 00 00 00 7C"])
@@ -257,7 +257,7 @@ def test_a_command_with_any_checksum_asks_as_with_the_right_one(data: str) -> No
             assert step.moves and step.strands
             continue
         assert (step.moves, step.strands) == (right.moves, right.strands), wrong
-        assert step.meaning.startswith(right.meaning), wrong
+        assert right.meaning in step.meaning, wrong
         assert step.data[-1] == wrong and (step.meaning == right.meaning) == (step.data == right.data)
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from handctl.cli import main
 from handctl.devices.inspire import procedures, raw
-from handctl.devices.inspire.exo import motion
+from handctl.devices.inspire.exo import device as motion
 from handctl.devices.inspire.exo.device import ExoHand
 from handctl.devices.inspire.map import EXO
 from handctl.errors import HandctlError, UsageError

@@ -99,9 +99,9 @@ def test_the_corrected_frames_are_no_misprints(frame: str) -> None:
 @pytest.mark.parametrize(
     ("frame", "moves", "words"),
     [
-        ("EB 90 01 04 30 00 04 04 3D", False, ("read 4 bytes at 1024", "wrist")),
-        ("EB 90 01 04 11 C0 05 02 DD", False, ("read 2 bytes at 1472", "hand")),
-        ("EB 90 01 07 31 0E 04 E8 03 18 FC 4A", True, ("write", "1038", "wrist")),
+        ("EB 90 01 04 30 00 04 04 3D", False, ("4 bytes at 1024", "current_1024")),
+        ("EB 90 01 04 11 C0 05 02 DD", False, ("2 bytes at 1472", "hand")),
+        ("EB 90 01 07 31 0E 04 E8 03 18 FC 4A", True, ("write", "yaw_set")),
         ("EB 90 01 04 12 E8 03 02 04", True, ("write", "1000", "hand")),
         ("EB 90 01 04 30 00 04 04 3E", True, ("unknown",)),
         ("EB 90 01", True, ("unknown",)),

@@ -30,6 +30,8 @@ WRIST_READ, WRIST_WRITE = 0x30, 0x31
 """The wrist's own registers (wrist §2.2); 31 is the exo's force command in a longer frame."""
 FORCE_COMMAND, POSITION_COMMAND = 0x31, 0x32
 ACCEPTED = 0x01
+CALIBRATION_END = 2
+"""Address field of the frame that tells the end of a calibration (RH56 ch. 3 ex. 5)."""
 MAX_COUNT = 252
 """Largest count of one read or write: its reply's length byte n + 3 must fit into 255."""
 MIN_LENGTH = 1

@@ -3,11 +3,14 @@
 Bytes in, pieces out; knows no link. The wrist's registers are reached through flags 30 and 31 (CAN 4 and 5), a hand's
 through 11 and 12 (CAN 0 and 1): what lies in the other space has no names here. Which of two protocols on one pair a
 stretch is, its first bytes tell: EB 90 has its mark, Modbus TCP two zeros and a length that fits; RTU its CRC proves.
+
+`InspireWrites` tells the ledger which of these bytes write, what acknowledges them, and what to read when nothing does. What is
+no read request counts as a write, whatever it is: nobody knows what a damaged frame does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -15,15 +18,14 @@ from handctl.devices.inspire import canreg, eb90, modbus
 from handctl.devices.inspire.eb90 import FORCE_COMMAND, POSITION_COMMAND, READ, WRIST_READ, WRIST_WRITE, WRITE, Frame
 from handctl.devices.inspire.identity import At, within
 from handctl.devices.inspire.map import EXO, FINGERS, WRIST, Register
-from handctl.devices.inspire.modbus import RTU, TCP, pdu_of
+from handctl.devices.inspire.modbus import RTU, TCP, mode_of, pdu_of
 from handctl.devices.inspire.spans import describe, span_name, span_parts, span_values
 from handctl.model.cutting import Cut, Cutter
+from handctl.model.ledger import Frame as Written
 from handctl.model.param import ParamMap
 from handctl.model.piece import DEVICE, HOST, Later, Part, Piece, Value, stray
 from handctl.sentence import plural
 
-CALIBRATION_END = 2
-"""Address field of the frame that ends a calibration (RH56 ch. 3 ex. 5)."""
 RESULTS = {0x00: "saved", 0xFF: "not saved"}
 """Data of the late result frame of a save (RH56 §2.2.2)."""
 READS, WRITES = (READ, WRIST_READ), (WRITE, WRIST_WRITE)
@@ -369,7 +371,7 @@ class InspireExplainer(Cutter):
                 "" if saved else "refused",
                 (),
             )
-        if frame.address == CALIBRATION_END and self._started == self.places["calibrate"]:
+        if frame.address == eb90.CALIBRATION_END and self._started == self.places["calibrate"]:
             self._started = 0
             return f"end of the calibration, code {frame.data[0]:02X}", "end of the calibration", "", "", ()
         return words, "", key, "", values
@@ -396,7 +398,8 @@ class InspireExplainer(Cutter):
             int.from_bytes(frame.payload[:2], "little"),
             self._space(frame.flag in (WRIST_READ, WRIST_WRITE)),
         )
-        other = "" if space is not None else " of another register space"
+        other = " of the hand's own registers" if self.params is WRIST else " of another register space"
+        other = "" if space is not None else other
         if reads and not frame.from_device and len(data) == 1:
             return f"{self._asks(space, address, data[0])}{other}, {where}", ()
         if writes and frame.from_device and len(data) == 1:
@@ -678,3 +681,89 @@ def _inner(buffer: bytearray, end: int) -> tuple[int, int]:
             return place, begun
         place = _header(buffer, place + 1)
     return 0, begun
+
+
+# -- what writes, and what acknowledges it (see model.ledger) ---------------------------------------------------------
+
+COMMANDS = {eb90.FORCE_COMMAND: "force_set", eb90.POSITION_COMMAND: "position_set"}
+SHORTEST = 7
+"""Bytes of a request up to its address."""
+
+
+class InspireWrites:
+    """One connection to an exo, a wrist or a hand, on whichever wire."""
+
+    def __init__(self, shown: InspireExplainer) -> None:
+        self._shown = shown
+        self._can: dict[int, bytes] = {}
+        self._save = ""
+        """Key of a save, whose acknowledgement tells only that its result will come."""
+
+    def sent(self, data: bytes, can_id: int | None) -> Sequence[Written]:
+        """See WriteWords."""
+        found, pieces = [], self._shown.sent(data, can_id)
+        for piece in pieces if can_id is not None or not eb90.only_reads(data) else ():
+            same = self.planned(piece.raw, can_id)
+            if same is None:
+                continue
+            found.append(Written(piece.raw, piece.asks or None, same, can_id=can_id))
+            if can_id is not None:
+                self._can[can_id] = data
+            elif piece.fields.get("address") == self._shown.places["save"] and "flag" in piece.fields:
+                self._save = piece.asks
+        return found
+
+    def came(self, data: bytes, can_id: int | None) -> Iterable[tuple[Hashable, bool]]:
+        """See WriteWords."""
+        for piece in self._shown.feed(DEVICE, data, can_id):
+            if can_id is not None and data == self._can.get(can_id):
+                continue  # what may be our own write coming back: who asked knows whether it is
+            if self._save and piece.answers == self._save and not piece.problem:
+                continue
+            key = piece.answers
+            if self._save and not key and piece.fields.get("address") == self._shown.places["save"]:
+                key = self._save  # its result
+            if key:
+                yield key, not piece.problem
+
+    def planned(self, data: bytes, can_id: int | None) -> Hashable:
+        """See WriteWords."""
+        if can_id is not None:
+            reads = canreg.parse_identifier(can_id).flag in (canreg.READ_HAND, canreg.READ_WRIST)
+            return None if reads else (can_id, data)
+        if mode := mode_of(data):
+            pdu = pdu_of(data, mode)
+            return None if modbus.only_reads(pdu) else (mode, pdu)
+        reads = data[:2] == eb90.HOST and len(data) == 9 and data[3] == 4 and data[4] in (eb90.READ, eb90.WRIST_READ)
+        return None if reads or eb90.only_reads(data) else data
+
+    def next(self, data: bytes, can_id: int | None) -> str:
+        """See WriteWords."""
+        params, wrist = self._shown.params, self._shown.params is WRIST
+        if can_id is not None:
+            access = canreg.parse_identifier(can_id)
+            return self._read(access.address, len(data), of_hand=wrist and access.flag == canreg.WRITE_HAND)
+        if mode := mode_of(data):
+            return self._read(int.from_bytes(pdu_of(data, mode)[1:3], "big"), 2)
+        flag = data[4] if len(data) > 4 else 0
+        if params is EXO and flag in COMMANDS:
+            return f"`handctl exo get {COMMANDS[flag]} position_actual`"
+        if flag not in (eb90.WRITE, eb90.WRIST_WRITE) or len(data) <= SHORTEST + 1:
+            return f"`handctl {params.kind} dump`"
+        address = int.from_bytes(data[5:7], "little")
+        return self._read(address, len(data) - SHORTEST - 1, of_hand=wrist and flag == eb90.WRITE)
+
+    def _read(self, address: int, count: int, *, of_hand: bool = False) -> str:
+        if of_hand:
+            return f"`handctl wrist hand-read {address} {count}`"
+        kind = self._shown.params.kind
+        for param in self._shown.params:
+            if address * self._shown.per in param.span:
+                if param.name == "id":
+                    return f"`handctl {kind} scan` finds the id"
+                if param.name in ("save", "factory_reset"):
+                    return f"switch the power off and on, then `handctl {kind} dump`"
+                if param.trigger or not param.readable:
+                    return f"`handctl {kind} status`"
+                return f"`handctl {kind} get {param.name}`"
+        return f"`handctl {kind} read {address} {count}`"

@@ -275,9 +275,6 @@ def wait_for_speed(hand: RegisterDevice, rate: int, guide: Guide, *, seconds: fl
 
 # -- calibration --------------------------------------------------------------------------------------------------
 
-CALIBRATION_END = 2
-"""Address field of the frame that ends a calibration (RH56 ch. 3 ex. 5)."""
-
 
 def wait_for_calibration(
     bus: RegisterBus, guide: Guide, seconds: float, more: str, power_off: str
@@ -292,7 +289,7 @@ def wait_for_calibration(
             step = min(0.25, end - bus.link.now())
             if not bus.reports:
                 bus.pause(step)
-            elif (frame := bus.listen([eb90.read_reply_prefix(bus.id, CALIBRATION_END, 1)], step)) is not None:
+            elif (frame := bus.listen([eb90.read_reply_prefix(bus.id, eb90.CALIBRATION_END, 1)], step)) is not None:
                 return frame
     finally:
         guide.done()

@@ -13,13 +13,13 @@ from handctl.devices.inspire.bus import PATIENCE, Bus, hint_for, mishap, others_
 from handctl.devices.inspire.explain import InspireExplainer
 from handctl.devices.inspire.map import ALONE, EXO, Register
 from handctl.devices.inspire.registers import RegisterBus
-from handctl.devices.inspire.spans import describe, stretches
+from handctl.devices.inspire.spans import stretches
 from handctl.errors import CheckFailed, DeviceRefused, ProtocolError, UsageError
-from handctl.model.frames import frames_in
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
-from handctl.model.piece import DEVICE, Piece
+from handctl.model.piece import DEVICE, HOST, Piece
 from handctl.model.result import Column, Row, Table, hex_bytes
 
+COMMANDS = {eb90.FORCE_COMMAND: "force", eb90.POSITION_COMMAND: "position"}
 FORCED = "Add --force-ambiguous to send it anyway."
 
 
@@ -172,45 +172,47 @@ def changes_of(params: ParamMap[Register], address: int, data: bytes) -> list[tu
 
 
 def plan_raw(data: bytes, force_ambiguous: bool) -> Step:
-    """What these bytes would do, as far as they form a frame. Reads are harmless; anything else is not."""
-    decoder = eb90.Decoder([eb90.HOST])
-    decoder.feed(data)
-    frames = [frame for frame in _frames(decoder) if not frame.from_device]
-    if not frames and not _may_go_on(data):
-        return _without_frame(data, force_ambiguous)
-    if len(frames) != 1 or frames[0].encode() != data:
+    """What these bytes would do to an exoskeleton hand. Reads are harmless; anything else is not.
+
+    What only lacks the right checksum is planned, refused and asked as the frame it almost is: an error of the line may put
+    it right, and a device may be lenient.
+    """
+    pieces = InspireExplainer(EXO).decode(data, HOST)
+    hosts = [piece for piece in pieces if piece.raw.startswith(eb90.HOST)]
+    goes_on = data.endswith(eb90.HOST[:1])  # bytes sent later would complete a frame
+    if not hosts and not goes_on:
+        return Step("no valid frame in it, so the hand should not reply", data)
+    piece, *more = pieces
+    if more or not (piece.frame or (piece.problem == "bad-checksum" and not goes_on)):
         return Step(
             "this is not a complete frame, so its effect on the hand is unknown", data, moves=True, strands=True
         )
-    frame = frames[0]
+    frame = eb90.Frame(data[:2], data[2], data[4], data[5:-1])
     if frame.flag == eb90.READ and len(frame.payload) == 3:
-        return Step(f"read {frame.payload[2]} bytes at {frame.address} from id {frame.id}", data)
-    if frame.flag in (eb90.WRITE, eb90.FORCE_COMMAND, eb90.POSITION_COMMAND) and not force_ambiguous:
-        with forceable(code="out-of-range"):
-            eb90.check_id(frame.id)  # what the hands on the line make of another one is unknown
+        return Step(piece.meaning, data)
+    if not force_ambiguous:
+        _check_frame(frame)
+    return Step(piece.meaning, data, moves=True, strands=frame.flag == eb90.WRITE)
+
+
+def _check_frame(frame: eb90.Frame) -> None:
+    """Refuse a write or a command that no such hand, or another device, is meant to get. Raises UsageError."""
+    if frame.flag not in (eb90.WRITE, *COMMANDS):
+        return
+    with forceable(code="out-of-range"):
+        eb90.check_id(frame.id)  # what the hands on the line make of another one is unknown
     if frame.flag == eb90.WRITE and frame.address is not None:
-        if not force_ambiguous:
-            check_values(EXO, frame.address, frame.data)
-        meaning = f"write {hex_bytes(frame.data)} at {frame.address} to id {frame.id}"
-        return Step(f"{meaning}: {describe(EXO, frame.address, frame.data)}", data, moves=True, strands=True)
-    if frame.flag in (eb90.FORCE_COMMAND, eb90.POSITION_COMMAND) and len(frame.payload) == 10:
-        return _raw_command(frame, data, force_ambiguous)
-    return Step(f"flag {frame.flag:02X}, which this hand's manual does not have", data, moves=True)
-
-
-def _without_frame(data: bytes, force_ambiguous: bool) -> Step:
-    """Bytes without a frame. What only lacks the right checksum is planned, refused and asked as the frame it almost is: an
-    error of the line may put it right, and a device may be lenient.
-    """
-    start = data.find(eb90.HOST)
-    whole = data[start : start + data[start + 3] + eb90.OVERHEAD] if start >= 0 else b""
-    if not whole:
-        return Step("no valid frame in it, so the hand should not reply", data)
-    step = plan_raw(whole[:-1] + bytes([eb90.checksum(whole[2:-1])]), force_ambiguous)
-    meaning = f"{step.meaning}. ITS CHECKSUM IS WRONG, so the hand should not reply"
-    if whole != data:
-        return Step(f"{meaning}. There are other bytes around it", data, moves=True, strands=True)
-    return step._replace(meaning=meaning, data=data)
+        check_values(EXO, frame.address, frame.data)
+    elif frame.flag != eb90.WRITE and len(frame.payload) == 10:
+        values = eb90.unpack_s16(frame.payload)
+        if frame.flag == eb90.FORCE_COMMAND and 1020 <= values[0] <= 1043:
+            raise UsageError(
+                f"a wrist module takes this frame for a write of 8 bytes at {values[0]}, this hand for a force command",
+                hint=f"{FORCED} Nothing was sent.",
+                code="ambiguous",
+            )
+        with forceable():
+            check_command(COMMANDS[frame.flag], values)
 
 
 @contextmanager
@@ -242,32 +244,6 @@ def check_command(which: str, values: Sequence[int]) -> None:
                 hint="use 0 to 1000 (exo §2.2.2). Only the registers have -1. Nothing was sent.",
                 code="out-of-range",
             )
-
-
-def _may_go_on(data: bytes) -> bool:
-    """Whether these bytes end in the beginning of a frame, which bytes sent later would complete."""
-    start = data.find(eb90.HOST[:1])
-    while start >= 0:
-        rest = data[start:]
-        if eb90.HOST.startswith(rest[:2]) and (len(rest) < 4 or len(rest) < rest[3] + eb90.OVERHEAD):
-            return True
-        start = data.find(eb90.HOST[:1], start + 1)
-    return False
-
-
-def _raw_command(frame: eb90.Frame, data: bytes, force_ambiguous: bool) -> Step:
-    name = "force" if frame.flag == eb90.FORCE_COMMAND else "position"
-    values = eb90.unpack_s16(frame.payload)
-    if name == "force" and 1020 <= values[0] <= 1043 and not force_ambiguous:
-        raise UsageError(
-            f"a wrist module takes this frame for a write of 8 bytes at {values[0]}, this hand for a force command",
-            hint=f"{FORCED} Nothing was sent.",
-            code="ambiguous",
-        )
-    if not force_ambiguous:
-        with forceable():
-            check_command(name, values)
-    return Step(f"{name} command, little to thumb: {' '.join(map(str, values))}, to id {frame.id}", data, moves=True)
 
 
 def goes_on(hand: RegisterDevice, step: Step) -> AbstractContextManager[None]:
@@ -330,10 +306,6 @@ RAW_COLUMNS = (
     Column("meaning", "Meaning"),
     Column("raw", "Frame"),
 )
-
-
-def _frames(decoder: eb90.Decoder) -> list[eb90.Frame]:
-    return [*frames_in(decoder), *decoder.finish()]
 
 
 def _frame_row(piece: Piece) -> Row:

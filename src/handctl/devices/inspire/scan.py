@@ -21,8 +21,7 @@ from handctl.devices.inspire.identity import EXO, SIX_HINT, WRIST, Kind, Look, R
 from handctl.devices.inspire.modbus import RTU_SPEED
 from handctl.devices.inspire.modbusbus import ModbusBus
 from handctl.devices.inspire.registers import BETWEEN_PROTOCOLS, RegisterBus, Span, at_speed, other_speed
-from handctl.devices.inspire.scanner import Asker, Findings, Scanner
-from handctl.devices.inspire.searches import CanSearch, RtuSearch
+from handctl.devices.inspire.scanner import Asker, CanSearch, Findings, RtuSearch, Scanner
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline, FrameLink, Link
 from handctl.model.guide import Progress

@@ -8,6 +8,7 @@ import click
 
 from handctl.devices.inspire import verbs_cli as verbs
 from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.exo import device
 from handctl.devices.inspire.exo.device import ExoHand, parse_command
 from handctl.devices.inspire.identity import FamilyGate, kind_of
 from handctl.devices.inspire.map import BAUD_RATES, EXO, address_in
@@ -178,17 +179,15 @@ def calibrate(run: Run) -> Table:
     Ctrl-C does not stop the hand. To stop it, switch its power off.
     Someone has to wear the hand, and it moves the wearer's fingers.
     """
-    from handctl.devices.inspire.exo import motion
-
     steps = [run.planner().trigger_step("calibrate", "calibrate")]
     if (plan := run.planned(steps)) is not None:
         return plan
-    for number, (seconds, text) in enumerate(motion.CALIBRATION_STEPS, 1):
+    for number, (seconds, text) in enumerate(device.CALIBRATION_STEPS, 1):
         run.guide.say(f"  step {number}: {text} (waits {seconds} s)")
     run.confirm(
-        f"{motion.POWER_OFF} Someone has to wear the hand, and it moves all fingers through the steps above", steps
+        f"{device.POWER_OFF} Someone has to wear the hand, and it moves all fingers through the steps above", steps
     )
-    return motion.calibrate(run.device(), run.guide)
+    return device.calibrate(run.device(), run.guide)
 
 
 @cli.verb("force", "Move", writes=True)
@@ -228,8 +227,6 @@ for takes_numbers in (force, position):
 def _command(
     run: Run, which: str, texts: tuple[str, ...], wait: float | None = None, expect: str | None = None
 ) -> Table:
-    from handctl.devices.inspire.exo import motion
-
     values = parse_command(which, texts)
     ending = expected(expect, waits=wait is not None)
     steps = run.planner().command_steps(which, values)
@@ -238,8 +235,8 @@ def _command(
     run.confirm(f"This moves a hand that a person may be wearing: {'; '.join(step.meaning for step in steps)}", steps)
     hand = run.device()
     if wait is not None:
-        return motion.move(hand, values, run.guide, wait=wait, expect=ending)
-    table = motion.command(hand, which, values, run.guide)
+        return device.move(hand, values, run.guide, wait=wait, expect=ending)
+    table = device.command(hand, which, values, run.guide)
     if which == "force" and any(values.values()):
         run.journal.info(
             "stays",

@@ -7,16 +7,16 @@ is always from a place just read. The same bytes would be a write to a wrist: on
 from __future__ import annotations
 
 from handctl.devices.inspire import eb90
+from handctl.devices.inspire.map import ALONE, EXO
 from handctl.devices.inspire.stopping import QUICK, Read, Wire, answer, asks, instead, lead, seen_since
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
 from handctl.model.stopping import Aim, Say, Stopped, Talk, insist, taken_over
 
-POSITION_SET, FORCE_SET, POSITION_ACTUAL = 1486, 1498, 1546
-"""exo §2.3.7, §2.3.8, §2.3.9."""
+POSITION_SET, FORCE_SET, POSITION_ACTUAL = (
+    EXO[name].address for name in ("position_set", "force_set", "position_actual")
+)
 FINGERS, MEASURED = 5, 6
-STAY = -1
-"""In `position_set`: this finger is not moved (exo §2.3.7)."""
 STILL = 15
 """Counts of 1000: what stands is read alike within so many."""
 OF_A_WRIST = "run `handctl wrist stop`"
@@ -94,6 +94,6 @@ def hold(number: int, places: list[int]) -> tuple[Step, bytes, str]:
         meaning = f"hold at {' '.join(map(str, places))}"
         data, prefix = eb90.command_request(number, eb90.POSITION_COMMAND, places), eb90.command_reply_prefix(number, eb90.POSITION_COMMAND)  # fmt: skip
     else:
-        meaning = f"move no finger (position_set {STAY})"
-        data, prefix = eb90.write_request(number, POSITION_SET, eb90.pack_s16([STAY] * FINGERS)), eb90.write_ack_prefix(number, POSITION_SET)  # fmt: skip
+        meaning = f"move no finger (position_set {ALONE})"
+        data, prefix = eb90.write_request(number, POSITION_SET, eb90.pack_s16([ALONE] * FINGERS)), eb90.write_ack_prefix(number, POSITION_SET)  # fmt: skip
     return Step(meaning, data, moves=True), prefix, meaning

@@ -1,7 +1,7 @@
 """Which bytes for the EH55BF1 write."""
 
 from handctl.devices.inspire.exo.explain import explainer
-from handctl.devices.inspire.writes import InspireWrites
+from handctl.devices.inspire.explain import InspireWrites
 
 
 def words() -> InspireWrites:

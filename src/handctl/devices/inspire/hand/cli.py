@@ -54,7 +54,7 @@ def open_hand(link: ByteLink | FrameLink, settings: Settings, journal: Journal) 
     gate = ModelGate(typed_model(settings), settings.assume_identity)
     bus, *others = _wires(link, settings, journal)
     for one in (bus, *others):
-        one.gate = gate  # type: ignore[assignment]
+        one.gate = gate
     return Hand(bus, gate, *others, side=settings.own.get("side") or "")
 
 

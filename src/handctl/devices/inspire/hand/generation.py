@@ -20,6 +20,7 @@ from handctl.devices.inspire.identity import (
     F1_HAND,
     STATES,
     TABLE,
+    FamilyGate,
     Kind,
     Look,
     is_f1,
@@ -29,8 +30,7 @@ from handctl.devices.inspire.identity import (
 from handctl.devices.inspire.modbus import RTU, RTU_SPEED, TCP, mode_of
 from handctl.devices.inspire.registers import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.digits import number_in
-from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
-from handctl.model.gate import Gate
+from handctl.errors import DeviceRefused, NoAnswer, ProtocolError, UsageError
 from handctl.model.param import ParamMap
 
 if TYPE_CHECKING:
@@ -232,22 +232,20 @@ def _unicast(address: bytes) -> bool:
     return 1 <= address[0] <= 223 and address[0] != 127 and address[3] not in (0, 255)
 
 
-class ModelGate(Gate):
+class ModelGate(FamilyGate):
     """Lets frames that are no reads pass after one look: a hand, of the generation that its writes are meant for.
 
     typed  the generation that the user named, None = none: then only a DF or TP that shows itself is written to
     """
 
     def __init__(self, typed: str | None, assumed: bool) -> None:
-        super().__init__(assumed and typed is not None)  # what was neither looked at nor typed is not written to
+        super().__init__(
+            BYTE_HAND, assumed and typed is not None
+        )  # what was neither looked at nor typed is not written to
         self.typed = typed
         self.unasked = assumed
         """Whether --assume-identity is given: whoever is there is read, by the map of bytes where none was typed."""
         self.found: Found | None = None
-
-    def look(self, bus: RegisterBus) -> None:
-        """Look once. Raises NotIdentified, Interrupted; nothing was written then."""
-        self.check(bus.link, bus.journal, lambda: self._judge(bus))
 
     def seen(self, bus: RegisterBus, other: RegisterBus | None = None) -> Found:
         """Who answers, asked once a command. See `look`."""
@@ -258,10 +256,7 @@ class ModelGate(Gate):
     def read(self, bus: RegisterBus, blocks: Sequence[tuple[int, bytes]]) -> None:
         """Judge what was read where a generation was typed; else it has shown itself. Raises DeviceRefused for another device."""
         if self.typed is not None and self.found is None:
-            self.check_read(bus.link, bus.journal, ("hand", bus.id), lambda: self._judge_read(bus, blocks))
-
-    def unheard(self, bus: RegisterBus, error: HandctlError) -> None:
-        """The hand that carries a wrist answers as any: nobody else is left to ask."""
+            super().read(bus, blocks)
 
     def _judge_read(self, bus: RegisterBus, blocks: Sequence[tuple[int, bytes]]) -> None:
         assert self.typed is not None

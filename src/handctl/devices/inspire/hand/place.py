@@ -80,11 +80,8 @@ def octets_of(text: str) -> list[int]:
             f"{text!r} is not an IPv4 address", hint=f"write four numbers, such as {FACTORY}. Nothing was sent."
         ) from exc
     octets = list(address.packed)
-    if address.is_multicast or address.is_loopback or (not address.is_global and not address.is_private):
-        raise UsageError(
-            f"{text} is not the address of one device", hint=f"use one such as {FACTORY}. Nothing was sent."
-        )
-    if octets[0] == 0 or octets[0] > 223 or octets[3] in (0, 255):
+    elsewhere = address.is_multicast or address.is_loopback or (not address.is_global and not address.is_private)
+    if elsewhere or octets[0] == 0 or octets[0] > 223 or octets[3] in (0, 255):
         raise UsageError(
             f"{text} is not the address of one device", hint=f"use one such as {FACTORY}. Nothing was sent."
         )

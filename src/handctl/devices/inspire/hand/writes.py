@@ -1,7 +1,7 @@
 """Which bytes for the RH56 hands write."""
 
+from handctl.devices.inspire.explain import InspireWrites
 from handctl.devices.inspire.hand.explain import explainer
-from handctl.devices.inspire.writes import InspireWrites
 
 
 def words() -> InspireWrites:

@@ -18,7 +18,7 @@ from handctl.devices.inspire.wrist.device import Wrist
 from handctl.errors import Left, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
 from handctl.model.param import Step
-from handctl.model.piece import DEVICE
+from handctl.model.piece import DEVICE, HOST
 from handctl.model.result import Row, Table, hex_bytes
 from handctl.sentence import plural
 
@@ -92,34 +92,25 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
     explained = misprint(data)
     if explained is not None and only_explain:
         return Step(explained, data, moves=True)
-    decoder = eb90.Decoder([eb90.HOST])
-    decoder.feed(data)
-    frames = [frame for frame in decoder.finish() if not frame.from_device]
+    piece, *more = InspireExplainer(WRIST).decode(data, HOST)
     unknown = "this is not a complete read or write, so its effect on the device is unknown"
-    if len(frames) != 1 or frames[0].encode() != data:
+    if more or not piece.frame or not data.startswith(eb90.HOST):
         return Step(explained or unknown, data, moves=True, strands=True)
-    (frame,) = frames
+    frame, said = eb90.Frame(data[:2], data[2], data[4], data[5:-1]), explained or piece.meaning
     flag, address, values = frame.flag, frame.address, frame.data
     if flag in (eb90.WRIST_READ, eb90.READ) and len(frame.payload) == 3:
-        space = "wrist" if flag == eb90.WRIST_READ else "hand"
-        return Step(explained or f"read {frame.payload[2]} bytes at {address} of the {space}, id {frame.id}", data)
-    if flag == eb90.WRIST_WRITE and address is None:
-        if len(frame.payload) == 10 and not force:
-            hint = "write 2, 4 or 6 bytes to a wrist."
-            raise ambiguous("8 bytes with flag 31 are a force command of an exoskeleton hand", hint)
-        at, values = int.from_bytes(frame.payload[:2], "little"), frame.payload[2:]
-        meaning = f"write {hex_bytes(values)} at {at}, or an exo force command"
-        return Step(meaning, data, moves=True, strands=True)
+        return Step(said, data)
+    if flag == eb90.WRIST_WRITE and len(frame.payload) == 10 and not force:
+        hint = "write 2, 4 or 6 bytes to a wrist."
+        raise ambiguous("8 bytes with flag 31 are a force command of an exoskeleton hand", hint)
     if flag == eb90.WRIST_WRITE:
-        if explained is None and not force:
-            _refuse_illegal(address or 0, values)
-        return Step(explained or f"write {hex_bytes(values)} at {address} of the wrist", data, moves=True)
-    if flag == eb90.WRITE and not touches_shared(address or 0, len(values)):
-        return Step(f"write {hex_bytes(values)} at {address} of the hand", data, moves=True, strands=True)
-    if flag == eb90.WRITE and not force:
+        if address is not None and explained is None and not force:
+            _refuse_illegal(address, values)
+        return Step(said, data, moves=True, strands=address is None)
+    if flag == eb90.WRITE and touches_shared(address or 0, len(values)) and not force:
         text = f"flag 12 at {address} writes current limits or power-on speeds of the hand, not the wrist"
         raise ambiguous(text, "use flag 31 for the wrist.")
-    return Step(explained or unknown, data, moves=True, strands=True)
+    return Step(said if flag == eb90.WRITE else explained or unknown, data, moves=True, strands=True)
 
 
 def ambiguous(text: str, hint: str) -> UsageError:

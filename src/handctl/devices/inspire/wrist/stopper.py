@@ -7,14 +7,13 @@ goes before that no other device acts upon. Whatever else may answer, only a wri
 from __future__ import annotations
 
 from handctl.devices.inspire import eb90
+from handctl.devices.inspire.map import WRIST
 from handctl.devices.inspire.stopping import CAN, EB90, REFUSED, TAKEN, Wire, answer, asks, instead, lead, seen_since
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.stopping import Aim, Pieces, Say, Stopped, Talk, insist, silence, taken_over
 
-ANGLES, ANGLES_SET = 1020, 1038
-"""pitch_actual with yaw_actual behind it; yaw_set with pitch_set behind it (wrist §2.1)."""
-PITCH, YAW = (-2266, 2212), (-2550, 2550)
-"""0.01 degrees (wrist §1)."""
+ANGLES, ANGLES_SET = WRIST["pitch_actual"].address, WRIST["yaw_set"].address
+"""With yaw_actual behind it; with pitch_set behind it (wrist §2.1)."""
 STILL = 20
 """0.01 degrees: what stands is read alike within so many."""
 POWER = "switch the power off if it still moves"
@@ -35,7 +34,7 @@ def stop_talk(aim: Aim) -> Talk:
             return _unanswered(told.came)
         here = pitch, yaw = eb90.unpack_s16(told.found)
         at = f"pitch {pitch / 100:.2f}°, yaw {yaw / 100:.2f}°"
-        if not (PITCH[0] <= pitch <= PITCH[1] and YAW[0] <= yaw <= YAW[1]):
+        if not (WRIST["pitch_set"].allowed(pitch / 100) and WRIST["yaw_set"].allowed(yaw / 100)):
             text = f"the angles ({at}) are outside the documented range, so nothing was commanded"
             return Stopped(text, POWER, CheckFailed)
         meaning = f"stay at {at}"

@@ -1,7 +1,7 @@
 """Which bytes for the wrist module and the hand behind it, on both wires write."""
 
+from handctl.devices.inspire.explain import InspireWrites
 from handctl.devices.inspire.wrist.explain import explainer
-from handctl.devices.inspire.writes import InspireWrites
 
 
 def words() -> InspireWrites:
