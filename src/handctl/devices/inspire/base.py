@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import NamedTuple, TypeVar
 
 from handctl.devices.inspire.eb90 import MAX_COUNT
-from handctl.devices.inspire.identity import refuse_twins
+from handctl.devices.inspire.identity import refuse_twins, within
 from handctl.devices.inspire.map import BAUD_RATES, Register, register_of
 from handctl.devices.inspire.registers import RegisterBus, may_still_move
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Left, NoAnswer, ProtocolError, UsageError
@@ -46,10 +46,7 @@ class Memory:
 
     def bytes_at(self, address: int, count: int) -> bytes | None:
         """The bytes, or None if they were not read."""
-        for start, data in self.blocks:
-            if start <= address and address + count <= start + len(data):
-                return data[address - start : address - start + count]
-        return None
+        return within(self.blocks)(address, count)
 
 
 def plan(registers: Iterable[Register], limit: int = MAX_COUNT) -> list[Block]:

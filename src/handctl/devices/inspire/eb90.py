@@ -112,7 +112,7 @@ def read_request(device_id: int, address: int, count: int, flag: int = READ) -> 
 def only_reads(data: bytes) -> bool:
     """Whether `data` is nothing but whole read requests, which change no device of this maker. Asked for each frame again.
 
-    What goes ahead of them and between them (`quiet`) begins no frame.
+    What goes ahead of them and between them (`registers.question`) begins no frame.
     """
     requests = []
     while data := data.lstrip(b"\0\xff"):

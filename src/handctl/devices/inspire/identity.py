@@ -58,7 +58,7 @@ WARM = frozenset((*range(5, 111), 255))
 
 
 ITS_CURRENT = READS[eb90.WRIST_READ][0]
-"""A current of a wrist. Its angles lie at 1020: FC 03, and 03 ends a movement of a BarrettHand (`quiet`)."""
+"""A current of a wrist. Its angles lie at 1020: FC 03, and 03 ends a movement of a BarrettHand (`registers.question`)."""
 
 
 def is_wrist(at: At) -> str:

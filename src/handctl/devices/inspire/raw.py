@@ -102,33 +102,23 @@ def _overlap(register: Register, address: int, count: int) -> bool:
 
 
 def _checked(hand: RegisterDevice, register: Register, address: int, data: bytes) -> str:
+    """What a write within one group sets, in words. Raises UsageError for what it must not."""
+    name, kind, size = register.name, hand.kind, register.size
     if register.trigger:
-        raise UsageError(
-            f"{address} is {register.name}: a write to it starts an action",
-            hint=f"use `handctl {hand.kind} {register.verb}`. Nothing was sent.",
-        )
-    if "w" not in register.access:
-        raise UsageError(
-            f"{address} is {register.name}, which is read-only ({register.source})",
-            hint=f"read it with `handctl {hand.kind} get {register.name}`. Nothing was sent.",
-        )
-    if register.name == "id":
-        raise UsageError(
-            f"{address} is the id",
-            hint=f"use `handctl {hand.kind} id NEW`, which finds the hand again. Nothing was sent.",
-        )
-    if (address - register.address) % register.size or len(data) % register.size:
-        raise UsageError(
-            f"each element of {register.name} has {register.size} bytes: this write would cut one",
-            hint="write whole elements. Nothing was sent.",
-        )
-    texts = []
-    for offset in range(0, len(data), register.size):
-        element = Element(register, (address + offset - register.address) // register.size)
-        value = register.decode(data[offset : offset + register.size])
-        register.check(value, element.full_name)
-        texts.append(f"{element.full_name} = {value}")
-    return ", ".join(texts)
+        text, hint = f"{address} is {name}: a write to it starts an action", f"use `handctl {kind} {register.verb}`."
+    elif "w" not in register.access:
+        text = f"{address} is {name}, which is read-only ({register.source})"
+        hint = f"read it with `handctl {kind} get {name}`."
+    elif name == "id":
+        text, hint = f"{address} is the id", f"use `handctl {kind} id NEW`, which finds the hand again."
+    elif (address - register.address) % size or len(data) % size:
+        text, hint = f"each element of {name} has {size} bytes: this write would cut one", "write whole elements."
+    else:
+        changes = changes_of(hand.map, address, data)
+        for element, value in changes:
+            register.check(value, element.full_name)
+        return ", ".join(f"{element.full_name} = {value}" for element, value in changes)
+    raise UsageError(text, hint=f"{hint} Nothing was sent.")
 
 
 def write(hand: RegisterDevice, address: int, data: bytes) -> Table:
@@ -206,13 +196,15 @@ def _check_frame(frame: eb90.Frame) -> None:
     elif frame.flag != eb90.WRITE and len(frame.payload) == 10:
         values = eb90.unpack_s16(frame.payload)
         if frame.flag == eb90.FORCE_COMMAND and 1020 <= values[0] <= 1043:
-            raise UsageError(
-                f"a wrist module takes this frame for a write of 8 bytes at {values[0]}, this hand for a force command",
-                hint=f"{FORCED} Nothing was sent.",
-                code="ambiguous",
-            )
+            what = f"a write of 8 bytes at {values[0]}"
+            raise refused(f"a wrist module takes this frame for {what}, this hand for a force command")
         with forceable():
             check_command(COMMANDS[frame.flag], values)
+
+
+def refused(text: str, hint: str = "", code: str = "ambiguous") -> UsageError:
+    """The error of bytes that are not sent unless --force-ambiguous is given."""
+    return UsageError(text, hint=f"{hint} {FORCED} Nothing was sent.".lstrip(), code=code)
 
 
 @contextmanager

@@ -21,7 +21,7 @@ from handctl.devices.inspire.identity import EXO, SIX_HINT, WRIST, Kind, Look, R
 from handctl.devices.inspire.modbus import RTU_SPEED
 from handctl.devices.inspire.modbusbus import ModbusBus
 from handctl.devices.inspire.registers import BETWEEN_PROTOCOLS, RegisterBus, Span, at_speed, other_speed
-from handctl.devices.inspire.scanner import Asker, CanSearch, Findings, RtuSearch, Scanner
+from handctl.devices.inspire.scanner import Asker, CanSearch, Findings, RtuSearch, Scanner, Wanted
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline, FrameLink, Link
 from handctl.model.guide import Progress
@@ -190,9 +190,7 @@ class Sweep:
     def _in_eb90(self, link: ByteLink, target: Target, speeds: Sequence[int | None]) -> Findings:
         """What a scan in EB90 for one target saw; who was found is in the rows."""
         quest, lead = self.quest, target is self.lead
-        scanner = Scanner(
-            self._bus(link, target),
-            Progress(quest.progress),
+        want = Wanted(
             find_all=quest.find_all,
             probe=target.probe,
             twin=target.twin,
@@ -205,6 +203,7 @@ class Sweep:
             both_ways=all(one.both_ways for one in self.targets),
             beside=self.beside,
         )
+        scanner = Scanner(self._bus(link, target), Progress(quest.progress), want)
         found = scanner.run(self.ids, speeds)
         self.left += [left_text(speed, number, self.ids[-1], target.family) for speed, number in scanner.left]
         self.collided += found.twins

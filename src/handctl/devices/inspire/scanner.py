@@ -1,6 +1,6 @@
 """Looking for devices on a serial line: ids and speeds, read-only, never mistaking an echo or noise for a device.
 
-A probe reads two bytes of a register that the id may be asked for on any line (`quiet`): its reply is longer than the
+A probe reads two bytes of a register that the id may be asked for on any line (`registers.question`): its reply is longer than the
 request and names its id. One id is asked at a time, with room for its answer on the wire and no more: so answers collide with
 no probe on two wires (RS-485) either, and one that arrives here later still names its id, and counts whenever it comes.
 
@@ -276,9 +276,11 @@ class Pass(NamedTuple):
     between: bool = False
 
 
-class Scanner(Asker):
-    """Scans one line.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """What is wanted of the scan of one line.
 
+    own, probe, twin  who is looked for, and what he is asked, see `scan.Target`
     find_all  the first hit does not end it
     thorough  silence is asked again, with more patience
     silence   for so many seconds a line is asked on which nobody is heard, None = until all were asked
@@ -288,34 +290,26 @@ class Scanner(Asker):
     beside    so long the first id is waited for, and nothing behind it: others are asked here as well; None = they are not
     """
 
-    def __init__(
-        self,
-        bus: Bus,
-        guide: Guide,
-        *,
-        find_all: bool,
-        probe: Span,
-        twin: Span,
-        own: Kind,
-        thorough: bool = True,
-        silence: float | None = None,
-        between: Callable[[], bool] | None = None,
-        behind: Collection[int | None] = (),
-        patience: float = 0.0,
-        both_ways: bool = False,
-        beside: float | None = None,
-    ) -> None:
-        super().__init__(bus, TURNAROUND, probe)
-        self._own = own
-        self._probe, self._twin_span = probe, twin
-        self._guide = guide
-        self._find_all = find_all
-        self._thorough = thorough
-        self._until: Deadline | None = None if silence is None else bus.link.deadline(silence)
-        self._between, self._behind = between, behind
-        self._allowed = patience
-        self._both_ways = both_ways
-        self._beside = beside
+    own: Kind
+    probe: Span
+    twin: Span
+    find_all: bool
+    thorough: bool = True
+    silence: float | None = None
+    between: Callable[[], bool] | None = None
+    behind: Collection[int | None] = ()
+    patience: float = 0.0
+    both_ways: bool = False
+    beside: float | None = None
+
+
+class Scanner(Asker):
+    """Scans one line."""
+
+    def __init__(self, bus: Bus, guide: Guide, want: Wanted) -> None:
+        super().__init__(bus, TURNAROUND, want.probe)
+        self._guide, self._want = guide, want
+        self._until: Deadline | None = None if want.silence is None else bus.link.deadline(want.silence)
         self.left: list[tuple[int | None, int]] = []
         """Speed, and the first id that was not asked there since `silence` was over."""
         self._doubted: set[int] = set()  # ids that answered in this pass, and not when asked again
@@ -325,12 +319,13 @@ class Scanner(Asker):
     def run(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Findings:
         """Scan `ids` at each of `speeds` (None = the link has no speed). The first hit ends it unless all are wanted."""
         link = self._bus.link
-        started = link.now()
-        with at_speed(link, None):
-            try:
-                self._all(ids, speeds)
-            finally:
-                self._guide.done()
+        started, first = link.now(), link.baud
+        try:
+            self._all(ids, speeds)
+        finally:
+            self._guide.done()
+            if first is not None and link.can_set_baud:
+                link.set_baud(first)
         self.found.seconds = link.now() - started
         return self.found
 
@@ -339,29 +334,29 @@ class Scanner(Asker):
         for each in self._passes(ids, speeds):
             self._pass(each)
             done = bool(self.found.hits) or self._collided(each.speed)
-            between = self._between if each.between and each.speed in self._behind else None
+            between = self._want.between if each.between and each.speed in self._want.behind else None
             if between is not None and not (done or self._cut() or self._spent):
-                if self._beside is None:
+                if self._want.beside is None:
                     self._await_late(ids[:1])  # an answer must not come among those in another protocol
                 done = bool(self.found.hits) or between()
                 awaited = self.found.probes
-            if (done and not self._find_all) or self._cut():
+            if (done and not self._want.find_all) or self._cut():
                 break
-        unheard = not (self.found.hits or self._thorough or awaited == self.found.probes)
-        if unheard and self._beside is None and not self._cut():
+        unheard = not (self.found.hits or self._want.thorough or awaited == self.found.probes)
+        if unheard and self._want.beside is None and not self._cut():
             self._await_late(ids[:1])
 
     def _await_late(self, ids: Sequence[int]) -> None:
         """Listen for answers to all that was asked so far."""
-        self._collect(answered := dict[int, int](), max(LATE_SECONDS, self._allowed))
+        self._collect(answered := dict[int, int](), max(LATE_SECONDS, self._want.patience))
         self._confirm(self._asked[-1] if self._asked else None, answered, ids)
 
     # -- passes --------------------------------------------------------------------------------------------------
 
     def _passes(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Iterator[Pass]:
         """Id 1 at every speed first (factory default), then all, then all with more time where that can matter."""
-        rest, patient = ids, max(FIRST_SECONDS, self._allowed) if self._beside is None else self._beside
-        if not self._find_all and 1 in ids and len(ids) > 1:
+        rest, patient = ids, max(FIRST_SECONDS, self._want.patience) if self._want.beside is None else self._want.beside
+        if not self._want.find_all and 1 in ids and len(ids) > 1:
             rest = [i for i in ids if i != 1]
             for speed in speeds:
                 yield Pass(speed, [1], DRAIN_SECONDS, patient)
@@ -369,14 +364,14 @@ class Scanner(Asker):
         while todo:
             speed = todo.pop(0)
             measured = len(self.line.trips)
-            wait = ROOMLESS if self._both_ways and asked else None
+            wait = ROOMLESS if self._want.both_ways and asked else None
             yield Pass(speed, rest, wait if len(rest) > 1 else patient, DRAIN_SECONDS, between=True)
             if self.line.speed_matters is False:
                 todo.clear()
             elif self.line.slow and not measured:
                 todo += asked  # their last answers may have been too late
             asked.append(speed)
-        if not self._thorough or self._beside is not None or self.found.beheaded:
+        if not self._want.thorough or self._want.beside is not None or self.found.beheaded:
             return
         if self.found.hits and not (len(ids) > 1 and self._collides()):
             return
@@ -429,14 +424,14 @@ class Scanner(Asker):
             if not whole and self.found.single and device_id not in answered:
                 self._first(device_id, answered)  # somebody spoke at the same time
             self._confirm(speed, answered, [device_id])
-            if (self.found.hits and not self._find_all) or (number < len(ids) and self._cut()):
+            if (self.found.hits and not self._want.find_all) or (number < len(ids) and self._cut()):
                 return
         alone = ids[0] if len(ids) == 1 else 0
         self._collect(answered, max(0.0, self._patience(this.dwell) - self._wait), alone=alone)
         self._confirm(speed, answered, ids[-1:])
 
     def _patience(self, otherwise: float) -> float:
-        return max(self._allowed, super()._patience(otherwise))
+        return max(self._want.patience, super()._patience(otherwise))
 
     @property
     def _spent(self) -> bool:
@@ -495,9 +490,9 @@ class Scanner(Asker):
         if self._known(speed, device_id):
             return True
         patience = self._patience(CONFIRM_SECONDS[0])
-        if not self._ask(device_id, (patience, 2 * patience), self._probe):
+        if not self._ask(device_id, (patience, 2 * patience), self._want.probe):
             return False
-        value = int.from_bytes(self._seen[device_id, self._probe], "little", signed=True)
+        value = int.from_bytes(self._seen[device_id, self._want.probe], "little", signed=True)
         self._measure(device_id, speed)
         if self.line.speed_matters is False:
             speed = None
@@ -533,15 +528,15 @@ class Scanner(Asker):
 
     def _kind(self, device_id: int) -> tuple[Kind | None, str]:
         """What a hit is, and what shows it. Nobody but a wrist answers a wrist's question: then nothing more is asked."""
-        if self._own is WRIST:
+        if self._want.own is WRIST:
             return WRIST, ""
         look = Look(self._bus.at(device_id=device_id))
         try:
-            return look.who(self._own), look.evidence
+            return look.who(self._want.own), look.evidence
         except NoAnswer:
-            return self._own, ""  # it answered before: nothing contradicts it
+            return self._want.own, ""  # it answered before: nothing contradicts it
         except ProtocolError as exc:
-            return (None, exc.text) if exc.code == "unknown-device" else (self._own, "")
+            return (None, exc.text) if exc.code == "unknown-device" else (self._want.own, "")
 
     def _collided(self, speed: int | None) -> bool:
         """Whether two devices with one id answer at this speed: each answer is damaged, but for those that are alike."""
@@ -569,7 +564,7 @@ class Scanner(Asker):
             for _ in range(reads):
                 with suppress(NoAnswer):  # a lost reply says nothing about a twin
                     try:
-                        bus.read(*self._twin_span, device_id=device_id, retries=0)
+                        bus.read(*self._want.twin, device_id=device_id, retries=0)
                         good += 1
                     except ProtocolError as exc:
                         bad += exc.code in ("bad-checksum", "garbage")
@@ -696,32 +691,27 @@ class CanSearch:
 
     def nothing(self, summary: str) -> HandctlError:
         """Why nothing was found."""
-        (errors, damaged), what = self._before, self._what
-        damaged = self._bus.link.damaged - damaged
-        name = self._bus.link.name
-        trouble = self._bus.link.trouble(errors)
+        (errors, damaged), what, link = self._before, self._what, self._bus.link
+        damaged, name, trouble = link.damaged - damaged, link.name, link.trouble(errors)
         if trouble is not None and trouble.code:
             failure = bus_failure(name, "the probes", trouble)
             failure.text += f" ({summary})"
             return failure
+        code, text, hint = "", "", ""
         if self._lone:
+            code, text = "wrong-id", f"id {', '.join(map(str, self._lone))} answered, but not when it was asked"
             hint = "power-cycle the hand, then scan again: it answers under a different id than handctl asked"
-            return ProtocolError(
-                f"{name}: id {', '.join(map(str, self._lone))} answered, but not when it was asked ({summary})",
-                hint=hint,
-                code="wrong-id",
-            )
-        if self._short:
+        elif self._short:
+            code, text = "cut-short", "the answers do not have the requested length"
             hint = "check the bus: this may be another kind of device, or the line is disturbed"
-            return ProtocolError(
-                f"{name}: the answers do not have the requested length ({summary})", hint=hint, code="cut-short"
-            )
-        if self._own:
+        elif self._own:
+            code, text = "echo", "only our own frames came back"
             hint = "check the adapter: it may be in loopback mode, or return the frames that it sends"
-            return ProtocolError(f"{name}: only our own frames came back ({summary})", hint=hint, code="echo")
-        if damaged:
-            text = f"{name}: no {what}, but {said_damaged(damaged, self._bus.link.damage)} ({summary})"
-            return ProtocolError(text, hint=HINTS["damaged"], code="damaged")
+        elif damaged:
+            code, text = "damaged", f"no {what}, but {said_damaged(damaged, link.damage)}"
+            hint = HINTS["damaged"]
+        if code:
+            return ProtocolError(f"{name}: {text} ({summary})", hint=hint, code=code)
         if self.cut:
             return NoAnswer(f"{name}: no {what} so far ({summary})", hint="use a longer --deadline", code="deadline")
         if trouble is not None:

@@ -30,22 +30,20 @@ What of them is not documented is never written (rh56 §3.1, §3.3, §9)."""
 
 def plan_write(hand: Hand, address: int, data: bytes, undocumented: bool) -> Step:
     """Check a write at a byte address against the map. Raises UsageError."""
-    unit = hand.bus.per
-    if any(
-        place // unit in span and not _known(hand, place)
-        for place in range(address, address + len(data))
-        for span in NEVER[unit]
-    ):
+    if any(_never(hand, place) for place in range(address, address + len(data))):
         raise UsageError(
-            f"{address // unit} is among triggers, gestures or sequences, which start movements or resets on some generations",
+            f"{address // hand.bus.per} is among triggers, gestures or sequences, which start movements or resets on some generations",
             hint="handctl never writes there (rh56 §9). Nothing was sent.",
             code="never",
         )
     return by_number.plan_write(hand, address, data, undocumented)
 
 
-def _known(hand: Hand, place: int) -> bool:
-    return any(place in register.span for register in hand.has)
+def _never(hand: Hand, place: int) -> bool:
+    """Whether this byte is not documented here, and starts something on some generation."""
+    unit = hand.bus.per
+    documented = any(place in register.span for register in hand.has)
+    return not documented and any(place // unit in span for span in NEVER[unit])
 
 
 # -- frames -----------------------------------------------------------------------------------------------------------
@@ -100,28 +98,15 @@ def _refuse(hand: Hand, frame: bytes) -> None:
     elif frame[:2] == eb90.HOST and len(frame) > 8 and frame[4] == eb90.WRITE:
         number, address, data = frame[2], int.from_bytes(frame[5:7], "little"), frame[7:-1]
     elif frame[:2] == eb90.HOST and len(frame) > 4:
-        raise UsageError(
-            f"flag {frame[4]:02X} is not a flag of these hands",
-            hint=f"{by_number.FORCED} Nothing was sent.",
-            code="ambiguous",
-        )
+        raise by_number.refused(f"flag {frame[4]:02X} is not a flag of these hands")
     else:
         return
     if not 1 <= number <= 254:
-        raise UsageError(
-            f"id {number} is not an id of a hand", hint=f"{by_number.FORCED} Nothing was sent.", code="out-of-range"
-        )
-    touched = range(address * unit, address * unit + len(data))
-    for place in touched:
-        known = next((register for register in hand.has if place in register.span), None)
-        if (known is not None and known.name == "factory_reset") or (
-            known is None and any(place // unit in span for span in NEVER[unit])
-        ):
-            raise UsageError(
-                f"{place // unit} resets the hand or starts a stored movement on some generations",
-                hint=f"{by_number.FORCED} Nothing was sent.",
-                code="never",
-            )
+        raise by_number.refused(f"id {number} is not an id of a hand", code="out-of-range")
+    for place in range(address * unit, address * unit + len(data)):
+        if place in hand.map["factory_reset"].span or _never(hand, place):
+            text = f"{place // unit} resets the hand or starts a stored movement on some generations"
+            raise by_number.refused(text, code="never")
     by_number.check_values(hand.map, address * unit, data)
 
 

@@ -13,7 +13,7 @@ from handctl.devices.inspire.canbus import CanBus, related
 from handctl.devices.inspire.explain import CAN_MISPRINTS, MISPRINTS, InspireExplainer
 from handctl.devices.inspire.identity import identify_alone
 from handctl.devices.inspire.map import EXO, WRIST, Register
-from handctl.devices.inspire.raw import RAW_COLUMNS, changes_of, check_values, judge_read_back
+from handctl.devices.inspire.raw import RAW_COLUMNS, changes_of, check_values, judge_read_back, refused
 from handctl.devices.inspire.wrist.device import Wrist
 from handctl.errors import Left, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
@@ -102,21 +102,15 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
         return Step(said, data)
     if flag == eb90.WRIST_WRITE and len(frame.payload) == 10 and not force:
         hint = "write 2, 4 or 6 bytes to a wrist."
-        raise ambiguous("8 bytes with flag 31 are a force command of an exoskeleton hand", hint)
+        raise refused("8 bytes with flag 31 are a force command of an exoskeleton hand", hint)
     if flag == eb90.WRIST_WRITE:
         if address is not None and explained is None and not force:
             _refuse_illegal(address, values)
         return Step(said, data, moves=True, strands=address is None)
     if flag == eb90.WRITE and touches_shared(address or 0, len(values)) and not force:
         text = f"flag 12 at {address} writes current limits or power-on speeds of the hand, not the wrist"
-        raise ambiguous(text, "use flag 31 for the wrist.")
+        raise refused(text, "use flag 31 for the wrist.")
     return Step(said if flag == eb90.WRITE else explained or unknown, data, moves=True, strands=True)
-
-
-def ambiguous(text: str, hint: str) -> UsageError:
-    """The error of bytes that mean something else to another device, or in the other register space."""
-    hint = f"{hint} Add --force-ambiguous to send it anyway. Nothing was sent."
-    return UsageError(text, hint=hint, code="ambiguous")
 
 
 def parse_can(text: str) -> CanFrame:
@@ -146,15 +140,12 @@ def plan_can(frame: CanFrame, force: bool, *, only_explain: bool = False) -> Ste
     if explained is not None and only_explain:
         return Step(explained, frame.data, moves=True, can_id=frame.can_id)
     if access.writes and access.hand_id == canreg.ANY_ID and not force:
-        raise UsageError(
-            "id 16383 may mean every hand on the bus",
-            hint="write to one hand. Add --force-ambiguous to send it anyway. Nothing was sent.",
-        )
+        raise refused("id 16383 may mean every hand on the bus", "write to one hand.", UsageError.default_code)
     if access.flag == canreg.WRITE_WRIST and not force:
         _refuse_illegal(access.address, frame.data)
     if access.flag == canreg.WRITE_HAND and touches_shared(access.address, len(frame.data)) and not force:
         text = f"this writes address {access.address} of the hand: current limits or power-on speeds, not the wrist"
-        raise ambiguous(text, "use flag 5 for the wrist.")
+        raise refused(text, "use flag 5 for the wrist.")
     reads = canreg.only_reads(frame.can_id, frame.data)
     (piece,) = InspireExplainer(WRIST).sent(frame.data, frame.can_id)
     strands = not reads and access.flag != canreg.WRITE_WRIST
