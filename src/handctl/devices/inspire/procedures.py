@@ -390,12 +390,11 @@ def _save(hand: RegisterDevice, guide: Guide) -> Table:
     guide.done()
     if frame is None:
         bus.out_of_time("the result of the save")
-    if frame is None and lost is not None:
-        raise lost.retold(
-            lost.text,
-            hint=f"power-cycle the hand and check with `handctl {hand.kind} get id baud_code`: the result is not known",
-        )
-    if frame is None:
+        if lost is not None:
+            raise lost.retold(
+                lost.text,
+                hint=f"power-cycle the hand and check with `handctl {hand.kind} get id baud_code`: the result is not known",
+            )
         hand.journal.warn(
             "no-result",
             f"the hand accepted the save but did not report its result ({hand.save_result})",

@@ -100,7 +100,7 @@ def at_speed(link: ByteLink, speed: int | None) -> Iterator[None]:
     try:
         yield
     finally:
-        if was is not None and link.can_set_baud and link.baud != was:
+        if was is not None and link.can_set_baud and (speed is not None or link.baud != was):
             link.set_baud(was)
 
 

@@ -73,6 +73,15 @@ def looks_only(run: Run, name: str) -> None:
     run.only_reads()
 
 
+def carried_out(run: Run, steps: Sequence[Step], question: str, act: Callable[[Any], Table], word: str = "") -> Table:
+    """Plan, ask the `question`, which "" leaves out, then let the device `act`."""
+    if (plan := run.planned(steps)) is not None:
+        return plan
+    if question:
+        run.confirm(question, steps, word=word)
+    return act(run.device())
+
+
 def read(run: Run, address: str, count: int) -> Table:
     """Bytes from any address."""
     from handctl.devices.inspire import eb90, raw
@@ -88,13 +97,12 @@ def send_raw(run: Run, step: Step, question: str, exchange: Callable[[Any], Tabl
     """Plan, ask unless it only reads, then `exchange` the bytes with the device."""
     from handctl.devices.inspire import raw
 
-    if (plan := run.planned([step])) is not None:
-        return plan
-    if step.moves or step.strands:
-        run.confirm(f"{question}: {step.meaning}", [step])
-    device: RegisterDevice = run.device()
-    with raw.goes_on(device, step):
-        return exchange(device)
+    def act(device: RegisterDevice) -> Table:
+        with raw.goes_on(device, step):
+            return exchange(device)
+
+    asks = step.moves or step.strands
+    return carried_out(run, [step], f"{question}: {step.meaning}" if asks else "", act)
 
 
 def change_id(run: Run, params: ParamMap[Any], new: int | None) -> Table:
@@ -104,11 +112,8 @@ def change_id(run: Run, params: ParamMap[Any], new: int | None) -> Table:
         return verbs.get(run, params, ["id"])
     params["id"].check(new, "id")
     steps = run.planner().plan([(Element(params["id"], 0), new)])
-    if (plan := run.planned(steps)) is not None:
-        return plan
-    run.confirm(f"This changes the id to {new} at once, on every hand on this line that has the old id", steps)
-    device: RegisterDevice = run.device()
-    return device.change_id(new)
+    question = f"This changes the id to {new} at once, on every hand on this line that has the old id"
+    return carried_out(run, steps, question, lambda device: device.change_id(new))
 
 
 def change_baud(run: Run, rate: int | None, question: str, *, save: bool, verify: bool) -> Table:
@@ -190,12 +195,12 @@ def save(run: Run, question: str, *, looks: bool = True) -> Table:
     from handctl.devices.inspire import procedures
 
     steps = [run.planner().trigger_step("save", "save to flash")]
-    if (plan := run.planned(steps)) is not None:
-        return plan
-    run.confirm(question, steps)
-    device: RegisterDevice = run.device()
-    device.meet(keeps=looks)
-    return procedures.save(device, run.guide)
+
+    def act(device: RegisterDevice) -> Table:
+        device.meet(keeps=looks)
+        return procedures.save(device, run.guide)
+
+    return carried_out(run, steps, question, act)
 
 
 def factory_reset(run: Run, meaning: str, question: str, backup: str | None, *, looks: bool = True) -> Table:

@@ -76,10 +76,8 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
 
     place, payload = address_in(address), by_number.parse_hex(data)
     step = by_number.plan_write(run.planner(), place, payload, undocumented)
-    if (plan := run.planned([step])) is not None:
-        return plan
-    run.confirm(f"This writes to a hand that a person may be wearing: {step.meaning}", [step])
-    return by_number.write(run.device(), place, payload)
+    question = f"This writes to a hand that a person may be wearing: {step.meaning}"
+    return verbs.carried_out(run, [step], question, lambda hand: by_number.write(hand, place, payload))
 
 
 @cli.verb("raw", "Service", writes=True)

@@ -350,10 +350,7 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
 
     bus = hand.bus
     begun = hand.journal.ledger.mark
-    with hand.bus.leaving(
-        "the hand is still calibrating",
-        f"{POWER_OFF} No documented command stops a calibration",
-    ):
+    with bus.leaving("the hand is still calibrating", f"{POWER_OFF} No documented command stops a calibration"):
         lost = bus.try_write(EXO["calibrate"].address, b"\x01", "the start", "handctl still waits for the end")
         started = bus.link.now()
         guide.say(
@@ -364,22 +361,21 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
         more = f" (waits {least} s, the rest is movement)"
         frame = wait_for_calibration(bus, guide, CALIBRATION_SECONDS, more, POWER_OFF)
     seconds = bus.link.now() - started
-    if frame is None:
+    if frame is not None:
+        guide.say(f"The hand reported the end after {seconds:.1f} s.")
+        hand.journal.ledger.confirm("its end was reported", since=begun)
+    else:
         bus.out_of_time("the end of the calibration. The calibration is still running")
-    if frame is None and lost is not None:
-        raise lost.retold(
-            f"the calibration may have started. Its start was not acknowledged, its end was not reported: {lost.text}",
-            hint=f"{POWER_OFF} Keep wearing the hand until it has stopped moving, then check with `handctl exo status`",
-        )
-    if frame is None:
+        if lost is not None:
+            raise lost.retold(
+                f"the calibration may have started. Its start was not acknowledged, its end was not reported: {lost.text}",
+                hint=f"{POWER_OFF} Keep wearing the hand until it has stopped moving, then check with `handctl exo status`",
+            )
         hand.journal.warn(
             "no-completion",
             f"the hand did not report the end within {CALIBRATION_SECONDS:.0f} s (the report is not documented for this hand)",
             hint="check the positions with `handctl exo status`",
         )
-    else:
-        guide.say(f"The hand reported the end after {seconds:.1f} s.")
-        hand.journal.ledger.confirm("its end was reported", since=begun)
     hand.journal.info("volatile", "the manual does not say whether a calibration survives power-off without a save")
     table = hand.read([e for name in ("position_actual", "force_actual") for e in elements_of(EXO[name])])
     ended = outcome(

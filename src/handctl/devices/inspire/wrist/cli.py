@@ -117,10 +117,8 @@ def _move(run: Run, values: dict[str, Any], wait: float | None, expect: str | No
     planner: Wrist = run.planner()
     changes = planner.targets(values.get("pitch_set"), values.get("yaw_set"), values.get("move_time"))
     steps = planner.plan(changes)
-    if (plan := run.planned(steps)) is not None:
-        return plan
-    device: Wrist = run.device()
-    return device.move(changes, run.guide, wait=wait, expect=expected(expect))
+    ending = expected(expect)
+    return verbs.carried_out(run, steps, "", lambda wrist: wrist.move(changes, run.guide, wait=wait, expect=ending))
 
 
 @cli.verb("write", "Service", writes=True)
@@ -133,11 +131,9 @@ def write(run: Run, address: str, data: str) -> Table:
     from handctl.devices.inspire import raw as by_number
     from handctl.devices.inspire.wrist import raw as wrist_raw
 
-    place = address_in(address)
-    step = wrist_raw.plan_write(run.planner(), place, by_number.parse_hex(data))
-    if (plan := run.planned([step])) is not None:
-        return plan
-    return wrist_raw.write(run.device(), place, by_number.parse_hex(data))
+    place, payload = address_in(address), by_number.parse_hex(data)
+    step = wrist_raw.plan_write(run.planner(), place, payload)
+    return verbs.carried_out(run, [step], "", lambda wrist: wrist_raw.write(wrist, place, payload))
 
 
 @cli.verb("hand-write", "Service", writes=True)
@@ -153,10 +149,8 @@ def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Tabl
 
     place, payload = address_in(address), by_number.parse_hex(data)
     steps = wrist_raw.plan_hand_writes(run.planner(), place, payload, force_ambiguous)
-    if (plan := run.planned(steps)) is not None:
-        return plan
-    run.confirm(f"This changes the hand, not the wrist: {', then '.join(step.meaning for step in steps)}", steps)
-    return wrist_raw.hand_write(run.device(), place, payload)
+    question = f"This changes the hand, not the wrist: {', then '.join(step.meaning for step in steps)}"
+    return verbs.carried_out(run, steps, question, lambda wrist: wrist_raw.hand_write(wrist, place, payload))
 
 
 @cli.verb("raw", "Service", writes=True)
