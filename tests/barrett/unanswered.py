@@ -160,7 +160,7 @@ def traced(trace: Path, baud: int) -> Iterator[Sent]:
 def scans(ids: range) -> Iterator[Way]:
     """The reads that a scan or a connect may begin with, of these ids, one at a time."""
     from handctl.devices.inspire.identity import TABLE
-    from handctl.devices.inspire.quiet import READS, ahead
+    from handctl.devices.inspire.registers import READS, ahead
 
     spans = {(flag, span) for flag, found in READS.items() for span in found}
     spans |= {(0x30 if sign.space == "wrist" else 0x11, span) for sign in TABLE for span in sign.reads}

@@ -16,7 +16,7 @@ from handctl.devices.barrett.gcl import language
 from handctl.devices.barrett.realtime import blocks
 from handctl.devices.ekso import frames
 from handctl.devices.inspire import canreg, eb90
-from handctl.devices.inspire.canwords import CanWords
+from handctl.devices.inspire.explain import InspireExplainer
 from handctl.devices.inspire.map import WRIST
 from handctl.errors import LinkError, ProtocolError, UsageError
 from handctl.link import CanFrame, Deadline
@@ -310,7 +310,7 @@ def one_begins(sent: bytearray, out: bytes) -> bool:
 
 def canreg_words(source: random.Random) -> int:
     """CAN identifiers and data (wrist §2.3), alone and told as a conversation."""
-    words = CanWords(WRIST)
+    words = InspireExplainer(WRIST)
     for _ in range(20):
         can_id = source.randrange(1 << 29)
         if source.random() < 0.7:
@@ -318,7 +318,7 @@ def canreg_words(source: random.Random) -> int:
         access = canreg.parse_identifier(can_id)
         assert (access.flag << 26) + (access.address << 14) + access.hand_id == can_id
         data = source.randbytes(source.randrange(9)) if source.random() < 0.6 else bytes([source.randrange(9)])
-        for piece in (words.explain(source.choice(SIDES), can_id, data), words.decode("", can_id, data)):
+        for piece in (*words.feed(source.choice(SIDES), data, can_id), *words.decode(data, "", can_id)):
             assert (piece.can_id, piece.raw) == (can_id, data)
             assert piece.meaning
     try:

@@ -7,7 +7,7 @@ from typing import Any
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from handctl.devices.inspire import flash, procedures
+from handctl.devices.inspire import procedures
 from handctl.devices.inspire.hand import motion
 from handctl.devices.inspire.hand.map import BYTE_MAP, DF, TP
 from handctl.model.guide import Guide
@@ -76,12 +76,12 @@ class HandMachine(RuleBasedStateMachine):
 
     @rule()
     def save(self) -> None:
-        flash.save(self.hand, Guide())
+        procedures.save(self.hand, Guide())
         self.flash = {name: list(self.held[name]) for name in self.flash}
 
     @rule()
     def clear_errors(self) -> None:
-        flash.clear_errors(self.hand)
+        procedures.clear_errors(self.hand)
 
     @rule()
     def power_cycle(self) -> None:

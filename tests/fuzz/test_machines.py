@@ -28,8 +28,8 @@ from handctl.devices.aidin.map import AIDIN, ENCODERS
 from handctl.devices.aidin.targets import parse
 from handctl.devices.barrett import motion as barrett_motion
 from handctl.devices.barrett.map import BARRETT
-from handctl.devices.inspire import flash, procedures
-from handctl.devices.inspire.exo import motion as exo_motion
+from handctl.devices.inspire import procedures
+from handctl.devices.inspire.exo import device as exo_motion
 from handctl.devices.inspire.map import EXO, WRIST
 from handctl.errors import UsageError
 from handctl.model.guide import Guide
@@ -110,12 +110,12 @@ class ExoMachine(RuleBasedStateMachine):
 
     @rule()
     def save(self) -> None:
-        flash.save(self.hand, Guide())
+        procedures.save(self.hand, Guide())
         self.flash = dict(self.ram)
 
     @rule()
     def clear_errors(self) -> None:
-        flash.clear_errors(self.hand)
+        procedures.clear_errors(self.hand)
 
     @rule()
     def power_cycle(self) -> None:

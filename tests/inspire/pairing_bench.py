@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from handctl.devices.inspire import canreg
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import CanBus
 from handctl.devices.inspire.hand.device import Hand
@@ -97,7 +96,7 @@ def hand_behind(link: Link, journal: Journal, number: int = 1, *, tcp: bool = Fa
     """The host's hand at the other end of a link."""
     bus: Bus | CanBus | ModbusBus
     if isinstance(link, FrameLink):
-        bus = CanBus(link, number, journal, read_flag=canreg.READ_HAND, write_flag=canreg.WRITE_HAND)
+        bus = CanBus(link, number, journal, family="hand")
     elif tcp and isinstance(link, ByteLink):
         bus = ModbusBus(link, number, journal, tcp=True)
     else:
@@ -107,7 +106,7 @@ def hand_behind(link: Link, journal: Journal, number: int = 1, *, tcp: bool = Fa
     gate = ModelGate(None, False)
     for one in (bus, other):
         if one is not None:
-            one.gate = gate  # type: ignore[assignment]
+            one.gate = gate
     return Hand(bus, gate, other)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from handctl.devices.inspire import canreg
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import CanBus
 from handctl.devices.inspire.hand.device import Hand
@@ -22,7 +21,7 @@ def hand_on(model: str, wire: str = EB90, *, typed: str | None = None, both: boo
     journal = Journal()
     line: Bus | CanBus | ModbusBus
     if isinstance(link, FrameLink):
-        line = CanBus(link, 1, journal, read_flag=canreg.READ_HAND, write_flag=canreg.WRITE_HAND)
+        line = CanBus(link, 1, journal, family="hand")
     elif wire == EB90:
         line = Bus(link, 1, journal)
     else:
@@ -31,5 +30,5 @@ def hand_on(model: str, wire: str = EB90, *, typed: str | None = None, both: boo
     gate = ModelGate(typed, False)
     for one in (line, other):
         if one is not None:
-            one.gate = gate  # type: ignore[assignment]
+            one.gate = gate
     return Hand(line, gate, other)

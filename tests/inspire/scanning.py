@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from handctl.devices.inspire.exo.probe import TARGET
-from handctl.devices.inspire.scan import sweep
-from handctl.devices.inspire.scanner import Scanner
-from handctl.devices.inspire.target import Target
+from handctl.devices.inspire.scan import Target, sweep
+from handctl.devices.inspire.scanner import Scanner, Wanted
 from handctl.model.guide import Guide
 from handctl.model.quest import Quest
 from tests.support.scripted import ScriptedLink, hand_on
@@ -30,4 +29,4 @@ def scan_hand(device: Any, target: Target = TARGET, **options: object) -> Quest:
 def scanner(device: Any, guide: Guide | None = None, target: Target = TARGET, **options: Any) -> Scanner:
     """The scanner of a serial line alone."""
     wanted = {"find_all": True, "probe": target.probe, "twin": target.twin, "own": target.own, **options}
-    return Scanner(device.bus, guide or Guide(), **wanted)
+    return Scanner(device.bus, guide or Guide(), Wanted(**wanted))

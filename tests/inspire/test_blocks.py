@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.inspire.blocks import Memory, plan
+from handctl.devices.inspire.base import Memory, plan
 from handctl.devices.inspire.map import EXO
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.frame.verbs import select

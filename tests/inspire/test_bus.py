@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.mishaps import HINTS, mishap
-from handctl.devices.inspire.quiet import question
+from handctl.devices.inspire.bus import HINTS, Bus, mishap
+from handctl.devices.inspire.registers import question
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.result import Journal
 from handctl.sim.engine import line
@@ -336,7 +335,7 @@ def test_listening_finds_a_frame_in_pieces_and_noise() -> None:
 @pytest.mark.parametrize("what", ["read", "write", "command", "listen", "raw"])
 def test_a_babbling_line_ends_too(what: str) -> None:
     """No command hangs: every wait has a deadline (cli contract, section 5)."""
-    from handctl.devices.inspire.exo import raw
+    from handctl.devices.inspire import raw
 
     link = Babble()
     hand = hand_on(link, retries=1, timeout=0.3, bound=link.deadline(30.0))

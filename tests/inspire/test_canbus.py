@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handctl.devices.inspire.canbus import CanBus, describe_frame
+from handctl.devices.inspire.canbus import CanBus
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
 from handctl.model.result import Journal
@@ -167,7 +167,7 @@ def test_bus_refuses_an_id_that_does_not_exist(device_id: int) -> None:
 
 def test_hand_space_by_flags() -> None:
     link = ScriptedFrames(frames(("01840001 [1] 02", ["01840001 [2] C9 03"])))
-    assert hexed(bus_on(link, read_flag=0, write_flag=1).read(1552, 2)) == "C9 03"
+    assert hexed(bus_on(link, family="hand").read(1552, 2)) == "C9 03"
 
 
 # -- writes -----------------------------------------------------------------------------------------------------------
@@ -232,7 +232,7 @@ def test_the_echo_of_one_byte_is_no_acknowledgement(byte: str) -> None:
     """An adapter that hands out what it sends: one byte written is acknowledged empty or with 01 (dossier W11, 4.12)."""
     own = f"04FC4001 [1] {byte}"
     link = ScriptedFrames(frames((own, [own, "04FC4001 [0]"])))
-    bus = bus_on(link, read_flag=0, write_flag=1)
+    bus = bus_on(link, family="hand")
     bus.write(1009, unhex(byte))
     assert link.texts == [own]
 
@@ -367,21 +367,3 @@ def test_a_babbling_bus_ends_too(text: str, what: str) -> None:
     with pytest.raises((NoAnswer, ProtocolError)):
         bus.read(1020, 2) if what == "read" else bus.write(1038, ANGLES)
     assert link.now() < 3.0
-
-
-# -- words ------------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("11000001 [1] 04", "read wrist, address 1024, id 1, 1 byte 04"),
-        ("15038001 [4] E8 03 18 FC", "write wrist, address 1038, id 1, 4 bytes E8 03 18 FC"),
-        ("01840001 [2] C9 03", "read hand, address 1552, id 1, 2 bytes C9 03"),
-        ("05738001 [1] 08", "write hand, address 1486, id 1, 1 byte 08"),
-        ("15038001 [0]", "write wrist, address 1038, id 1, 0 bytes"),
-        ("1FFFFFFF [0]", "flag 7, which the manual does not have, address 4095, id 16383, 0 bytes"),
-    ],
-)
-def test_frames_in_words(text: str, words: str) -> None:
-    assert describe_frame(can(text)) == words

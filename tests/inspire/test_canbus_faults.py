@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.inspire import canreg
 from handctl.devices.inspire.canbus import CanBus
-from handctl.devices.inspire.hand.map import BYTE_MAP
-from handctl.devices.inspire.writes import InspireWrites
+from handctl.devices.inspire.hand.writes import words
 from handctl.errors import HandctlError
 from handctl.link import CanFrame, FrameLink
 from handctl.link.tap import observed
@@ -89,10 +87,10 @@ def test_an_acknowledgement_that_equals_its_request_proves_nothing_by_itself(
         return [*own, *([(0.002, CanFrame(WRITE, b"\x01"))] if acknowledges else [])]
 
     journal = Journal()
-    journal.ledger.words = InspireWrites(BYTE_MAP)
+    journal.ledger.words = words()
     link = observed(ScriptedFrames(answer), journal.ledger)
     assert isinstance(link, FrameLink)
-    bus = CanBus(link, 1, journal, read_flag=canreg.READ_HAND, write_flag=canreg.WRITE_HAND)
+    bus = CanBus(link, 1, journal, family="hand")
     if reads_first:
         bus.read(1000, 2)
     if code:

@@ -9,7 +9,7 @@ import pytest
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.exo import motion as exo_motion
+from handctl.devices.inspire.exo import device as exo_motion
 from handctl.devices.inspire.hand import motion as hand_motion
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import ModelGate

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.inspire import flash as procedures
+from handctl.devices.inspire import procedures
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer
 from handctl.model.guide import Guide
 from tests.support.each_row import each_row

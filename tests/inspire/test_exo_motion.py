@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
-from handctl.devices.inspire.exo import motion as procedures
-from handctl.devices.inspire.exo import raw
+from handctl.devices.inspire import raw
+from handctl.devices.inspire.exo import device as procedures
 from handctl.devices.inspire.map import EXO
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, NoAnswer
 from handctl.model.guide import Guide

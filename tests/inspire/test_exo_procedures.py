@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import pytest
 
-from handctl.devices.inspire import flash, procedures
-from handctl.devices.inspire.exo import motion
+from handctl.devices.inspire import procedures
+from handctl.devices.inspire.exo import device as motion
 from handctl.devices.inspire.exo.device import ExoHand
-from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.guide import Guide
 from tests.support.each_row import each_row
 from tests.support.scripted import (
@@ -247,7 +247,12 @@ def test_same_baud_writes_nothing() -> None:
 )
 def test_codes_of_the_speeds(rate: int, code: int | None) -> None:
     """exo §2.3.2."""
-    assert procedures.code_of(rate) == code
+    hand, _ = fake_hand()
+    if code is not None:
+        assert hand.speed_code(rate) == code
+        return
+    with pytest.raises(UsageError):
+        hand.speed_code(rate)
 
 
 def test_baud_that_did_not_take_names_both_addresses() -> None:
@@ -271,7 +276,7 @@ def test_lost_ack_of_a_baud_change_is_read_back() -> None:
 def test_speed_acts_after_save_and_power_cycle() -> None:
     hand, link = fake_hand()
     procedures.change_baud(hand, 57600)
-    flash.save(hand, Guide())
+    procedures.save(hand, Guide())
     guide = NotedGuide()
     assert procedures.wait_for_speed(hand, 57600, guide) is True
     assert link.baud == 57600
@@ -311,9 +316,9 @@ def test_hand_that_comes_back_late_is_found() -> None:
 PROCEDURES: dict[str, Callable[[ExoHand], object]] = {
     "id": lambda hand: procedures.change_id(hand, 2),
     "baud": lambda hand: procedures.change_baud(hand, 57600),
-    "clear-errors": flash.clear_errors,
-    "save": lambda hand: flash.save(hand, Guide()),
-    "factory-reset": flash.factory_reset,
+    "clear-errors": procedures.clear_errors,
+    "save": lambda hand: procedures.save(hand, Guide()),
+    "factory-reset": procedures.factory_reset,
     "calibrate": lambda hand: motion.calibrate(hand, Guide()),
     "position": lambda hand: motion.move(hand, dict(enumerate((500, 400, 300, 200, 100))), Guide(), wait=3.0),
     "force": lambda hand: hand.command("force", [0] * 5),

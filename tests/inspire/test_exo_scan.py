@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from handctl.devices.inspire.scan import parse_ids
 from handctl.devices.inspire.scanner import TURNAROUND
-from handctl.devices.inspire.target import parse_ids
 from handctl.errors import NoAnswer, ProtocolError, UsageError
 from handctl.model.quest import Quest
 from tests.inspire.scanning import ALL_IDS, scan_hand, scan_on

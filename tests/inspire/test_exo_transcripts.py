@@ -10,8 +10,8 @@ from collections.abc import Iterator
 import pytest
 
 from handctl.cli import main
-from handctl.devices.inspire import flash, procedures
-from handctl.devices.inspire.exo import motion, raw
+from handctl.devices.inspire import procedures, raw
+from handctl.devices.inspire.exo import device as motion
 from handctl.devices.inspire.exo.device import ExoHand
 from handctl.devices.inspire.map import EXO
 from handctl.errors import HandctlError, UsageError
@@ -130,11 +130,11 @@ def act(hand: ExoHand, words: list[str]) -> Table | str:
         case ["baud", rate]:
             return procedures.change_baud(hand, int(rate))
         case ["clear-errors"]:
-            return flash.clear_errors(hand)
+            return procedures.clear_errors(hand)
         case ["save"]:
-            return flash.save(hand, guide)
+            return procedures.save(hand, guide)
         case ["factory-reset"]:
-            return flash.factory_reset(hand)
+            return procedures.factory_reset(hand)
         case ["calibrate"]:
             return motion.calibrate(hand, guide)
         case ["force" | "position", *values]:

@@ -514,7 +514,7 @@ def test_nothing_but_the_buses_and_the_scanners_touches_the_link() -> None:
         for path in folder.rglob("*.py")
         if re.search(r"link\.(write|send)\(", path.read_text())
     }
-    assert users == {"bus", "canbus", "modbusbus", "asker", "cansearch", "rtusearch", "hand/raw"}
+    assert users == {"bus", "canbus", "modbusbus", "scanner", "hand/raw"}
 
 
 @pytest.mark.parametrize("family", ["exo", "wrist", "ekso", "barrett"])

@@ -112,7 +112,7 @@ def test_words_over_modbus_rtu() -> None:
     from handctl.devices.inspire import modbus
 
     def asked(address: int, values: list[int]) -> tuple[str, str]:
-        words = modbus.words_of(values)
+        words = b"".join((value & 0xFFFF).to_bytes(2, "big") for value in values)
         request = modbus.rtu(1, modbus.read_request(address, len(values)))
         return f"> {request.hex()}", f"< {modbus.rtu(1, bytes([3, len(words)]) + words).hex()}"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.inspire.hand import field
+from handctl.devices.inspire.hand import probe as field
 from handctl.devices.inspire.hand.map import DF, DG2, F1, TP
 from handctl.link import ByteLink
 from tests.inspire.rh56_support import CAN, EB90, RTU, TCP, hand_on

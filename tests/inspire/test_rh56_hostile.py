@@ -10,7 +10,6 @@ from collections.abc import Callable
 
 import pytest
 
-from handctl.devices.inspire import canreg
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import CanBus
 from handctl.devices.inspire.hand import motion
@@ -61,9 +60,7 @@ def host(odd: Odd, *, typed: str | None = "tp", device_id: int = 1) -> Hand:
     journal = Journal()
     bus: RegisterBus
     if odd.wire == CAN:
-        bus = CanBus(
-            ScriptedFrames(odd.frame), device_id, journal, read_flag=canreg.READ_HAND, write_flag=canreg.WRITE_HAND
-        )
+        bus = CanBus(ScriptedFrames(odd.frame), device_id, journal, family="hand")
     elif odd.wire == EB90:
         bus = Bus(ScriptedLink(odd), device_id, journal, family="hand")
     else:

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import pytest
 
-from handctl.devices.inspire import target
-from handctl.devices.inspire.target import parse_ids
+from handctl.devices.inspire import scan as target
+from handctl.devices.inspire.scan import parse_ids
 from handctl.devices.inspire.wrist.probe import TARGET
 from handctl.errors import UsageError
 from handctl.link import CanFrame

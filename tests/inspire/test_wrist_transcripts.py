@@ -12,7 +12,7 @@ import pytest
 
 from handctl.cli import main
 from handctl.devices.inspire.map import WRIST
-from handctl.devices.inspire.wrist import hand, raw
+from handctl.devices.inspire.wrist import raw
 from handctl.devices.inspire.wrist.device import Wrist
 from handctl.errors import HandctlError, UsageError
 from handctl.frame.verbs import select
@@ -179,10 +179,10 @@ def act(wrist: Wrist, words: list[str]) -> str:
             raw.plan_write(wrist, int(address), unhex(data))
             table = raw.write(wrist, int(address), unhex(data))
         case ["hand-read", address, count]:
-            return raw_of(hand.hand_read(wrist, int(address), int(count)))
+            return raw_of(raw.hand_read(wrist, int(address), int(count)))
         case ["hand-write", address, data]:
-            hand.plan_hand_write(wrist, int(address), unhex(data), False)
-            return raw_of(hand.hand_write(wrist, int(address), unhex(data)))
+            raw.plan_hand_write(wrist, int(address), unhex(data), False)
+            return raw_of(raw.hand_write(wrist, int(address), unhex(data)))
         case _:
             raise AssertionError(f"unknown action {words}")
     if table.failure is not None:

@@ -156,7 +156,7 @@ def wrist_on(link: ByteLink | FrameLink, device_id: int = 1, **options: object) 
     """A wrist behind `link`; options are those of the bus."""
     if isinstance(link, FrameLink):
         return Wrist(CanBus(link, device_id, Journal(), **options))  # type: ignore[arg-type]
-    return Wrist(Bus(link, device_id, Journal(), read_flag=0x30, write_flag=0x31, **options))  # type: ignore[arg-type]
+    return Wrist(Bus(link, device_id, Journal(), family="wrist", **options))  # type: ignore[arg-type]
 
 
 def fake_wrist(

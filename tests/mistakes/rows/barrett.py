@@ -94,7 +94,7 @@ ROWS = (
     mistake(
         "scan-at-57600-is-a-boot-trigger",
         "boot trigger",
-        "handctl.devices.inspire.quiet",
+        "handctl.devices.inspire.registers",
         "ahead",
         "return bytes(AHEAD.get(baud or 0, 0))",
         "return bytes(AHEAD.get(baud or 0, 0) if baud != 57600 else 0)",

@@ -1,22 +1,153 @@
 """A device of registers: reading, writing and reading back by name, over either wire. Knows no particular device.
 
 Everything is checked against the map before a byte is sent; a write is sent once, and the read-back decides.
+
+Many registers are read in few transactions: reads across undocumented gaps work on this family and halve a dump (dossier:
+largest read 252 bytes); a device that stays silent to such a block is asked group by group instead.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import NamedTuple, TypeVar
 
-from handctl.devices.inspire import twins
-from handctl.devices.inspire.blocks import BlockReader, Memory
-from handctl.devices.inspire.map import Register, register_of
-from handctl.devices.inspire.registers import RegisterBus
-from handctl.errors import HandctlError, Left, NoAnswer, ProtocolError
+from handctl.devices.inspire.eb90 import MAX_COUNT
+from handctl.devices.inspire.identity import refuse_twins, within
+from handctl.devices.inspire.map import BAUD_RATES, Register, register_of
+from handctl.devices.inspire.registers import RegisterBus, may_still_move
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Left, NoAnswer, ProtocolError, UsageError
 from handctl.model.device import Device
+from handctl.model.guide import Guide
+from handctl.model.moving import Arrival, Goal, Seen, Stillness, Watch, judged, marked, watch, with_arrival
 from handctl.model.param import Element, Number, ParamMap, Reading, Step
 from handctl.model.result import Column, Row, Table, hex_bytes
 from handctl.model.stopping import Stopped, interrupted, leaving
+
+FAILS = (NoAnswer, ProtocolError, DeviceRefused)
+"""What ends one read and leaves the others possible; Modbus refuses an address by an exception (rh56 §2.2)."""
+
+
+class Block(NamedTuple):
+    """One read: `size` bytes from `address`, which hold the register groups `groups`."""
+
+    address: int
+    size: int
+    groups: tuple[Register, ...]
+
+
+class Memory:
+    """What was read: documented and gap bytes by address, and an error per group that could not be read."""
+
+    def __init__(self) -> None:
+        self.blocks: list[tuple[int, bytes]] = []
+        self.errors: dict[str, HandctlError] = {}
+
+    def bytes_at(self, address: int, count: int) -> bytes | None:
+        """The bytes, or None if they were not read."""
+        return within(self.blocks)(address, count)
+
+
+def plan(registers: Iterable[Register], limit: int = MAX_COUNT) -> list[Block]:
+    """The fewest blocks of at most `limit` bytes that cover all `registers`, gaps included."""
+    blocks: list[Block] = []
+    for register in sorted(registers, key=lambda register: register.address):
+        last = blocks[-1] if blocks else None
+        if last is not None and register.span.stop - last.address <= limit:
+            blocks[-1] = Block(last.address, register.span.stop - last.address, (*last.groups, register))
+        else:
+            blocks.append(Block(register.address, len(register.span), (register,)))
+    return blocks
+
+
+class BlockReader:
+    """Reads registers through a bus in as few transactions as the device allows."""
+
+    def __init__(self, bus: RegisterBus) -> None:
+        self._bus = bus
+        self._across_gaps = True
+
+    def read(self, registers: Iterable[Register], memory: Memory | None = None) -> Memory:
+        """Read `registers` into `memory`. Groups that fail are in its `errors`; raises when nothing at all could be read."""
+        memory = Memory() if memory is None else memory
+        first: HandctlError | None = None
+        blocks = plan(registers, self._bus.max_count)
+        # What a stranger would act upon is not asked first.
+        for block in sorted(blocks, key=lambda block: not self._bus.quiet(block.address, block.size)):
+            try:
+                if len(block.groups) > 1 and self._across_gaps and self._whole(block, memory):
+                    continue
+                self._groups(block, memory)
+            except FAILS as exc:
+                if isinstance(exc, NoAnswer) and not memory.blocks:
+                    if first is not None:
+                        raise first from exc  # what came before tells more than the silence behind it
+                    raise  # nobody there: asking for the rest would only take longer
+                first = first or exc
+                memory.errors.update((group.name, exc) for group in block.groups)
+        if first is not None and not memory.blocks:
+            raise first
+        return memory
+
+    def _whole(self, block: Block, memory: Memory) -> bool:
+        """Read a block of several groups at once; False when the device must be asked group by group."""
+        bus = self._bus
+        try:
+            # Twice silent means that this device does not answer across gaps, or not at all: the groups will tell.
+            data = bus.read(block.address, block.size, retries=min(bus.retries, 1))
+        except (NoAnswer, DeviceRefused) as exc:
+            if not memory.blocks:
+                first = block.groups[0]
+                try:
+                    data = bus.read(first.address, len(first.span), retries=min(bus.retries, 1))
+                except (NoAnswer, DeviceRefused):
+                    raise exc from None
+                memory.blocks.append((first.address, data))
+            self._across_gaps = False
+            what = "no answer to" if isinstance(exc, NoAnswer) else "the device refused"
+            bus.journal.warn(
+                "block-silent",
+                f"{what} {block.size} bytes at {block.address}: handctl reads the documented groups one by one",
+            )
+            return False
+        memory.blocks.append((block.address, data))
+        return True
+
+    def _groups(self, block: Block, memory: Memory) -> None:
+        for group in block.groups:
+            if memory.bytes_at(group.address, len(group.span)) is not None:
+                continue
+            try:
+                memory.blocks.append((group.address, self._bus.read(group.address, len(group.span))))
+            except FAILS as exc:
+                if not memory.blocks:
+                    raise
+                memory.errors[group.name] = exc
+
+
+# -- one device -------------------------------------------------------------------------------------------------------
+
+T = TypeVar("T")
+
+
+class Movement(NamedTuple):
+    """What is watched of a movement.
+
+    elements  are read again and again, `seen` tells what each goal shows in them
+    evidence  why goals were missed, asked once all stands still
+    what      moves, in words
+    pause     seconds before the first look
+    name      the goal that a reading belongs to
+    """
+
+    goals: Sequence[Goal]
+    still: Stillness
+    elements: Sequence[Element]
+    seen: Callable[[Sequence[Reading]], dict[str, Seen]]
+    evidence: Callable[[Watch, Sequence[Reading]], dict[str, Seen] | None]
+    what: str = "The fingers"
+    pause: float = 0.0
+    name: Callable[[Reading], str] = lambda reading: reading.element.part or ""
 
 
 class RegisterDevice(Device):
@@ -26,6 +157,7 @@ class RegisterDevice(Device):
     supply = "7 to 9 V, 5 A peak"
     save_result = "the result is not documented for this hand"
     """Why the result of a save may stay out."""
+    speed_source = "exo §2.3.2"
     columns = (
         Column("name", "Name"),
         Column("finger", "Finger"),
@@ -50,6 +182,16 @@ class RegisterDevice(Device):
 
     def identify(self) -> None:
         self.bus.identify()
+
+    def know(self) -> None:
+        """Find out which of several kinds of device it is; where a family has one there is nothing to ask."""
+
+    def answered(self, ask: Callable[[], T]) -> T:
+        """What `ask` returns; a family with a second wire asks there what the first does not answer."""
+        return ask()
+
+    def meet(self, *, keeps: bool = True) -> None:
+        """Look closer who is there before a question is put; with `keeps` before what lasts is written. Raises as `identify` does."""
 
     def will_move(self) -> None:
         super().will_move()
@@ -123,7 +265,7 @@ class RegisterDevice(Device):
         what moves was stopped.
         """
         if any(element.param.strands for element, _ in changes):
-            twins.refuse(self)
+            refuse_twins(self)
         with self.stopped_by_ctrl_c(
             ", ".join(element.full_name for element, _ in changes),
             any(element.param.moves for element, _ in changes),
@@ -183,6 +325,82 @@ class RegisterDevice(Device):
             [change for run in runs for change in run],
             readings,
             f"check with `handctl {self.kind} get` before you write again: the device did not take the value, or changed it afterwards",
+        )
+
+    def trigger_step(self, name: str, meaning: str) -> Step:
+        """The frame that writes 1 to a trigger register."""
+        register = self.map[name]
+        meaning = f"{meaning} (write 1 to address {register.place_of(0)})"
+        step = self.bus.write_step(register.address, register.encode(1), meaning)
+        return step._replace(moves=register.moves, strands=register.strands)
+
+    # -- moving --------------------------------------------------------------------------------------------------
+
+    def moved(
+        self, this: Movement, start: Callable[[], object], guide: Guide, *, wait: float, expect: str
+    ) -> tuple[Table, list[Arrival]]:
+        """Start a movement, and watch until all stands still or `wait` seconds have passed; the death of this process and Ctrl-C stop it.
+
+        Rows have the target and what became of it; what was not as expected is the table's failure.
+        """
+        self.identify()
+        last: list[Reading] = []
+
+        def look() -> dict[str, Seen]:
+            last[:] = self.read(this.elements)
+            return this.seen(last)
+
+        with self.driven(guide), may_still_move(this.what.lower()):
+            start()
+            clock = self.bus.clock(wait, this.still.refresh, this.what)
+            self.bus.pause(this.pause)
+            seen = watch(this.goals, this.still, look, guide, clock)
+            arrivals = seen.arrivals(this.evidence(seen, last))
+        at = {one.goal.name: one for one in arrivals}
+        rows = [marked(self.row(reading), at.get(this.name(reading))) for reading in last]
+        failure = judged(self.bus.where, arrivals, expect, hint=f"check with `handctl {self.kind} status`")
+        return Table(rows=rows, columns=with_arrival(self.columns), failure=failure), arrivals
+
+    # -- where it is found ---------------------------------------------------------------------------------------
+
+    def change_id(self, new: int) -> Table:
+        """Give it another id, at once. See `procedures`."""
+        from handctl.devices.inspire.procedures import change_id
+
+        return change_id(self, new)
+
+    def speeds(self) -> Mapping[int, int]:
+        """Code -> bit/s on its wire."""
+        return BAUD_RATES
+
+    def speed_code(self, rate: int) -> int:
+        """The code of a speed in bit/s. Raises UsageError for one that no such hand has on this wire."""
+        known = self.speeds()
+        if (code := next((code for code, value in known.items() if value == rate), None)) is not None:
+            return code
+        raise UsageError(
+            f"{rate} bit/s is not a baud rate of this hand",
+            hint=f"choose one of {', '.join(map(str, known.values()))} bit/s ({self.speed_source}). Nothing was sent.",
+        )
+
+    def show_speed(self) -> Table:
+        """The speed code."""
+        table = self.table(self.read([Element(self.map["baud_code"], 0)]))
+        table.plain = ("value",)
+        return table
+
+    def change_speed(self, rate: int) -> Table:
+        """Write the speed that counts after a save and a power cycle. See `procedures`."""
+        from handctl.devices.inspire.procedures import change_baud
+
+        return change_baud(self, rate)
+
+    def not_at(self, rate: int) -> HandctlError:
+        """The error of a hand that does not answer at a speed that it was given."""
+        return CheckFailed(
+            f"{self.bus.link.name}: no hand at {rate} bit/s after the power-cycle",
+            hint="one edition of the manual says that this baud rate is not kept. `handctl hand scan` tries all ids and baud rates",
+            code="not-kept",
         )
 
     # -- tables --------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ equal its own request (wrist §2.3.1). Writes are never padded and never repeate
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from handctl.devices.inspire import canreg
 from handctl.devices.inspire.registers import RegisterBus
@@ -15,12 +15,12 @@ from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, Pro
 from handctl.link import CanFrame, Deadline, FrameLink, Trouble
 from handctl.model.ledger import ACKNOWLEDGED
 from handctl.model.param import Step
-from handctl.model.result import Journal, hex_bytes
+from handctl.model.result import Journal
 from handctl.sentence import plural
 
 
 class CanBus(RegisterBus):
-    """The CAN bus to one hand id. `read_flag` and `write_flag` choose the register space: 4/5 wrist, 0/1 hand."""
+    """The CAN bus to one hand id. Flags 4/5 for a wrist, 0/1 for a hand."""
 
     link: FrameLink
     max_count = canreg.MAX_COUNT
@@ -30,22 +30,11 @@ class CanBus(RegisterBus):
         "wrist": (canreg.READ_WRIST, canreg.WRITE_WRIST),
     }
 
-    def __init__(
-        self,
-        link: FrameLink,
-        device_id: int,
-        journal: Journal,
-        *,
-        timeout: float | None = None,
-        retries: int | None = None,
-        bound: Deadline | None = None,
-        read_flag: int = canreg.READ_WRIST,
-        write_flag: int = canreg.WRITE_WRIST,
-    ) -> None:
-        canreg.check_id(device_id)
-        super().__init__(link, device_id, journal, timeout=timeout, retries=retries, bound=bound)
-        self.read_flag = read_flag
-        self.write_flag = write_flag
+    usual = "wrist"
+    check_id = staticmethod(canreg.check_id)
+
+    def __init__(self, link: FrameLink, device_id: int, journal: Journal, **more: Any) -> None:
+        super().__init__(link, device_id, journal, **more)
         journal.counters.foreign_frames = journal.counters.foreign_frames or 0
 
     def read(self, address: int, count: int, *, retries: int | None = None) -> bytes:
@@ -72,11 +61,17 @@ class CanBus(RegisterBus):
         reply = self._exchange(request, None)
         if reply == data and echo is not None:
             ledger.confirm(ACKNOWLEDGED, since=mark)
-        if reply and reply[0] != len(data):
-            raise DeviceRefused(
-                f"{self.where}: the device acknowledged {reply[0]} of {len(data)} bytes written at {address}",
-                hint="read the value before you write again: the device took none or only part of it",
-            )
+        if (refusal := self.refusal(address, data, reply)) is not None:
+            raise refusal
+
+    def refusal(self, address: int, data: bytes, reply: bytes) -> DeviceRefused | None:
+        """The error of an acknowledgement that has another number than that of the bytes written."""
+        if not reply or reply[0] == len(data):
+            return None
+        return DeviceRefused(
+            f"{self.where}: the device acknowledged {reply[0]} of {len(data)} bytes written at {address}",
+            hint="read the value before you write again: the device took none or only part of it",
+        )
 
     def write_step(self, address: int, data: bytes, meaning: str) -> Step:
         """The exact frame of that write."""
@@ -106,13 +101,13 @@ class CanBus(RegisterBus):
             if frame is None:
                 raise self._failure(request, odd, errors, self.link.damaged - damaged, started)
             returned = count is None and frame == request and self.journal.line.echo and request not in odd
-            if frame.can_id == request.can_id and _answers(frame, request, count) and not returned:
+            if frame.can_id == request.can_id and answers(frame, request, count) and not returned:
                 self.journal.counters.received += 1
                 self.round_trip = self.link.now() - started
                 self.learn(self.round_trip, echo=request in odd)
                 return frame.data
             self.pass_over(frame)
-            if _related(frame, request):
+            if related(frame, request):
                 odd.append(frame)
             if deadline.expired:
                 raise self._failure(request, odd, errors, self.link.damaged - damaged, started)
@@ -154,35 +149,25 @@ class CanBus(RegisterBus):
             self.journal.counters.foreign_frames = (self.journal.counters.foreign_frames or 0) + 1
 
     def _failure(self, request: CanFrame, odd: list[CanFrame], errors: int, damaged: int, since: float) -> HandctlError:
-        echo = any(frame == request for frame in odd)
-        others = [frame for frame in odd if frame != request]
-        if others:
-            access = canreg.parse_identifier(others[0].can_id)
-            if access.hand_id != self.id:
-                return ProtocolError(
-                    f"{self.where}: id {access.hand_id} answered instead: {others[0]} (sent {request})",
-                    hint=f"use the --id it shows, or find the device with `handctl scan -p {self.link.name}`",
-                    code="wrong-id",
-                )
-            return ProtocolError(
-                f"{self.where}: the answer has {plural(len(others[0].data), 'byte')}, not the number asked for: {others[0]} (sent {request})",
-                hint="check the bus: this is another kind of device, or there is a second master",
-                code="cut-short",
-            )
-        if echo:
-            return ProtocolError(
-                f"{self.where}: only our own frame came back: {request}",
-                hint="check the adapter: it may be in loopback mode, or return the frames that it sends. No device answers",
-                code="echo",
-            )
+        if odd:
+            return self.mishap(request, odd)
         if damaged:
-            return ProtocolError(
-                f"{self.where}: no answer to {request}, but {said_damaged(damaged, self.link.damage)}",
-                hint=DAMAGED_HINT,
-                code="damaged",
-            )
+            text = f"{self.where}: no answer to {request}, but {said_damaged(damaged, self.link.damage)}"
+            return ProtocolError(text, hint=HINTS["damaged"], code="damaged")
         hint = f"look for the id of the device with `handctl scan -p {self.link.name}`. If it finds none, {NO_ACK_HINT}"
         return self.silence(request, errors, self.timeout, since, hint)
+
+    def mishap(self, request: CanFrame, odd: Sequence[CanFrame]) -> ProtocolError:
+        """The error of what came to the same flag and address, and is no answer."""
+        others = [frame for frame in odd if frame != request]
+        if not others:
+            code, text = "echo", f"only our own frame came back: {request}"
+        elif (other := canreg.parse_identifier(others[0].can_id).hand_id) != self.id:
+            code, text = "wrong-id", f"id {other} answered instead: {others[0]} (sent {request})"
+        else:
+            size = plural(len(others[0].data), "byte")
+            code, text = "cut-short", f"the answer has {size}, not the number asked for: {others[0]} (sent {request})"
+        return ProtocolError(f"{self.where}: {text}", hint=HINTS[code].format(self.link.name), code=code)
 
     def silence(self, request: CanFrame, before: int, allowed: float, since: float, hint: str) -> HandctlError:
         """The error of silence after a frame: what the controller reports about it, where it does.
@@ -229,7 +214,12 @@ def bus_failure(where: str, what: str, trouble: Trouble) -> HandctlError:
     return kind(f"{where}: {text.format(what=what)}. {trouble.evidence}", hint=hint, code=trouble.code)
 
 
-DAMAGED_HINT = "check the adapter's cable and hub, and that no other program reads its port"
+HINTS = {
+    "wrong-id": "use the --id it shows, or find the device with `handctl scan -p {}`",
+    "cut-short": "check the bus: this is another kind of device, or there is a second master",
+    "echo": "check the adapter: it may be in loopback mode, or return the frames that it sends. No device answers",
+    "damaged": "check the adapter's cable and hub, and that no other program reads its port",
+}
 
 
 def said_damaged(count: int, last: str) -> str:
@@ -237,7 +227,7 @@ def said_damaged(count: int, last: str) -> str:
     return f"{count} damaged line{'s' * (count > 1)} came from the adapter, the last {last}"
 
 
-def _answers(frame: CanFrame, request: CanFrame, count: int | None) -> bool:
+def answers(frame: CanFrame, request: CanFrame, count: int | None) -> bool:
     """Whether a frame with our identifier is the answer: as many bytes as asked, or an acknowledgement.
 
     An acknowledgement is empty or the number of bytes written; our own one-byte write coming back is neither.
@@ -247,14 +237,6 @@ def _answers(frame: CanFrame, request: CanFrame, count: int | None) -> bool:
     return len(frame.data) <= 1 and (frame != request or frame.data == b"\x01")
 
 
-def _related(frame: CanFrame, request: CanFrame) -> bool:
+def related(frame: CanFrame, request: CanFrame) -> bool:
     """Whether a frame looks like an answer to the same question: same flag and address."""
     return frame.can_id >> 14 == request.can_id >> 14
-
-
-def describe_frame(frame: CanFrame) -> str:
-    """A frame in words: ``read wrist, address 1024, id 1, 4 bytes``."""
-    access = canreg.parse_identifier(frame.can_id)
-    kinds = {0: "read hand", 1: "write hand", 4: "read wrist", 5: "write wrist"}
-    kind = kinds.get(access.flag, f"flag {access.flag}, which the manual does not have")
-    return f"{kind}, address {access.address}, id {access.hand_id}, {plural(len(frame.data), 'byte')} {hex_bytes(frame.data)}".rstrip()

@@ -30,6 +30,8 @@ WRIST_READ, WRIST_WRITE = 0x30, 0x31
 """The wrist's own registers (wrist §2.2); 31 is the exo's force command in a longer frame."""
 FORCE_COMMAND, POSITION_COMMAND = 0x31, 0x32
 ACCEPTED = 0x01
+CALIBRATION_END = 2
+"""Address field of the frame that tells the end of a calibration (RH56 ch. 3 ex. 5)."""
 MAX_COUNT = 252
 """Largest count of one read or write: its reply's length byte n + 3 must fit into 255."""
 MIN_LENGTH = 1
@@ -110,7 +112,7 @@ def read_request(device_id: int, address: int, count: int, flag: int = READ) -> 
 def only_reads(data: bytes) -> bool:
     """Whether `data` is nothing but whole read requests, which change no device of this maker. Asked for each frame again.
 
-    What goes ahead of them and between them (`quiet`) begins no frame.
+    What goes ahead of them and between them (`registers.question`) begins no frame.
     """
     requests = []
     while data := data.lstrip(b"\0\xff"):
@@ -165,7 +167,30 @@ def command_reply_prefix(device_id: int, flag: int) -> bytes:
     return DEVICE + bytes([device_id, length, flag])
 
 
-class Decoder:
+class Stream:
+    """Bytes that came and are not consumed yet. `skipped` counts those that belonged to no frame."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+        self.skipped = 0
+
+    def feed(self, data: bytes) -> None:
+        """Add received bytes."""
+        self._buffer += data
+
+    def rest(self) -> bytes:
+        """Take out what has not been consumed."""
+        rest = bytes(self._buffer)
+        self._buffer.clear()
+        return rest
+
+    @property
+    def pending(self) -> int:
+        """Bytes held back because they may still become a frame."""
+        return len(self._buffer)
+
+
+class Decoder(Stream):
     """Finds the expected frames in a stream: `feed` bytes, then call `next` until it returns None.
 
     Only frames that begin with one of `prefixes` (header, id, length, flag, and the address where there is one) are
@@ -173,19 +198,14 @@ class Decoder:
     the buffer, so an answer behind a false header, an echo or a stale reply is still found. With no `prefixes`, any
     frame of either direction is a candidate (for sniffing).
 
-    `skipped` counts bytes that belonged to no frame; `rejected` is the last candidate with a wrong sum.
+    `rejected` is the last candidate with a wrong sum.
     """
 
     def __init__(self, prefixes: Sequence[bytes] = ()) -> None:
         self._prefixes = tuple(prefixes) or (HOST, DEVICE)
+        super().__init__()
         self._known: _Known | None = None
-        self._buffer = bytearray()
-        self.skipped = 0
         self.rejected = b""
-
-    def feed(self, data: bytes) -> None:
-        """Add received bytes."""
-        self._buffer += data
 
     def next(self) -> Frame | None:
         """The next frame, or None until more bytes come. Raises ProtocolError for a candidate whose sum is wrong."""
@@ -224,17 +244,6 @@ class Decoder:
                 del self._buffer[:1]
                 self.skipped += 1
         return found
-
-    def rest(self) -> bytes:
-        """Take out what has not been consumed."""
-        rest = bytes(self._buffer)
-        self._buffer.clear()
-        return rest
-
-    @property
-    def pending(self) -> int:
-        """Bytes held back because they may still become a frame."""
-        return len(self._buffer)
 
     def _candidate(self) -> int:
         """Offset of the first place where a frame may begin; len(buffer) if there is none.

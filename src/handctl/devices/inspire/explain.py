@@ -1,104 +1,243 @@
-"""What recorded bytes of the Inspire family mean: EB 90 frames and CAN frames in words, by the map of exo or wrist.
+"""What recorded bytes of the Inspire family mean: EB 90, CAN and Modbus frames in words, by the map of their device.
 
 Bytes in, pieces out; knows no link. The wrist's registers are reached through flags 30 and 31 (CAN 4 and 5), a hand's
-through 11 and 12 (CAN 0 and 1): what lies in the other space has no names here.
+through 11 and 12 (CAN 0 and 1): what lies in the other space has no names here. Which of two protocols on one pair a
+stretch is, its first bytes tell: EB 90 has its mark, Modbus TCP two zeros and a length that fits; RTU its CRC proves.
+
+`InspireWrites` tells the ledger which of these bytes write, what acknowledges them, and what to read when nothing does. What is
+no read request counts as a write, whatever it is: nobody knows what a damaged frame does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
-from handctl.devices.inspire import eb90
-from handctl.devices.inspire.canwords import CanWords
+from handctl.devices.inspire import canreg, eb90, modbus
 from handctl.devices.inspire.eb90 import FORCE_COMMAND, POSITION_COMMAND, READ, WRIST_READ, WRIST_WRITE, WRITE, Frame
+from handctl.devices.inspire.identity import At, within
 from handctl.devices.inspire.map import EXO, FINGERS, WRIST, Register
+from handctl.devices.inspire.modbus import RTU, TCP, mode_of, pdu_of
 from handctl.devices.inspire.spans import describe, span_name, span_parts, span_values
-from handctl.devices.inspire.wrist.raw import CAN_MISPRINTS, MISPRINTS
+from handctl.model.ledger import Frame as Written
 from handctl.model.param import ParamMap
 from handctl.model.piece import DEVICE, HOST, Cut, Cutter, Later, Part, Piece, Value, stray
 from handctl.sentence import plural
 
-CALIBRATION_END = 2
-"""Address field of the frame that ends a calibration (RH56 ch. 3 ex. 5)."""
 RESULTS = {0x00: "saved", 0xFF: "not saved"}
 """Data of the late result frame of a save (RH56 §2.2.2)."""
-
+READS, WRITES = (READ, WRIST_READ), (WRITE, WRIST_WRITE)
+CAN_KINDS = {0: "read hand", 1: "write hand", 4: "read wrist", 5: "write wrist"}
 MOST_KNOWN = 1024
+LARGEST = 256
+"""Questions on CAN that are remembered: a bus may be full of those of others."""
+
+MISPRINTS: dict[bytes, str] = {
+    bytes.fromhex("EB90010430FC030236"): (
+        "wrist §2.2 prints these bytes for reading both currents, but 03FC is 1020: this reads pitch_actual. "
+        "The currents: EB 90 01 04 30 00 04 04 3D"
+    ),
+    bytes.fromhex("EB900107310E0418FCEB034D"): (
+        "wrist §2.2.1 prints these bytes for pitch -10.00, yaw +10.00, but 1038 is yaw and 03EB is 1003: this sets yaw "
+        "-10.00 and pitch +10.03. As the text says: EB 90 01 07 31 0E 04 E8 03 18 FC 4A"
+    ),
+    bytes.fromhex("90EB010530FC030000000035"): (
+        "wrist §2.2 prints this answer, but length 05 means two data bytes. The byte in the place of the sum does not fit, "
+        "so a decoder rejects it"
+    ),
+}
+CAN_MISPRINTS: dict[tuple[int, bytes], str] = {
+    (0x01100001, b"\x04"): (
+        "wrist §2.3.1 prints 28 bits for an identifier of 29: as they stand they read address 1088 of the hand. "
+        "Both currents: 11000001 [1] 04"
+    ),
+    (0x00184001, bytes(4)): (
+        "wrist §2.3.1 prints this identifier for the answer with 28 bits of 29. With the zeros it lost it would be a hand "
+        "read of 1552. An answer has the request's identifier: 11000001 [4]"
+    ),
+    (0x15750001, bytes.fromhex("E80318FC")): (
+        "wrist §2.3.2 says 1492 beside the binary 1038: this writes address 1492. Yaw and pitch: 15038001 [4] E8 03 18 FC"
+    ),
+    (0x15038001, bytes.fromhex("FC1803EB")): (
+        "wrist §2.3.2 prints these data bytes high byte first. The device reads low byte first: yaw +63.96, pitch -53.73, "
+        "out of range. As the text says: 15038001 [4] E8 03 18 FC"
+    ),
+}
+
+
+# -- which generation -------------------------------------------------------------------------------------------------
+
+EVENT = "generation "
+"""A recording says so when handctl knows it: ``! generation f1``."""
+NO_NAME = "undocumented"
+MOST = 32
+"""Answers that are remembered: they are asked for one behind the other."""
+
+
+class Generation(NamedTuple):
+    """One map: how events name it, how people do, bytes at one address, and what shows it in answers to reads."""
+
+    names: tuple[str, ...]
+    words: str
+    params: ParamMap[Register]
+    per: int
+    shows: Callable[[At], str]
+
+
+class Generations:
+    """What is known of one conversation. The first of `known` is taken until another one shows itself."""
+
+    def __init__(self, known: Sequence[Generation]) -> None:
+        self._known = known
+        self.now = known[0]
+        self.sure = len(known) == 1
+        self._answers: dict[int, bytes] = {}
+
+    def event(self, text: str) -> bool:
+        """An event of the recording; whether it names a generation."""
+        name = text.removeprefix(EVENT).strip()
+        found = next((one for one in self._known if text.startswith(EVENT) and name in one.names), None)
+        if found is not None:
+            self.now, self.sure = found, True
+        return found is not None
+
+    def answer(self, address: int, data: bytes) -> bool:
+        """What a read at `address`, as the frame has it, was answered; whether another map holds from here on."""
+        if self.sure:
+            return False
+        self._answers.pop(address, None)
+        self._answers[address] = data
+        if len(self._answers) > MOST:
+            del self._answers[next(iter(self._answers))]
+        shown = [one for one in self._known if one.shows(self._at(one.per))]
+        if len(shown) != 1:
+            return False
+        before, self.now, self.sure = self.now, shown[0], True
+        return self.now is not before
+
+    def _at(self, per: int) -> At:
+        held = within([(per * address, data) for address, data in self._answers.items()])
+        return lambda address, count: held(per * address, count)
+
+    def beside(self, address: int, count: int, *, writes: bool, data: bytes = b"") -> str:
+        """What this address holds on the others, while it is not sure which generation it is; "" = nothing else."""
+        if self.sure:
+            return ""
+        own = span_name(self.now.params, address * self.now.per, count)
+        if not writes and own != NO_NAME:
+            return ""
+        told: dict[str, list[str]] = {}
+        for one in self._known:
+            name = span_name(one.params, address * one.per, count)
+            if one is self.now or name in (own, NO_NAME):
+                continue
+            text = describe(one.params, address * one.per, data) if data and not writes else name
+            told.setdefault(text, []).append(one.words)
+        return "".join(f". On {' and '.join(who)}: {text}" for text, who in told.items())
+
+
+# -- one conversation -------------------------------------------------------------------------------------------------
 
 
 class InspireExplainer(Cutter):
-    """One conversation. Frames are found at every offset; one that fails gives way to a whole one inside it."""
+    """One conversation. Frames are found at every offset; one that fails gives way to a whole one inside it.
 
-    def __init__(self, params: ParamMap[Register]) -> None:
+    known  its generation may be any of these, the first, which has this map, until another one shows itself;
+           without any it is that of the map, and no Modbus is spoken
+    """
+
+    def __init__(self, params: ParamMap[Register], known: Sequence[Generation] = ()) -> None:
         super().__init__()
-        self._map = params
-        self._per = 1
-        """Bytes at one address of a frame: 2 where the device counts words (rh56 §3.2)."""
-        self._places = {name: EXO[name].address for name in ("id", "save", "calibrate")}
-        """Addresses of the writes that something follows."""
-        self._can = CanWords(params)
-        self._new_id: tuple[int, int] | None = None
+        self._modbus = params.kind == "hand"
+        own = Generation((), "", params, next(iter(params)).per, lambda _: "")
+        self._generations = Generations(known or [own])
         self._known: dict[Frame, tuple[str, Sequence[Value]]] = {}
         """Words of frames told before: the same come again and again."""
+        self._adopt()
+        self._new_id: tuple[int, int, int] | None = None
+        """Id that a write was for, the one that its acknowledgement may come from, and its address."""
         self._started = 0
         """Address of the save or calibration whose late frame may still come."""
+        self._questions: dict[str, bytes] = {}
+        """Key of an answer in Modbus -> the PDU that asked for it."""
+        self._asked: dict[int, bytes] = {}
+        """CAN identifier -> the question."""
+
+    def _adopt(self) -> None:
+        """Name everything by the map that holds now. `per`: bytes at one address of a frame; `places`: those of writes that something follows."""
+        self.params, self.per = self._generations.now.params, self._generations.now.per
+        roles = {"id": "id", "save": "save", "factory_reset": "factory_reset"}
+        roles["calibrate"] = "calibrate_force" if self._modbus else "calibrate"
+        found = {role: self.params.get(name) for role, name in roles.items()}
+        self.places = {role: register.place if register is not None else -1 for role, register in found.items()}
+        self._known.clear()
+
+    def event(self, text: str) -> None:
+        """See Explainer."""
+        if self._generations.event(text):
+            self._adopt()
+
+    def _heard(self, address: int, data: bytes) -> None:
+        """An answer to a read: it may show the generation, and is named by its map then."""
+        if len(data) > 1 and self._generations.answer(address, data):
+            self._adopt()
 
     def feed(self, direction: str, data: bytes, can_id: int | None = None) -> list[Piece]:
         """See Explainer."""
-        if can_id is not None:
-            return [self._can.explain(direction, can_id, data)]
-        return super().feed(direction, data)
+        return [self._can(direction, can_id, data)] if can_id is not None else super().feed(direction, data)
+
+    def sent(self, data: bytes, can_id: int | None = None) -> list[Piece]:
+        """As `feed`, of what the host sends in one write: that is whole, or will never be."""
+        return self.feed(HOST, data, can_id) if can_id is not None else super().decode(data, HOST)
 
     def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
-        """See Explainer. The header says who sent a frame."""
+        """See Explainer. The header says who sent a frame; on CAN a read of one byte is a question, a write with data a request."""
         if can_id is not None:
-            return [_annotated(self._can.decode(side, can_id, data), CAN_MISPRINTS.get((can_id, data)))]
+            asks = len(data) > 0 if canreg.parse_identifier(can_id).writes else len(data) == 1
+            direction = HOST if side == HOST or (not side and asks) else DEVICE
+            piece = self._can_piece(direction, can_id, data, key=f"{can_id:08X}")
+            return [_annotated(piece, CAN_MISPRINTS.get((can_id, data)))]
         host, device = (data.find(header) if header in data else len(data) for header in (eb90.HOST, eb90.DEVICE))
         self._guess = DEVICE if device < host else HOST
-        misprints = MISPRINTS if self._map is WRIST else {}
+        misprints = MISPRINTS if self.params is WRIST else {}
         return [_annotated(piece, misprints.get(piece.raw)) for piece in super().decode(data, side)]
 
     def recognises(self, data: bytes, can_id: int | None = None) -> bool:
-        """See Explainer."""
+        """See Explainer. An EB 90 frame with flag 11 or 12 is an exoskeleton hand's as well: that family comes first."""
         if can_id is not None:
-            return self._map is WRIST
+            return self.params is WRIST
+        if self._modbus:
+            return modbus.mode_of(data) != ""
         header = data[:2] in (eb90.HOST, eb90.DEVICE)
-        return header and (data[4:5] in (b"\x30", b"\x31") and len(data) != 16) == (self._map is WRIST)
-
-    # -- frames -------------------------------------------------------------------------------------------------------
+        return header and (data[4:5] in (b"\x30", b"\x31") and len(data) != 16) == (self.params is WRIST)
 
     def cut(self, buffer: bytearray, side: str, *, final: bool) -> Cut:
-        start = _header(buffer, 0)
-        if start:
-            keep = 0 if final or start < len(buffer) or buffer[-1] not in (0xEB, 0x90) else 1
-            return Cut(start - keep, "stray")
-        size = _size(buffer, 0)
-        if size == 0:
-            return Cut(2, "stray")
-        if size is not None and size <= len(buffer):
-            if _valid(buffer, 0, size):
-                return Cut(size)
-            whole, begun = _inner(buffer, size)
-            if begun and not whole and not final:
-                return Cut(0)
-            inner = whole or begun
-            return Cut(inner, "cut-short") if inner else Cut(size, "bad-checksum")
-        whole, _ = _inner(buffer, len(buffer))
-        if whole:
-            return Cut(whole, "cut-short")
-        return Cut(len(buffer) if final else 0, "cut-short")
+        if not self._modbus:
+            return _cut_eb90(buffer, final=final)
+        either = _cut_eb90 if modbus.is_eb90(buffer) else _cut_modbus
+        found = either(buffer, final=final)
+        if found.size or modbus.tcp_size(buffer):
+            return found
+        # what seems to begin here gives way to a whole frame inside it, whose CRC fits
+        inner = (place for place in range(1, len(buffer)) if modbus.rtu_size(buffer[place:]))
+        return Cut(next(inner, 0), "stray")
 
     def side_of(self, raw: bytes, cut: Cut) -> str:
-        """By the header; what is none goes with what stands before it."""
+        """By the header, in Modbus by the function; what is none goes with what stands before it."""
+        if cut.mode:
+            pdu = pdu_of(raw, cut.mode)
+            return HOST if modbus.only_reads(pdu) or (pdu[0] == modbus.WRITE_MANY and len(pdu) > 5) else DEVICE
         if raw[:2] in (eb90.HOST, eb90.DEVICE):
             self._guess = HOST if raw[:2] == eb90.HOST else DEVICE
         return self._guess
 
     def piece(self, direction: str, raw: bytes, cut: Cut) -> Piece:
         problem = cut.problem
+        if cut.mode:
+            return self._modbus_piece(direction, raw, cut.mode)
         if problem == "stray":
-            if direction == HOST and not raw.strip(b"\0"):
+            if direction == HOST and not self._modbus and not raw.strip(b"\0"):
                 return stray(direction, raw, "ahead of the first question", "")
             return stray(direction, raw)
         if problem == "cut-short":
@@ -108,14 +247,39 @@ class InspireExplainer(Cutter):
         if problem == "bad-checksum":
             return self._damaged(direction, raw)
         frame = Frame(raw[:2], raw[2], raw[4], raw[5:-1])
+        title, key = "", ""
+        values: Sequence[Value] = ()
         if frame.from_device != (direction == DEVICE):
             who = "our own bytes came back" if direction == DEVICE else "bytes of a device, sent by the host"
-            return self._made(direction, raw, frame, f"{who}: {self._words(frame)[0]}", problem="echo")
-        meaning, title, key, problem, values = self._explain(frame)
-        asks, answers = (key, "") if direction == HOST else ("", key)
-        return self._made(
-            direction, raw, frame, meaning, title=title, problem=problem, asks=asks, answers=answers, values=values
-        )
+            meaning, problem = f"{who}: {self._words(frame)[0]}", "echo"
+        else:
+            meaning, title, key, problem, values = self._explain(frame)
+        return Piece(
+            direction=direction, raw=raw, meaning=meaning, title=title, problem=problem, values=values,
+            asks=key if direction == HOST else "", answers=key if direction == DEVICE else "",
+            fields={"id": frame.id, "flag": f"{frame.flag:02X}", "address": frame.address},
+            parts=Later(lambda: self._parts(raw)),
+        )  # fmt: skip
+
+    # -- registers, whichever wire ------------------------------------------------------------------------------------
+
+    def _space(self, wrist: bool) -> ParamMap[Register] | None:
+        """The map behind a flag; None where this family member has no names."""
+        return self.params if wrist == (self.params is WRIST) else None
+
+    def _asks(self, space: ParamMap[Register] | None, address: int, count: int, unit: str = "byte") -> str:
+        """``read id: 2 bytes at 1000``."""
+        size = count if unit == "byte" else 2 * count
+        return f"read {span_name(space, address * self.per, size)}: {plural(count, unit)} at {address}"
+
+    def _holds(self, space: ParamMap[Register] | None, address: int, data: bytes, other: str = "") -> str:
+        """``id = 1``; of the other space with the address."""
+        return describe(space, address * self.per, data) + (f" at {address}{other}" if space is None else "")
+
+    def _acknowledged(self, verdict: str, space: ParamMap[Register] | None, address: int) -> str:
+        return f"{verdict}: write at {address} {span_name(space, address * self.per, 1)}"
+
+    # -- EB 90 --------------------------------------------------------------------------------------------------------
 
     def _damaged(self, direction: str, raw: bytes) -> Piece:
         right = eb90.checksum(raw[2:-1])
@@ -138,41 +302,55 @@ class InspireExplainer(Cutter):
         )  # fmt: skip
 
     def _explain(self, frame: Frame) -> tuple[str, str, str, str, Sequence[Value]]:
-        """(meaning, title, key of request and answer, problem, values) of a valid frame."""
+        """(meaning, title, key of request and answer, problem, values) of a valid frame; see `_told`.
+
+        While the generation is open, what the others have there is said too.
+        """
+        address, reads, writes = frame.address, frame.flag == READ, frame.flag == WRITE
+        if address is None or not (reads or writes):
+            return self._told(frame)
+        if reads and frame.from_device:
+            self._heard(address, frame.data)
+        meaning, *rest = self._told(frame)
+        asked = reads and not frame.from_device and len(frame.data) == 1
+        count, data = (frame.data[0], b"") if asked else (len(frame.data), frame.data)
+        if not (writes and frame.from_device) and "result" not in meaning:
+            meaning += self._generations.beside(address, count, writes=writes, data=data)
+        return meaning, *rest  # type: ignore[return-value]
+
+    def _told(self, frame: Frame) -> tuple[str, str, str, str, Sequence[Value]]:
         words, values = self._words(frame)
         who, flag, address, size = frame.id, frame.flag, frame.address, len(frame.data)
-        title = ""
         if self._commands(frame):
             whole = len(frame.payload) == (12 if frame.from_device and flag == FORCE_COMMAND else 10)
             return words, f"flag {flag:02X}", f"{who} {flag:02X}" if whole else "", "" if whole else "odd-frame", values
-        if address is None:
-            return words, title, "", "odd-frame", values
-        name = span_name(self._space(flag), address * self._per, size)
-        if flag in (READ, WRIST_READ):
+        if address is None or flag not in (*READS, *WRITES):
+            return words, "", "", "odd-frame", values
+        if flag in READS:
             count = frame.data[0] if not frame.from_device and size == 1 else size
             return self._late(frame, words, values, f"{who} {flag:02X} {address} {count}")
-        if flag not in (WRITE, WRIST_WRITE):
-            return words, title, "", "odd-frame", values
         if not frame.from_device:
-            changes_id = (
-                self._map is not WRIST and address == self._places["id"] and flag == WRITE and size == self._per
-            )
-            self._new_id = (who, frame.data[0]) if changes_id else None
-            self._started = address if frame.data == (1).to_bytes(self._per, "little") else 0
+            self._new_id = None
+            if flag == WRITE and address == self.places["id"] and size == self.per:
+                self._new_id = who, frame.data[0], address
+            elif flag == WRITE and address == self.places["factory_reset"]:
+                self._new_id = who, 1, address
+            self._started = address if frame.data == (1).to_bytes(self.per, "little") else 0
+            name = span_name(self._space(flag in (WRIST_READ, WRIST_WRITE)), address * self.per, size)
             return words, f"write {name}", f"{who} {flag:02X} {address} w", "", values
-        if self._new_id is not None and who == self._new_id[1] and address == self._places["id"]:
+        if self._new_id is not None and (who, address) == self._new_id[1:]:
             who = self._new_id[0]  # the acknowledgement comes from the new id
         key = f"{who} {flag:02X} {address} w"
         if size != 1:
             return words, "", "", "odd-frame", ()
         if frame.data != b"\x01" and self._is_result(frame):
             return self._late(frame, words, values, key)
-        return words, title, key, "" if frame.data == b"\x01" else "refused", values
+        return words, "", key, "" if frame.data == b"\x01" else "refused", values
 
     def _is_result(self, frame: Frame) -> bool:
         return (
-            self._map is not WRIST
-            and frame.address == self._places["save"] == self._started
+            self.params is not WRIST
+            and frame.address == self.places["save"] == self._started
             and frame.data[0] in RESULTS
         )
 
@@ -180,7 +358,7 @@ class InspireExplainer(Cutter):
         self, frame: Frame, words: str, values: Sequence[Value], key: str
     ) -> tuple[str, str, str, str, Sequence[Value]]:
         """A read or its answer; or the frame that tells the end of a save or a calibration, which nobody asks for."""
-        if not frame.from_device or self._map is WRIST or len(frame.data) != 1:
+        if not frame.from_device or self.params is WRIST or len(frame.data) != 1:
             return words, "", key, "", values
         if self._is_result(frame):
             self._started = 0
@@ -192,19 +370,13 @@ class InspireExplainer(Cutter):
                 "" if saved else "refused",
                 (),
             )
-        if frame.address == CALIBRATION_END and self._started == self._places["calibrate"]:
+        if frame.address == eb90.CALIBRATION_END and self._started == self.places["calibrate"]:
             self._started = 0
             return f"end of the calibration, code {frame.data[0]:02X}", "end of the calibration", "", "", ()
         return words, "", key, "", values
 
-    # -- words --------------------------------------------------------------------------------------------------------
-
-    def _space(self, flag: int) -> ParamMap[Register] | None:
-        """The map behind a flag; None where this family member has no names."""
-        return self._map if (flag in (WRIST_READ, WRIST_WRITE)) == (self._map is WRIST) else None
-
     def _commands(self, frame: Frame) -> bool:
-        return self._map is EXO and frame.flag in (FORCE_COMMAND, POSITION_COMMAND) and frame.address is None
+        return self.params is EXO and frame.flag in (FORCE_COMMAND, POSITION_COMMAND) and frame.address is None
 
     def _words(self, frame: Frame) -> tuple[str, Sequence[Value]]:
         """A frame in words, and its values."""
@@ -218,29 +390,27 @@ class InspireExplainer(Cutter):
     def _worded(self, frame: Frame) -> tuple[str, Sequence[Value]]:
         if self._commands(frame):
             return self._command(frame)
-        where = f"id {frame.id}"
-        space = self._space(frame.flag)
-        address = int.from_bytes(frame.payload[:2], "little") if len(frame.payload) > 2 else None
-        reads, writes = frame.flag in (READ, WRIST_READ), frame.flag in (WRITE, WRIST_WRITE)
-        if address is None or not (reads or writes):
+        where, data, reads, writes = f"id {frame.id}", frame.data, frame.flag in READS, frame.flag in WRITES
+        if len(frame.payload) <= 2 or not (reads or writes):
             return f"flag {frame.flag:02X}, which is not in the manual, {where}", ()
-        at = address * self._per
-        other = "" if space is not None else " of another register space"
-        if reads and not frame.from_device and len(frame.data) == 1:
-            count = frame.data[0]
-            unit = "byte" if count == 1 else "bytes"
-            return f"read {span_name(space, at, count)}: {count} {unit} at {address}{other}, {where}", ()
-        if writes and frame.from_device and len(frame.data) == 1:
-            verdict = "accepted" if frame.data == b"\x01" else f"not accepted ({frame.data.hex().upper()})"
-            return f"{verdict}: write at {address} {span_name(space, at, 1)}{other}, {where}", ()
-        text = describe(space, at, frame.data) + (f" at {address}{other}" if space is None else "")
-        if writes and len(frame.data) == 8 and frame.flag == WRIST_WRITE:
-            text += " (an exoskeleton hand takes it for a force command)"
-        if writes and frame.from_device:
-            return f"not an acknowledgement of a write, which has one byte: {frame.data.hex(' ').upper()}, {where}", ()
-        return (f"write {text}, {where}" if writes else f"{text}, {where}"), Later(
-            lambda: span_values(space, at, frame.data)
+        address, space = (
+            int.from_bytes(frame.payload[:2], "little"),
+            self._space(frame.flag in (WRIST_READ, WRIST_WRITE)),
         )
+        other = " of the hand's own registers" if self.params is WRIST else " of another register space"
+        other = "" if space is not None else other
+        if reads and not frame.from_device and len(data) == 1:
+            return f"{self._asks(space, address, data[0])}{other}, {where}", ()
+        if writes and frame.from_device and len(data) == 1:
+            verdict = "accepted" if data == b"\x01" else f"not accepted ({data.hex().upper()})"
+            return f"{self._acknowledged(verdict, space, address)}{other}, {where}", ()
+        if writes and frame.from_device:
+            return f"not an acknowledgement of a write, which has one byte: {data.hex(' ').upper()}, {where}", ()
+        text = self._holds(space, address, data, other)
+        if len(data) == 8 and frame.flag == WRIST_WRITE:
+            text += " (an exoskeleton hand takes it for a force command)"
+        at = address * self.per
+        return f"{'write ' if writes else ''}{text}, {where}", Later(lambda: span_values(space, at, data))
 
     def _command(self, frame: Frame) -> tuple[str, Sequence[Value]]:
         """Force and position commands: five set values out; actual positions (six) or forces (five) back."""
@@ -279,12 +449,12 @@ class InspireExplainer(Cutter):
                 found.append(Part(cell, named, str(numbers[place]) if place < len(numbers) else ""))
         else:
             address = int.from_bytes(frame.payload[:2], "little")
-            space = self._space(frame.flag)
-            at = address * self._per
+            space = self._space(frame.flag in (WRIST_READ, WRIST_WRITE))
+            at = address * self.per
             found.append(Part(raw[5:7], "address", f"{address} {span_name(space, at, 1)}"))
-            if frame.flag in (READ, WRIST_READ) and not frame.from_device and len(frame.data) == 1:
+            if frame.flag in READS and not frame.from_device and len(frame.data) == 1:
                 found.append(Part(frame.data, "count", f"{frame.data[0]} byte{'s' if frame.data[0] != 1 else ''}"))
-            elif frame.flag in (WRITE, WRIST_WRITE) and frame.from_device and len(frame.data) == 1:
+            elif frame.flag in WRITES and frame.from_device and len(frame.data) == 1:
                 found.append(Part(frame.data, "answer", "accepted" if frame.data == b"\x01" else "not accepted"))
             else:
                 found += span_parts(space, at, frame.data)
@@ -296,6 +466,183 @@ class InspireExplainer(Cutter):
             return "force command" if frame.flag == FORCE_COMMAND else "position command"
         names = {READ: "read, hand", WRITE: "write, hand", WRIST_READ: "read, wrist", WRIST_WRITE: "write, wrist"}
         return names.get(frame.flag, "not in the manual")
+
+    # -- CAN ----------------------------------------------------------------------------------------------------------
+
+    def _can(self, direction: str, can_id: int, data: bytes) -> Piece:
+        """A recorded frame. Request and reply carry the same identifier: which answers which is told by what was asked before."""
+        key, access = f"{can_id:08X}", canreg.parse_identifier(can_id)
+        if direction == HOST:
+            self._asked.pop(can_id, None)
+            self._asked[can_id] = data
+            if len(self._asked) > LARGEST:
+                del self._asked[next(iter(self._asked))]
+            return self._can_piece(HOST, can_id, data, key=key)
+        asked = self._asked.get(can_id)
+        if asked is None:
+            words = self._can_words(HOST if len(data) == 1 else DEVICE, can_id, data)
+            return self._can_piece(DEVICE, can_id, data, f"not asked for here: {words}", title=f"others {can_id:08X}")
+        if len(data) <= 1 and (data != asked or data == b"\x01") if access.writes else [len(data)] == list(asked):
+            del self._asked[can_id]
+            short = access.writes and data not in (b"", bytes([len(asked)]))
+            return self._can_piece(DEVICE, can_id, data, problem="refused" if short else "", key=key)
+        if data == asked:
+            words = f"our own frame came back: {self._can_words(HOST, can_id, data)}"
+            return self._can_piece(DEVICE, can_id, data, words, problem="echo")
+        count = "an acknowledgement" if access.writes else f"{asked[0] if len(asked) == 1 else '?'} bytes"
+        words = f"{self._can_words(DEVICE, can_id, data)} ({count} expected, {len(data)} came)"
+        return self._can_piece(DEVICE, can_id, data, words, problem="cut-short")
+
+    def _can_space(self, flag: int) -> ParamMap[Register] | None:
+        return self._space(flag in (canreg.READ_WRIST, canreg.WRITE_WRIST)) if flag in CAN_KINDS else None
+
+    def _can_words(self, direction: str, can_id: int, data: bytes) -> str:
+        access = canreg.parse_identifier(can_id)
+        space, address, where = self._can_space(access.flag), access.address, f"id {access.hand_id}"
+        other = "" if space is not None else " of the hand's own registers"
+        if access.flag not in CAN_KINDS:
+            return f"flag {access.flag}, which is not in the manual, address {address}, {where}"
+        if direction == HOST and access.writes:
+            return f"write {self._holds(space, address, data, other)}, {where}"
+        if direction == HOST and len(data) != 1:
+            return f"read at {address}{other} without a count, {where}"
+        if direction == HOST:
+            return f"{self._asks(space, address, data[0])}{other}, {where}"
+        if access.writes and len(data) <= 1:
+            count = "" if not data else f", {data[0]} bytes written"
+            return f"{self._acknowledged('acknowledged', space, address)}{count}, {where}"
+        return f"{self._holds(space, address, data, other)}, {where}"
+
+    def _can_piece(
+        self, direction: str, can_id: int, data: bytes, meaning: str = "", *, title: str = "", problem: str = "", key: str = ""
+    ) -> Piece:  # fmt: skip
+        access = canreg.parse_identifier(can_id)
+        space, address = self._can_space(access.flag), access.address
+        if direction == HOST and access.writes and key:
+            title = f"write {span_name(space, address, len(data))}"
+        holds = access.writes == (direction == HOST) and bool(data) and problem != "echo"
+        kind = CAN_KINDS.get(access.flag, "not in the manual")
+        what = f"{address} {span_name(space, address, max(1, len(data)))}"
+        parts = [Part(can_id.to_bytes(4, "big"), "identifier", f"{kind}, address {what}, id {access.hand_id}")]
+        if holds:
+            parts += span_parts(space, address, data)
+        elif data:
+            parts.append(Part(data, "written" if access.writes else "count", " ".join(map(str, data))))
+        return Piece(
+            direction=direction, raw=data, can_id=can_id, title=title, problem=problem,
+            meaning=meaning or self._can_words(direction, can_id, data),
+            asks=key if direction == HOST else "", answers=key if direction == DEVICE else "",
+            fields={"id": access.hand_id, "flag": str(access.flag), "address": address},
+            values=span_values(space, address, data) if holds else (), parts=tuple(parts),
+        )  # fmt: skip
+
+    # -- Modbus -------------------------------------------------------------------------------------------------------
+
+    def _modbus_piece(self, direction: str, raw: bytes, mode: str) -> Piece:
+        pdu = pdu_of(raw, mode)
+        unit = raw[6] if mode == TCP else raw[0]
+        # Order, not the transaction, pairs an answer: some hands count wrongly (rh56 §2.3).
+        key = f"{mode} {'' if mode == TCP else unit} {pdu[0] & ~modbus.FAILED}"
+        where = f"transaction {int.from_bytes(raw[:2], 'big')}" if mode == TCP else f"id {unit}"
+        echo, fits = direction == DEVICE and modbus.only_reads(pdu), False
+        if direction == HOST or echo:
+            meaning, title, address, data = self._question(pdu)
+            meaning = f"our own bytes came back: {meaning}" if echo else meaning
+            self._questions[key] = self._questions.get(key, pdu) if echo else pdu
+        else:
+            asked = self._questions.get(key)
+            meaning, title, address, data = self._answer(pdu, asked)
+            fits = asked is not None and modbus.answers(pdu, asked)
+        problem = "echo" if echo else "refused" if pdu[0] & modbus.FAILED else ""
+        params, at = self.params, None if address is None else address * self.per  # as they are now: looked at later
+        return Piece(
+            direction=direction, raw=raw, meaning=f"{meaning}, {where}", title=title, problem=problem,
+            asks=key if direction == HOST else "", answers=key if fits else "",
+            fields={"id": unit, "function": pdu[0], "address": address},
+            values=Later(lambda: span_values(params, at, data) if at is not None else ()),
+            parts=Later(lambda: _modbus_parts(raw, mode, [] if at is None or not data else span_parts(params, at, data), len(data))),
+        )  # fmt: skip
+
+    def _question(self, pdu: bytes) -> tuple[str, str, int | None, bytes]:
+        """(meaning, title, address, data); no data where nothing is named by it."""
+        address, beside = int.from_bytes(pdu[1:3], "big"), self._generations.beside
+        if pdu[0] == modbus.READ:
+            words = int.from_bytes(pdu[3:5], "big")
+            text = self._asks(self.params, address, words, "register")
+            return text + beside(address, 2 * words, writes=False), "", address, b""
+        data = modbus.to_memory(pdu[3:5] if pdu[0] == modbus.WRITE_ONE else pdu[6:])
+        text = f"write {self._holds(self.params, address, data)} at {address}"
+        title = f"write {span_name(self.params, address * self.per, len(data))}"
+        return text + beside(address, len(data), writes=True), title, address, data
+
+    def _answer(self, pdu: bytes, asked: bytes | None) -> tuple[str, str, int | None, bytes]:
+        """The same of what the device says."""
+        if pdu[0] & modbus.FAILED:
+            code = pdu[1] if len(pdu) > 1 else 0
+            return f"refused: exception {code:02X}, {modbus.EXCEPTIONS.get(code, 'unknown')}", "refused", None, b""
+        if pdu[0] != modbus.READ:
+            address = int.from_bytes(pdu[1:3], "big")
+            return self._acknowledged("accepted", self.params, address), "", address, b""
+        data = modbus.to_memory(pdu[2:])
+        if asked is None:
+            text = f"{plural(len(data) // 2, 'register')}, not asked for here: {data.hex(' ').upper()}"
+            return text, "others", None, b""
+        address = int.from_bytes(asked[1:3], "big")
+        self._heard(address, data)
+        text = self._holds(self.params, address, data)
+        return text + self._generations.beside(address, len(data), writes=False, data=data), "", address, data
+
+
+def _modbus_parts(raw: bytes, mode: str, values: Sequence[Part], size: int) -> list[Part]:
+    """A frame of Modbus field by field; its last `size` bytes are the `values`, where there are any."""
+    pdu = pdu_of(raw, mode)
+    head = raw[: modbus.MBAP] if mode == TCP else raw[:1]
+    rest = pdu[1 : len(pdu) - size] if values else pdu[1:]
+    found = [Part(head, "header" if mode == TCP else "unit", f"Modbus {mode.upper()}")]
+    found += [Part(pdu[:1], "function", f"{pdu[0]:02X}"), Part(rest, "address, count", "")]
+    found += [Part(modbus.to_memory(part.raw), part.name, part.meaning) for part in values]
+    return [*found, Part(raw[-2:], "CRC", "right")] if mode == RTU else found
+
+
+def _cut_eb90(buffer: bytearray, *, final: bool) -> Cut:
+    """See Cutter."""
+    start = _header(buffer, 0)
+    if start:
+        keep = 0 if final or start < len(buffer) or buffer[-1] not in (0xEB, 0x90) else 1
+        return Cut(start - keep, "stray")
+    size = _size(buffer, 0)
+    if size == 0:
+        return Cut(2, "stray")
+    if size is not None and size <= len(buffer):
+        if _valid(buffer, 0, size):
+            return Cut(size)
+        whole, begun = _inner(buffer, size)
+        if begun and not whole and not final:
+            return Cut(0)
+        inner = whole or begun
+        return Cut(inner, "cut-short") if inner else Cut(size, "bad-checksum")
+    whole, _ = _inner(buffer, len(buffer))
+    if whole:
+        return Cut(whole, "cut-short")
+    return Cut(len(buffer) if final else 0, "cut-short")
+
+
+def _cut_modbus(buffer: bytearray, *, final: bool) -> Cut:
+    """See Cutter: what does not begin as EB 90 does."""
+    for size, mode in ((modbus.tcp_size(buffer), TCP), (modbus.rtu_size(buffer), RTU)):
+        if size and size <= len(buffer):
+            return Cut(size, mode=mode)
+    waits = modbus.tcp_size(buffer) > len(buffer) or any(size > len(buffer) for size in modbus.rtu_sizes(buffer))
+    waits = waits or (len(buffer) <= modbus.MBAP and b"\0\0".startswith(buffer[2:4]))
+    if waits and not final:
+        return Cut(0)
+
+    def begins(rest: bytearray) -> bool:
+        tcp = 0 < modbus.tcp_size(rest) <= len(rest)
+        return bytes(rest[:2]) in (eb90.HOST, eb90.DEVICE) or tcp or modbus.rtu_size(rest) > 0
+
+    place = next((place for place in range(1, len(buffer)) if begins(buffer[place:])), len(buffer))
+    return Cut(place, "stray")
 
 
 def _annotated(piece: Piece, explained: str | None) -> Piece:
@@ -333,3 +680,89 @@ def _inner(buffer: bytearray, end: int) -> tuple[int, int]:
             return place, begun
         place = _header(buffer, place + 1)
     return 0, begun
+
+
+# -- what writes, and what acknowledges it (see model.ledger) ---------------------------------------------------------
+
+COMMANDS = {eb90.FORCE_COMMAND: "force_set", eb90.POSITION_COMMAND: "position_set"}
+SHORTEST = 7
+"""Bytes of a request up to its address."""
+
+
+class InspireWrites:
+    """One connection to an exo, a wrist or a hand, on whichever wire."""
+
+    def __init__(self, shown: InspireExplainer) -> None:
+        self._shown = shown
+        self._can: dict[int, bytes] = {}
+        self._save = ""
+        """Key of a save, whose acknowledgement tells only that its result will come."""
+
+    def sent(self, data: bytes, can_id: int | None) -> Sequence[Written]:
+        """See WriteWords."""
+        found, pieces = [], self._shown.sent(data, can_id)
+        for piece in pieces if can_id is not None or not eb90.only_reads(data) else ():
+            same = self.planned(piece.raw, can_id)
+            if same is None:
+                continue
+            found.append(Written(piece.raw, piece.asks or None, same, can_id=can_id))
+            if can_id is not None:
+                self._can[can_id] = data
+            elif piece.fields.get("address") == self._shown.places["save"] and "flag" in piece.fields:
+                self._save = piece.asks
+        return found
+
+    def came(self, data: bytes, can_id: int | None) -> Iterable[tuple[Hashable, bool]]:
+        """See WriteWords."""
+        for piece in self._shown.feed(DEVICE, data, can_id):
+            if can_id is not None and data == self._can.get(can_id):
+                continue  # what may be our own write coming back: who asked knows whether it is
+            if self._save and piece.answers == self._save and not piece.problem:
+                continue
+            key = piece.answers
+            if self._save and not key and piece.fields.get("address") == self._shown.places["save"]:
+                key = self._save  # its result
+            if key:
+                yield key, not piece.problem
+
+    def planned(self, data: bytes, can_id: int | None) -> Hashable:
+        """See WriteWords."""
+        if can_id is not None:
+            reads = canreg.parse_identifier(can_id).flag in (canreg.READ_HAND, canreg.READ_WRIST)
+            return None if reads else (can_id, data)
+        if mode := mode_of(data):
+            pdu = pdu_of(data, mode)
+            return None if modbus.only_reads(pdu) else (mode, pdu)
+        reads = data[:2] == eb90.HOST and len(data) == 9 and data[3] == 4 and data[4] in (eb90.READ, eb90.WRIST_READ)
+        return None if reads or eb90.only_reads(data) else data
+
+    def next(self, data: bytes, can_id: int | None) -> str:
+        """See WriteWords."""
+        params, wrist = self._shown.params, self._shown.params is WRIST
+        if can_id is not None:
+            access = canreg.parse_identifier(can_id)
+            return self._read(access.address, len(data), of_hand=wrist and access.flag == canreg.WRITE_HAND)
+        if mode := mode_of(data):
+            return self._read(int.from_bytes(pdu_of(data, mode)[1:3], "big"), 2)
+        flag = data[4] if len(data) > 4 else 0
+        if params is EXO and flag in COMMANDS:
+            return f"`handctl exo get {COMMANDS[flag]} position_actual`"
+        if flag not in (eb90.WRITE, eb90.WRIST_WRITE) or len(data) <= SHORTEST + 1:
+            return f"`handctl {params.kind} dump`"
+        address = int.from_bytes(data[5:7], "little")
+        return self._read(address, len(data) - SHORTEST - 1, of_hand=wrist and flag == eb90.WRITE)
+
+    def _read(self, address: int, count: int, *, of_hand: bool = False) -> str:
+        if of_hand:
+            return f"`handctl wrist hand-read {address} {count}`"
+        kind = self._shown.params.kind
+        for param in self._shown.params:
+            if address * self._shown.per in param.span:
+                if param.name == "id":
+                    return f"`handctl {kind} scan` finds the id"
+                if param.name in ("save", "factory_reset"):
+                    return f"switch the power off and on, then `handctl {kind} dump`"
+                if param.trigger or not param.readable:
+                    return f"`handctl {kind} status`"
+                return f"`handctl {kind} get {param.name}`"
+        return f"`handctl {kind} read {address} {count}`"

@@ -17,10 +17,11 @@ low half and byte a+1 as its high half; `to_memory` and `to_words` turn one orde
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
+from handctl.devices.inspire import eb90
 from handctl.errors import ProtocolError, UsageError
 
 READ, WRITE_ONE, WRITE_MANY = 0x03, 0x06, 0x10
@@ -166,7 +167,7 @@ def to_memory(data: bytes) -> bytes:
     return bytes(swapped)
 
 
-class RtuDecoder:
+class RtuDecoder(eb90.Stream):
     """Finds the answer to one request in a stream of a serial line: `feed` bytes, then call `next` until it returns None.
 
     A frame on this wire has no mark at its beginning. So a candidate is what begins with the unit and the function that
@@ -175,14 +176,9 @@ class RtuDecoder:
     """
 
     def __init__(self, unit: int, request: bytes) -> None:
+        super().__init__()
         self._unit = unit
         self._request = request
-        self._buffer = bytearray()
-        self.skipped = 0
-
-    def feed(self, data: bytes) -> None:
-        """Add received bytes."""
-        self._buffer += data
 
     def next(self) -> Answer | None:
         """The answer, or None until more bytes come. Raises ProtocolError for a whole candidate whose CRC is wrong."""
@@ -211,17 +207,6 @@ class RtuDecoder:
                 )
         return None
 
-    def rest(self) -> bytes:
-        """Take out what has not been consumed."""
-        rest = bytes(self._buffer)
-        self._buffer.clear()
-        return rest
-
-    @property
-    def pending(self) -> int:
-        """Bytes held back because they may still become the answer."""
-        return len(self._buffer)
-
     def _size(self) -> int | None:
         """Bytes of the frame that may begin the buffer, None where none does."""
         buffer, function = self._buffer, self._request[0]
@@ -238,16 +223,8 @@ class RtuDecoder:
         return reply_size(self._request) + 3
 
 
-class TcpDecoder:
+class TcpDecoder(eb90.Stream):
     """Cuts a TCP stream into answers: `feed` bytes, then call `next` until it returns None."""
-
-    def __init__(self) -> None:
-        self._buffer = bytearray()
-        self.skipped = 0
-
-    def feed(self, data: bytes) -> None:
-        """Add received bytes."""
-        self._buffer += data
 
     def next(self) -> Answer | None:
         """The next answer, or None until more bytes come. Raises ProtocolError for what cannot be a Modbus header.
@@ -273,18 +250,60 @@ class TcpDecoder:
         del buffer[: length + 6]
         return Answer(frame[6], frame[7:], int.from_bytes(frame[:2], "big"))
 
-    def rest(self) -> bytes:
-        """Take out what has not been consumed."""
-        rest = bytes(self._buffer)
-        self._buffer.clear()
-        return rest
 
-    @property
-    def pending(self) -> int:
-        """Bytes held back because they may still become an answer."""
-        return len(self._buffer)
+# -- whose bytes are these: Modbus stands beside EB 90 on one pair, and in one recording -------------------------------
+
+RTU, TCP = "rtu", "tcp"
+FUNCTIONS = (READ, WRITE_ONE, WRITE_MANY)
 
 
-def words_of(values: Sequence[int]) -> bytes:
-    """Signed 16-bit values -> registers, high half first."""
-    return b"".join((value & 0xFFFF).to_bytes(2, "big") for value in values)
+def is_eb90(data: bytes | bytearray) -> bool:
+    """Whether these bytes begin as an EB 90 frame does."""
+    return bytes(data[:2]) in (eb90.HOST, eb90.DEVICE) or bytes(data[:2]) in (eb90.HOST[:1], eb90.DEVICE[:1])
+
+
+def tcp_size(data: bytes | bytearray) -> int:
+    """Bytes of the Modbus TCP frame that begins here; 0 where none does."""
+    if len(data) < MBAP + 1 or data[2:4] != b"\0\0":
+        return 0
+    length = int.from_bytes(data[4:6], "big")
+    fits = 3 <= length <= 254 and data[7] & ~FAILED in FUNCTIONS
+    return length + 6 if fits else 0
+
+
+def rtu_sizes(data: bytes | bytearray) -> list[int]:
+    """Bytes that an RTU frame which begins here may have: as a question, as an answer, as a refusal."""
+    if len(data) < 3 or not 1 <= data[0] <= 254:
+        return []
+    function = data[1]
+    if function & FAILED:
+        return [5] if function & ~FAILED in FUNCTIONS else []
+    if function == READ:
+        return [8, data[2] + 5]
+    if function == WRITE_ONE:
+        return [8]
+    if function == WRITE_MANY:
+        return [8, *([data[6] + 9] if len(data) > 6 else [])]
+    return []
+
+
+def rtu_size(data: bytes | bytearray) -> int:
+    """Bytes of the whole RTU frame that begins here, by its CRC; 0 where none does."""
+    for size in rtu_sizes(data):
+        if 5 <= size <= len(data) and crc(bytes(data[: size - 2])) == data[size - 2 : size]:
+            return size
+    return 0
+
+
+def pdu_of(frame: bytes, mode: str) -> bytes:
+    """What is inside the envelope."""
+    return frame[MBAP:] if mode == TCP else frame[1:-2]
+
+
+def mode_of(frame: bytes) -> str:
+    """Which envelope a whole frame has; "" = none of Modbus."""
+    if is_eb90(frame):
+        return ""
+    if tcp_size(frame) == len(frame):
+        return TCP
+    return RTU if rtu_size(frame) == len(frame) else ""

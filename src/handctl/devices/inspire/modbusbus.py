@@ -3,18 +3,21 @@
 Above it a register is what it is on the other wires: bytes in the order of their addresses. On byte maps the word at
 address a is the bytes a and a+1, so a block of n bytes is a read of n/2 registers (rh56 §2.2). What the bytes mean is
 not known here.
+
+An answer to a read names no address: on a serial line only its size tells which question it belongs to, and over TCP a number
+that some hands count wrongly (rh56 §2.3). A hand answers in order. So an answer of a size that no open question has settles all
+that was asked before it; where the size is one of theirs, another question goes first (`Owed.between`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from handctl.devices.inspire import modbus
-from handctl.devices.inspire.mishaps import shorten
+from handctl.devices.inspire.bus import shorten
 from handctl.devices.inspire.modbus import Answer, RtuDecoder, TcpDecoder
-from handctl.devices.inspire.owed import Owed
-from handctl.devices.inspire.registers import RegisterBus
+from handctl.devices.inspire.registers import MOST, ByteBus
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, CanFrame, Deadline
 from handctl.model.frames import frames_in
@@ -22,10 +25,52 @@ from handctl.model.param import Step
 from handctl.model.result import Journal, hex_bytes
 from handctl.sentence import plural
 
+SYSTEM = 1000
+"""Documented on every generation from here on (rh56 §3)."""
+SIZES = range(1, 6)
+"""Registers of the question between."""
+
+
+class Owed:
+    """The questions of one unit that were given up, in their order: (number on TCP, PDU)."""
+
+    def __init__(self) -> None:
+        self._open: list[tuple[int, bytes]] = []
+
+    def __bool__(self) -> bool:
+        return bool(self._open)
+
+    def given_up(self, number: int, pdu: bytes) -> None:
+        """The answer may still come."""
+        self._open.append((number, pdu))
+
+    def answered(self, number: int, pdu: bytes) -> None:
+        """An answer that fits `pdu` came. It may belong to the same question, asked before: then the last one stays open."""
+        same = [place for place, (_, open_pdu) in enumerate(self._open) if open_pdu == pdu]
+        self._open = [*self._open[same[0] + 1 :], (number, pdu)] if same else []
+
+    def settled(self) -> None:
+        """The answer to the last question came, for sure."""
+        self._open.clear()
+
+    def between(self, pdu: bytes) -> bytes | None:
+        """The read that must be answered before `pdu` is asked; None where no late answer can pass for that to `pdu`."""
+        if not self._mistakable(pdu):
+            return None
+        asked = [modbus.read_request(SYSTEM, words) for words in SIZES]
+        return next((one for one in asked if not self._mistakable(one)), asked[0])
+
+    def _mistakable(self, pdu: bytes) -> bool:
+        return pdu[0] == modbus.READ and any(
+            one != pdu and one[0] == pdu[0] and modbus.reply_size(one) == modbus.reply_size(pdu)
+            for _, one in self._open
+        )
+
+
+# -- the wire ---------------------------------------------------------------------------------------------------------
+
 QUIET_SECONDS = 0.00175
 """Silence before each RTU frame at 19200 bit/s and more (rh56 §5)."""
-BETWEEN_PROTOCOLS = 0.005
-"""Silence between EB 90 and RTU on one pair (rh56 §2.5)."""
 TCP_TIMEOUT = 0.5
 """Seconds allowed for an answer over TCP (rh56 §5)."""
 PATIENCE = 4
@@ -34,8 +79,6 @@ BEHIND = 0.05
 """Seconds for the right answer behind one that names another question, until a hand is known to count wrongly."""
 SETTLING = 8
 """Questions between, at the most, until every late answer has come."""
-MOST = 65536
-"""Bytes that are listened to instead of an answer."""
 TRIGGERS = range(1004, 1010)
 """One register each, and its neighbour is another trigger: never written together, never above 00FF (rh56 §2.2)."""
 BYTE_GROUPS = ((1606, 6), (1612, 6), (1618, 6))
@@ -65,29 +108,19 @@ class _State:
         return self._owed.setdefault(unit, Owed())
 
 
-class ModbusBus(RegisterBus):
+class ModbusBus(ByteBus):
     """The Modbus wire to one hand: RTU on a serial line, TCP where `tcp`."""
 
-    link: ByteLink
     max_count = 2 * modbus.MAX_WORDS
-    spaces: ClassVar = {}
-    read_flag = modbus.READ
-    write_flag = modbus.WRITE_MANY
+    spaces: ClassVar = {"hand": (modbus.READ, modbus.WRITE_MANY)}
 
-    def __init__(
-        self,
-        link: ByteLink,
-        device_id: int,
-        journal: Journal,
-        *,
-        tcp: bool,
-        timeout: float | None = None,
-        retries: int | None = None,
-        bound: Deadline | None = None,
-    ) -> None:
-        modbus.check_unit(device_id)
-        timeout = TCP_TIMEOUT if timeout is None and tcp else timeout
-        super().__init__(link, device_id, journal, timeout=timeout, retries=retries, bound=bound)
+    usual = "hand"
+    check_id = staticmethod(modbus.check_unit)
+
+    def __init__(self, link: ByteLink, device_id: int, journal: Journal, *, tcp: bool, **more: Any) -> None:
+        super().__init__(link, device_id, journal, **more)
+        if more.get("timeout") is None and tcp:
+            self.timeout = TCP_TIMEOUT
         self.tcp = tcp
         self.wire = "tcp" if tcp else "rtu"
         self._state = _State(False if tcp else None)
@@ -230,7 +263,7 @@ class ModbusBus(RegisterBus):
         echo = len(request) if self.journal.line.echo and not self.tcp else 0
         while True:
             taken: Answer | None = None
-            for answer in frames_in(decoder, self._count_damaged):
+            for answer in frames_in(decoder, self.count_damaged):
                 fits = modbus.answers(answer.pdu, pdu)
                 if fits and (self._is_mine(answer) or self._state.counts is False):
                     taken = answer  # of two that have come the later one: the first may belong to the question before
@@ -261,7 +294,7 @@ class ModbusBus(RegisterBus):
         deadline = self.deadline(seconds)
         while chunk := self.link.read(deadline):
             decoder.feed(chunk)
-            if answer := next(frames_in(decoder, self._count_damaged), None):
+            if answer := next(frames_in(decoder, self.count_damaged), None):
                 return modbus.to_memory(answer.data)[:count]
         return None
 
@@ -296,27 +329,20 @@ class ModbusBus(RegisterBus):
 
     def _refusal(self, code: int, request: bytes) -> HandctlError:
         """The error of an exception: of the hand, or of a gateway before it."""
-        name = f"exception {code:02X} ({modbus.EXCEPTIONS.get(code, 'unknown')})"
+        name, sent = f"exception {code:02X} ({modbus.EXCEPTIONS.get(code, 'unknown')})", hex_bytes(request)
         if code == modbus.NO_PATH:
-            return LinkError(
-                f"{self.where}: the gateway cannot reach this unit: {name}, sent {hex_bytes(request)}",
-                hint="check the gateway's serial port and its table of units",
-                code="gateway",
-            )
+            hint = "check the gateway's serial port and its table of units"
+            text = f"{self.where}: the gateway cannot reach this unit: {name}, sent {sent}"
+            return LinkError(text, hint=hint, code="gateway")
         if code == modbus.NO_TARGET:
-            return NoAnswer(
-                f"{self.where}: the gateway got no answer to {hex_bytes(request)}: {name}",
-                hint="check power (24 V), the id and A and B of RS-485 behind the gateway",
-                code="gateway",
-            )
+            hint = "check power (24 V), the id and A and B of RS-485 behind the gateway"
+            return NoAnswer(f"{self.where}: the gateway got no answer to {sent}: {name}", hint=hint, code="gateway")
         hint = "check the address against `handctl hand describe`"
         if not self.only_reads(request):
             hint = "read the value before you write again: the hand reports that it did not take it"
         if code in modbus.AT_WORK:
             hint = "wait for one second, read the values, then run the command again"
-        return DeviceRefused(
-            f"{self.where}: the hand refused {hex_bytes(request)} with {name}", hint=hint, code=f"modbus-{code}"
-        )
+        return DeviceRefused(f"{self.where}: the hand refused {sent} with {name}", hint=hint, code=f"modbus-{code}")
 
     def _framed(self, pdu: bytes, transaction: int) -> bytes:
         return modbus.tcp(transaction, pdu) if self.tcp else modbus.rtu(self.id, pdu)
@@ -336,16 +362,6 @@ class ModbusBus(RegisterBus):
     def addressee(self, request: bytes | CanFrame) -> int:
         return self.id
 
-    def drain(self) -> None:
-        """Throw away what lies in the input: late answers belong to nobody."""
-        now, stale = self.link.deadline(0), 0
-        while (chunk := self.link.read(now)) and stale < 65536:
-            stale += len(chunk)
-        self.journal.counters.stray_bytes += stale
-
-    def _count_damaged(self, _error: ProtocolError) -> None:
-        self.journal.counters.bad_frames += 1
-
     @property
     def where(self) -> str:
         """Device, id and link for messages; on TCP nobody looks at the unit."""
@@ -356,15 +372,15 @@ class ModbusBus(RegisterBus):
             return self.unanswered(hex_bytes(request), self.timeout, since, SILENCE_HINT)
         came = f"(sent {hex_bytes(request)}, received {shorten(received)})"
         code, text = "garbage", f"received {plural(len(received), 'byte')} instead of a valid Modbus reply"
-        hint = OTHER_SERVICE_HINT if self.tcp else GARBAGE_HINT
         if received == request:
-            code, text, hint = "echo", "only our own bytes came back", ECHO_HINT
+            code, text = "echo", "only our own bytes came back"
         elif odd:
-            code, text, hint = "stale", "received a valid answer, but to a different request", STALE_HINT
+            code, text = "stale", "received a valid answer, but to a different request"
         elif self._cut_short(request, received):
-            code, text, hint = "cut-short", "the answer is damaged or cut off", DAMAGED_HINT
+            code, text = "cut-short", "the answer is damaged or cut off"
         elif not self.tcp and _whole(received) and received[0] != self.id:
-            code, text, hint = "wrong-id", f"id {received[0]} answered instead", WRONG_ID_HINT
+            code, text = "wrong-id", f"id {received[0]} answered instead"
+        hint = OTHER_SERVICE_HINT if code == "garbage" and self.tcp else HINTS[code]
         return ProtocolError(f"{self.where}: {text} {came}", hint=hint, code=code, came=received)
 
     def _cut_short(self, request: bytes, received: bytes) -> bool:
@@ -379,9 +395,11 @@ def _whole(frame: bytes) -> bool:
     return len(frame) > 4 and modbus.crc(frame[:-2]) == frame[-2:]
 
 
-GARBAGE_HINT = "check the baud rate (115200 or 921600) and the kind of device: try --protocol eb90, or `handctl scan`"
+HINTS = {
+    "garbage": "check the baud rate (115200 or 921600) and the kind of device: try --protocol eb90, or `handctl scan`",
+    "echo": "check the wiring: an echo or a short returns our own bytes, and no device answers",
+    "stale": "check for another program or a second master on this line",
+    "cut-short": "check the cable, the ground and the baud rate, and that only one hand has this id",
+    "wrong-id": "use the --id it shows",
+}
 OTHER_SERVICE_HINT = "check the address and the port: another service may answer there. The hand's port is 6000"
-ECHO_HINT = "check the wiring: an echo or a short returns our own bytes, and no device answers"
-STALE_HINT = "check for another program or a second master on this line"
-DAMAGED_HINT = "check the cable, the ground and the baud rate, and that only one hand has this id"
-WRONG_ID_HINT = "use the --id it shows"

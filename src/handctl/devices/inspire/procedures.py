@@ -2,21 +2,25 @@
 
 Each writes once, then finds out by reading what became of it; none repeats a write. The order of steps and the waits
 are those of the manual (cited) and, where it is silent, of the sibling hand; what is unknown on this hardware is said.
+
+What a hand keeps: where the manual of the EH55BF1 is silent the order of the RH56 is followed, and what is unknown on this
+hardware is said.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from handctl.devices.inspire import eb90, twins
+from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.map import BAUD_RATES
+from handctl.devices.inspire.identity import identify_alone, naming_twins
+from handctl.devices.inspire.map import BAUD_RATES, OVER_TEMPERATURE, Register
 from handctl.devices.inspire.registers import RegisterBus
-from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink
 from handctl.model.guide import Guide
-from handctl.model.param import Element, Reading
-from handctl.model.result import Column, Table
+from handctl.model.param import Element, Reading, elements_of
+from handctl.model.result import Column, Row, Table, hex_bytes
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.base import RegisterDevice
@@ -128,7 +132,7 @@ def change_id(hand: RegisterDevice, new: int, *, saved_next: bool = False) -> Ta
         return _id_row(hand, old)
     new_taken = probe(bus, new)
     try:
-        with twins.named(hand):
+        with naming_twins(hand):
             old_there = probe(bus, old)
     except ProtocolError as exc:  # perhaps a late answer of the new id
         if exc.code != "wrong-id" or not _slower(bus):
@@ -149,7 +153,7 @@ def change_id(hand: RegisterDevice, new: int, *, saved_next: bool = False) -> Ta
             hint=f"choose a free id: `handctl {hand.kind} scan --all` lists those in use. Nothing was written.",
             code="id-taken",
         )
-    twins.identify(hand)
+    identify_alone(hand)
     with hand.bus.leaving(
         f"the hand may have id {new} already",
         f"find it with `handctl {hand.kind} scan`. A power-cycle brings back the saved id",
@@ -218,20 +222,14 @@ def _id_row(hand: RegisterDevice, before: int) -> Table:
 # -- baud ---------------------------------------------------------------------------------------------------------
 
 
-def code_of(rate: int) -> int | None:
-    """The register code of a speed in bit/s (exo §2.3.2), None if the manual has none."""
-    return next((code for code, value in BAUD_RATES.items() if value == rate), None)
-
-
 def change_baud(hand: RegisterDevice, rate: int) -> Table:
     """Write the speed of an EH55BF1 that counts after save and power cycle (exo §2.3.2), and read it back.
 
     The port stays as it is. The RH56 hands have their own way (`hand.place`): their code lies elsewhere.
     """
-    register, code = hand.map["baud_code"], code_of(rate)
-    assert code is not None
+    register, code = hand.map["baud_code"], hand.speed_code(rate)
     element = Element(register, 0)
-    twins.identify(hand)
+    identify_alone(hand)
     before = hand.bus.read(register.address, register.size)[0]
     if before == code:
         hand.journal.info("already", f"baud_code is already {code} ({rate} bit/s)")
@@ -273,3 +271,190 @@ def wait_for_speed(hand: RegisterDevice, rate: int, guide: Guide, *, seconds: fl
         hand.bus.pause(0.2)
     guide.done()
     return False
+
+
+# -- calibration --------------------------------------------------------------------------------------------------
+
+
+def wait_for_calibration(
+    bus: RegisterBus, guide: Guide, seconds: float, more: str, power_off: str
+) -> eb90.Frame | None:
+    """Wait for the frame that tells the end, or for the time where nobody tells it. Sends nothing."""
+    started = bus.link.now()
+    end = started + seconds
+    try:
+        while bus.link.now() < end and not bus.over:
+            elapsed = bus.link.now() - started
+            guide.progress(f"calibrating {elapsed:4.1f} s of at most {seconds:.0f} s{more}", power_off)
+            step = min(0.25, end - bus.link.now())
+            if not bus.reports:
+                bus.pause(step)
+            elif (frame := bus.listen([eb90.read_reply_prefix(bus.id, eb90.CALIBRATION_END, 1)], step)) is not None:
+                return frame
+    finally:
+        guide.done()
+    return None
+
+
+# -- what is kept -----------------------------------------------------------------------------------------------------
+
+SAVE_RESULT_SECONDS = 2.5
+"""The result comes about a second after the acknowledgement (RH56 ch. 3 ex. 4)."""
+
+
+def power_cycle(hand: RegisterDevice) -> str:
+    """What to do after a reset."""
+    return f"power-cycle the hand, then run `handctl {hand.kind} scan`: its id may be 1 and its baud rate 115200 bit/s again."
+
+
+def clear_errors(hand: RegisterDevice) -> Table:
+    """Clear the clearable actuator errors and look what is left (exo §2.3.3, rh56 §6).
+
+    A remaining over_temperature is not a failure: it clears by cooling. Anything else that remains is.
+    """
+    hand.identify()  # before anything is read: a stranger is named, not called silent
+    names = ("error", "temperature")
+    elements = [element for name in names for element in elements_of(hand.map[name])]
+    before = {reading.element.full_name: reading.value for reading in hand.read(elements)}
+    hand.bus.try_write(
+        hand.map["clear_errors"].address,
+        hand.map["clear_errors"].encode(1),
+        "the clearing",
+        "handctl checks which errors remain",
+    )
+    after = hand.read(elements)
+    warm = {reading.element.part: reading.value for reading in after if reading.element.param.name == "temperature"}
+    rows: list[Row] = []
+    left = []
+    for reading in after:
+        if reading.element.param.name != "error":
+            continue
+        rows.append({**hand.row(reading), "before": before.get(reading.element.full_name)})
+        if reading.error is not None or reading.value is None:
+            left.append(f"{reading.element.part}: not readable")
+            continue
+        bits = int(reading.value)
+        if bits & OVER_TEMPERATURE:
+            hand.journal.warn(
+                "over-temperature",
+                f"{reading.element.part}: over_temperature cannot be cleared. It goes away as the actuator cools, "
+                f"now {warm.get(reading.element.part)} °C ({hand.map['clear_errors'].source})",
+            )
+        if bits & ~OVER_TEMPERATURE:
+            left.append(f"{reading.element.part}: {hand.map['error'].label(bits & ~OVER_TEMPERATURE)}")
+    table = Table(rows=rows, columns=(*hand.columns, Column("before", "Before", right=True)))
+    if left:
+        table.failure = CheckFailed(
+            f"{hand.bus.where}: errors remain after clearing: {'; '.join(left)}",
+            hint=f"free the finger, check the supply ({hand.supply}), then clear the errors again: the cause is still there",
+            code="errors-remain",
+        )
+    return table
+
+
+def save(hand: RegisterDevice, guide: Guide) -> Table:
+    """Write the present parameters to flash and wait for the result that comes about a second later (exo §2.3.4, rh56 §2.1).
+
+    Two frames answer: the acknowledgement (01 = accepted) and the result (00 = saved, FF = failed; the sense is
+    inverted, RH56 ch. 3 ex. 4). Nothing is sent in between. Raises DeviceRefused for FF or a refused acknowledgement.
+    """
+    identify_alone(hand)
+    with hand.bus.leaving(
+        "the save was sent, but its result is not known",
+        f"save again, or power-cycle the hand and check with `handctl {hand.kind} get id baud_code`",
+    ):
+        return _save(hand, guide)
+
+
+def _save(hand: RegisterDevice, guide: Guide) -> Table:
+    bus, register = hand.bus, hand.map["save"]
+    place = register.place_of(0)
+    results = [eb90.write_ack_prefix(bus.id, place), eb90.read_reply_prefix(bus.id, place, 1)]
+    lost = bus.try_write(register.address, register.encode(1), "the save", "handctl only waits for its result")
+    if not bus.reports:
+        if lost is not None:
+            raise lost
+        hand.journal.warn(
+            "no-result",
+            "the save was sent. This connection has no frame that reports the result",
+            hint="power-cycle the hand, then read the values to be sure",
+        )
+        bus.pause(SAVE_RESULT_SECONDS)  # nothing is written meanwhile (rh56 §9)
+        return outcome(hand, register, "sent", None)
+    guide.progress("saving to flash")
+    end = bus.link.deadline(SAVE_RESULT_SECONDS)
+    frame = bus.listen(results, end.remaining)
+    while frame is not None and frame.flag == eb90.WRITE and frame.data == b"\x01":
+        lost = None  # late, or twice
+        frame = bus.listen(results, end.remaining)
+    guide.done()
+    if frame is None:
+        bus.out_of_time("the result of the save")
+        if lost is not None:
+            raise lost.retold(
+                lost.text,
+                hint=f"power-cycle the hand and check with `handctl {hand.kind} get id baud_code`: the result is not known",
+            )
+        hand.journal.warn(
+            "no-result",
+            f"the hand accepted the save but did not report its result ({hand.save_result})",
+            hint="power-cycle the hand, then read the values to be sure",
+        )
+        return outcome(hand, register, "accepted", None)
+    if frame.data != b"\x00":
+        raise DeviceRefused(
+            f"{bus.where}: the save failed: result {hex_bytes(frame.data)} (00 = saved, FF = failed)",
+            hint="check the supply, then save again: the values are still in RAM",
+            code="save-failed",
+        )
+    return outcome(hand, register, "saved", frame.data)
+
+
+def factory_reset(hand: RegisterDevice) -> Table:
+    """Write 1 to the sibling's reset address 1006; this manual names none (exo §2.3.5). Then look who answers."""
+    with hand.bus.leaving(
+        "the reset was sent, but the hand's present id is unknown",
+        f"{power_cycle(hand)} Nothing was saved automatically.",
+    ):
+        return _factory_reset(hand)
+
+
+def _factory_reset(hand: RegisterDevice) -> Table:
+    bus, old = hand.bus, hand.bus.id
+    register = hand.map["factory_reset"]
+    lost = bus.try_write(
+        register.address, register.encode(1), "the reset", "handctl checks which id answers", acknowledged_by=(1,)
+    )
+    if lost is not None:
+        lost.text = f"the reset was not acknowledged but may have happened: {lost.text}"
+    bus.pause(1.0)
+    ids = list(dict.fromkeys((1, old)))
+    there = [device_id for device_id in ids if probe(bus, device_id)]
+    hand.journal.warn(
+        "power-cycle",
+        f"answering now: id {', '.join(map(str, there))}" if there else "id 1 and the old id do not answer now",
+        hint=f"{power_cycle(hand)} Nothing was saved automatically.",
+    )
+    table = outcome(hand, register, "accepted" if lost is None else "not acknowledged", None)
+    table.failure = lost
+    if there:
+        bus.id = there[0]
+    elif lost is None:
+        text = f"{bus.link.name}: the reset was acknowledged, but no hand answers to id {' or '.join(map(str, ids))} after it"
+        table.failure = NoAnswer(text, hint=power_cycle(hand), code="gone")
+    return table
+
+
+def outcome(hand: RegisterDevice, register: Register, label: str, raw: bytes | None) -> Table:
+    row: Row = {
+        "name": register.name,
+        "finger": None,
+        "address": register.place_of(0),
+        "value": label,
+        "unit": None,
+        "raw": hex_bytes(raw) if raw is not None else None,
+    }
+    return Table(
+        rows=[row],
+        columns=(Column("name", "Name"), Column("address", "Address", right=True), Column("value", "Result")),
+    )

@@ -1,6 +1,12 @@
 """What the registers of one device id are to everything above: read, write, who is there, and time; whichever wire.
 
 `bus.Bus` is the serial wire, `canbus.CanBus` the CAN bus; what the bytes mean is not known here.
+
+The first question to an id is a read upon whose bytes nobody else acts who may be there instead. Both addresses of a register
+space are documented, and the sums of their requests differ: for any id one of the two is quiet, but for 3 and 13, which are
+such bytes themselves. A BarrettHand that starts listens at 9600 whatever its speed, and FF opens its boot monitor: it hears
+one where the line falls idle behind the beginning of a byte. At 115200 a read is shorter than one byte at 9600, which holds
+all of it. At other speeds bytes ahead of the frame see to that. (A test samples the bits.)
 """
 
 from __future__ import annotations
@@ -11,9 +17,11 @@ from contextlib import AbstractContextManager, contextmanager
 from copy import copy
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
+from handctl.devices.inspire import eb90
 from handctl.errors import HandctlError, Left, LinkError, NoAnswer, ProtocolError
-from handctl.link import CanFrame, Deadline, Link
+from handctl.link import ByteLink, CanFrame, Deadline, Link
 from handctl.model.device import Line
+from handctl.model.foreign import harmless
 from handctl.model.moving import Clock
 from handctl.model.param import Step
 from handctl.model.result import Journal
@@ -22,6 +30,43 @@ from handctl.model.stopping import leaving
 if TYPE_CHECKING:
     from handctl.devices.inspire.eb90 import Frame
     from handctl.devices.inspire.identity import FamilyGate
+
+Span = tuple[int, int]
+"""Address and count of bytes."""
+
+READS: dict[int, tuple[Span, ...]] = {eb90.READ: ((1472, 2), (1546, 2)), eb90.WRIST_READ: ((1024, 2), (1026, 2))}
+"""Read flag -> system_voltage, position_actual (exo §2.3); the two currents (wrist §2.1).
+
+Two bytes each: an answer is longer than its request, so an echo never passes for one.
+"""
+
+
+FRESH: dict[int, tuple[Span, ...]] = {
+    eb90.READ: tuple((1546 + start, count) for start in (0, 2, 4, 6) for count in (4, 6, 8, 10) if start + count <= 12),
+    eb90.WRIST_READ: ((1020, 6), (1020, 8), (1022, 4), (1022, 6), (1024, 4)),
+}
+"""Read flag -> parts of what is documented (position_actual, exo §2.3.9; wrist §2.1) that no first question asks for.
+
+For an id that has answered: an answer to one of these is younger than that to any first question.
+"""
+
+
+def question(device_id: int, flag: int) -> Span:
+    """What to ask an id first."""
+    spans = READS[flag]
+    return next((span for span in spans if harmless(eb90.read_request(device_id, *span, flag), None)), spans[0])
+
+
+AHEAD = {19200: 1, 57600: 2, 921600: 32}
+"""bit/s -> how many 00 go ahead of a read: it ends within a byte that they have begun, and none begins at its end."""
+
+
+def ahead(baud: int | None) -> bytes:
+    """What goes ahead of a read at a speed in bit/s at which nobody has answered yet; None = the port has none."""
+    return bytes(AHEAD.get(baud or 0, 0))
+
+
+# -- one device id ----------------------------------------------------------------------------------------------------
 
 DEFAULT_TIMEOUT = 0.3
 """Seconds of silence allowed per reply beyond wire time: USB (4 ms), FTDI latency (16 ms) and Bluetooth with room."""
@@ -40,6 +85,30 @@ def may_still_move(what: str) -> Iterator[None]:
         raise
 
 
+BETWEEN_PROTOCOLS = 0.005
+"""Silence between EB 90 and RTU on one pair (rh56 §2.5)."""
+MOST = 65536
+"""Bytes that are listened to, where nothing answers."""
+
+
+@contextmanager
+def at_speed(link: ByteLink, speed: int | None) -> Iterator[None]:
+    """The port at another speed, where it can have one; None = whatever is set meanwhile. Then it has its own again."""
+    was = link.baud
+    if speed is not None and link.can_set_baud and was is not None:
+        link.set_baud(speed)
+    try:
+        yield
+    finally:
+        if was is not None and link.can_set_baud and (speed is not None or link.baud != was):
+            link.set_baud(was)
+
+
+def other_speed(speed: int | None) -> int:
+    """One at which nobody hears what is said at this one."""
+    return 57600 if speed == 115200 else 115200
+
+
 Own = TypeVar("Own", bound="RegisterBus")
 
 
@@ -48,7 +117,8 @@ class RegisterBus(Line, ABC):
 
     timeout   seconds allowed for a reply, beyond the time its bits need on the wire
     max_count longest single read in bytes
-    spaces    read and write flag of each register space
+    spaces    read and write flag of each register space; `read_flag` and `write_flag` are those of the `family`
+    usual     the family, where none is named
     wire      what is spoken on it: eb90, can, rtu or tcp
     gate      looks who is there before the first frame that is no read, and at what was read; None = nobody looks
     presence  the span that tells whether anybody is there; its answer is longer than its question, so an echo never passes for it
@@ -59,13 +129,12 @@ class RegisterBus(Line, ABC):
 
     max_count: int
     spaces: ClassVar[dict[str, tuple[int, int]]]
+    usual: ClassVar[str]
     gate: FamilyGate | None = None
     round_trip: float | None = None
     presence: tuple[int, int] = (1472, 2)
     reports = False
     per = 1
-    read_flag: int
-    write_flag: int
     wire = "eb90"
 
     def __init__(
@@ -74,14 +143,28 @@ class RegisterBus(Line, ABC):
         device_id: int,
         journal: Journal,
         *,
+        family: str = "",
         timeout: float | None = None,
         retries: int | None = None,
         bound: Deadline | None = None,
     ) -> None:
+        self.check_id(device_id)
         super().__init__(link, journal, retries=retries, bound=bound)
         self.id = device_id
+        self.family = family or self.usual
+        self.read_flag, self.write_flag = self.spaces.get(self.family) or self.spaces["hand"]
         self.timeout = DEFAULT_TIMEOUT if timeout is None else timeout
         self._met: set[int] = set()  # ids that have answered a read, also through `at`
+
+    @staticmethod
+    @abstractmethod
+    def check_id(device_id: int, /) -> None:
+        """Refuse an id that this wire does not have. Raises UsageError."""
+
+    @property
+    def serial(self) -> bool:
+        """Whether it is a line whose speed this end can set as well."""
+        return self.wire in ("eb90", "rtu")
 
     @property
     def met(self) -> bool:
@@ -177,6 +260,15 @@ class RegisterBus(Line, ABC):
         """Let time pass, but not beyond the deadline of the command."""
         self.link.sleep(min(seconds, self.bound.remaining) if self.bound is not None else seconds)
 
+    @contextmanager
+    def waiting(self, seconds: float) -> Iterator[None]:
+        """Meanwhile so long is allowed for a reply."""
+        wanted, self.timeout = self.timeout, seconds
+        try:
+            yield
+        finally:
+            self.timeout = wanted
+
     def clock(self, wait: float, refresh: float, what: str) -> Clock:
         """The time of a movement of `what` that is watched for `wait` seconds at most, every `refresh` seconds."""
         end = self.link.deadline(wait)
@@ -199,3 +291,24 @@ class RegisterBus(Line, ABC):
                 hint="read the values before you repeat the command. A longer --deadline waits for the end",
                 code="deadline",
             )
+
+
+class ByteBus(RegisterBus):
+    """A wire of bytes: what the serial line and a connection have in common."""
+
+    link: ByteLink
+    _rest = b""
+    """What came behind the last accepted frame: perhaps a frame that the device sends by itself."""
+
+    def drain(self) -> bytes:
+        """Throw away what lies in the input: late answers belong to nobody. Returns and counts it."""
+        stale, self._rest = self._rest, b""
+        now = self.link.deadline(0)
+        while len(stale) <= MOST and (chunk := self.link.read(now)):
+            stale += chunk
+        self.journal.counters.stray_bytes += len(stale)
+        return stale
+
+    def count_damaged(self, _error: ProtocolError) -> None:
+        """A frame came whose sum is wrong."""
+        self.journal.counters.bad_frames += 1

@@ -3,30 +3,83 @@
 On a serial line one question in EB90 finds them all (dossier 4.15), and who answers is told by a look; a wrist wanted alone is
 asked with the flag that only it has. Modbus RTU is asked behind the first pass: at 115200 bit/s alone, unless it was typed.
 On CAN each family has a flag of its own. Where a link carries Modbus TCP a hand is asked that, and nobody else.
+
+`Probing` is the family's own scan, made quiet, for `handctl scan`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from typing import NamedTuple
 
-from handctl.devices.inspire import canreg
-from handctl.devices.inspire.asker import Findings
-from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire import canreg, eb90
+from handctl.devices.inspire.base import RegisterDevice
+from handctl.devices.inspire.bus import Bus, foreign_in, hint_for
 from handctl.devices.inspire.canbus import CanBus
-from handctl.devices.inspire.cansearch import CanSearch
-from handctl.devices.inspire.identity import EXO, SIX_HINT, WRIST
+from handctl.devices.inspire.identity import EXO, SIX_HINT, WRIST, Kind, Look, Row4, same_id
 from handctl.devices.inspire.modbus import RTU_SPEED
-from handctl.devices.inspire.modbusbus import BETWEEN_PROTOCOLS, ModbusBus
-from handctl.devices.inspire.registers import RegisterBus
-from handctl.devices.inspire.rtusearch import RtuSearch
-from handctl.devices.inspire.scanner import Scanner
-from handctl.devices.inspire.scanwords import ONE_ID, at_text, left_text, nothing, span_text
-from handctl.devices.inspire.target import SPEEDS, WHO, Target
-from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.devices.inspire.modbusbus import ModbusBus
+from handctl.devices.inspire.registers import BETWEEN_PROTOCOLS, RegisterBus, Span, at_speed, other_speed
+from handctl.devices.inspire.scanner import Asker, CanSearch, Findings, RtuSearch, Scanner, Wanted
+from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline, FrameLink, Link
 from handctl.model.guide import Progress
+from handctl.model.param import ids_in
 from handctl.model.quest import Quest
 from handctl.model.result import Journal, Row
+from handctl.sentence import plural
+
+SPEEDS = (115200, 57600, 19200)
+"""exo §2.3.2; the wrist's manual has 115200 only, its hand's the others too."""
+MOST = 4096
+"""Ids in one CAN scan at the most; all 16383 would only be traffic for the others on the bus."""
+WHO = tuple[Kind, "str | None", str]
+"""Kind, model (None = open), and what shows it."""
+
+
+class Target(NamedTuple):
+    """What a scan looks for.
+
+    own        the kind
+    probe      the register that is read, named `value`
+    twin       registers that jitter, for the test of two devices with one id
+    speeds     bit/s at which it is looked for where no other maker's device is
+    both_ways  its serial line carries both directions at once
+    can        span that is read on CAN, None = not on CAN
+    look       (bus) -> who answers, where its family tells more than the kind; it speaks Modbus too
+    spoken     (link, --protocol) -> eb90, modbus, tcp, or auto: EB90, then Modbus RTU
+    """
+
+    own: Kind
+    probe: Span
+    twin: Span
+    value: str
+    silence_hint: str
+    speeds: tuple[int, ...] = SPEEDS
+    both_ways: bool = False
+    can: Span | None = None
+    look: Callable[[RegisterBus], WHO] | None = None
+    spoken: Callable[[str, str | None], str] = lambda _link, _typed: "eb90"
+
+    @property
+    def family(self) -> str:
+        """Its command."""
+        return self.own.family
+
+
+def parse_ids(text: str, wire: str) -> list[int]:
+    """``1-254`` or ``1,2,10-20`` -> ids in that order, on CAN up to 16383, at most 4096 of them. Raises UsageError."""
+    ids = ids_in(text, canreg.check_id if wire == "can" else eb90.check_id)
+    if len(ids) > MOST:
+        raise UsageError(
+            f"--ids {text}: these are {plural(len(ids), 'id')}, but a scan asks 1 to {MOST}",
+            hint="scan in parts, such as --ids 1-254",
+        )
+    return ids
+
+
+# -- the search -------------------------------------------------------------------------------------------------------
 
 USUAL = range(1, 255)
 FAST = 921600
@@ -106,15 +159,14 @@ class Sweep:
     # -- serial --------------------------------------------------------------------------------------------------
 
     def _bus(self, link: ByteLink, target: Target) -> Bus:
-        bus = Bus(link, self.ids[0], self.journal, retries=0, bound=self.bound, family=target.family)
-        return bus.at("wrist") if target.own is WRIST else bus
+        return Bus(link, self.ids[0], self.journal, retries=0, bound=self.bound, family=target.family)
 
     def _on_line(self, link: ByteLink) -> None:
         speeds: list[int | None] = [link.baud]
         if link.can_set_baud and self.quest.baud is None:
             speeds = list(self.lead.speeds if len(self.targets) == 1 else SPEEDS)
-        was, found = link.baud, Findings()
-        try:
+        found = Findings()
+        with at_speed(link, None):
             if self.eb90:
                 found = self._in_eb90(link, self.lead, speeds)
             else:
@@ -126,9 +178,6 @@ class Sweep:
             if WRIST.family in self.families and self.lead.own is not WRIST and self._time_left(1.0):
                 (wrist,) = (target for target in self.targets if target.own is WRIST)
                 self.probes += self._in_eb90(link, wrist, speeds).probes  # one whose hand is silent
-        finally:
-            if was is not None and link.can_set_baud and link.baud != was:
-                link.set_baud(was)
         self._tell(link, found, speeds)
 
     def _time_left(self, seconds: float) -> bool:
@@ -141,9 +190,7 @@ class Sweep:
     def _in_eb90(self, link: ByteLink, target: Target, speeds: Sequence[int | None]) -> Findings:
         """What a scan in EB90 for one target saw; who was found is in the rows."""
         quest, lead = self.quest, target is self.lead
-        scanner = Scanner(
-            self._bus(link, target),
-            Progress(quest.progress),
+        want = Wanted(
             find_all=quest.find_all,
             probe=target.probe,
             twin=target.twin,
@@ -156,6 +203,7 @@ class Sweep:
             both_ways=all(one.both_ways for one in self.targets),
             beside=self.beside,
         )
+        scanner = Scanner(self._bus(link, target), Progress(quest.progress), want)
         found = scanner.run(self.ids, speeds)
         self.left += [left_text(speed, number, self.ids[-1], target.family) for speed, number in scanner.left]
         self.collided += found.twins
@@ -185,16 +233,11 @@ class Sweep:
         """Modbus RTU behind the likely speeds in EB90, where that may be asked unsaid. The port has its speed again then."""
         link = self.link
         assert isinstance(link, ByteLink)
-        was, settable = link.baud, link.can_set_baud and link.baud is not None
-        if self.asked_rtu or (settable and self.quest.baud is not None and was != RTU_SPEED):
+        settable = link.can_set_baud and link.baud is not None
+        if self.asked_rtu or (settable and self.quest.baud is not None and link.baud != RTU_SPEED):
             return False
-        if settable:
-            link.set_baud(RTU_SPEED)
-        try:
+        with at_speed(link, RTU_SPEED):
             return self._in_rtu(link, self.ids)
-        finally:
-            if settable and was is not None:
-                link.set_baud(was)
 
     def _rtu_alone(self, link: ByteLink, speeds: Sequence[int | None]) -> None:
         rest = self.ids[1:]
@@ -239,13 +282,11 @@ class Sweep:
         if not link.can_set_baud or link.baud is None or link.replayed:
             return link.baud
         was = link.baud
-        link.set_baud(57600 if was == 115200 else 115200)
-        try:
-            line.speed_matters = all(bus.pace(bus.timeout) is None for _ in range(2))
-        except (ProtocolError, DeviceRefused):
-            line.speed_matters = True
-        finally:
-            link.set_baud(was)
+        with at_speed(link, other_speed(was)):
+            try:
+                line.speed_matters = all(bus.pace(bus.timeout) is None for _ in range(2))
+            except (ProtocolError, DeviceRefused):
+                line.speed_matters = True
         return was if line.speed_matters else None
 
     def _over_tcp(self, link: ByteLink) -> None:
@@ -270,9 +311,8 @@ class Sweep:
         for target in self.targets:
             if target.can is None:
                 continue
-            flag, span = target.can
-            bus = CanBus(link, self.ids[0], self.journal, retries=0, bound=self.bound, read_flag=flag)
-            search = CanSearch(bus, span, target.family)
+            bus = CanBus(link, self.ids[0], self.journal, retries=0, bound=self.bound, family=target.family)
+            search = CanSearch(bus, target.can, target.family)
             quest.progress(f"ids {self.ids[0]} to {self.ids[-1]} of {target.family}")
             found = search.run([number for number in self.ids if number not in known], quest.find_all, quest.patience)
             known += found
@@ -375,3 +415,148 @@ class Sweep:
         if cut:
             return NoAnswer(f"{name}: no {what} so far ({summary})", hint="use a longer --deadline", code="deadline")
         return NoAnswer(f"{name}: no {what}, complete silence ({summary})", hint=self.lead.silence_hint)
+
+
+# -- words ------------------------------------------------------------------------------------------------------------
+
+ONE_ID = "leave one device on the line, change its id with `id`, then connect the other one"
+BAD_HINT = "leave one device on the line and check the cable and the ground: two devices have the same id, or the line is disturbed"
+
+
+def ids_text(ids: Sequence[int]) -> str:
+    return f"id {', '.join(map(str, ids))}"
+
+
+def span_text(ids: Sequence[int]) -> str:
+    return f"id {ids[0]}" if len(ids) == 1 else f"ids {ids[0]} to {ids[-1]}"
+
+
+def left_text(speed: int | None, first: int, last: int, family: str) -> str:
+    return f"ids {first} to {last} of {family}{at_text(speed)}: --all asks there"
+
+
+def at_text(speed: int | None) -> str:
+    return f" at {speed}" if speed else ""
+
+
+def nothing(
+    name: str, what: str, family: str, found: Findings, twins: Sequence[int], summary: str
+) -> ProtocolError | None:
+    """The error of what came instead of a device, None where nothing came. `twins` are ids that two devices have."""
+    twice = [device_id for device_id, count in found.damaged.items() if count >= 2]
+    code, text, hint = "", "", ""
+    if twins:
+        code, hint = "twin-id", ONE_ID
+        text = f"two devices with the same id: {ids_text(twins)} answers, damaged by the other device's answer"
+    elif twice:
+        code, hint = "bad-checksum", BAD_HINT
+        text = f"{ids_text(twice)} answered, but each time with a wrong checksum"
+    elif found.beheaded:
+        code = "first-byte-lost"
+        text = f"{ids_text(sorted(found.beheaded))} answered, but the first byte of each answer is missing"
+    elif found.foreign:
+        code = "wrong-id"
+        text = f"{ids_text([device_id for _, device_id in found.unconfirmed])} answered, but not when it was asked"
+    elif found.echo:
+        code, text = "echo", f"no {what}, only our own bytes came back"
+    elif found.garbage:
+        code, text = "garbage", f"no {what}, but received {plural(found.garbage, 'byte')}, not a valid frame"
+    if not code:
+        return None
+    came = found.came if code == "garbage" and eb90.sign(found.came) else b""
+    return ProtocolError(f"{name}: {text} ({summary})", hint=hint or hint_for(code, family), code=code, came=came)
+
+
+# -- what the module probe of a family offers -------------------------------------------------------------------------
+
+BURST = 8
+"""Questions back to back, of which the first is answered while the last are sent."""
+ASIDE = 0.02
+"""Seconds for a burst to be sent beyond its time on the wire."""
+
+
+WAIT = 0.12
+"""Seconds for the answer of one id, with room for Bluetooth."""
+
+
+class Probing:
+    """What the module `probe` of a family offers, see `tools.probes`. Nothing in it writes.
+
+    target  what a scan looks for
+    live    what is measured again and again: a constant would be the same of two devices with one id
+    long    one long answer of documented registers
+    """
+
+    def __init__(self, target: Target, live: Span, long: Span) -> None:
+        self.target, self.live, self.long = target, live, long
+
+    def probe(
+        self, link: Link, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
+    ) -> list[Row]:
+        """Rows of whoever answers to `ids` at the link's present speed. Raises NoAnswer, ProtocolError for what came instead."""
+        quest = Quest(ids=ids, baud=getattr(link, "baud", None) or 0, patience=timeout, progress=journal.progress)
+        Sweep(link, journal, deadline, quest, [self.target], beside=timeout or WAIT).run()
+        if quest.failure is not None and not quest.rows:
+            if quest.failure.code == "deadline":
+                raise NoAnswer(quest.failure.text, hint=quest.failure.hint)  # it is the search's, which says so itself
+            raise quest.failure
+        return quest.rows
+
+    def ping(self, device: RegisterDevice) -> None:
+        """One short read, asked once. Raises what the bus raises."""
+        device.answered(lambda: device.bus.read(*self.live, retries=0))
+
+    def identify(self, device: RegisterDevice) -> tuple[str, str, str]:
+        """Status, evidence and remedy of a look at who answers. Raises what the look raises."""
+        own, look = self.target.own, Look(device.bus)
+        kind = look.who(own)
+        if kind is own:
+            return "ok", f"nothing contradicts {own.words}: {look.evidence}", ""
+        command = f"use `{kind.command}`, the command for it"
+        return "fail", f"this is {kind.words}, not {own.words}: {look.evidence}", command
+
+    def further(self, device: RegisterDevice, answered: bool) -> Iterator[Row4]:
+        """Whether one device has this id: what only reading again and again shows."""
+        if answered or device.bus.journal.counters.bad_frames:
+            yield same_id(device)
+
+    def measure(self, device: RegisterDevice, unasked: bytes) -> None:
+        """Fill the profile of the line with what reading shows; `unasked` is what came before anything was sent.
+
+        A `long` answer is read for its packets. Whatever fails is left open: the series of reads tells that.
+        """
+        bus = device.bus
+        if not isinstance(bus, Bus):
+            return
+        line = bus.journal.line
+        if foreign_in(unasked, b"", lambda _frame: False):
+            line.others = True
+        if not len(line.trips):
+            return
+        with suppress(NoAnswer, ProtocolError):
+            for _ in range(2):
+                bus.read(*self.long, retries=0)
+        asker = Asker(bus, ASIDE, self.target.probe)
+        line.half_duplex = not any(asker.overlaps(bus.id, BURST) for _ in range(2))
+        line.others = bool(line.others)
+        bus.drain()
+
+    def overheard(self, data: bytes) -> list[int]:
+        """The ids of frames in `data` that others asked or answered, of the wrist's flags or of all others."""
+        own = (eb90.WRIST_READ, eb90.WRIST_WRITE)
+        frames = foreign_in(data, b"", lambda _frame: False)
+        return sorted({frame.id for frame in frames if (frame.flag in own) is (self.target.own is WRIST)})
+
+
+def ignores_speed(device: RegisterDevice) -> bool:
+    """Whether a device that has answered does so at another speed of the port as well. Leaves the port as it was."""
+    bus = device.bus
+    if not isinstance(bus, Bus) or not bus.link.can_set_baud or bus.link.baud is None:
+        return False
+    line, wait = bus.journal.line, max(0.05, 2 * (bus.round_trip or 0.0) + 0.03)
+    try:
+        with at_speed(bus.link, other_speed(bus.link.baud)):
+            line.speed_matters = all(bus.pace(wait) is None for _ in range(2))
+    finally:
+        bus.pace(wait)  # what the other speed left half read is passed over
+    return not line.speed_matters

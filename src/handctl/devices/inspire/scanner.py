@@ -1,6 +1,6 @@
 """Looking for devices on a serial line: ids and speeds, read-only, never mistaking an echo or noise for a device.
 
-A probe reads two bytes of a register that the id may be asked for on any line (`quiet`): its reply is longer than the
+A probe reads two bytes of a register that the id may be asked for on any line (`registers.question`): its reply is longer than the
 request and names its id. One id is asked at a time, with room for its answer on the wire and no more: so answers collide with
 no probe on two wires (RS-485) either, and one that arrives here later still names its id, and counts whenever it comes.
 
@@ -8,21 +8,232 @@ An answer to a probe may be late: that of an earlier speed. So a hit is confirme
 earlier probe asked (`fresh`), at this speed and then at those before. The first hit measures the line (`measure`).
 
 At the slower speeds of a line that carries both directions (RS-232) no room is left. A delay that varies may push probes together: with `thorough`, a silent line is asked again with more time between them.
+
+On a CAN bus ids are asked back to back (`CanSearch`), in Modbus RTU one at a time (`RtuSearch`, rh56 §2.2): an answer names its
+id, and its sum tells it from an echo, a late one of another protocol, and noise. Late ones count too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cache
 from typing import NamedTuple
 
-from handctl.devices.inspire.asker import Asker, Findings
-from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire import canreg, eb90, modbus
+from handctl.devices.inspire.bus import Bus, beheaded, foreign_in
+from handctl.devices.inspire.canbus import HINTS, NO_ACK_HINT, CanBus, bus_failure, said_damaged
+from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.devices.inspire.identity import WRIST, Kind, Look
-from handctl.devices.inspire.quiet import Span
-from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
-from handctl.link import Deadline
+from handctl.devices.inspire.modbusbus import QUIET_SECONDS
+from handctl.devices.inspire.registers import FRESH, READS, Span, ahead, at_speed, other_speed, question
+from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.link import ByteLink, CanFrame, Deadline
+from handctl.model.frames import frames_in
 from handctl.model.guide import Guide
+from handctl.model.profile import Profile
+from handctl.model.result import Journal
+
+LATELY = 4096
+"""Bytes sent: those of the last seconds."""
+TRICKLE_SECONDS = 0.2
+"""A reply that comes in pieces may outlast its window by this much."""
+
+
+@dataclass(slots=True)
+class Findings:
+    """What a scan saw: `hits` (speed, id, value of the probed register), `twins`, replies with a wrong sum by id (`damaged`), answers under an id that
+    does not answer when asked alone (`foreign`), ids whose answers lack their first byte (`beheaded`), what kind of device each hit is (`kinds`, None =
+    unknown), `echo`, bytes of no reply (`garbage`, and the last of them, `came`), whether the deadline of the command `cut` it off, probes used, and the seconds of each
+    id where they were asked with more time (`single`). The speed of a hit is None where it does not matter."""
+
+    hits: list[tuple[int | None, int, int]] = field(default_factory=list)
+    twins: set[tuple[int | None, int]] = field(default_factory=set)
+    unconfirmed: list[tuple[int | None, int]] = field(default_factory=list)
+    damaged: dict[int, int] = field(default_factory=dict)
+    foreign: int = 0
+    beheaded: set[int] = field(default_factory=set)
+    kinds: dict[tuple[int | None, int], tuple[Kind | None, str]] = field(default_factory=dict)
+    echo: bool = False
+    garbage: int = 0
+    came: bytes = b""
+    cut: bool = False
+    probes: int = 0
+    seconds: float = 0.0
+    single: float | None = None
+
+
+@cache
+def _prefixes(spans: tuple[Span, ...], flag: int) -> tuple[bytes, ...]:
+    """With what the answers of all ids begin."""
+    return tuple(eb90.read_reply_prefix(i, *span, flag) for i in range(1, 255) for span in spans)
+
+
+class Asker:
+    """Asks ids on one line. `wait` = reply window in seconds; `probe` is asked of whoever has answered."""
+
+    def __init__(self, bus: Bus, wait: float, probe: Span) -> None:
+        self._bus = bus
+        self._wait = wait
+        self._firsts = {*READS[bus.read_flag], probe}
+        self._prefixes = _prefixes((*sorted(self._firsts), *FRESH[bus.read_flag]), bus.read_flag)
+        self._decoder = Decoder(self._prefixes)
+        self._fresh = 0
+        self._lately = b""  # what was sent: an echo may be as late as an answer
+        self._seen: dict[tuple[int, Span], bytes] = {}  # answers that came since they were last waited for
+        self.others_at: int | None = None  # the speed at which others were understood
+        self.line: Profile = bus.journal.line
+        self.found = Findings()
+
+    def _set_speed(self, speed: int | None) -> None:
+        if speed is not None and self._bus.link.can_set_baud:
+            self._bus.link.set_baud(speed)
+        self._decoder = Decoder(self._prefixes)
+        self._bus.drain()
+
+    def _patience(self, otherwise: float) -> float:
+        """How long an answer is waited for: by the round trips that were measured."""
+        return max(0.02, 1.5 * self.line.worst + 0.03) if len(self.line.trips) else otherwise
+
+    def _first(self, device_id: int, answered: dict[int, int]) -> bool:
+        """The first question to an id, and what comes meanwhile. False when bytes came that belong to no valid reply."""
+        flag, link = self._bus.read_flag, self._bus.link
+        request = eb90.read_request(device_id, *question(device_id, flag), flag)
+        probe = ahead(link.baud if link.can_set_baud else None) + request
+        if link.replayed and not link.recorded_next(probe):
+            probe = request  # an older recording
+        wire = self._send(probe, 1)
+        return self._collect(answered, wire + self._wait, probe, alone=device_id)
+
+    def _send(self, probes: bytes, count: int) -> float:
+        """Send so many probes; returns the seconds that they need on the wire."""
+        bus = self._bus
+        wire = bus.wire_seconds(len(probes))
+        bus.link.write(probes, bus.deadline(self._wait + wire + 1.0))
+        self._lately = (self._lately + probes)[-LATELY:]
+        bus.journal.counters.sent += count
+        self.found.probes += count
+        return wire
+
+    def _collect(
+        self,
+        answered: dict[int, int],
+        seconds: float,
+        sent: bytes = b"",
+        *,
+        alone: int = 0,
+        until: Sequence[tuple[int, Span]] = (),
+    ) -> bool:
+        """Listen for replies of any id (a late one still names its own). False when bytes of no reply came.
+
+        A reply that has begun may go on into the next window; the window is extended while it trickles in. With
+        `alone` the answer of that id ends the window, with `until` any of these.
+        """
+        bus = self._bus
+        deadline = bus.deadline(seconds)
+        last = bus.deadline(seconds + TRICKLE_SECONDS)
+        garbage, decoder = 0, self._decoder
+        echo, received = sent, b""
+        while not last.expired:
+            chunk = bus.link.read(deadline)
+            if not chunk:
+                break
+            same = min(len(chunk), len(echo))
+            if same and chunk[:same] == echo[:same]:
+                chunk, echo = chunk[same:], echo[same:]
+                self.found.echo = self.found.echo or not echo
+            elif same:
+                echo = b""  # an echo comes first and whole, or there is none
+            decoder.feed(chunk)
+            received += chunk
+            garbage += self._take(answered)
+            if alone in answered or any(each in self._seen for each in until):
+                break
+            if decoder.pending and deadline.remaining < self._wait:
+                deadline = bus.link.deadline(self._wait).earlier(last)
+        if garbage and len(received) < 65536:
+            self._judge(received, sent)
+        if sent and received:
+            self.line.echo = self.found.echo
+        return not garbage
+
+    def _judge(self, received: bytes, sent: bytes) -> None:
+        """Whose bytes of no reply are: an answer without its first byte, or another conversation."""
+        self.found.came = (self.found.came + received)[-256:]
+        self.found.beheaded |= {frame.id for frame in beheaded(received) if _span(frame) in self._firsts}
+        known = {*self._firsts, *FRESH[self._bus.read_flag]}
+        if foreign_in(received, self._lately, lambda frame: _span(frame) in known):
+            self.line.others, self.others_at = True, self._bus.link.baud
+
+    def _take(self, answered: dict[int, int]) -> int:
+        """Enter the replies that are complete; returns how many bytes belonged to none."""
+        bus, decoder = self._bus, self._decoder
+        before = decoder.skipped
+        for frame in frames_in(decoder, self._damaged):
+            if _span(frame) in self._firsts:
+                answered[frame.id] = int.from_bytes(frame.data, "little", signed=True)
+            self._seen[frame.id, _span(frame)] = frame.data
+            bus.journal.counters.received += 1
+        garbage = decoder.skipped - before
+        self.found.garbage += garbage
+        bus.journal.counters.stray_bytes += garbage
+        return garbage
+
+    def _damaged(self, _error: ProtocolError) -> None:
+        self._bus.journal.counters.bad_frames += 1
+        named = self._decoder.rejected[2]
+        self.found.damaged[named] = self.found.damaged.get(named, 0) + 1
+
+    def _ask(self, device_id: int, waits: Sequence[float], span: Span | None = None) -> bool:
+        """Ask one id for `span`, else for a register and length that it was not asked lately, until an answer comes."""
+        bus, flag = self._bus, self._bus.read_flag
+        asked: dict[tuple[int, Span], float] = {}
+        for wait in waits:
+            if self._cut():
+                break
+            this = span or self._another()
+            asked[device_id, this] = bus.link.now()
+            self._seen.pop((device_id, this), None)
+            request = eb90.read_request(device_id, *this, flag)
+            wire = self._send(request, 1) + bus.wire_seconds(this[1] + 8)
+            self._collect({}, wire + wait, request, until=list(asked))
+            for each, at in asked.items():
+                if each in self._seen:
+                    if span is None:
+                        self.line.trips.add(bus.link.now() - at)
+                    return True
+        return False
+
+    def _cut(self) -> bool:
+        """Whether the deadline of the command ends the scan with something left to ask."""
+        self.found.cut = self._bus.over
+        return self.found.cut
+
+    def overlaps(self, device_id: int, count: int) -> bool:
+        """Whether the first of several questions without a pause is answered: both directions at once."""
+        bus = self._bus
+        asked = [(device_id, self._another()) for _ in range(min(count, len(FRESH[bus.read_flag])))]
+        for each in asked:
+            self._seen.pop(each, None)
+        requests = b"".join(eb90.read_request(device_id, *span, bus.read_flag) for _, span in asked)
+        wire = self._send(requests, len(asked)) + bus.wire_seconds(sum(span[1] + 8 for _, span in asked))
+        self._collect({}, wire + self._patience(0.0), requests, until=asked[:1])
+        return asked[0] in self._seen
+
+    def _another(self) -> Span:
+        """A register and a length that no question has had for long."""
+        spans = FRESH[self._bus.read_flag]
+        self._fresh += 1
+        return spans[self._fresh % len(spans)]
+
+
+def _span(frame: Frame) -> Span:
+    """What a read reply answers."""
+    return frame.address or 0, len(frame.data)
+
+
+# -- passes over ids and speeds ---------------------------------------------------------------------------------------
 
 TURNAROUND = 0.003
 """Seconds from the end of a question to the beginning of its answer on the wire, at the most (inspire, section 6)."""
@@ -65,9 +276,11 @@ class Pass(NamedTuple):
     between: bool = False
 
 
-class Scanner(Asker):
-    """Scans one line.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """What is wanted of the scan of one line.
 
+    own, probe, twin  who is looked for, and what he is asked, see `scan.Target`
     find_all  the first hit does not end it
     thorough  silence is asked again, with more patience
     silence   for so many seconds a line is asked on which nobody is heard, None = until all were asked
@@ -77,34 +290,26 @@ class Scanner(Asker):
     beside    so long the first id is waited for, and nothing behind it: others are asked here as well; None = they are not
     """
 
-    def __init__(
-        self,
-        bus: Bus,
-        guide: Guide,
-        *,
-        find_all: bool,
-        probe: Span,
-        twin: Span,
-        own: Kind,
-        thorough: bool = True,
-        silence: float | None = None,
-        between: Callable[[], bool] | None = None,
-        behind: Collection[int | None] = (),
-        patience: float = 0.0,
-        both_ways: bool = False,
-        beside: float | None = None,
-    ) -> None:
-        super().__init__(bus, TURNAROUND, probe)
-        self._own = own
-        self._probe, self._twin_span = probe, twin
-        self._guide = guide
-        self._find_all = find_all
-        self._thorough = thorough
-        self._until: Deadline | None = None if silence is None else bus.link.deadline(silence)
-        self._between, self._behind = between, behind
-        self._allowed = patience
-        self._both_ways = both_ways
-        self._beside = beside
+    own: Kind
+    probe: Span
+    twin: Span
+    find_all: bool
+    thorough: bool = True
+    silence: float | None = None
+    between: Callable[[], bool] | None = None
+    behind: Collection[int | None] = ()
+    patience: float = 0.0
+    both_ways: bool = False
+    beside: float | None = None
+
+
+class Scanner(Asker):
+    """Scans one line."""
+
+    def __init__(self, bus: Bus, guide: Guide, want: Wanted) -> None:
+        super().__init__(bus, TURNAROUND, want.probe)
+        self._guide, self._want = guide, want
+        self._until: Deadline | None = None if want.silence is None else bus.link.deadline(want.silence)
         self.left: list[tuple[int | None, int]] = []
         """Speed, and the first id that was not asked there since `silence` was over."""
         self._doubted: set[int] = set()  # ids that answered in this pass, and not when asked again
@@ -114,22 +319,9 @@ class Scanner(Asker):
     def run(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Findings:
         """Scan `ids` at each of `speeds` (None = the link has no speed). The first hit ends it unless all are wanted."""
         link = self._bus.link
-        started, first, awaited = link.now(), link.baud, 0
+        started, first = link.now(), link.baud
         try:
-            for each in self._passes(ids, speeds):
-                self._pass(each)
-                done = bool(self.found.hits) or self._collided(each.speed)
-                between = self._between if each.between and each.speed in self._behind else None
-                if between is not None and not (done or self._cut() or self._spent):
-                    if self._beside is None:
-                        self._await_late(ids[:1])  # an answer must not come among those in another protocol
-                    done = bool(self.found.hits) or between()
-                    awaited = self.found.probes
-                if (done and not self._find_all) or self._cut():
-                    break
-            unheard = not (self.found.hits or self._thorough or awaited == self.found.probes)
-            if unheard and self._beside is None and not self._cut():
-                self._await_late(ids[:1])
+            self._all(ids, speeds)
         finally:
             self._guide.done()
             if first is not None and link.can_set_baud:
@@ -137,17 +329,34 @@ class Scanner(Asker):
         self.found.seconds = link.now() - started
         return self.found
 
+    def _all(self, ids: Sequence[int], speeds: Sequence[int | None]) -> None:
+        awaited = 0
+        for each in self._passes(ids, speeds):
+            self._pass(each)
+            done = bool(self.found.hits) or self._collided(each.speed)
+            between = self._want.between if each.between and each.speed in self._want.behind else None
+            if between is not None and not (done or self._cut() or self._spent):
+                if self._want.beside is None:
+                    self._await_late(ids[:1])  # an answer must not come among those in another protocol
+                done = bool(self.found.hits) or between()
+                awaited = self.found.probes
+            if (done and not self._want.find_all) or self._cut():
+                break
+        unheard = not (self.found.hits or self._want.thorough or awaited == self.found.probes)
+        if unheard and self._want.beside is None and not self._cut():
+            self._await_late(ids[:1])
+
     def _await_late(self, ids: Sequence[int]) -> None:
         """Listen for answers to all that was asked so far."""
-        self._collect(answered := dict[int, int](), max(LATE_SECONDS, self._allowed))
+        self._collect(answered := dict[int, int](), max(LATE_SECONDS, self._want.patience))
         self._confirm(self._asked[-1] if self._asked else None, answered, ids)
 
     # -- passes --------------------------------------------------------------------------------------------------
 
     def _passes(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Iterator[Pass]:
         """Id 1 at every speed first (factory default), then all, then all with more time where that can matter."""
-        rest, patient = ids, max(FIRST_SECONDS, self._allowed) if self._beside is None else self._beside
-        if not self._find_all and 1 in ids and len(ids) > 1:
+        rest, patient = ids, max(FIRST_SECONDS, self._want.patience) if self._want.beside is None else self._want.beside
+        if not self._want.find_all and 1 in ids and len(ids) > 1:
             rest = [i for i in ids if i != 1]
             for speed in speeds:
                 yield Pass(speed, [1], DRAIN_SECONDS, patient)
@@ -155,14 +364,14 @@ class Scanner(Asker):
         while todo:
             speed = todo.pop(0)
             measured = len(self.line.trips)
-            wait = ROOMLESS if self._both_ways and asked else None
+            wait = ROOMLESS if self._want.both_ways and asked else None
             yield Pass(speed, rest, wait if len(rest) > 1 else patient, DRAIN_SECONDS, between=True)
             if self.line.speed_matters is False:
                 todo.clear()
             elif self.line.slow and not measured:
                 todo += asked  # their last answers may have been too late
             asked.append(speed)
-        if not self._thorough or self._beside is not None or self.found.beheaded:
+        if not self._want.thorough or self._want.beside is not None or self.found.beheaded:
             return
         if self.found.hits and not (len(ids) > 1 and self._collides()):
             return
@@ -215,14 +424,14 @@ class Scanner(Asker):
             if not whole and self.found.single and device_id not in answered:
                 self._first(device_id, answered)  # somebody spoke at the same time
             self._confirm(speed, answered, [device_id])
-            if (self.found.hits and not self._find_all) or (number < len(ids) and self._cut()):
+            if (self.found.hits and not self._want.find_all) or (number < len(ids) and self._cut()):
                 return
         alone = ids[0] if len(ids) == 1 else 0
         self._collect(answered, max(0.0, self._patience(this.dwell) - self._wait), alone=alone)
         self._confirm(speed, answered, ids[-1:])
 
     def _patience(self, otherwise: float) -> float:
-        return max(self._allowed, super()._patience(otherwise))
+        return max(self._want.patience, super()._patience(otherwise))
 
     @property
     def _spent(self) -> bool:
@@ -281,21 +490,18 @@ class Scanner(Asker):
         if self._known(speed, device_id):
             return True
         patience = self._patience(CONFIRM_SECONDS[0])
-        if not self._ask(device_id, (patience, 2 * patience), self._probe):
+        if not self._ask(device_id, (patience, 2 * patience), self._want.probe):
             return False
-        value = int.from_bytes(self._seen[device_id, self._probe], "little", signed=True)
+        value = int.from_bytes(self._seen[device_id, self._want.probe], "little", signed=True)
         self._measure(device_id, speed)
         if self.line.speed_matters is False:
             speed = None
         self.found.hits.append((speed, device_id, value))
         self.found.unconfirmed = [each for each in self.found.unconfirmed if each[1] != device_id]
-        wanted, bus.timeout = bus.timeout, max(bus.timeout, self._patience(0.0))
-        try:
+        with bus.waiting(max(bus.timeout, self._patience(0.0))):
             if self._twin(device_id):
                 self.found.twins.add((speed, device_id))
             self.found.kinds[speed, device_id] = self._kind(device_id)
-        finally:
-            bus.timeout = wanted
         return True
 
     def _place(self, speed: int | None, device_id: int) -> bool:
@@ -313,32 +519,29 @@ class Scanner(Asker):
         """What the line is, once: asked of the device that was just found."""
         line, link = self.line, self._bus.link
         if line.speed_matters is None and speed is not None and link.can_set_baud and not link.replayed:
-            other = 57600 if speed == 115200 else 115200
-            link.set_baud(other)
-            self._bus.drain()
-            line.speed_matters = not self._ask(device_id, (self._patience(0.0),) * 2)
-            link.set_baud(speed)
+            with at_speed(link, other_speed(speed)):
+                self._bus.drain()
+                line.speed_matters = not self._ask(device_id, (self._patience(0.0),) * 2)
             self._ask(device_id, (self._patience(0.0),) * 2)  # what the other speed left half read is passed over
         if line.others is None:
             line.others = False
 
     def _kind(self, device_id: int) -> tuple[Kind | None, str]:
         """What a hit is, and what shows it. Nobody but a wrist answers a wrist's question: then nothing more is asked."""
-        if self._own is WRIST:
+        if self._want.own is WRIST:
             return WRIST, ""
         look = Look(self._bus.at(device_id=device_id))
         try:
-            return look.who(self._own), look.evidence
+            return look.who(self._want.own), look.evidence
         except NoAnswer:
-            return self._own, ""  # it answered before: nothing contradicts it
+            return self._want.own, ""  # it answered before: nothing contradicts it
         except ProtocolError as exc:
-            return (None, exc.text) if exc.code == "unknown-device" else (self._own, "")
+            return (None, exc.text) if exc.code == "unknown-device" else (self._want.own, "")
 
     def _collided(self, speed: int | None) -> bool:
         """Whether two devices with one id answer at this speed: each answer is damaged, but for those that are alike."""
         bus = self._bus
-        wanted, bus.timeout = bus.timeout, max(bus.timeout, self._patience(DRAIN_SECONDS))
-        try:
+        with bus.waiting(max(bus.timeout, self._patience(DRAIN_SECONDS))):
             for device_id, damaged in list(self.found.damaged.items()):
                 if damaged < 2 or (speed, device_id) in self._judged:
                     continue
@@ -350,27 +553,250 @@ class Scanner(Asker):
                         good += 1
                 if good > 1:
                     self.found.twins.add((speed, device_id))
-        finally:
-            bus.timeout = wanted
         return bool(self.found.twins)
 
     def _twin(self, device_id: int) -> bool:
         """Two devices with one id: good and bad sums mixed on values that jitter, in 20 reads (RS-232: a Y cable)."""
         bus = self._bus
-        wanted, bus.timeout = bus.timeout, min(bus.timeout, max(0.05, self._patience(0.0)))
         good = bad = 0
         reads = TWIN_READS_SLOW if self.line.slow else TWIN_READS
-        try:
+        with bus.waiting(min(bus.timeout, max(0.05, self._patience(0.0)))):
             for _ in range(reads):
-                try:
-                    bus.read(*self._twin_span, device_id=device_id, retries=0)
-                    good += 1
-                except ProtocolError as exc:
-                    bad += exc.code in ("bad-checksum", "garbage")
-                except NoAnswer:
-                    continue  # a lost reply says nothing about a twin
-        finally:
-            bus.timeout = wanted
+                with suppress(NoAnswer):  # a lost reply says nothing about a twin
+                    try:
+                        bus.read(*self._want.twin, device_id=device_id, retries=0)
+                        good += 1
+                    except ProtocolError as exc:
+                        bad += exc.code in ("bad-checksum", "garbage")
         if self.line.others:  # their frames damage answers as well, but not most of them
             return 2 * bad > reads
         return bad > 0 and (good > 0 or bad == reads)
+
+
+# -- CAN --------------------------------------------------------------------------------------------------------------
+
+CHUNK = 32
+WAIT, FIRST, DRAIN, LATE = 0.02, 0.25, 0.05, 0.52
+"""Seconds: behind a chunk of ids, the likely one, the last one, and all when nobody has answered."""
+TIMED = 3
+"""Questions more to the first device, where the scan ends with it."""
+
+
+class CanSearch:
+    """Probes of ids back to back, of a span of two bytes or more; a late reply names its id and counts in any later window."""
+
+    def __init__(self, bus: CanBus, span: Span, what: str) -> None:
+        self._bus = bus
+        self._spans = (span, (span[0] + 2, span[1]))  # the second confirms: its answer is no late one to the first
+        self._what = what
+        self._wanted: dict[int, tuple[int, Span]] = {}
+        self._asked: dict[int, float] = {}
+        self._worst = 0.0
+        self.values: dict[int, bytes] = {}
+        self.probes = 0
+        self.cut = False
+        self._own = self._short = 0
+        self._lone: list[int] = []
+        self._before = bus.link.error_frames, bus.link.damaged
+
+    def run(self, ids: Sequence[int], find_all: bool, wait: float | None = None) -> list[int]:
+        """The ids that answer twice; only the first unless `find_all`."""
+        found: list[int] = []
+        for device_id in ids:  # who is not asked yet may answer under another name
+            self._wanted[canreg.read_request(device_id, *self._spans[0], self._bus.read_flag)[0]] = (
+                device_id,
+                self._spans[0],
+            )
+        chunks = [ids[:1], *(ids[start : start + CHUNK] for start in range(1, len(ids), CHUNK))]
+        for number, chunk in enumerate(chunks):
+            last = number + 1 == len(chunks)
+            usual = max(wait or (WAIT if number else FIRST), DRAIN + 2 * self._worst if last else 0.0)
+            answered = self._ask(chunk, usual)
+            if last and not found and not answered:
+                answered = self._collect({}, LATE, ())
+            for device_id in sorted(answered):
+                if device_id not in found and self._confirmed(device_id):
+                    found.append(device_id)
+                if found and not find_all:
+                    for _ in range(TIMED):
+                        self._timed(device_id)
+                    return found
+            self.cut = self._bus.over and not last
+            if self.cut:
+                break
+        return found
+
+    def _confirmed(self, device_id: int) -> bool:
+        self._bus.drain()
+        if self._timed(device_id):
+            return True
+        self._lone.append(device_id)
+        self._bus.journal.warn(
+            "unconfirmed", f"id {device_id} answered once, but not when handctl asked it alone, so it is not counted"
+        )
+        return False
+
+    def _timed(self, device_id: int) -> bool:
+        """Ask one id alone: the time of its answer is that of the bus."""
+        if self._bus.over:
+            return False
+        started, own = self._bus.link.now(), self._own
+        answered = self._ask([device_id], max(WAIT + DRAIN, 2 * self._worst), again=True)
+        if device_id not in answered:
+            return False
+        self._bus.learn(self._bus.link.now() - started, echo=self._own > own)
+        return True
+
+    def _ask(self, ids: Sequence[int], seconds: float, *, again: bool = False) -> set[int]:
+        bus, span = self._bus, self._spans[again]
+        for device_id in ids:
+            identifier = canreg.read_request(device_id, *span, bus.read_flag)[0]
+            self._wanted[identifier] = device_id, span
+            self._asked[identifier] = bus.link.now()
+            bus.link.send(CanFrame(identifier, bytes([span[1]])), bus.deadline(1.0))
+        bus.journal.counters.sent += len(ids)
+        self.probes += len(ids)
+        return self._collect(set(ids), seconds, self._spans if not again else (span,))
+
+    def _collect(self, wanted: Collection[int], seconds: float, spans: Collection[Span]) -> set[int]:
+        """Listen for answers, until all of `wanted` have come: they count where they answer one of `spans`, () = any."""
+        bus, answered = self._bus, set[int]()
+        deadline = bus.deadline(seconds)
+        while not wanted or not answered.issuperset(wanted):
+            frame = bus.receive(deadline)
+            if frame is None:
+                break
+            device_id, span = self._wanted.get(frame.can_id, (0, (0, 0)))
+            if not span[1]:
+                bus.pass_over(frame)
+            elif len(frame.data) == span[1]:
+                bus.journal.counters.received += 1
+                self._worst = max(self._worst, bus.link.now() - self._asked.get(frame.can_id, bus.link.now()))
+                if span == self._spans[0]:
+                    self.values[device_id] = frame.data
+                if not spans or span in spans:
+                    answered.add(device_id)
+            elif frame.data == bytes([span[1]]):
+                self._own += 1
+            else:
+                self._short += 1
+            if deadline.expired:
+                break
+        return answered
+
+    @property
+    def errors(self) -> int:
+        """Error frames since it began."""
+        return self._bus.link.error_frames - self._before[0]
+
+    def nothing(self, summary: str) -> HandctlError:
+        """Why nothing was found."""
+        (errors, damaged), what, link = self._before, self._what, self._bus.link
+        damaged, name, trouble = link.damaged - damaged, link.name, link.trouble(errors)
+        if trouble is not None and trouble.code:
+            failure = bus_failure(name, "the probes", trouble)
+            failure.text += f" ({summary})"
+            return failure
+        code, text, hint = "", "", ""
+        if self._lone:
+            code, text = "wrong-id", f"id {', '.join(map(str, self._lone))} answered, but not when it was asked"
+            hint = "power-cycle the hand, then scan again: it answers under a different id than handctl asked"
+        elif self._short:
+            code, text = "cut-short", "the answers do not have the requested length"
+            hint = "check the bus: this may be another kind of device, or the line is disturbed"
+        elif self._own:
+            code, text = "echo", "only our own frames came back"
+            hint = "check the adapter: it may be in loopback mode, or return the frames that it sends"
+        elif damaged:
+            code, text = "damaged", f"no {what}, but {said_damaged(damaged, link.damage)}"
+            hint = HINTS["damaged"]
+        if code:
+            return ProtocolError(f"{name}: {text} ({summary})", hint=hint, code=code)
+        if self.cut:
+            return NoAnswer(f"{name}: no {what} so far ({summary})", hint="use a longer --deadline", code="deadline")
+        if trouble is not None:
+            text = f"{name}: no {what} answered. The adapter reports no bus error, so another device acknowledged ({summary})"
+            return NoAnswer(text, hint=f"scan other ids: --ids 255-4350. If no {what} answers, {NO_ACK_HINT}")
+        return NoAnswer(f"{name}: no {what}, complete silence ({summary})", hint=NO_ACK_HINT)
+
+
+# -- Modbus RTU -------------------------------------------------------------------------------------------------------
+
+PLACE, WORDS = 1546, 2
+"""Angles of two fingers (rh56 §3.1), or what an RH56F1 has there: whatever is read shows who answers."""
+QUESTION, ANSWER = 8, 5 + 2 * WORDS
+HEAD = bytes([modbus.READ, 2 * WORDS])
+KEPT = 64
+
+
+class RtuSearch:
+    """`trips` are the seconds from the question to an id to its answer, `damaged` counts answers whose sum is wrong. `beside` as of `Scanner`."""
+
+    def __init__(
+        self, link: ByteLink, journal: Journal, bound: Deadline | None, find_all: bool, beside: float | None = None
+    ) -> None:
+        self._link = link
+        self._find_all = find_all
+        self._beside = beside
+        self._journal = journal
+        self._bound = bound
+        self._asked: dict[int, float] = {}
+        self._came = b""
+        self.trips: dict[int, float] = {}
+        self.damaged: dict[int, int] = {}
+        self.probes = 0
+
+    def run(self, ids: Sequence[int], tell: Callable[[int], None], more: float = 0.0) -> list[int]:
+        """The ids that answer, the first of them alone unless all are wanted. The first is asked with patience, each other
+        one with `more` seconds than its answer needs."""
+        wire = (QUESTION + ANSWER) * 10 / self._link.baud if self._link.baud else 0.0
+        for number, device_id in enumerate(ids):
+            if self._done or (self._bound is not None and self._bound.expired):
+                break
+            tell(device_id)
+            self._ask(device_id)
+            first = FIRST_SECONDS if self._beside is None else self._beside
+            self._listen(first if number == 0 else wire + TURNAROUND + QUIET_SECONDS + more)
+        if not self._done and self._beside is None:
+            self._listen(LATE_SECONDS)
+        return list(self.trips)
+
+    @property
+    def _done(self) -> bool:
+        return bool(self.trips) and not self._find_all
+
+    def _ask(self, device_id: int) -> None:
+        link = self._link
+        request = modbus.rtu(device_id, modbus.read_request(PLACE, WORDS))
+        link.write(request, link.deadline(1.0))
+        self._asked[device_id] = link.now()
+        self._journal.counters.sent += 1
+        self.probes += 1
+
+    def _listen(self, seconds: float) -> None:
+        link = self._link
+        deadline = link.deadline(seconds)
+        if self._bound is not None:
+            deadline = deadline.earlier(self._bound)
+        while not self._done and (chunk := link.read(deadline)):
+            self._came += chunk
+            self._take()
+            self._came = self._came[-KEPT:]
+            if deadline.expired:
+                break
+
+    def _take(self) -> None:
+        """Whole answers to questions that were asked here, wherever they begin."""
+        place = self._came.find(HEAD)
+        while place >= 0:
+            frame = self._came[place - 1 : place - 1 + ANSWER] if place else b""
+            if len(frame) == ANSWER and frame[0] in self._asked:
+                if modbus.crc(frame[:-2]) == frame[-2:]:
+                    self.trips[frame[0]] = self._link.now() - self._asked[frame[0]]
+                    self._journal.counters.received += 1
+                else:
+                    self.damaged[frame[0]] = self.damaged.get(frame[0], 0) + 1
+                    self._journal.counters.bad_frames += 1
+                self._came = self._came[place - 1 + ANSWER :]
+                place = -1
+            place = self._came.find(HEAD, place + 1)

@@ -1,4 +1,4 @@
-"""What the stops of this maker's devices have in common: a question in EB90, its answer, and a look at what still moves.
+"""What the stops of this maker's devices have in common: questions and writes on each wire, and a look at what still moves.
 
 Knows no device: its stopper says which registers tell where it is, and where it is to go.
 """
@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 from itertools import zip_longest
+from typing import NamedTuple
 
-from handctl.devices.inspire import eb90
-from handctl.devices.inspire.quiet import ahead, question
+from handctl.devices.inspire import canreg, eb90, modbus
+from handctl.devices.inspire.registers import ahead, question
+from handctl.model.frames import frames_in
 from handctl.model.param import Step
 from handctl.model.stopping import BETWEEN, Aim, Pieces, Say, insist, settled, silence
 
@@ -19,6 +21,10 @@ SHOWN = 16
 """Bytes of what came instead of an answer that a sentence holds."""
 
 READS = "read where it is, or is to be"
+
+EB90, RTU, TCP, CAN = "EB90", "Modbus RTU", "Modbus TCP", "CAN"
+TAKEN, REFUSED = 0, -1
+"""What an answer says of a write; above 0 it is the exception of Modbus."""
 
 Read = Generator[Say, Pieces, list[int] | None]
 
@@ -41,14 +47,87 @@ def lead(aim: Aim) -> bytes:
     return b"" if aim.proven or aim.can else ahead(aim.speed)
 
 
-def values(aim: Aim, address: int, count: int, flag: int) -> Read:
-    """So many signed 16-bit registers in EB90, asked again for a second; None where nothing answers."""
-    prefix = eb90.read_reply_prefix(aim.number, address, 2 * count, flag)
-    step = Step(READS, eb90.read_request(aim.number, address, 2 * count, flag))
-    frame = yield from settled(
-        aim, (yield from insist(aim, step, lambda pieces: answer(pieces, prefix), reads=True, ahead=lead(aim)))
-    )
-    return eb90.unpack_s16(frame.data) if frame is not None else None
+class Wire(NamedTuple):
+    """How a device is read and written while it is stopped.
+
+    wrist  the register space is that of a wrist
+    first  goes ahead of what it asks
+    """
+
+    aim: Aim
+    name: str = EB90
+    wrist: bool = False
+    first: bytes = b""
+
+    def asking(self, address: int, count: int, meaning: str = READS) -> tuple[Step, Callable[[Pieces], bytes | None]]:
+        """The question for so many bytes, and what finds them in what comes."""
+        number = self.aim.number
+        if self.name == CAN:
+            flag = canreg.READ_WRIST if self.wrist else canreg.READ_HAND
+            can_id, data = canreg.read_request(number, address, count, flag)
+            return Step(meaning, data, can_id=can_id), lambda pieces: next(
+                (piece for piece in reversed(pieces) if len(piece) == count), None
+            )
+        if self.name == EB90:
+            flag = eb90.WRIST_READ if self.wrist else eb90.READ
+            prefix = eb90.read_reply_prefix(number, address, count, flag)
+            step = Step(meaning, eb90.read_request(number, address, count, flag))
+            return step, lambda pieces: frame.data if (frame := answer(pieces, prefix)) is not None else None
+        pdu = modbus.read_request(address, count // 2)
+
+        def found(pieces: Pieces) -> bytes | None:
+            told = self._answer(pieces, pdu)
+            return modbus.to_memory(told.data) if told is not None and told.exception is None else None
+
+        return Step(meaning, self._framed(pdu)), found
+
+    def writing(self, address: int, data: bytes, meaning: str) -> tuple[Step, Callable[[Pieces], int | None]]:
+        """A write, and what judges it in what comes; None = nothing came that does."""
+        number = self.aim.number
+        if self.name == CAN:
+            flag = canreg.WRITE_WRIST if self.wrist else canreg.WRITE_HAND
+            can_id, payload = canreg.write_request(number, address, data, flag)
+
+            def counted(pieces: Pieces) -> int | None:
+                # empty, or the number of bytes taken; longer is our own frame, or a late answer to a read
+                short = next((piece for piece in pieces if len(piece) < 2), None)
+                return None if short is None else TAKEN if short in (b"", bytes([len(data)])) else REFUSED
+
+            return Step(meaning, payload, moves=True, can_id=can_id), counted
+        if self.name == EB90:
+            flag = eb90.WRIST_WRITE if self.wrist else eb90.WRITE
+            prefix = eb90.write_ack_prefix(number, address, flag)
+
+            def acknowledged(pieces: Pieces) -> int | None:
+                frame = answer(pieces, prefix)
+                return None if frame is None else TAKEN if frame.data == bytes([eb90.ACCEPTED]) else REFUSED
+
+            return Step(meaning, eb90.write_request(number, address, data, flag), moves=True), acknowledged
+        pdu = modbus.write_request(address, modbus.to_memory(data))
+
+        def answered(pieces: Pieces) -> int | None:
+            told = self._answer(pieces, pdu)
+            return None if told is None else told.exception or TAKEN
+
+        return Step(meaning, self._framed(pdu), moves=True), answered
+
+    def memory(self, address: int, count: int) -> Generator[Say, Pieces, bytes | None]:
+        """So many bytes, asked again for a second; None where nothing answers."""
+        step, found = self.asking(address, count)
+        return (yield from settled(self.aim, (yield from insist(self.aim, step, found, reads=True, ahead=self.first))))
+
+    def values(self, address: int, count: int) -> Read:
+        """So many signed 16-bit registers."""
+        data = yield from self.memory(address, 2 * count)
+        return eb90.unpack_s16(data) if data is not None else None
+
+    def _framed(self, pdu: bytes) -> bytes:
+        return modbus.tcp(1, pdu) if self.name == TCP else modbus.rtu(self.aim.number, pdu)
+
+    def _answer(self, pieces: Pieces, pdu: bytes) -> modbus.Answer | None:
+        decoder = modbus.TcpDecoder() if self.name == TCP else modbus.RtuDecoder(self.aim.number, pdu)
+        decoder.feed(b"".join(pieces))
+        return next((one for one in frames_in(decoder) if modbus.answers(one.pdu, pdu)), None)
 
 
 def seen_since(

@@ -1,21 +1,29 @@
 """The EH55BF1 exoskeleton hand: reading, writing and judging its registers. Returns readings and Tables.
 
 Someone may be wearing it: everything is checked against the manual before a byte is sent. Id and speed are in
-`procedures`, what is kept in `flash`, forces, positions and calibration in `motion`, the search for hands in `scan`.
+`procedures`, and what is kept; the search for hands is in `scan`.
+
+What moves over a time is at the end: calibration, and a position command until the fingers stand still. What cannot be stopped
+is said before and after.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from handctl.devices.inspire import eb90, twins
-from handctl.devices.inspire.base import RegisterDevice
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.base import Movement, RegisterDevice
 from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.map import ALONE, BAUD_RATES, EXO, FINGERS, OVER_TEMPERATURE
-from handctl.errors import CheckFailed, NoAnswer, ProtocolError, UsageError
+from handctl.devices.inspire.identity import identify_alone
+from handctl.devices.inspire.map import ALONE, BAUD_RATES, EXO, FINGERS, OVER_TEMPERATURE, pushes
+from handctl.devices.inspire.registers import may_still_move
+from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.model.guide import Guide
+from handctl.model.moving import REACHED, Goal, Seen, Stillness
 from handctl.model.param import Element, Number, Reading, Step, elements_of
 from handctl.model.pending import Course, Release
 from handctl.model.result import Cell, Grid, Row, Table
+from handctl.model.stopping import stopped_by_ctrl_c
 from handctl.model.vectors import given
 
 LIVE = ("position_actual", "force_actual", "current", "error", "temperature")
@@ -48,12 +56,6 @@ class ExoHand(RegisterDevice):
     def view(rows: list[Row]) -> list[Grid]:
         """One line per register, fingers side by side."""
         return registers_view(rows)
-
-    def trigger_step(self, name: str, meaning: str) -> Step:
-        """The frame that writes 1 to a trigger register."""
-        register = self.map[name]
-        request = eb90.write_request(self.bus.id, register.address, b"\x01")
-        return Step(f"{meaning} (write 1 to address {register.address})", request, register.moves, register.strands)
 
     def command_step(self, which: str, values: Sequence[int]) -> Step:
         """The frame of a force or position command."""
@@ -152,12 +154,27 @@ class ExoHand(RegisterDevice):
         hint = "`handctl exo clear-errors` clears all errors except over_temperature, which goes away as the actuator cools (exo §2.3.3)"
         return self.judge(table, findings, check, hint=hint, more=self._strangeness)
 
+    def meet(self, *, keeps: bool = True) -> None:
+        if keeps:
+            self.check_identity()
+
+    def not_at(self, rate: int) -> HandctlError:
+        """The error of a hand that does not answer at a speed that it was given. Looks where it does."""
+        from handctl.devices.inspire import procedures
+
+        found = procedures.find_speed(self.bus)
+        where = f"It answers at {found} bit/s" if found else "It does not answer at any of the three baud rates"
+        return NoAnswer(
+            f"{self.bus.link.name}: no hand at {rate} bit/s after the power-cycle. {where}",
+            hint="use the RS-232 cable: a Bluetooth module may still use the old baud rate. `handctl exo scan` tries all ids and baud rates",
+        )
+
     def check_identity(self) -> None:
         """Refuse to go on when the registers do not look like an EH55BF1's. Raises CheckFailed.
 
         On another hand of the same maker address 1005 is the factory reset, so save and reset look first.
         """
-        twins.identify(self)
+        identify_alone(self)
         readings = self.read([element for param in EXO if param.readable for element in elements_of(param)])
         for reading in readings:
             if reading.error is not None:
@@ -169,18 +186,6 @@ class ExoHand(RegisterDevice):
                 hint="check the type plate: on another hand this address may erase settings. "
                 "Add --skip-identity-check to skip this check. Nothing was written.",
                 code="not-an-exo",
-            )
-
-
-def check_command(which: str, values: Sequence[int]) -> None:
-    """Refuse values that the command for five fingers does not have: -1 is one of the position registers only. Raises UsageError."""
-    for element, value in zip(elements_of(EXO[f"{which}_set"]), values, strict=True):
-        element.param.check(value, f"{which} {element.part}")
-        if which == "position" and value == ALONE:
-            raise UsageError(
-                f"position {element.part} = -1 is out of range",
-                hint="use 0 to 1000 (exo §2.2.2). Only the registers have -1. Nothing was sent.",
-                code="out-of-range",
             )
 
 
@@ -315,3 +320,102 @@ def status_view(rows: list[Row]) -> list[Grid]:
     )
     headings = ("Finger", "Position", "Set", "Force", "Set", "mA", "°C", "Errors")
     return [Grid(headings, (*lines, rotation), title=head, right=frozenset(range(1, 7)), notes=notes)]
+
+
+# -- what moves it over a time ----------------------------------------------------------------------------------------
+
+CALIBRATION_SECONDS = 30.0
+"""How long to listen for the end frame; the documented waits add up to 9 s, movements come on top (exo §2.3.6)."""
+STILL = Stillness(samples=3, seconds=0.5, refresh=0.05)
+POWER_OFF = "Ctrl-C does not stop the hand. To stop it, switch its power off."
+"""Safety words of a calibration: no command stops one (exo §2.3.6)."""
+
+CALIBRATION_STEPS = (
+    (1, "relax all fingers: no force on the hand"),
+    (2, "the hand opens your fingers: adjust until all five are naturally straight"),
+    (2, "the hand closes four fingers: adjust until they are fully clenched"),
+    (2, "four fingers straighten, the thumb bends: adjust until it lies inside the palm, fully bent"),
+    (2, "thumb and index finger touch, the others bend alike"),
+)
+"""Seconds of the documented wait and what the wearer does (exo §2.3.6)."""
+
+
+def calibrate(hand: ExoHand, guide: Guide) -> Table:
+    """Start the calibration of the worn hand and stay silent until it reports, at most 30 s (exo §2.3.6).
+
+    Nothing is sent meanwhile. The end frame (address field 0002) is known from the sibling only; without it the
+    result says so. Raises Interrupted on Ctrl-C: no command stops a calibration.
+    """
+    from handctl.devices.inspire.procedures import outcome, wait_for_calibration
+
+    bus = hand.bus
+    begun = hand.journal.ledger.mark
+    with bus.leaving("the hand is still calibrating", f"{POWER_OFF} No documented command stops a calibration"):
+        lost = bus.try_write(EXO["calibrate"].address, b"\x01", "the start", "handctl still waits for the end")
+        started = bus.link.now()
+        guide.say(
+            f"{POWER_OFF} The calibration is running. The hand goes through the steps above in this order. "
+            "Nothing is sent meanwhile."
+        )
+        least = sum(seconds for seconds, _ in CALIBRATION_STEPS)
+        more = f" (waits {least} s, the rest is movement)"
+        frame = wait_for_calibration(bus, guide, CALIBRATION_SECONDS, more, POWER_OFF)
+    seconds = bus.link.now() - started
+    if frame is not None:
+        guide.say(f"The hand reported the end after {seconds:.1f} s.")
+        hand.journal.ledger.confirm("its end was reported", since=begun)
+    else:
+        bus.out_of_time("the end of the calibration. The calibration is still running")
+        if lost is not None:
+            raise lost.retold(
+                f"the calibration may have started. Its start was not acknowledged, its end was not reported: {lost.text}",
+                hint=f"{POWER_OFF} Keep wearing the hand until it has stopped moving, then check with `handctl exo status`",
+            )
+        hand.journal.warn(
+            "no-completion",
+            f"the hand did not report the end within {CALIBRATION_SECONDS:.0f} s (the report is not documented for this hand)",
+            hint="check the positions with `handctl exo status`",
+        )
+    hand.journal.info("volatile", "the manual does not say whether a calibration survives power-off without a save")
+    table = hand.read([e for name in ("position_actual", "force_actual") for e in elements_of(EXO[name])])
+    ended = outcome(
+        hand, EXO["calibrate"], "completed" if frame is not None else "not reported", frame.data if frame else None
+    )
+    ended.rows[0]["seconds"] = round(seconds, 1)
+    return Table(rows=[*ended.rows, *(hand.row(reading) for reading in table)], columns=hand.columns)
+
+
+def command(hand: ExoHand, which: str, values: Mapping[int, int], guide: Guide) -> Table:
+    """Send a force or position command and show its reply. Raises Interrupted on Ctrl-C, after the hand was stopped."""
+    with stopped_by_ctrl_c(hand.stop, guide), may_still_move("the fingers"):
+        return hand.command_some(which, values)
+
+
+def move(hand: ExoHand, values: Mapping[int, int], guide: Guide, *, wait: float, expect: str = REACHED) -> Table:
+    """Send a position command, then watch until the fingers stand still or `wait` seconds have passed.
+
+    `values` by index of the finger; others are left alone. Ctrl-C stops the hand. Rows have the target and what became of
+    it; what was not as expected is the table's failure.
+    """
+    this = Movement(
+        [Goal(FINGERS[index], value, NEAR) for index, value in values.items()],
+        STILL,
+        elements_of(EXO["position_actual"]),
+        lambda readings: {reading.element.part or "": Seen(reading.value) for reading in readings},
+        lambda seen, _: _evidence(hand) if seen.short else None,
+    )
+    return hand.moved(this, lambda: hand.command_some("position", values), guide, wait=wait, expect=expect)[0]
+
+
+def _evidence(hand: ExoHand) -> dict[str, Seen]:
+    """Why fingers stand off their targets: error bits, or a current that only something in their way draws."""
+    readings = hand.read([element for name in ("error", "current") for element in elements_of(EXO[name])])
+    at = {reading.element.full_name: int(reading.value or 0) for reading in readings}
+    return {
+        finger: Seen(
+            None,
+            blocked=EXO["error"].label(bits) or "" if (bits := at[f"error.{finger}"]) else "",
+            contact=pushes(at[f"current.{finger}"]),
+        )
+        for finger in FINGERS
+    }

@@ -7,16 +7,16 @@ is always from a place just read. The same bytes would be a write to a wrist: on
 from __future__ import annotations
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.stopping import QUICK, Read, answer, asks, instead, lead, seen_since, values
+from handctl.devices.inspire.map import ALONE, EXO
+from handctl.devices.inspire.stopping import QUICK, Read, Wire, answer, asks, instead, lead, seen_since
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
 from handctl.model.stopping import Aim, Say, Stopped, Talk, insist, taken_over
 
-POSITION_SET, FORCE_SET, POSITION_ACTUAL = 1486, 1498, 1546
-"""exo §2.3.7, §2.3.8, §2.3.9."""
+POSITION_SET, FORCE_SET, POSITION_ACTUAL = (
+    EXO[name].address for name in ("position_set", "force_set", "position_actual")
+)
 FINGERS, MEASURED = 5, 6
-STAY = -1
-"""In `position_set`: this finger is not moved (exo §2.3.7)."""
 STILL = 15
 """Counts of 1000: what stands is read alike within so many."""
 OF_A_WRIST = "run `handctl wrist stop`"
@@ -54,7 +54,11 @@ def stop_talk(aim: Aim) -> Talk:
             wanted = [None] * len(wanted)  # this hand does not show its commands there (the manual does not say)
         done = f"the hand acknowledged two commands: all forces to 0, then {meaning}. The manual has no stop command"
         against = yield from seen_since(
-            lambda: values(aim, POSITION_ACTUAL, MEASURED, eb90.READ), lambda: _targets(aim), wanted, STILL, places
+            lambda: Wire(aim, first=lead(aim)).values(POSITION_ACTUAL, MEASURED),
+            lambda: _targets(aim),
+            wanted,
+            STILL,
+            places,
         )
         return taken_over(Stopped(done), against) if against else Stopped(done)
     if meaning:
@@ -78,8 +82,9 @@ def _alike(wanted: list[int | None], now: list[int]) -> bool:
 
 def _targets(aim: Aim) -> Read:
     """The places that it is commanded to, and the forces; None where they are not answered."""
-    places = yield from values(aim, POSITION_SET, FINGERS, eb90.READ)
-    forces = (yield from values(aim, FORCE_SET, FINGERS, eb90.READ)) if places is not None else None
+    wire = Wire(aim, first=lead(aim))
+    places = yield from wire.values(POSITION_SET, FINGERS)
+    forces = (yield from wire.values(FORCE_SET, FINGERS)) if places is not None else None
     return None if places is None or forces is None else [*places, *forces]
 
 
@@ -89,6 +94,6 @@ def hold(number: int, places: list[int]) -> tuple[Step, bytes, str]:
         meaning = f"hold at {' '.join(map(str, places))}"
         data, prefix = eb90.command_request(number, eb90.POSITION_COMMAND, places), eb90.command_reply_prefix(number, eb90.POSITION_COMMAND)  # fmt: skip
     else:
-        meaning = f"move no finger (position_set {STAY})"
-        data, prefix = eb90.write_request(number, POSITION_SET, eb90.pack_s16([STAY] * FINGERS)), eb90.write_ack_prefix(number, POSITION_SET)  # fmt: skip
+        meaning = f"move no finger (position_set {ALONE})"
+        data, prefix = eb90.write_request(number, POSITION_SET, eb90.pack_s16([ALONE] * FINGERS)), eb90.write_ack_prefix(number, POSITION_SET)  # fmt: skip
     return Step(meaning, data, moves=True), prefix, meaning

@@ -1,9 +1,9 @@
 """Which bytes for the EH55BF1 write."""
 
-from handctl.devices.inspire.map import EXO
-from handctl.devices.inspire.writes import InspireWrites
+from handctl.devices.inspire.exo.explain import explainer
+from handctl.devices.inspire.explain import InspireWrites
 
 
 def words() -> InspireWrites:
     """For the EH55BF1."""
-    return InspireWrites(EXO)
+    return InspireWrites(explainer())

@@ -1,25 +1,21 @@
-"""`handctl hand …`: how an RH56 hand is opened, and what every device has. The rest is added by the other modules named cli.
+"""`handctl hand …`: how an RH56 hand is opened, and its commands. `pair` is in `pairing_cli`.
 
 Each body checks its arguments, asks a device, returns a Table.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from shutil import get_terminal_size
 from typing import TYPE_CHECKING
 
 import click
 
+from handctl.devices.inspire import verbs_cli as verbs
 from handctl.devices.inspire.hand.device import Hand
-from handctl.devices.inspire.hand.generation import ModelGate
-from handctl.devices.inspire.hand.map import BYTE_MAP, SPEEDS
-from handctl.devices.inspire.hand.motion_cli import add_movements, write_asked
-from handctl.devices.inspire.hand.network_cli import add_network
-from handctl.devices.inspire.hand.pairing_cli import add_pairing
-from handctl.devices.inspire.hand.service_cli import add_service
-from handctl.devices.inspire.hand.settings_cli import add_settings
-from handctl.devices.inspire.hand.tactile_cli import add_tactile
-from handctl.devices.inspire.hand.typed import (
+from handctl.devices.inspire.hand.generation import (
     PORT,
+    ModelGate,
     asks_rtu,
     check,
     map_of,
@@ -29,14 +25,22 @@ from handctl.devices.inspire.hand.typed import (
     simulated,
     typed_model,
 )
-from handctl.errors import HandctlError
-from handctl.frame.clikit import Group
+from handctl.devices.inspire.hand.map import BYTE_MAP, DG2, SPEEDS
+from handctl.devices.inspire.hand.pairing_cli import add_pairing
+from handctl.devices.inspire.map import ALONE, address_in
+from handctl.errors import UsageError, joined
+from handctl.frame.clikit import Group, streaming
+from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
+from handctl.frame.numbers import NEGATIVE_NUMBERS, Seconds
 from handctl.frame.run import Run
+from handctl.frame.verbs import ask_released
 from handctl.link import FrameLink
 from handctl.model.device import limits_of
+from handctl.model.param import COMMAND, Element, Number, Step
 from handctl.model.result import Table
+from handctl.model.vectors import given
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.registers import RegisterBus
@@ -50,7 +54,7 @@ def open_hand(link: ByteLink | FrameLink, settings: Settings, journal: Journal) 
     gate = ModelGate(typed_model(settings), settings.assume_identity)
     bus, *others = _wires(link, settings, journal)
     for one in (bus, *others):
-        one.gate = gate  # type: ignore[assignment]
+        one.gate = gate
     return Hand(bus, gate, *others, side=settings.own.get("side") or "")
 
 
@@ -58,10 +62,9 @@ def _wires(link: ByteLink | FrameLink, settings: Settings, journal: Journal) -> 
     """The wire, and behind EB90 the one that is asked where it is silent."""
     number, limits = settings.id if settings.id is not None else 1, limits_of(settings, link)
     if isinstance(link, FrameLink):
-        from handctl.devices.inspire import canreg
         from handctl.devices.inspire.canbus import CanBus
 
-        return [CanBus(link, number, journal, read_flag=canreg.READ_HAND, write_flag=canreg.WRITE_HAND, **limits)]
+        return [CanBus(link, number, journal, family="hand", **limits)]
     from handctl.devices.inspire.modbusbus import ModbusBus
 
     protocol = protocol_of(settings)
@@ -74,20 +77,13 @@ def _wires(link: ByteLink | FrameLink, settings: Settings, journal: Journal) -> 
     return [line, modbus] if protocol == "auto" and asks_rtu(link) else [line]
 
 
-def explain_silence(device: Hand, error: HandctlError) -> HandctlError:
-    """Whether the silent hand is there at another speed."""
-    from handctl.devices.inspire import procedures
-
-    return procedures.explain_silence(device, error)
-
-
 cli = Group(
     "hand",
     family=Family(
         "hand",
         open_hand,
         115200,
-        explain_silence,
+        verbs.explain_silence,
         wires=("serial", "can", "modbus-tcp"),
         tcp_port=PORT,
         ids=True,
@@ -120,9 +116,334 @@ def set_(run: Run, assignments: tuple[str, ...]) -> Table:
     return write_asked(run, map_of(run.settings).assignments(assignments))
 
 
-add_movements(cli)
-add_settings(cli)
-add_service(cli)
-add_network(cli)
+# -- what moves it ------------------------------------------------------------------------------------------------
+
+FINGERS = "LITTLE RING MIDDLE INDEX THUMB ROTATION | FINGER=VALUE..."
+WAIT = click.option(
+    "--wait",
+    type=Seconds(),
+    metavar="S",
+    help="Wait up to S seconds for the fingers to stop moving. Ctrl-C sets their speed to 0.",
+)
+
+
+@cli.verb("angle", "Move", writes=True)
+@click.argument("values", nargs=-1, required=True, metavar=FINGERS)
+@WAIT
+@expect
+def angle(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Table:
+    """Command angles from 0 (closed) to 1000 (open). Asks first.
+
+    Give a value for every finger, where -1 leaves it as it is, or name single fingers: `angle ring=500 index=300`.
+    The question shows the present speed and force limit. Change them with `speed` and `force`.
+    """
+    return write_asked(run, _changes(run, "angle_set", values), wait, expect)
+
+
+@cli.verb("position", "Move", writes=True)
+@click.argument("values", nargs=-1, required=True, metavar=FINGERS)
+@WAIT
+@expect
+def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Table:
+    """Command strokes from 0 (open) to 2000 (closed). Asks first.
+
+    Give a value for every finger, where -1 leaves it as it is, or name single fingers: `position ring=900`.
+    The manufacturer recommends `angle` instead.
+    """
+    return write_asked(run, _changes(run, "stroke_set", values), wait, expect)
+
+
+@cli.verb("force", "Move", writes=True)
+@click.argument("values", nargs=-1, required=True, metavar=FINGERS)
+def force(run: Run, values: tuple[str, ...]) -> Table:
+    """Set the force limit in grams. Asks first if a finger may move.
+
+    Give a value for every finger, where -1 leaves it as it is, or name single fingers: `force index=300`.
+    A closing finger stops when it reaches the limit. It does not hold that force.
+    The limit applies from the next movement on. With a higher limit, a finger that stopped may go on to its target.
+    """
+    return write_asked(run, _changes(run, "force_limit", values))
+
+
+@cli.verb("speed", "Move", writes=True)
+@click.argument("values", nargs=-1, required=True, metavar=FINGERS)
+def speed(run: Run, values: tuple[str, ...]) -> Table:
+    """Set the speed of the next movement, 0 to 1000. Asks first if a finger may move.
+
+    Give a value for every finger, where -1 leaves it as it is, or name single fingers: `speed index=300`.
+    At 1000 a finger closes in less than a second. Speed 0 stops a finger, which runs on a little.
+    With a new speed, a finger that stopped on its way goes on to its target.
+    """
+    changes = _changes(run, "speed_set", values)
+    table = write_asked(run, changes)
+    if any(value == 0 for _, value in changes) and not run.settings.dry_run:
+        run.journal.warn(
+            "speed-0",
+            "a finger with speed 0 does not move again until you set another speed",
+            hint="speed 0 does not replace the power switch",
+        )
+    return table
+
+
+@cli.verb("calibrate", "Service", writes=True)
+def calibrate(run: Run) -> Table:
+    """Calibrate the force sensors. The whole hand moves for about 6 s.
+
+    Ctrl-C does not stop the hand. To stop it, switch its power off.
+    The hand must be open and empty, with nothing touching it.
+    """
+    from handctl.devices.inspire.hand import motion
+
+    steps = [run.planner().trigger_step("calibrate_force", "calibrate the force sensors")]
+    if (plan := run.planned(steps)) is not None:
+        return plan
+    question = f"{motion.POWER_OFF} The whole hand opens and closes. It must be open and empty"
+    run.need_answer(question)
+    hand: Hand = run.device()
+    motion.fit_to_move(hand)
+    run.confirm(question, [hand.trigger_step("calibrate_force", "calibrate the force sensors")])
+    return motion.calibrate(hand, run.guide)
+
+
+for takes_numbers in (angle, position, force, speed):
+    takes_numbers.context_settings.update(NEGATIVE_NUMBERS)
+
+
+def _changes(run: Run, name: str, texts: Sequence[str]) -> list[tuple[Element, Number]]:
+    """What is typed for the fingers of the generation that is meant. Raises UsageError."""
+    register = map_of(run.settings)[name]
+    more = "" if typed_model(run.settings) == DG2 else ". An RH5DG2 has 13: add --model dg2"
+    found = given(texts, register.elements, what=run.command, more=f". -1 leaves one as it is{more}")
+    elements = [Element(register, index) for index in found]
+    return [
+        (element, register.parse(text, element.full_name))
+        for element, text in zip(elements, found.values(), strict=True)
+    ]
+
+
+def write_asked(
+    run: Run, changes: Sequence[tuple[Element, Number]], wait: float | None = None, expect: str | None = None
+) -> Table:
+    """Write what was checked, and read it back. What moves the hand is shown with speed and force limit, and asked."""
+    from handctl.devices.inspire.hand import motion
+
+    ending = expected(expect, waits=wait is not None)
+    changes = _without_left(changes)
+    planner: Hand = run.planner()
+    steps = planner.plan(changes)
+    if (plan := run.planned(steps)) is not None:
+        return plan
+    if any(step.moves or step.strands for step in steps):
+        run.need_answer(_consequence(steps))
+    hand: Hand = run.device()
+    hand.identify()
+    before: motion.Before | None = None
+    if any(step.moves for step in steps):
+        before = motion.fit_to_move(hand)
+        question = joined(motion.question(hand, changes, before), motion.also(hand, changes))
+        run.confirm(question, hand.plan(changes))
+    elif any(step.strands for step in steps):
+        run.confirm(_consequence(steps), hand.plan(changes))
+    else:
+        ask_released(run, hand, changes, hand.plan(changes))
+    if wait is not None:
+        return motion.move(hand, changes[0][0].param.name, changes, run.guide, wait=wait, expect=ending, before=before)
+    table = hand.table(hand.write(changes))
+    if before is not None:
+        motion.tell_no_speed(hand, changes, before)
+    return table
+
+
+def _consequence(steps: Sequence[Step]) -> str:
+    what = "; ".join(step.meaning for step in steps)
+    return f"This moves the hand: {what}" if any(step.moves for step in steps) else f"This changes the hand: {what}"
+
+
+def _without_left(changes: Sequence[tuple[Element, Number]]) -> list[tuple[Element, Number]]:
+    """Without the fingers that are left as they are: nothing is written for them (rh56 §9)."""
+    wanted = [(element, value) for element, value in changes if element.param.kind != COMMAND or value != ALONE]
+    if not wanted:
+        raise UsageError("-1 leaves every finger as it is", hint="give at least one value. Nothing was sent.")
+    return wanted
+
+
+# -- what it keeps ------------------------------------------------------------------------------------------------
+
+
+@cli.verb("id", "Settings", writes=True)
+@click.argument("new", required=False, type=int)
+def id_(run: Run, new: int | None) -> Table:
+    """Show the id, or give the hand a NEW one (1 to 254).
+
+    A new id is active at once, and `save` makes it permanent. Connect only one hand. Modbus calls the id the unit.
+    """
+    return verbs.change_id(run, map_of(run.settings), new)
+
+
+@cli.verb("baud", "Settings", writes=True)
+@click.argument("rate", required=False, type=int)
+@verbs.SAVE_TOO
+@verbs.VERIFY
+def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
+    """Show the baud rate code, or set a new RATE in bit/s.
+
+    A serial hand takes 115200, 57600 or 19200, and some take 921600. On CAN it is 1000000 or 500000.
+    The new rate takes effect after `save` and a power-cycle.
+    """
+    question = f"After a save and a power-cycle the hand uses {rate} bit/s only"
+    return verbs.change_baud(run, rate, question, save=save_too, verify=verify)
+
+
+@cli.verb("clear-errors", "Service", writes=True)
+def clear_errors(run: Run) -> Table:
+    """Clear actuator errors and show which remain. Asks first if a finger may move.
+
+    A finger that an error stopped may then go on to its target.
+    An over-temperature error cannot be cleared. It goes away once the actuator has cooled down.
+    """
+    return verbs.clear_errors(run)
+
+
+@cli.verb("save", "Settings", writes=True)
+def save(run: Run) -> Table:
+    """Save the present settings to flash and wait for the result (about 1 s)."""
+    return verbs.save(run, "This saves the present settings to flash")
+
+
+@cli.verb("factory-reset", "Settings", writes=True)
+@verbs.backup_option("hand")
+def factory_reset(run: Run, backup: str | None) -> Table:
+    """Restore the factory defaults, after a snapshot of the present settings.
+
+    This may set the id to 1, the baud rate to 115200 bit/s and the network address to 192.168.11.210.
+    """
+    return verbs.factory_reset(run, "factory reset", "This restores the factory defaults permanently", backup)
+
+
+# -- by number ----------------------------------------------------------------------------------------------------
+
+
+@cli.verb("read", "Service")
+@click.argument("address")
+@click.argument("count", type=int)
+def read(run: Run, address: str, count: int) -> Table:
+    """Read COUNT bytes (1 to 252) from any ADDRESS. Registers from the manual are decoded.
+
+    On an RH56F1 or RH5DG2 each address holds a word of two bytes.
+    """
+    return verbs.read(run, address, count)
+
+
+@cli.verb("write", "Service", writes=True)
+@click.argument("address")
+@click.argument("data", metavar="HEX")
+@verbs.UNDOCUMENTED
+def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
+    """Write bytes to ADDRESS, low byte first, and read them back. Asks first.
+
+    The values are checked against the documented ranges before anything is sent."""
+    from handctl.devices.inspire import raw as by_number
+    from handctl.devices.inspire.hand import motion
+    from handctl.devices.inspire.hand import raw as hand_raw
+
+    payload, planner = by_number.parse_hex(data), run.planner()
+    place = address_in(address) * planner.bus.per
+    step = hand_raw.plan_write(planner, place, payload, undocumented)
+    if (plan := run.planned([step])) is not None:
+        return plan
+    question = f"This writes to the hand: {step.meaning}"
+    run.need_answer(question)
+    hand: Hand = run.device()
+    hand.meet()
+    changes = by_number.changes_of(hand.map, place, payload)
+    if step.moves:
+        question = motion.question(hand, changes, motion.fit_to_move(hand))
+    also = motion.also(hand, changes)
+    run.confirm(joined(question, also), [hand_raw.plan_write(hand, place, payload, undocumented)])
+    if also:
+        hand.will_move()
+    return by_number.write(hand, place, payload)
+
+
+@cli.verb("raw", "Service", writes=True)
+@click.argument("data", nargs=-1, required=True, metavar="HEX...")
+@verbs.LISTEN
+@verbs.forced("Also send a frame that resets the hand, starts a stored movement or has a value out of range.")
+def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Table:
+    """Send exactly these EB90 or Modbus bytes and show the decoded reply.
+
+    Everything except a read asks first."""
+    from handctl.devices.inspire import raw as by_number
+    from handctl.devices.inspire.hand import raw as hand_raw
+
+    frame = by_number.parse_hex(" ".join(data))
+    hand_raw.choose_wire(run, frame)
+    step = hand_raw.plan(run.planner(), frame, force_ambiguous)
+    return verbs.send_raw(
+        run, step, "This may move or change the hand", lambda hand: hand_raw.exchange(hand, frame, wait)
+    )
+
+
+# -- its network, its pair, its skin --------------------------------------------------------------------------------
+
+
+@cli.verb("network", "Settings", writes=True)
+@click.argument("address", required=False)
+def network(run: Run, address: str | None) -> Table:
+    """Show the IP address of a tactile hand, or give it a new ADDRESS.
+
+    First switch off every other hand that has the old address. handctl asks you to type the new one to confirm.
+    The new address is saved and takes effect after a power-cycle. This computer then needs an address in the same network.
+    """
+    from handctl.devices.inspire.hand import place
+
+    if address is None:
+        verbs.looks_only(run, "network")
+        return place.show_network(run.device())
+    octets = place.octets_of(address)
+    planner = run.planner()
+    steps = planner.plan(place.address_plan(planner, octets))
+    steps.append(planner.trigger_step("save", "save to flash"))
+    if (plan := run.planned(steps)) is not None:
+        return plan
+    question = f"This changes the IP address of the hand to {address}, after a power-cycle"
+    run.need_answer(question)
+    hand: Hand = run.device()
+    hand.identify()
+    before = ".".join(map(str, place.held(hand)))
+    question = f"This changes the IP address of the hand from {before} to {address}, after a power-cycle"
+    computer = f"This computer must then have an address such as {place.laptop_for(octets)}, mask 255.255.255.0"
+    run.confirm(f"{question}. {computer}. To go back, run `handctl hand network {before}`", steps, word=address)
+    return place.change_network(hand, octets, run.guide)
+
+
 add_pairing(cli)
-add_tactile(cli)
+
+SIDE_BY_SIDE = 60
+"""Columns of a window in which the fingers stand side by side."""
+
+
+@cli.verb("tactile", "Look")
+@click.argument("zones", nargs=-1, metavar="[ZONE]...")
+@click.option(
+    "--watch", "live", is_flag=True, help="Keep reading: a live picture on a terminal, otherwise a stream of rows."
+)
+@streaming(5.0)
+def tactile(
+    run: Run, zones: tuple[str, ...], live: bool, rate: float, count: int | None, duration: float | None
+) -> Table:
+    """Show the tactile sensors of an RH56DFTP. Only reads.
+
+    It has 17 zones with 1062 values from 0 to 4095. ZONE is a zone such as `index_tip`, a finger, or `palm`.
+    On a terminal this draws a picture, otherwise it prints a row for each value. `--watch -o FILE.csv` records a log.
+    """
+    from handctl.devices.inspire.hand import tactile as skin
+
+    chosen = skin.chosen(zones)
+    if not live and (count is not None or duration is not None):
+        raise UsageError("--count and --duration need --watch", hint="add --watch")
+    run.streams = live
+    hand = run.device()
+    if live:
+        return skin.watch(hand, chosen, rate=rate, count=count, duration=duration)
+    return skin.tactile(hand, chosen, wide=get_terminal_size().columns >= SIDE_BY_SIDE)

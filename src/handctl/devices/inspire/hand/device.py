@@ -1,22 +1,21 @@
 """The RH56 hands: reading, writing and judging their registers, whichever generation and wire. Returns readings and Tables.
 
 A hand sits on a robot or a bench. It closes within a second: what moves it is asked for first, and refused while the
-hand reports a fault (rh56 §9). Movements are in `motion`, what is kept in `flash`, which generation it is in `generation`.
+hand reports a fault (rh56 §9). Movements are in `motion`, what is kept in `procedures`, which generation it is in `generation`.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
-from typing import Any, TypeVar
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import Any
 
-from handctl.devices.inspire.base import RegisterDevice
-from handctl.devices.inspire.blocks import BlockReader
-from handctl.devices.inspire.canbus import CanBus
+from handctl.devices.inspire.base import BlockReader, RegisterDevice, T
 from handctl.devices.inspire.hand.generation import LABEL, Found, ModelGate, contradiction
 from handctl.devices.inspire.hand.map import (
     BLOCKED,
     BYTE_MAP,
+    CAN_SPEEDS,
     DF,
     DG2,
     F1,
@@ -31,16 +30,13 @@ from handctl.devices.inspire.hand.map import (
     TP,
     HandRegister,
 )
-from handctl.devices.inspire.identity import BYTE_HAND, UNHEARD, stranger
-from handctl.devices.inspire.modbusbus import BETWEEN_PROTOCOLS, ModbusBus
-from handctl.devices.inspire.registers import RegisterBus
+from handctl.devices.inspire.identity import BYTE_HAND, UNHEARD, naming_twins, stranger
+from handctl.devices.inspire.registers import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
 from handctl.model.pending import Course, Release
 from handctl.model.result import Cell, Grid, Row, Table
 from handctl.model.stopping import Aim, Known
-
-T = TypeVar("T")
 
 LIVE = ("stroke_actual", "angle_actual", "force_actual", "current", "error", "status", "temperature")
 """What changes by itself, one block of 90 bytes on DF and TP: the default of `watch`."""
@@ -70,6 +66,7 @@ class Hand(RegisterDevice):
     live = LIVE
     releases = RELEASES
     supply = "24 V, 2 A peak (RH56DFTP: 4.5 A)"
+    speed_source = "rh56 §2.1"
     save_result = "it arrives about a second later, rh56 §2.1"
     not_covered = (
         "set-points (angle_set, stroke_set), which are never restored",
@@ -257,7 +254,7 @@ class Hand(RegisterDevice):
 
     def runs(self, changes: Sequence[tuple[Element, Number]]) -> list[list[tuple[Element, Number]]]:
         """As every register device; a CAN frame has eight bytes."""
-        most = self.bus.max_count // 2 if isinstance(self.bus, CanBus) else len(changes)
+        most = self.bus.max_count // 2 if self.bus.wire == "can" else len(changes)
         groups = super().runs(changes)
         return [group[start : start + most] for group in groups for start in range(0, len(group), most)]
 
@@ -285,22 +282,51 @@ class Hand(RegisterDevice):
                 code="out-of-range",
             )
 
-    def trigger_step(self, name: str, meaning: str) -> Step:
-        """The frame that writes 1 to a trigger register."""
-        register = self.map[name]
-        step = self.bus.write_step(register.address, register.encode(1), "")
-        meaning = f"{meaning} (write 1 to address {register.place_of(0)})"
-        return step._replace(meaning=meaning, moves=register.moves, strands=register.strands)
+    # -- where it is found ---------------------------------------------------------------------------------------
+
+    def meet(self, *, keeps: bool = True) -> None:
+        """It is of a generation that may be written to. Raises NotIdentified, NoAnswer."""
+        with naming_twins(self):
+            self.identify()
+
+    def change_id(self, new: int) -> Table:
+        """As of every device of registers, but over TCP, where a hand answers to whatever id."""
+        try:
+            self.meet()
+        except NoAnswer:
+            return super().change_id(new)  # perhaps it has the new id already
+        if self.bus.wire == "tcp":
+            self.journal.info(
+                "unit", "over TCP a hand answers to every unit: its id only matters on its serial line or CAN bus"
+            )
+            return self.table(self.write([(Element(self.map["id"], 0), new)]))
+        return super().change_id(new)
+
+    def speeds(self) -> Mapping[int, int]:
+        if self.bus.wire == "can":
+            return CAN_SPEEDS
+        return {code: rate for code, rate in SPEEDS.items() if code < 3 or self.typed in (None, TP, F1)}
+
+    def show_speed(self) -> Table:
+        from handctl.devices.inspire.hand import place
+
+        return place.show_speed(self)
+
+    def change_speed(self, rate: int) -> Table:
+        """See `place.change_speed`."""
+        from handctl.devices.inspire.hand import place
+
+        return place.change_speed(self, rate)
 
     def aim(self) -> Aim:
         """Its generation, protocol and wire as far as they are known, whatever the LINK is called."""
-        aim, modbus = super().aim(), self.bus if isinstance(self.bus, ModbusBus) else None
+        aim, wire = super().aim(), self.bus.wire
         if self._other is not None and not self.bus.met:
             return aim._replace(proven=False)  # nothing has been read yet: either protocol may be the one
-        own = {**aim.settings.own, "protocol": "modbus" if modbus is not None else "eb90"}
+        own = {**aim.settings.own, "protocol": "modbus" if wire in ("rtu", "tcp") else "eb90"}
         own |= {"model": self._known} if self._known else {}
-        wire = "modbus-tcp" if modbus is not None and modbus.tcp else None
-        return aim._replace(settings=Known(self.bus.id, aim.settings.timeout, wire=wire, own=own))
+        spoken = "modbus-tcp" if wire == "tcp" else None
+        return aim._replace(settings=Known(self.bus.id, aim.settings.timeout, wire=spoken, own=own))
 
 
 # -- findings and views -------------------------------------------------------------------------------------------

@@ -1,9 +1,8 @@
 """What recorded bytes of the RH56 hands mean: EB 90, CAN, Modbus RTU and Modbus TCP, by the map of their generation."""
 
-from handctl.devices.inspire.generations import Generation
+from handctl.devices.inspire.explain import Generation, InspireExplainer
 from handctl.devices.inspire.hand.map import BYTE_MAP, DF, DG2, DG2_MAP, F1, F1_MAP, TP
 from handctl.devices.inspire.identity import is_dg2, is_f1, is_six_wide
-from handctl.devices.inspire.modbuswords import EitherExplainer
 
 GENERATIONS = (
     Generation((DF, TP), "an RH56 of byte addresses", BYTE_MAP, 1, is_six_wide),
@@ -12,6 +11,6 @@ GENERATIONS = (
 )
 
 
-def explainer() -> EitherExplainer:
+def explainer() -> InspireExplainer:
     """For a hand of byte addresses, until the bytes or an event show another generation."""
-    return EitherExplainer(BYTE_MAP, GENERATIONS)
+    return InspireExplainer(BYTE_MAP, GENERATIONS)

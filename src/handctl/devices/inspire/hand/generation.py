@@ -3,32 +3,147 @@
 No register holds a model. Byte maps and word maps are told apart by what is plausible in both: where one is, the other's
 addresses read as nonsense. Inside the byte map an IP address shows a TP, a supply voltage and current limits a DF.
 What stays open is said, and the user's word decides (`--model`).
+
+What the user says of a hand before anybody asks it, its generation and its wire, stands here too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.canbus import CanBus
-from handctl.devices.inspire.hand.map import DF, DG2, F1, MODELS, TP
+from handctl.devices.inspire.hand.map import BYTE_MAP, DF, DG2, F1, MAPS, MODELS, TP, model_of
 from handctl.devices.inspire.identity import (
     BYTE_HAND,
     DG2_HAND,
     F1_HAND,
     STATES,
     TABLE,
+    FamilyGate,
     Kind,
     Look,
     is_f1,
     stranger,
     within,
 )
-from handctl.devices.inspire.modbusbus import BETWEEN_PROTOCOLS, ModbusBus
-from handctl.devices.inspire.registers import RegisterBus
-from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
-from handctl.model.device import Gate
+from handctl.devices.inspire.modbus import RTU, RTU_SPEED, TCP, mode_of
+from handctl.devices.inspire.registers import BETWEEN_PROTOCOLS, RegisterBus
+from handctl.digits import number_in
+from handctl.errors import DeviceRefused, NoAnswer, ProtocolError, UsageError
+from handctl.model.param import ParamMap
+
+if TYPE_CHECKING:
+    from handctl.frame.options import Settings
+    from handctl.link import ByteLink
+    from handctl.model.stopping import Options
+
+PORT = 6000
+"""Modbus TCP (rh56 §2.3)."""
+HERE = ("127.0.0.1", "localhost", "[::1]")
+"""This machine, where simulators are served."""
+
+
+def typed_model(settings: Options) -> str | None:
+    """The generation that --model or the named device says. Raises UsageError for a label that is not known."""
+    text = settings.own.get("model")
+    if text is None:
+        return None
+    model = model_of(text)
+    if model is None:
+        raise UsageError(
+            f"--model {text}: unknown model",
+            hint=f"use {', '.join(MODELS)}, or the name on the label, such as RH56DFTP",
+        )
+    return model
+
+
+def check(settings: Settings) -> None:
+    """Raise UsageError for a model that is not known, and for Modbus TCP on a port that nobody has said is a hand's.
+
+    Bytes to another port may reach a serial line. There function 03 is ^C, which ends a movement of a BarrettHand.
+    """
+    typed_model(settings)
+    link = settings.port or ""
+    if not link.startswith("tcp://") or settings.own.get("protocol") == "modbus":
+        return
+    host, colon, port = link.removeprefix("tcp://").rstrip("/").rpartition(":")
+    if colon and number_in(port) not in (None, PORT) and host not in HERE:
+        raise UsageError(
+            f"{link}: a hand uses Modbus TCP port {PORT}. Another port may lead to a serial line",
+            hint="add --protocol modbus if a hand answers there (for doctor, HANDCTL_PROTOCOL=modbus), or give socket://HOST:PORT for "
+            "a serial line",
+        )
+
+
+def map_of(settings: Options) -> ParamMap[Any]:
+    """The map of the generation that was typed; without one, that of DF and TP."""
+    model = typed_model(settings)
+    return MAPS[model] if model is not None else BYTE_MAP
+
+
+def other_maps(settings: Options) -> tuple[ParamMap[Any], ...]:
+    """Those of the further generations that the hand may turn out to be; none where one was typed."""
+    return () if typed_model(settings) is not None else tuple(one for one in MAPS.values() if one is not BYTE_MAP)
+
+
+def over_tcp(settings: Options) -> bool:
+    """Whether the LINK is Modbus TCP: tcp://, the simulator's --modbus-tcp, or a transcript of it."""
+    if settings.port is None:
+        return settings.wire == "modbus-tcp"
+    return is_modbus_tcp(settings.port) or recorded(settings.port) == TCP
+
+
+def simulated(settings: Settings) -> str:
+    """The simulator of plain --fake is of the generation that was typed."""
+    model = typed_model(settings)
+    return f"model={model}" if model is not None else ""
+
+
+def protocol_of(settings: Settings) -> str:
+    """What is spoken on a serial line: auto, eb90 or modbus; a transcript shows it."""
+    typed: str | None = settings.own.get("protocol")
+    found = spoken(settings.port or "", typed)
+    return typed or "auto" if found == "tcp" else found
+
+
+def spoken(link: str, typed: str | None) -> str:
+    """What a scan speaks on a LINK: eb90, modbus, tcp, or auto; a transcript shows it."""
+    if is_modbus_tcp(link) or recorded(link) == TCP:
+        return "tcp"
+    return "modbus" if typed in (None, "auto") and recorded(link) == RTU else typed or "auto"
+
+
+def recorded(link: str) -> str:
+    """Which envelope of Modbus the first question of a transcript has; "" = none, or the LINK is no transcript."""
+    if not link.startswith("replay:"):
+        return ""
+    from handctl.files import opened
+
+    try:
+        with opened(link.removeprefix("replay:"), "a transcript") as file:
+            lines = (line.decode("ascii", "replace") for line in iter(lambda: file.readline(1 << 16), b""))
+            asked = next((line for line in lines if ">" in line and not line.lstrip().startswith("#")), "")
+        return mode_of(bytes.fromhex(asked.partition(">")[2]))
+    except (OSError, UsageError, ValueError):
+        return ""  # opening it will say what is wrong; a line of CAN has words in it
+
+
+def is_modbus_tcp(link: str) -> bool:
+    """Whether a LINK carries Modbus TCP."""
+    return link.startswith("tcp://") or (link.startswith("fake://") and "bus=modbus-tcp" in link)
+
+
+def asks_rtu(link: ByteLink) -> bool:
+    """Whether Modbus RTU may be asked there unsaid.
+
+    At a slow speed a BarrettHand takes the 03 of a read for ^C. At 57600 and 921600 one that starts hears the end of a
+    question as FF, the trigger of its boot monitor, and nothing may go ahead of a frame of Modbus.
+    """
+    return link.replayed or not link.can_set_baud or link.baud is None or link.baud == RTU_SPEED
+
+
+# -- who answers ------------------------------------------------------------------------------------------------------
 
 ANGLES = range(-20, 1021)
 AT, IP, VOLTAGE, LIMITS = (1546, 12), (1700, 4), (1472, 2), (1020, 12)
@@ -91,10 +206,10 @@ def _of_bytes(bus: RegisterBus, asked: Look) -> tuple[str | None, str]:
     if not angles or any(angle not in ANGLES for angle in angles):
         return None, f"but no angles of 0 to 1000 at {AT[0]}"
     # CAN 2.0 is spoken by DF and TP only (rh56 §2.4).
-    words = [] if isinstance(bus, CanBus) else [(span[0], asked.ask("hand", span)) for span in F1_READS]
+    words = [] if bus.wire == "can" else [(span[0], asked.ask("hand", span)) for span in F1_READS]
     if told := is_f1(within(words)):
         return None, f"but also {told}"
-    if isinstance(bus, ModbusBus) and bus.tcp:
+    if bus.wire == "tcp":
         return TP, "it uses Modbus TCP"
     model, shown = _df_or_tp(asked, due=False)
     return (model, shown) if model is not None else _df_or_tp(asked, due=True)
@@ -117,22 +232,20 @@ def _unicast(address: bytes) -> bool:
     return 1 <= address[0] <= 223 and address[0] != 127 and address[3] not in (0, 255)
 
 
-class ModelGate(Gate):
+class ModelGate(FamilyGate):
     """Lets frames that are no reads pass after one look: a hand, of the generation that its writes are meant for.
 
     typed  the generation that the user named, None = none: then only a DF or TP that shows itself is written to
     """
 
     def __init__(self, typed: str | None, assumed: bool) -> None:
-        super().__init__(assumed and typed is not None)  # what was neither looked at nor typed is not written to
+        super().__init__(
+            BYTE_HAND, assumed and typed is not None
+        )  # what was neither looked at nor typed is not written to
         self.typed = typed
         self.unasked = assumed
         """Whether --assume-identity is given: whoever is there is read, by the map of bytes where none was typed."""
         self.found: Found | None = None
-
-    def look(self, bus: RegisterBus) -> None:
-        """Look once. Raises NotIdentified, Interrupted; nothing was written then."""
-        self.check(bus.link, bus.journal, lambda: self._judge(bus))
 
     def seen(self, bus: RegisterBus, other: RegisterBus | None = None) -> Found:
         """Who answers, asked once a command. See `look`."""
@@ -143,10 +256,7 @@ class ModelGate(Gate):
     def read(self, bus: RegisterBus, blocks: Sequence[tuple[int, bytes]]) -> None:
         """Judge what was read where a generation was typed; else it has shown itself. Raises DeviceRefused for another device."""
         if self.typed is not None and self.found is None:
-            self.check_read(bus.link, bus.journal, ("hand", bus.id), lambda: self._judge_read(bus, blocks))
-
-    def unheard(self, bus: RegisterBus, error: HandctlError) -> None:
-        """The hand that carries a wrist answers as any: nobody else is left to ask."""
+            super().read(bus, blocks)
 
     def _judge_read(self, bus: RegisterBus, blocks: Sequence[tuple[int, bytes]]) -> None:
         assert self.typed is not None

@@ -2,6 +2,10 @@
 
 A hand closes within a second with up to 30 N. Before the question is asked, the hand is read: it tells what is going to
 move, from where, how fast, and what forbids it. Stopping is speed 0, which some hands take with a run-on.
+
+The calibration of the force sensors moves the whole hand for about six seconds (rh56 §6 Q8, Q9). Over EB90 a frame tells the
+end. On the other wires the forces are compared after the time that it takes. Nothing is sent meanwhile, and nothing stops it
+but the power.
 """
 
 from __future__ import annotations
@@ -9,14 +13,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
+from handctl.devices.inspire.base import Movement
 from handctl.devices.inspire.hand.device import COURSES
 from handctl.devices.inspire.hand.map import BLOCKED, BYTE_MAP, HOT, UNMEASURED
 from handctl.devices.inspire.map import ALONE, pushes
-from handctl.devices.inspire.registers import may_still_move
+from handctl.devices.inspire.procedures import outcome, wait_for_calibration
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Left
 from handctl.model import pending
 from handctl.model.guide import Guide
-from handctl.model.moving import REACHED, Goal, Seen, Stillness, Watch, judged, marked, watch, with_arrival
+from handctl.model.moving import REACHED, Goal, Seen, Stillness, Watch
 from handctl.model.param import Element, Number, Reading, elements_of
 from handctl.model.result import Table
 from handctl.model.stopping import leaving
@@ -137,25 +142,20 @@ def move(
     """
     hand.identify()
     targets = {element.part or "": value for element, value in changes if value != ALONE}
-    bus = hand.bus
-    last: list[Reading] = []
-    elements = [e for name in (MOVED[group], "status") for e in elements_of(hand.map[name]) if e.part in targets]
 
-    def look() -> dict[str, Seen]:
-        last[:] = hand.read(elements)
-        at = {reading.element.full_name: reading for reading in last}
+    def seen(readings: Sequence[Reading]) -> dict[str, Seen]:
+        at = {reading.element.full_name: reading for reading in readings}
         return {part: _seen(at[f"{MOVED[group]}.{part}"], at[f"status.{part}"]) for part in targets}
 
-    with hand.driven(guide), may_still_move("the fingers"):
-        hand.write(changes)
-        goals = [_goal(group, part, target, before) for part, target in targets.items()]
-        clock = bus.clock(wait, STILL.refresh, "The fingers")
-        bus.pause(STILL.refresh)
-        seen = watch(goals, STILL, look, guide, clock)
-        arrivals = {one.goal.name: one for one in seen.arrivals(_evidence(hand, seen, last))}
-    rows = [marked(hand.row(reading), arrivals[reading.element.part or ""]) for reading in last]
-    failure = judged(hand.bus.where, list(arrivals.values()), expect, hint="check with `handctl hand status`")
-    return Table(rows=rows, columns=with_arrival(hand.columns), failure=failure)
+    this = Movement(
+        [_goal(group, part, target, before) for part, target in targets.items()],
+        STILL,
+        [e for name in (MOVED[group], "status") for e in elements_of(hand.map[name]) if e.part in targets],
+        seen,
+        lambda watched, last: _evidence(hand, watched, last),
+        pause=STILL.refresh,
+    )
+    return hand.moved(this, lambda: hand.write(changes), guide, wait=wait, expect=expect)[0]
 
 
 def _goal(group: str, part: str, target: Number, before: Before | None) -> Goal:
@@ -227,3 +227,61 @@ def nudge(hand: Hand, plan: Nudge, guide: Guide) -> None:
         for change in (away, back):
             move(hand, "angle_set", [change], guide, wait=NUDGE_SECONDS)
     hand.write([was])
+
+
+# -- calibration ------------------------------------------------------------------------------------------------------
+
+POWER_OFF = "Ctrl-C does not stop the hand. To stop it, switch its power off."
+COUNTDOWN = 10
+"""Seconds to take the hands away (rh56 §9)."""
+LISTEN, WAIT = 20.0, 8.0
+"""Seconds for the frame that tells the end, and for a calibration whose end nobody tells (rh56 §6 Q9)."""
+RESTING = 50
+"""Grams within which an unloaded hand rests (rh56 §6 Q5)."""
+
+
+def calibrate(hand: Hand, guide: Guide) -> Table:
+    """Start it after a countdown, wait for its end, show the forces then. Raises Interrupted on Ctrl-C."""
+    hand.identify()
+    bus, register = hand.bus, hand.map["calibrate_force"]
+    before = hand.read(elements_of(hand.map["force_actual"]))
+    for left in range(COUNTDOWN, 0, -1):
+        guide.progress(f"the hand moves in {left} s: keep it open and empty, and do not touch it", "Ctrl-C cancels.")
+        bus.pause(1.0)
+        bus.check_bound("the calibration")
+    guide.done()
+    begun = hand.journal.ledger.mark
+    with bus.leaving("the hand is still calibrating", POWER_OFF):
+        lost = bus.try_write(register.address, register.encode(1), "the start", "handctl still waits for the end")
+        guide.say(f"{POWER_OFF} The calibration is running. handctl sends nothing until it ends.")
+        seconds = LISTEN if bus.reports else WAIT
+        reported = wait_for_calibration(bus, guide, seconds, "", POWER_OFF) is not None
+    if lost is not None and not reported:
+        raise lost.retold(
+            f"the calibration may have started. Its start was not acknowledged: {lost.text}",
+            hint=f"{POWER_OFF} Wait until the hand has stopped moving, then check with `handctl hand status`",
+        )
+    if reported:
+        hand.journal.ledger.confirm("its end was reported", since=begun)
+    else:
+        bus.out_of_time("the end of the calibration. The calibration is still running")
+        hand.journal.warn(
+            "no-completion",
+            f"the hand did not report the end within {LISTEN:.0f} s"
+            if bus.reports
+            else "this connection has no frame that reports the end, so handctl checks the forces instead",
+            hint="check force_actual: an unloaded hand reads about 0 g",
+        )
+    after = hand.read(elements_of(hand.map["force_actual"]))
+    ended = outcome(hand, register, "completed" if reported else "not reported", None)
+    was = {reading.element.part: reading.value for reading in before}
+    rows = [{**hand.row(reading), "before": was.get(reading.element.part)} for reading in after]
+    off = [reading.element.part for reading in after if reading.value is None or abs(reading.value) > RESTING]
+    if off:
+        hand.journal.warn(
+            "loaded",
+            f"more than {RESTING} g at rest: {', '.join(map(str, off))}",
+            hint="make sure nothing touches the fingers, then calibrate again",
+        )
+    hand.journal.info("volatile", "no manual says whether a calibration survives power-off without a save")
+    return Table(rows=[*ended.rows, *rows], columns=hand.columns)

@@ -13,12 +13,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
-from handctl.devices.inspire import flash, procedures, twins
-from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.hand import field, place
+from handctl.devices.inspire import procedures
+from handctl.devices.inspire.hand import place
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.motion import nudge, plan_nudge
-from handctl.devices.inspire.hand.probe import TARGET
+from handctl.devices.inspire.hand.probe import TARGET, fingerprint
+from handctl.devices.inspire.identity import naming_twins, refuse_twins
 from handctl.devices.inspire.scan import sweep
 from handctl.errors import CheckFailed, HandctlError, Left, LinkError, NoAnswer, NotConfirmed, UsageError
 from handctl.link import ByteLink
@@ -138,7 +138,7 @@ def _seen(bench: Bench, hands: Sequence[Hand]) -> tuple[str, str]:
 def _two(one: Hand, other: Hand) -> None:
     """Raise CheckFailed where nothing shows that two LINKs lead to two hands: no reading differs, and no hand moves."""
     for _ in range(LOOKS):
-        if one.found().model != other.found().model or field.fingerprint(one) != field.fingerprint(other):
+        if one.found().model != other.found().model or fingerprint(one) != fingerprint(other):
             return
     raise CheckFailed(
         f"{one.bus.where} and {other.bus.where} give the same readings each time: both connections may lead to the same hand",
@@ -149,7 +149,7 @@ def _two(one: Hand, other: Hand) -> None:
 
 def ids_on(hand: Hand, guide: Guide) -> list[int]:
     """The ids that answer to `hand` at its speed, in a protocol that anybody answers in, also where two hands have one."""
-    protocol = "auto" if len(hand.wires) > 1 else {True: "eb90", False: "modbus"}[isinstance(hand.bus, Bus)]
+    protocol = "auto" if len(hand.wires) > 1 else "eb90" if hand.bus.wire == "eb90" else "modbus"
     link = hand.link
     baud = link.baud if isinstance(link, ByteLink) else None
     quest = Quest(
@@ -190,9 +190,9 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
         f"Unplug the data cable of one hand. The other one gets id {new}. Then press Enter",
     )
     hand = bench.hand(number)
-    with twins.named(hand):
+    with naming_twins(hand):
         hand.know()
-    twins.refuse(hand)
+    refuse_twins(hand)
     steps = hand.plan([(elements_of(hand.map["id"])[0], new)])
     saving = bench.hand(new).trigger_step("save", "save to flash")
     bench.confirm(
@@ -218,7 +218,7 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
             )
         changed = bench.hand(new)
         changed.know()
-        flash.save(changed, bench.guide)
+        procedures.save(changed, bench.guide)
     return [changed, bench.hand(number)]
 
 

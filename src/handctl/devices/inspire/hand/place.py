@@ -9,11 +9,8 @@ from collections.abc import Sequence
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
-from handctl.devices.inspire import flash
-from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.canbus import CanBus
-from handctl.devices.inspire.hand.map import CAN_SPEEDS, DF, F1, IP_ADDRESS, MODELS, SPEEDS, TP
-from handctl.devices.inspire.modbusbus import ModbusBus
+from handctl.devices.inspire import procedures
+from handctl.devices.inspire.hand.map import DF, IP_ADDRESS, MODELS, TP
 from handctl.errors import CheckFailed, DeviceRefused, UsageError
 from handctl.model.guide import Guide
 from handctl.model.param import Element, Number, elements_of
@@ -28,33 +25,8 @@ FACTORY = "192.168.11.210"
 """Both hands of a pair (rh56 §2.3)."""
 
 
-def speeds_of(hand: Hand) -> dict[int, int]:
-    """Code -> bit/s on the wire of this hand (rh56 §2.1)."""
-    if isinstance(hand.bus, CanBus):
-        return CAN_SPEEDS
-    return {code: rate for code, rate in SPEEDS.items() if code < 3 or hand.typed in (None, TP, F1)}
-
-
-def is_serial(hand: Hand) -> bool:
-    """Whether this end of the line can be set to another speed as well."""
-    return isinstance(hand.bus, Bus) or (isinstance(hand.bus, ModbusBus) and not hand.bus.tcp)
-
-
-def code_of(hand: Hand, rate: int) -> int:
-    """The code of a speed in bit/s. Raises UsageError for one that no hand on this wire has."""
-    known = speeds_of(hand)
-    for code, value in known.items():
-        if value == rate:
-            return code
-    raise UsageError(
-        f"{rate} bit/s is not a baud rate of this hand",
-        hint=f"choose one of {', '.join(map(str, known.values()))} bit/s (rh56 §2.1). Nothing was sent.",
-    )
-
-
 def show_speed(hand: Hand) -> Table:
     """The speed code, and what lies beside it."""
-    hand.know()
     _tell_places(hand)
     return hand.table(hand.read(elements_of(hand.map["baud_code"])))
 
@@ -72,9 +44,10 @@ def _tell_places(hand: Hand) -> None:
     )
 
 
-def change_speed(hand: Hand, code: int, rate: int) -> Table:
+def change_speed(hand: Hand, rate: int) -> Table:
     """Write the speed that counts after save and power cycle, and read it back. Raises CheckFailed."""
     hand.identify()
+    code = hand.speed_code(rate)
     if code == 3 and hand.found().model == DF:
         raise DeviceRefused(
             f"{hand.bus.where}: an RH56DFX, DFQ or BFX does not support 921600 bit/s",
@@ -107,11 +80,8 @@ def octets_of(text: str) -> list[int]:
             f"{text!r} is not an IPv4 address", hint=f"write four numbers, such as {FACTORY}. Nothing was sent."
         ) from exc
     octets = list(address.packed)
-    if address.is_multicast or address.is_loopback or (not address.is_global and not address.is_private):
-        raise UsageError(
-            f"{text} is not the address of one device", hint=f"use one such as {FACTORY}. Nothing was sent."
-        )
-    if octets[0] == 0 or octets[0] > 223 or octets[3] in (0, 255):
+    elsewhere = address.is_multicast or address.is_loopback or (not address.is_global and not address.is_private)
+    if elsewhere or octets[0] == 0 or octets[0] > 223 or octets[3] in (0, 255):
         raise UsageError(
             f"{text} is not the address of one device", hint=f"use one such as {FACTORY}. Nothing was sent."
         )
@@ -140,7 +110,7 @@ def link_of(link: str, octets: Sequence[int]) -> str:
 
 def over_network(hand: Hand) -> bool:
     """Whether the hand is reached at its IP address."""
-    return isinstance(hand.bus, ModbusBus) and hand.bus.tcp
+    return hand.bus.wire == "tcp"
 
 
 def show_network(hand: Hand) -> Table:
@@ -185,7 +155,7 @@ def change_network(hand: Hand, octets: Sequence[int], guide: Guide, *, cycled_ne
     before = held(hand)
     bus = hand.bus
     connected = bus.link.name.removeprefix("tcp://").partition(":")[0]
-    if isinstance(bus, ModbusBus) and bus.tcp and not bus.link.fake and ".".join(map(str, before)) != connected:
+    if bus.wire == "tcp" and not bus.link.fake and ".".join(map(str, before)) != connected:
         raise CheckFailed(
             f"{bus.where}: the hand reports the address {'.'.join(map(str, before))}, but you connected to {connected}",
             hint="leave only that hand switched on, and connect to the address it reports. Nothing was written.",
@@ -200,10 +170,10 @@ def change_network(hand: Hand, octets: Sequence[int], guide: Guide, *, cycled_ne
         )
     if before == list(octets):
         hand.journal.info("already", f"the hand holds {'.'.join(map(str, before))} already, and handctl saves it again")
-        return flash.save(hand, guide)
+        return procedures.save(hand, guide)
     new, old = ".".join(map(str, octets)), ".".join(map(str, before))
     table = hand.table(hand.write(address_plan(hand, octets)))
-    table.rows += flash.save(hand, guide).rows
+    table.rows += procedures.save(hand, guide).rows
     if cycled_next:
         return table
     hand.journal.warn(

@@ -1,39 +1,259 @@
-"""Is there an RH56 hand? Its angles are read, then what tells it from an exoskeleton hand (rh56 §1.1). Read-only."""
+"""Is there an RH56 hand? Its angles are read, then what tells it from an exoskeleton hand (rh56 §1.1). Read-only.
+
+What users of these hands complain about are checks of `handctl doctor` (rh56 §5, §6, §7): each a row of name, status, evidence,
+remedy. What the link itself does (holder, timer, errors) is checked elsewhere.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from handctl.devices.inspire import canreg, probing
-from handctl.devices.inspire.hand.field import address_of, fingerprint, further
-from handctl.devices.inspire.hand.generation import AT, LABEL, look
-from handctl.devices.inspire.hand.typed import spoken
-from handctl.devices.inspire.identity import BYTE_HAND, Kind
-from handctl.devices.inspire.mishaps import SILENCE_HINTS
-from handctl.devices.inspire.scan import sweep
-from handctl.devices.inspire.target import Target, parse_ids
-from handctl.errors import NoAnswer
+from handctl.devices.inspire.bus import SILENCE_HINTS, Bus
+from handctl.devices.inspire.hand.generation import AT, LABEL, asks_rtu, look, spoken
+from handctl.devices.inspire.hand.map import BLOCKED, FINGERS, HOT, IP_ADDRESS, STATUS, UNMEASURED
+from handctl.devices.inspire.identity import BYTE_HAND, Kind, Row4, same_id
+from handctl.devices.inspire.map import DRAWN
+from handctl.devices.inspire.modbusbus import ModbusBus
+from handctl.devices.inspire.registers import BETWEEN_PROTOCOLS, RegisterBus
+from handctl.devices.inspire.scan import Probing, Target, ignores_speed, parse_ids, sweep
+from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline, FrameLink
+from handctl.model.param import elements_of
 from handctl.model.result import Journal, Row
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.hand.device import Hand
-    from handctl.devices.inspire.registers import RegisterBus
 
-__all__ = [
-    "address_of",
-    "fingerprint",
-    "further",
-    "identify",
-    "ignores_speed",
-    "measure",
-    "overheard",
-    "parse_ids",
-    "ping",
-    "probe",
-    "sweep",
-]
+Values = Mapping[str, Mapping[str, int]]
+"""Register -> finger -> value, of what could be read."""
+
+ANSWERS = {"can": "on CAN", "eb90": "in EB90", "rtu": "in Modbus RTU", "tcp": "in Modbus TCP"}
+EMERGENCY = 8
+REMEDIES = {
+    5: "free the finger, compare `handctl hand get current_limit current`, then run `handctl hand clear-errors`",
+    6: "remove the obstacle from the finger, then run `handctl hand clear-errors`",
+    7: "run `handctl hand clear-errors`. If the fault remains, power-cycle the hand, then send it in for service",
+    EMERGENCY: "release the emergency stop with the program that set it (register 1131, rh56 §3.2)",
+}
+CLEAR = "remove the cause, then run `handctl hand clear-errors`"
+COOL = "let the hand cool: this error cannot be cleared"
+SLOWLY = "run `handctl hand speed 100 100 100 100 100 100` before the first movement"
+EACH_SLOWLY = "run `handctl hand set speed_set.m1=100`, and the same for each other actuator, before the first movement"
+MOST_CURRENT = 1500
+OR_PAIR = ", or run `handctl hand pair`, which takes you through it"
+REFRESH = 0.0307
+"""Seconds from one refresh inside the hand to the next (rh56 §5)."""
+REFRESH_SECONDS, REFRESH_STEP = 0.5, 0.004
+"""How long it is looked at, and how often."""
+
+
+def further(device: Hand, answered: bool) -> Iterator[Row4]:
+    """The checks of a hand, `answered`: it has answered the doctor's reads. Raises nothing but LinkError."""
+    twins = None if device.bus.wire == "tcp" else same_id(device, OR_PAIR)
+    if not answered:
+        if twins is not None and twins[1] == "fail":
+            yield twins
+        else:
+            yield from _elsewhere(device)
+        return
+    yield protocol(device)
+    if twins is not None:
+        yield twins
+    try:
+        held = _held(device)
+    except (NoAnswer, ProtocolError) as exc:
+        yield "fingers", "warning", exc.text, exc.hint
+        return
+    yield fingers(held, swaps=device.bus.wire in ("rtu", "tcp") and device.bus.per == 1)
+    yield first_movement(held)
+    yield current_limit(held)
+    yield refresh(device)
+
+
+def address_of(device: Hand) -> str:
+    """The address that the hand holds for its network, "" = it has none, or does not say. Raises nothing."""
+    try:
+        device.know()
+        if IP_ADDRESS not in [one.name for one in device.has]:
+            return ""
+        octets = [reading.value for reading in device.read(elements_of(device.map[IP_ADDRESS]))]
+    except HandctlError:
+        return ""
+    return "" if None in octets or not any(octets) else ".".join(map(str, octets))
+
+
+def fingerprint(device: Hand) -> list[int]:
+    """Readings that stay as they are while a hand rests, and that two hands do not share. Raises what the bus raises."""
+    names = ("stroke_actual", "angle_actual")
+    readings = device.read([element for name in names for element in elements_of(device.map[name])])
+    return [int(reading.value or 0) for reading in readings]
+
+
+# -- the line ---------------------------------------------------------------------------------------------------------
+
+
+def protocol(device: Hand) -> Row4:
+    """Which protocol the hand speaks; one that is silent in EB90 is a surprise to programs that speak nothing else."""
+    wire = device.bus.wire
+    if wire == "rtu" and any(message.code == "protocol" for message in device.journal.messages):
+        remedy = "add --protocol modbus. Programs that only support EB90 cannot use this hand"
+        return "protocol", "warning", "the hand answers in Modbus RTU, but not in EB90", remedy
+    return "protocol", "ok", f"the hand answers {ANSWERS[wire]}", ""
+
+
+def _arrives(bus: RegisterBus, address: int, count: int) -> str:
+    """Code of what ended a read, "" = nothing."""
+    try:
+        bus.read(address, count, retries=0)
+    except (NoAnswer, ProtocolError) as exc:
+        return exc.code
+    except HandctlError as exc:
+        if exc.code == "lost":
+            raise
+        return exc.code
+    return ""
+
+
+def _elsewhere(device: Hand) -> Iterator[Row4]:
+    """Of a hand that is silent: whether it speaks the other protocol, and where it may be."""
+    bus, link = device.bus, device.bus.link
+    other: RegisterBus | None = None
+    if isinstance(link, ByteLink) and bus.wire == "rtu":
+        other = Bus(link, bus.id, device.journal, retries=0, timeout=bus.timeout, family="hand")
+    elif isinstance(link, ByteLink) and bus.wire == "eb90" and asks_rtu(link):
+        other = ModbusBus(link, bus.id, device.journal, tcp=False, retries=0, timeout=bus.timeout)
+    if other is not None:
+        link.sleep(BETWEEN_PROTOCOLS)
+        names = {"eb90": "EB90", "rtu": "Modbus RTU"}
+        silent, spoken = names[bus.wire], names[other.wire]
+        if not _arrives(other, *other.presence):
+            word = "eb90" if other.wire == "eb90" else "modbus"
+            yield "protocol", "fail", f"the hand answers in {spoken}, but not in {silent}", f"add --protocol {word}"
+            return
+        yield "protocol", "ok", f"the hand answers neither in {silent} nor in {spoken}", ""
+    if bus.wire != "tcp":
+        text = "a tactile hand (RH56DFTP) may answer only on its network"
+        yield "network", "skipped", text, "run `handctl hand doctor -p tcp://192.168.11.210`"
+
+
+def refresh(device: Hand) -> Row4:
+    """How often the readings change: who asks more often reads the same again."""
+    bus, register = device.bus, device.map["current"]
+    link, seen, changes = bus.link, b"", list[float]()
+    end = link.deadline(REFRESH_SECONDS)
+    while not end.expired:
+        link.sleep(REFRESH_STEP)
+        with suppress(NoAnswer, ProtocolError):
+            data = bus.read(register.address, min(len(register.span), bus.max_count), retries=0)
+            if seen and data != seen:
+                changes.append(link.now())
+            seen = data
+    often = f"more than {1 / REFRESH:.0f} reads per second return the same readings again"
+    if len(changes) < 3:
+        return (
+            "refresh",
+            "ok",
+            f"the readings of the resting hand did not change. It refreshes them every 31 ms: {often}",
+            "",
+        )
+    period = (changes[-1] - changes[0]) / (len(changes) - 1)
+    text = f"the readings change every {1000 * period:.0f} ms: {often}"
+    if period > 2 * REFRESH:
+        return "refresh", "warning", text, "use a faster connection, or stop the other program that reads from the hand"
+    return "refresh", "ok", text, ""
+
+
+# -- the hand ---------------------------------------------------------------------------------------------------------
+
+
+def _held(device: Hand) -> Values:
+    """What the checks look at. Raises NoAnswer, ProtocolError."""
+    device.know()
+    wanted = ("error", "status", "temperature", "speed_set", "default_speed", "current_limit")
+    own = [register for register in device.has if register.name in wanted]
+    held: dict[str, dict[str, int]] = {}
+    for reading in device.read([element for register in own for element in elements_of(register)]):
+        if reading.value is not None:
+            held.setdefault(reading.element.param.name, {})[str(reading.element.part)] = int(reading.value)
+    return held
+
+
+def fingers(held: Values, *, swaps: bool = False) -> Row4:
+    """Status 5 to 8, error bits and heat. `swaps`: two bytes share a word, which other programs read the wrong way round."""
+    found: dict[str, list[str]] = {}
+    remedies: list[str] = []
+    for part, code in held.get("status", {}).items():
+        if code in BLOCKED or code == EMERGENCY:
+            found.setdefault(part, []).append(f"status {code}, {STATUS[code]}")
+            remedies.append(REMEDIES[code])
+    for part, bits in held.get("error", {}).items():
+        if bits:
+            found.setdefault(part, []).append(f"error 0x{bits:02X}")
+            remedies += [COOL] * bool(bits & 2) + [CLEAR] * bool(bits & ~2)
+    for part, degrees in held.get("temperature", {}).items():
+        if HOT <= degrees != UNMEASURED:
+            found.setdefault(part, []).append(f"{degrees} °C")
+            remedies.append(f"let it cool: handctl does not move a hand at {HOT} °C or more")
+    if not found:
+        quiet = " The hand has had no command since power-up." if 255 in held.get("status", {}).values() else ""
+        return "fingers", "ok", f"no finger reports an error, a blockage or overheating.{quiet}", ""
+    text = "; ".join(f"{part}: {', '.join(words)}" for part, words in found.items())
+    if swaps and (mirrored := _mirrored(held, found)):
+        text += f". A program that swaps the two bytes of a word would show this on {mirrored}"
+    return "fingers", "fail", text, min(remedies, key=_first)
+
+
+def _first(remedy: str) -> int:
+    """What must be done before anything else helps: cooling, then the finger itself."""
+    return 0 if "cool" in remedy else 2 if remedy == CLEAR else 1
+
+
+def _mirrored(held: Values, found: Mapping[str, object]) -> str:
+    """The fingers that share a word with those found, where the swap would be seen."""
+    order = list(held.get("status", {}))
+    swapped = [order[order.index(part) ^ 1] for part in found if part in order]
+    return ", ".join(swapped) if set(swapped) != set(found) else ""
+
+
+def first_movement(held: Values) -> Row4:
+    """The speed that a program has left: 0 looks as if the hand were dead, a high one surprises (rh56 §6)."""
+    speeds, usual = held.get("speed_set", {}), held.get("default_speed", {})
+    if not speeds:
+        return "first_movement", "skipped", "the speed could not be read", ""
+    remedy = SLOWLY if len(speeds) == len(FINGERS) else EACH_SLOWLY
+    still = [part for part, speed in speeds.items() if speed == 0]
+    if still:
+        text = f"speed 0: {', '.join(still)}. These fingers would not move"
+        return "first_movement", "warning", text, remedy
+    quick = [part for part, speed in speeds.items() if speed > usual.get(part, speed)]
+    if quick:
+        text = f"speed {max(speeds[part] for part in quick)} was set by an earlier program: {', '.join(quick)}. "
+        text += f"After power-up it is {min(usual[part] for part in quick)}"
+        return "first_movement", "warning", text, remedy
+    return "first_movement", "ok", f"the next movement has speed {min(speeds.values())} to {max(speeds.values())}", ""
+
+
+def current_limit(held: Values) -> Row4:
+    """Limits below what a movement draws end it with status 5; above the documented range they protect nothing."""
+    limits = held.get("current_limit", {})
+    if not limits:
+        return "current_limit", "skipped", "this generation does not report current limits", ""
+    remedy = "compare them with another hand of the same model, then run `handctl hand set current_limit.FINGER=MA`"
+    low = [f"{part} {limit} mA" for part, limit in limits.items() if limit < DRAWN]
+    if low:
+        text = f"{', '.join(low)}: a movement without a load draws up to 194 mA and would end with status 5"
+        return "current_limit", "warning", text, remedy
+    high = [f"{part} {limit} mA" for part, limit in limits.items() if limit > MOST_CURRENT]
+    if high:
+        return "current_limit", "warning", f"{', '.join(high)}: outside 0 to {MOST_CURRENT} mA (rh56 §3.1)", remedy
+    return "current_limit", "ok", f"{min(limits.values())} to {max(limits.values())} mA", ""
+
+
+# -- what the tools ask of the family ---------------------------------------------------------------------------------
+
+__all__ = ["address_of", "fingerprint", "further", "ignores_speed", "parse_ids", "sweep"]
 
 FAMILY = "hand"
 WIRES = ("serial", "tcp", "can")
@@ -45,8 +265,6 @@ ASIDE = True
 PING = "angle_actual"
 ECHOES = False
 ANGLES = (1546, 4)
-LIVE = (1534, 90)
-"""One long answer of documented registers, and the gap between them (rh56 §5)."""
 OWN_PORT = ":6000"
 
 
@@ -63,10 +281,14 @@ TARGET = Target(
     value="system_voltage",
     silence_hint=SILENCE_HINTS["hand"].replace("--id 1 at 115200 bit/s, `handctl hand scan`, ", ""),
     speeds=(115200, 921600, 57600, 19200),
-    can=(canreg.READ_HAND, ANGLES),
+    can=ANGLES,
     look=who,
     spoken=spoken,
 )
+
+OWN = Probing(TARGET, live=ANGLES, long=(1534, 90))
+"""Two of its angles, and one long answer of documented registers with the gap between them (rh56 §5)."""
+ping, measure, overheard = OWN.ping, OWN.measure, OWN.overheard
 
 
 def probe(
@@ -77,27 +299,7 @@ def probe(
     if link.name.startswith("tcp://") and not link.name.endswith(OWN_PORT):
         # Whoever listens elsewhere may pass the bytes on to a serial line, where another device would act on them.
         raise NoAnswer(f"{link.name}: not tried: a hand uses Modbus TCP port 6000", hint=LABEL, code="not-asked")
-    return probing.asked(link, journal, deadline, ids, timeout, TARGET)
-
-
-def ping(device: Hand) -> None:
-    """One short read, asked once; of a hand that is silent in EB90 also in Modbus. Raises what the bus raises."""
-    device.answered(lambda: device.bus.read(*ANGLES, retries=0))
-
-
-def ignores_speed(device: Hand) -> bool:
-    """Whether it answers at another speed of the port as well. Read-only."""
-    return probing.ignores_speed(device)
-
-
-def measure(device: Hand, unasked: bytes) -> None:
-    """What reading shows of the line, into the journal. Read-only."""
-    probing.measure(device, LIVE, ANGLES, unasked)
-
-
-def overheard(data: bytes) -> list[int]:
-    """The ids that others ask on this line, as what came unasked shows."""
-    return probing.overheard(data, wrist=False)
+    return OWN.probe(link, journal, deadline, ids, timeout)
 
 
 def identify(device: Hand) -> tuple[str, str, str]:

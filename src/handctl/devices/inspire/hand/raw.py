@@ -8,17 +8,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import eb90, modbus
-from handctl.devices.inspire.canbus import CanBus
-from handctl.devices.inspire.exo import raw as exo_raw
+from handctl.devices.inspire import raw as by_number
 from handctl.devices.inspire.explain import InspireExplainer
 from handctl.devices.inspire.hand.map import BYTE_MAP
-from handctl.devices.inspire.modbus import only_reads
-from handctl.devices.inspire.modbusbus import ModbusBus
-from handctl.devices.inspire.modbuswords import RTU, TCP, EitherExplainer, mode_of, pdu_of
+from handctl.devices.inspire.modbus import RTU, TCP, mode_of, only_reads, pdu_of
 from handctl.devices.inspire.registers import RegisterBus
-from handctl.devices.inspire.spans import stretches
 from handctl.errors import UsageError
-from handctl.model.param import Element, Number, Step
+from handctl.model.param import Step
 from handctl.model.piece import DEVICE, HOST
 from handctl.model.result import Column, Row, Table, hex_bytes
 
@@ -27,7 +23,6 @@ if TYPE_CHECKING:
     from handctl.frame.run import Run
 
 COLUMNS = (Column("direction", "From"), Column("meaning", "Meaning"), Column("raw", "Frame"))
-FORCED = "Add --force-ambiguous to send it anyway."
 NEVER = {1: (range(1000, 1020), range(2000, 2326)), 2: (range(1000, 1016), range(1431, 1433), range(2160, 2163))}
 """Bytes at one address -> addresses that hold triggers, speed codes, gestures and sequences of one edition or another.
 What of them is not documented is never written (rh56 §3.1, §3.3, §9)."""
@@ -35,31 +30,20 @@ What of them is not documented is never written (rh56 §3.1, §3.3, §9)."""
 
 def plan_write(hand: Hand, address: int, data: bytes, undocumented: bool) -> Step:
     """Check a write at a byte address against the map. Raises UsageError."""
-    unit = hand.bus.per
-    if any(
-        place // unit in span and not _known(hand, place)
-        for place in range(address, address + len(data))
-        for span in NEVER[unit]
-    ):
+    if any(_never(hand, place) for place in range(address, address + len(data))):
         raise UsageError(
-            f"{address // unit} is among triggers, gestures or sequences, which start movements or resets on some generations",
+            f"{address // hand.bus.per} is among triggers, gestures or sequences, which start movements or resets on some generations",
             hint="handctl never writes there (rh56 §9). Nothing was sent.",
             code="never",
         )
-    return exo_raw.plan_write(hand, address, data, undocumented)
+    return by_number.plan_write(hand, address, data, undocumented)
 
 
-def _known(hand: Hand, place: int) -> bool:
-    return any(place in register.span for register in hand.has)
-
-
-def changes_of(hand: Hand, address: int, data: bytes) -> list[tuple[Element, Number]]:
-    """What a checked write at a byte address changes."""
-    return [
-        (Element(register, index), register.decode(raw))
-        for register, index, raw in stretches(hand.map, address, data)
-        if register is not None
-    ]
+def _never(hand: Hand, place: int) -> bool:
+    """Whether this byte is not documented here, and starts something on some generation."""
+    unit = hand.bus.per
+    documented = any(place in register.span for register in hand.has)
+    return not documented and any(place // unit in span for span in NEVER[unit])
 
 
 # -- frames -----------------------------------------------------------------------------------------------------------
@@ -76,14 +60,14 @@ def choose_wire(run: Run, data: bytes) -> None:
 def plan(hand: Hand, data: bytes, force: bool) -> Step:
     """What these bytes would do. A read is harmless; anything else asks. Raises UsageError for what needs `force`."""
     bus = hand.bus
-    if isinstance(bus, CanBus):
+    if bus.wire == "can":
         raise UsageError("`raw` does not support CAN frames here", hint="use `handctl hand read` and `write` over CAN")
     mode = mode_of(data)
-    tcp = isinstance(bus, ModbusBus) and bus.tcp
+    tcp = bus.wire == "tcp"
     if mode and (mode == TCP) != tcp:
         other = "Modbus TCP" if mode == TCP else "a serial line"
         raise UsageError(f"this is a frame of {other}, which this LINK is not", hint="choose another LINK with -p")
-    words = "; ".join(piece.meaning for piece in EitherExplainer(hand.map).decode(data, HOST))
+    words = "; ".join(piece.meaning for piece in InspireExplainer(hand.map).decode(data, HOST))
     if only_reads(pdu_of(data, mode)) if mode else eb90.only_reads(data):
         return Step(words, data)
     if not force:
@@ -114,30 +98,16 @@ def _refuse(hand: Hand, frame: bytes) -> None:
     elif frame[:2] == eb90.HOST and len(frame) > 8 and frame[4] == eb90.WRITE:
         number, address, data = frame[2], int.from_bytes(frame[5:7], "little"), frame[7:-1]
     elif frame[:2] == eb90.HOST and len(frame) > 4:
-        raise UsageError(
-            f"flag {frame[4]:02X} is not a flag of these hands", hint=f"{FORCED} Nothing was sent.", code="ambiguous"
-        )
+        raise by_number.refused(f"flag {frame[4]:02X} is not a flag of these hands")
     else:
         return
     if not 1 <= number <= 254:
-        raise UsageError(f"id {number} is not an id of a hand", hint=f"{FORCED} Nothing was sent.", code="out-of-range")
-    touched = range(address * unit, address * unit + len(data))
-    for place in touched:
-        known = next((register for register in hand.has if place in register.span), None)
-        if (known is not None and known.name == "factory_reset") or (
-            known is None and any(place // unit in span for span in NEVER[unit])
-        ):
-            raise UsageError(
-                f"{place // unit} resets the hand or starts a stored movement on some generations",
-                hint=f"{FORCED} Nothing was sent.",
-                code="never",
-            )
-    for register, index, raw in stretches(hand.map, address * unit, data):
-        if register is not None and "w" in register.access:
-            try:
-                register.check(register.decode(raw), Element(register, index).full_name)
-            except UsageError as exc:
-                raise UsageError(exc.text, hint=f"{exc.hint} {FORCED}", code=exc.code) from exc
+        raise by_number.refused(f"id {number} is not an id of a hand", code="out-of-range")
+    for place in range(address * unit, address * unit + len(data)):
+        if place in hand.map["factory_reset"].span or _never(hand, place):
+            text = f"{place // unit} resets the hand or starts a stored movement on some generations"
+            raise by_number.refused(text, code="never")
+    by_number.check_values(hand.map, address * unit, data)
 
 
 def _addressed(bus: RegisterBus, data: bytes) -> RegisterBus:
@@ -164,7 +134,7 @@ def exchange(hand: Hand, data: bytes, wait: float) -> Table:
             break
     if not received:
         raise bus.unanswered(hex_bytes(data), wait, since, "listen longer with --wait S")
-    explainer: InspireExplainer = EitherExplainer(hand.map if hand.typed is not None else BYTE_MAP)
+    explainer: InspireExplainer = InspireExplainer(hand.map if hand.typed is not None else BYTE_MAP)
     explainer.feed(HOST, data)
     pieces = [*explainer.feed(DEVICE, received), *explainer.flush()]
     rows: list[Row] = [

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from handctl.devices.inspire.canbus import CanBus
 from handctl.devices.inspire.hand.map import DF, MODELS, TP
 from handctl.errors import DeviceRefused, UsageError
 from handctl.model.result import Cell, Column, Grid, Row, Table, hex_bytes
@@ -134,7 +133,7 @@ def _ready(hand: Hand, zones: Sequence[Zone]) -> list[Zone]:
             hint=f"only an RH56DFTP has them{words}",
             code="not-on-model",
         )
-    if not isinstance(hand.bus, CanBus):
+    if hand.bus.wire != "can":
         return list(zones)
     there = [zone for zone in zones if zone.address + zone.size <= CAN_END]
     if there != list(zones):

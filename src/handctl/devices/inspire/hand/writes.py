@@ -1,10 +1,9 @@
-"""Which bytes for the RH56 hands write, on each of their wires."""
+"""Which bytes for the RH56 hands write."""
 
+from handctl.devices.inspire.explain import InspireWrites
 from handctl.devices.inspire.hand.explain import explainer
-from handctl.devices.inspire.hand.map import BYTE_MAP
-from handctl.devices.inspire.modbuswords import EitherWrites
 
 
-def words() -> EitherWrites:
+def words() -> InspireWrites:
     """For a hand of byte addresses (DF, TP), until its answers show that it counts words."""
-    return EitherWrites(BYTE_MAP, explainer())
+    return InspireWrites(explainer())

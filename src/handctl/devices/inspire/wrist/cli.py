@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handctl.devices.inspire import verbs_cli as verbs
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.identity import FamilyGate, kind_of
 from handctl.devices.inspire.map import BAUD_RATES, WRIST, address_in
-from handctl.devices.inspire.wrist.device import WIRING_HINT, Wrist
+from handctl.devices.inspire.wrist.device import Wrist
 from handctl.frame.clikit import Group
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
@@ -29,16 +30,14 @@ if TYPE_CHECKING:
 
 def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal) -> Wrist:
     """A wrist module behind a serial or a CAN link, with the options the user gave."""
-    device_id = settings.id if settings.id is not None else 1
-    limits = limits_of(settings, link)
+    number, limits = settings.id if settings.id is not None else 1, limits_of(settings, link)
     bus: Bus | CanBus
     if isinstance(link, FrameLink):
         from handctl.devices.inspire.canbus import CanBus
 
-        bus = CanBus(link, device_id, journal, **limits)
+        bus = CanBus(link, number, journal, **limits)
     else:
-        hint = f"run `handctl wrist scan`. {WIRING_HINT}"
-        bus = Bus(link, device_id, journal, family="wrist", silence_hint=hint, **limits).at("wrist")
+        bus = Bus(link, number, journal, family="wrist", **limits)
     bus.gate = FamilyGate(kind_of("wrist"), settings.assume_identity)
     return Wrist(bus)
 
@@ -51,12 +50,7 @@ cli = Group(
     "Movements of the wrist do not ask first.",
 )
 
-FORCE = click.option(
-    "--force-ambiguous",
-    is_flag=True,
-    help="Also send a frame that means something else to another device or to the hand's registers.",
-)
-
+FORCE = verbs.forced("Also send a frame that means something else to another device or to the hand's registers.")
 
 add_map_verbs(cli, WRIST, example="pitch_actual yaw_actual", setting="yaw_set=10 pitch_set=-10 move_time=1000")
 
@@ -69,12 +63,7 @@ add_map_verbs(cli, WRIST, example="pitch_actual yaw_actual", setting="yaw_set=10
 @click.argument("count", type=int)
 def read(run: Run, address: str, count: int) -> Table:
     """Read COUNT bytes (1 to 252) from ADDRESS in the wrist. Registers from the manual are decoded."""
-    from handctl.devices.inspire import eb90
-    from handctl.devices.inspire.exo import raw as exo_raw
-
-    place = address_in(address)
-    eb90.check_span(place, count)
-    return exo_raw.read(run.device(), place, count)
+    return verbs.read(run, address, count)
 
 
 @cli.verb("hand-read", "Service")
@@ -85,11 +74,11 @@ def hand_read(run: Run, address: str, count: int) -> Table:
 
     Uses flag 11, on CAN flag 0."""
     from handctl.devices.inspire import eb90
-    from handctl.devices.inspire.wrist import hand as wrist_hand
+    from handctl.devices.inspire.wrist import raw as wrist_raw
 
     place = address_in(address)
     eb90.check_span(place, count)
-    return wrist_hand.hand_read(run.device(), place, count)
+    return wrist_raw.hand_read(run.device(), place, count)
 
 
 # -- moving and writing ---------------------------------------------------------------------------------------------
@@ -128,10 +117,8 @@ def _move(run: Run, values: dict[str, Any], wait: float | None, expect: str | No
     planner: Wrist = run.planner()
     changes = planner.targets(values.get("pitch_set"), values.get("yaw_set"), values.get("move_time"))
     steps = planner.plan(changes)
-    if (plan := run.planned(steps)) is not None:
-        return plan
-    device: Wrist = run.device()
-    return device.move(changes, run.guide, wait=wait, expect=expected(expect))
+    ending = expected(expect)
+    return verbs.carried_out(run, steps, "", lambda wrist: wrist.move(changes, run.guide, wait=wait, expect=ending))
 
 
 @cli.verb("write", "Service", writes=True)
@@ -141,14 +128,12 @@ def write(run: Run, address: str, data: str) -> Table:
     """Write 2, 4 or 6 bytes to addresses 1038 to 1043 and read them back.
 
     Low byte first. This moves the wrist."""
-    from handctl.devices.inspire.exo import raw as exo_raw
+    from handctl.devices.inspire import raw as by_number
     from handctl.devices.inspire.wrist import raw as wrist_raw
 
-    place = address_in(address)
-    step = wrist_raw.plan_write(run.planner(), place, exo_raw.parse_hex(data))
-    if (plan := run.planned([step])) is not None:
-        return plan
-    return wrist_raw.write(run.device(), place, exo_raw.parse_hex(data))
+    place, payload = address_in(address), by_number.parse_hex(data)
+    step = wrist_raw.plan_write(run.planner(), place, payload)
+    return verbs.carried_out(run, [step], "", lambda wrist: wrist_raw.write(wrist, place, payload))
 
 
 @cli.verb("hand-write", "Service", writes=True)
@@ -159,54 +144,43 @@ def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Tabl
     """Write bytes to registers of the wrist's hand. Asks first.
 
     The wrist manual does not document these registers."""
-    from handctl.devices.inspire.exo import raw as exo_raw
-    from handctl.devices.inspire.wrist import hand as wrist_hand
+    from handctl.devices.inspire import raw as by_number
+    from handctl.devices.inspire.wrist import raw as wrist_raw
 
-    place, payload = address_in(address), exo_raw.parse_hex(data)
-    steps = wrist_hand.plan_hand_writes(run.planner(), place, payload, force_ambiguous)
-    if (plan := run.planned(steps)) is not None:
-        return plan
-    run.confirm(f"This changes the hand, not the wrist: {', then '.join(step.meaning for step in steps)}", steps)
-    return wrist_hand.hand_write(run.device(), place, payload)
+    place, payload = address_in(address), by_number.parse_hex(data)
+    steps = wrist_raw.plan_hand_writes(run.planner(), place, payload, force_ambiguous)
+    question = f"This changes the hand, not the wrist: {', then '.join(step.meaning for step in steps)}"
+    return verbs.carried_out(run, steps, question, lambda wrist: wrist_raw.hand_write(wrist, place, payload))
 
 
 @cli.verb("raw", "Service", writes=True)
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
-@click.option(
-    "--wait",
-    type=Seconds(),
-    default=0.5,
-    show_default=True,
-    metavar="S",
-    help="Listen for S seconds after the last byte.",
-)
+@verbs.LISTEN
 @FORCE
 def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Table:
     """Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show the decoded reply.
 
     Everything except a read asks first. With -n it only explains the frame, even if it is an example that the manual misprints.
     """
+    from handctl.devices.inspire import raw as by_number
     from handctl.devices.inspire.canbus import CanBus
-    from handctl.devices.inspire.exo import raw as exo_raw
     from handctl.devices.inspire.wrist import raw as wrist_raw
 
     can = isinstance(run.planner().bus, CanBus)
     dry = run.settings.dry_run
     frame = wrist_raw.parse_can(" ".join(data)) if can else None
-    payload = b"" if can else exo_raw.parse_hex(" ".join(data))
+    payload = b"" if can else by_number.parse_hex(" ".join(data))
     step = (
         wrist_raw.plan_can(frame, force_ambiguous, only_explain=dry)
         if frame is not None
         else wrist_raw.plan_raw(payload, force_ambiguous, only_explain=dry)
     )
-    if (plan := run.planned([step])) is not None:
-        return plan
-    if wrist_raw.explained(step):
+    if wrist_raw.explained(step) and not dry:
         run.journal.warn("misprint", step.meaning)
-    if step.moves or step.strands:
-        run.confirm(f"This may move or change the device: {step.meaning}", [step])
-    wrist = run.device()
-    with exo_raw.goes_on(wrist, step):
+
+    def exchange(wrist: Wrist) -> Table:
         if frame is not None:
             return wrist_raw.exchange_can(wrist, frame, wait)
-        return exo_raw.exchange(wrist, payload, wait)
+        return by_number.exchange(wrist, payload, wait)
+
+    return verbs.send_raw(run, step, "This may move or change the device", exchange)

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from handctl.devices.inspire.base import RegisterDevice
+from handctl.devices.inspire.base import Movement, RegisterDevice
 from handctl.devices.inspire.map import WRIST, pushes, register_of
-from handctl.devices.inspire.registers import may_still_move
 from handctl.errors import UsageError
 from handctl.model.guide import Guide
-from handctl.model.moving import REACHED, Goal, Seen, Stillness, judged, marked, watch, with_arrival
+from handctl.model.moving import REACHED, Goal, Seen, Stillness
 from handctl.model.param import Element, Number, Reading
 from handctl.model.result import Cell, Grid, Row, Table
 
@@ -24,11 +23,6 @@ STILL = Stillness(samples=3, seconds=0.3, refresh=0.03)
 ANGLES = tuple(Element(WRIST[name], 0) for name in ("pitch_actual", "yaw_actual"))
 SHORT = 40
 """Characters of a remark that fit beside a value."""
-WIRING_HINT = (
-    "Check the hand's power, the wire (RS-232 against RS-485, A/B, TX/RX) and that this hand carries a wrist. "
-    "A wrong id, a wrong baud rate (115200 bit/s in the manual), no power and no cable all look the same: the device never answers. "
-    "For CAN give -p can:INTERFACE:CHANNEL"
-)
 
 
 class Wrist(RegisterDevice):
@@ -131,7 +125,6 @@ class Wrist(RegisterDevice):
         `wait` bounds the watching, default the movement time half as long again and 2 s. Ctrl-C stops it. What was not as
         expected is the table's failure.
         """
-        self.bus.identify()
         targets = {
             axis_of(element.param.name): value
             for element, value in sorted(changes, key=_axis_first)
@@ -139,25 +132,23 @@ class Wrist(RegisterDevice):
         }
         time = next((int(value) for element, value in changes if element.param.name == "move_time"), None)
         if time is None:
+            self.identify()
             time = int(self.read([Element(WRIST["move_time"], 0)])[0].value or 0)
+        this = Movement(
+            [Goal(axis, target, ARRIVED_DEGREES, decimals=2, unit="°") for axis, target in targets.items()],
+            STILL._replace(least=time / 1000),
+            ANGLES,
+            lambda readings: {axis_of(reading.element.param.name): Seen(reading.value) for reading in readings},
+            lambda seen, _: self._evidence(targets) if seen.short else None,
+            "The wrist",
+            name=lambda reading: axis_of(reading.element.param.name),
+        )
         wait = wait if wait is not None else time * 1.5 / 1000 + 2
-        last: list[Reading] = []
-
-        def look() -> dict[str, Seen]:
-            last[:] = self.read(ANGLES)
-            return {axis_of(reading.element.param.name): Seen(reading.value) for reading in last}
-
-        goals = [Goal(axis, target, ARRIVED_DEGREES, decimals=2, unit="°") for axis, target in targets.items()]
-        with self.driven(guide), may_still_move("the wrist"):
-            self.write(changes)
-            clock = self.bus.clock(wait, STILL.refresh, "The wrist")
-            seen = watch(goals, STILL._replace(least=time / 1000), look, guide, clock)
-            arrivals = {one.goal.name: one for one in seen.arrivals(self._evidence(targets) if seen.short else None)}
-        rows = [marked(self.row(reading), arrivals.get(axis_of(reading.element.param.name))) for reading in last]
-        failure = judged(self.bus.where, list(arrivals.values()), expect, hint="check with `handctl wrist status`")
-        if failure is None and all(one.verdict == REACHED for one in arrivals.values()):
+        table, arrivals = self.moved(this, lambda: self.write(changes), guide, wait=wait, expect=expect)
+        table.view = arrival_view
+        if table.failure is None and all(one.verdict == REACHED for one in arrivals):
             self.journal.info("arrived", "the wrist has arrived")
-        return Table(rows=rows, columns=with_arrival(self.columns), view=arrival_view, failure=failure)
+        return table
 
     def _evidence(self, axes: Collection[str]) -> dict[str, Seen]:
         """Why axes are off their targets. Which actuator turns which axis is not documented: what one shows counts for both."""

@@ -1,53 +1,32 @@
-"""The wrist by number: registers, frames of either wire, and what the manual's misprinted examples really do."""
+"""The wrist by number: registers, frames of either wire, and what the manual's misprinted examples really do.
+
+The register space of the hand that carries the wrist is read and written raw, in as many frames as the wire needs.
+"""
 
 from __future__ import annotations
 
-from handctl.devices.inspire import canreg, eb90
-from handctl.devices.inspire.canbus import CanBus, describe_frame
-from handctl.devices.inspire.map import WRIST, Register
-from handctl.devices.inspire.spans import describe
-from handctl.devices.inspire.wrist.device import Wrist
-from handctl.errors import DeviceRefused, HandctlError, ProtocolError, UsageError
-from handctl.link import CanFrame
-from handctl.model.param import Element, Step
-from handctl.model.result import Column, Row, Table, hex_bytes
+from itertools import pairwise
 
+from handctl.devices.inspire import canreg, eb90
+from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire.canbus import CanBus, related
+from handctl.devices.inspire.explain import CAN_MISPRINTS, MISPRINTS, InspireExplainer
+from handctl.devices.inspire.identity import identify_alone
+from handctl.devices.inspire.map import EXO, WRIST, Register
+from handctl.devices.inspire.raw import RAW_COLUMNS, changes_of, check_values, judge_read_back, refused
+from handctl.devices.inspire.wrist.device import Wrist
+from handctl.errors import Left, NoAnswer, ProtocolError, UsageError
+from handctl.link import CanFrame
+from handctl.model.param import Step
+from handctl.model.piece import DEVICE, HOST
+from handctl.model.result import Row, Table, hex_bytes
+from handctl.sentence import plural
+
+CAN_COLUMNS = tuple(column for column in RAW_COLUMNS if column.key not in ("flag", "raw"))
 WRITE_SIZES = (2, 4, 6)
 """Bytes of a wrist write. Eight would be an exo force command (wrist §2.2.1, exo §2.2.1)."""
 SHARED = range(1020, 1044)
 """Wrist registers; in the hand's space current limits and power-on speeds lie here (RH56 §2.4.7, §2.4.8)."""
-
-MISPRINTS: dict[bytes, str] = {
-    bytes.fromhex("EB90010430FC030236"): (
-        "wrist §2.2 prints these bytes for reading both currents, but 03FC is 1020: this reads pitch_actual. "
-        "The currents: EB 90 01 04 30 00 04 04 3D"
-    ),
-    bytes.fromhex("EB900107310E0418FCEB034D"): (
-        "wrist §2.2.1 prints these bytes for pitch -10.00, yaw +10.00, but 1038 is yaw and 03EB is 1003: this sets yaw "
-        "-10.00 and pitch +10.03. As the text says: EB 90 01 07 31 0E 04 E8 03 18 FC 4A"
-    ),
-    bytes.fromhex("90EB010530FC030000000035"): (
-        "wrist §2.2 prints this answer, but length 05 means two data bytes. The byte in the place of the sum does not fit, "
-        "so a decoder rejects it"
-    ),
-}
-CAN_MISPRINTS: dict[tuple[int, bytes], str] = {
-    (0x01100001, b"\x04"): (
-        "wrist §2.3.1 prints 28 bits for an identifier of 29: as they stand they read address 1088 of the hand. "
-        "Both currents: 11000001 [1] 04"
-    ),
-    (0x00184001, bytes(4)): (
-        "wrist §2.3.1 prints this identifier for the answer with 28 bits of 29. With the zeros it lost it would be a hand "
-        "read of 1552. An answer has the request's identifier: 11000001 [4]"
-    ),
-    (0x15750001, bytes.fromhex("E80318FC")): (
-        "wrist §2.3.2 says 1492 beside the binary 1038: this writes address 1492. Yaw and pitch: 15038001 [4] E8 03 18 FC"
-    ),
-    (0x15038001, bytes.fromhex("FC1803EB")): (
-        "wrist §2.3.2 prints these data bytes high byte first. The device reads low byte first: yaw +63.96, pitch -53.73, "
-        "out of range. As the text says: 15038001 [4] E8 03 18 FC"
-    ),
-}
 
 
 def misprint(data: bytes) -> str | None:
@@ -71,18 +50,8 @@ def touches_shared(address: int, count: int) -> bool:
 
 def _refuse_illegal(address: int, data: bytes) -> None:
     """Refuse a raw write whose values the manual does not allow. Raises UsageError."""
-    explained_as = next((text for (_, known), text in CAN_MISPRINTS.items() if known == data), "")
-    for offset in range(0, len(data) - 1, 2):
-        register = register_at(address + offset)
-        if register is not None and register.writable:
-            try:
-                register.check(register.decode(data[offset : offset + 2]), register.name)
-            except UsageError as exc:
-                raise UsageError(
-                    f"{exc.text}{f'. {explained_as}' if explained_as else ''}",
-                    hint=f"{exc.hint} Add --force-ambiguous to send it anyway.",
-                    code=exc.code,
-                ) from exc
+    explained = next((f". {text}" for (_, known), text in CAN_MISPRINTS.items() if known == data), "")
+    check_values(WRIST, address, data, explained)
 
 
 def plan_write(wrist: Wrist, address: int, data: bytes) -> Step:
@@ -109,12 +78,7 @@ def plan_write(wrist: Wrist, address: int, data: bytes) -> Step:
 
 def write(wrist: Wrist, address: int, data: bytes) -> Table:
     """Write whole registers by address, once, and read them back."""
-    changes = []
-    for offset in range(0, len(data), 2):
-        register = register_at(address + offset)
-        assert register is not None
-        changes.append((Element(register, 0), register.decode(data[offset : offset + 2])))
-    return wrist.table(wrist.write(changes))
+    return wrist.table(wrist.write(changes_of(WRIST, address, data)))
 
 
 # -- raw frames -----------------------------------------------------------------------------------------------------
@@ -128,48 +92,25 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
     explained = misprint(data)
     if explained is not None and only_explain:
         return Step(explained, data, moves=True)
-    decoder = eb90.Decoder([eb90.HOST])
-    decoder.feed(data)
-    frames = [frame for frame in decoder.finish() if not frame.from_device]
-    if len(frames) == 1 and frames[0].encode() == data:
-        frame = frames[0]
-        if frame.flag in (eb90.WRIST_READ, eb90.READ) and len(frame.payload) == 3:
-            space = "wrist" if frame.flag == eb90.WRIST_READ else "hand"
-            return Step(
-                explained or f"read {frame.payload[2]} bytes at {frame.address} of the {space}, id {frame.id}", data
-            )
-        if frame.flag == eb90.WRIST_WRITE and len(frame.payload) == 10 and not force:
-            raise UsageError(
-                "8 bytes with flag 31 are a force command of an exoskeleton hand",
-                hint="write 2, 4 or 6 bytes to a wrist. Add --force-ambiguous to send it anyway. Nothing was sent.",
-                code="ambiguous",
-            )
-        if frame.flag == eb90.WRITE and not touches_shared(frame.address or 0, len(frame.data)):
-            return Step(f"write {hex_bytes(frame.data)} at {frame.address} of the hand", data, moves=True, strands=True)
-        if frame.flag == eb90.WRIST_WRITE and frame.address is None:
-            address = int.from_bytes(frame.payload[:2], "little")
-            return Step(
-                f"write {hex_bytes(frame.payload[2:])} at {address}, or an exo force command",
-                data,
-                moves=True,
-                strands=True,
-            )
-        if frame.flag == eb90.WRIST_WRITE:
-            if explained is None and not force:
-                _refuse_illegal(frame.address or 0, frame.data)
-            return Step(explained or f"write {hex_bytes(frame.data)} at {frame.address} of the wrist", data, moves=True)
-        if frame.flag == eb90.WRITE and touches_shared(frame.address or 0, len(frame.data)) and not force:
-            raise UsageError(
-                f"flag 12 at {frame.address} writes current limits or power-on speeds of the hand, not the wrist",
-                hint="use flag 31 for the wrist. Add --force-ambiguous to send it anyway. Nothing was sent.",
-                code="ambiguous",
-            )
-    return Step(
-        explained or "this is not a complete read or write, so its effect on the device is unknown",
-        data,
-        moves=True,
-        strands=True,
-    )
+    piece, *more = InspireExplainer(WRIST).decode(data, HOST)
+    unknown = "this is not a complete read or write, so its effect on the device is unknown"
+    if more or not piece.frame or not data.startswith(eb90.HOST):
+        return Step(explained or unknown, data, moves=True, strands=True)
+    frame, said = eb90.Frame(data[:2], data[2], data[4], data[5:-1]), explained or piece.meaning
+    flag, address, values = frame.flag, frame.address, frame.data
+    if flag in (eb90.WRIST_READ, eb90.READ) and len(frame.payload) == 3:
+        return Step(said, data)
+    if flag == eb90.WRIST_WRITE and len(frame.payload) == 10 and not force:
+        hint = "write 2, 4 or 6 bytes to a wrist."
+        raise refused("8 bytes with flag 31 are a force command of an exoskeleton hand", hint)
+    if flag == eb90.WRIST_WRITE:
+        if address is not None and explained is None and not force:
+            _refuse_illegal(address, values)
+        return Step(said, data, moves=True, strands=address is None)
+    if flag == eb90.WRITE and touches_shared(address or 0, len(values)) and not force:
+        text = f"flag 12 at {address} writes current limits or power-on speeds of the hand, not the wrist"
+        raise refused(text, "use flag 31 for the wrist.")
+    return Step(said if flag == eb90.WRITE else explained or unknown, data, moves=True, strands=True)
 
 
 def parse_can(text: str) -> CanFrame:
@@ -199,98 +140,177 @@ def plan_can(frame: CanFrame, force: bool, *, only_explain: bool = False) -> Ste
     if explained is not None and only_explain:
         return Step(explained, frame.data, moves=True, can_id=frame.can_id)
     if access.writes and access.hand_id == canreg.ANY_ID and not force:
-        raise UsageError(
-            "id 16383 may mean every hand on the bus",
-            hint="write to one hand. Add --force-ambiguous to send it anyway. Nothing was sent.",
-        )
+        raise refused("id 16383 may mean every hand on the bus", "write to one hand.", UsageError.default_code)
     if access.flag == canreg.WRITE_WRIST and not force:
         _refuse_illegal(access.address, frame.data)
     if access.flag == canreg.WRITE_HAND and touches_shared(access.address, len(frame.data)) and not force:
-        raise UsageError(
-            f"this writes address {access.address} of the hand: current limits or power-on speeds, not the wrist",
-            hint="use flag 5 for the wrist. Add --force-ambiguous to send it anyway. Nothing was sent.",
-            code="ambiguous",
-        )
-    reads = access.flag in (canreg.READ_HAND, canreg.READ_WRIST) and len(frame.data) == 1
-    return Step(
-        explained or describe_frame(frame), frame.data, moves=not reads, strands=not reads and access.flag != canreg.WRITE_WRIST,
-        can_id=frame.can_id,
-    )  # fmt: skip
+        text = f"this writes address {access.address} of the hand: current limits or power-on speeds, not the wrist"
+        raise refused(text, "use flag 5 for the wrist.")
+    reads = canreg.only_reads(frame.can_id, frame.data)
+    (piece,) = InspireExplainer(WRIST).sent(frame.data, frame.can_id)
+    strands = not reads and access.flag != canreg.WRITE_WRIST
+    return Step(explained or piece.meaning, frame.data, moves=not reads, strands=strands, can_id=frame.can_id)
 
 
 def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
     """Send one frame, listen for `wait` seconds, show what came: the same identifier is the answer, the rest is traffic."""
-    bus = wrist.bus
+    bus, explainer = wrist.bus, InspireExplainer(WRIST)
     assert isinstance(bus, CanBus)
     bus.pass_gate(frame)
     bus.check_bound(str(frame))
     bus.drain()
     errors, since, deadline = bus.link.error_frames, bus.link.now(), bus.deadline(wait)
     bus.send(frame, deadline)
-    rows: list[Row] = []
-    while len(rows) < 1000:
-        came = bus.receive(deadline)
-        if came is None:
-            break
-        answer = came.can_id == frame.can_id and came != frame
-        bus.journal.counters.received += answer
-        access = canreg.parse_identifier(came.can_id)
-        rows.append(
-            {
-                "direction": "device" if answer else ("own" if came == frame else "other"),
-                "id": access.hand_id,
-                "address": access.address,
-                "data": hex_bytes(came.data),
-                "meaning": describe_frame(came) + (_values(access, came.data) if answer else ""),
-                "raw": str(came),
-            }
-        )
-    if not any(
-        row["direction"] != "other" or row["address"] == canreg.parse_identifier(frame.can_id).address for row in rows
-    ):
+    explainer.sent(frame.data, frame.can_id)
+    came: list[CanFrame] = []
+    while len(came) < 1000 and (one := bus.receive(deadline)) is not None:
+        came.append(one)
+    odd = [one for one in came if related(one, frame)]
+    mine = [one for one in odd if one.can_id == frame.can_id and one != frame]
+    bus.journal.counters.received += len(mine)
+    if not odd:
         raise bus.silence(frame, errors, wait, since, "listen longer with --wait S")
-    columns = (
-        Column("direction", "From"),
-        Column("id", "Id", right=True),
-        Column("address", "Address", right=True),
-        Column("data", "Data"),
-        Column("meaning", "Meaning"),
+    rows: list[Row] = []
+    for one in came:
+        access, (piece,) = canreg.parse_identifier(one.can_id), explainer.feed(DEVICE, one.data, one.can_id)
+        row = {
+            "direction": "device" if one in mine else "own" if one == frame else "other",
+            "id": access.hand_id,
+            "address": access.address,
+            "data": hex_bytes(one.data),
+            "meaning": piece.meaning,
+            "raw": str(one),
+        }
+        rows.append(row)
+    table = Table(rows=rows, columns=CAN_COLUMNS)
+    asked = canreg.parse_identifier(frame.can_id)
+    if not mine or not (asked.writes or [len(mine[0].data)] == list(frame.data)):
+        table.failure = bus.mishap(frame, odd)
+    elif asked.writes and len(mine[0].data) == 1:
+        table.failure = bus.refusal(asked.address, frame.data, mine[0].data)
+    return table
+
+
+# -- the hand that carries it -----------------------------------------------------------------------------------------
+
+
+def hand_bus(wrist: Wrist) -> Bus | CanBus:
+    """A bus to the hand's own registers, through flags 11/12 or CAN flags 0/1."""
+    bus = wrist.bus.at("hand")
+    assert isinstance(bus, Bus | CanBus)
+    return bus
+
+
+def hand_read(wrist: Wrist, address: int, count: int) -> Table:
+    """Bytes of the hand's own space, raw: its manual is another one."""
+    return _hand_row(wrist, address, hand_bus(wrist).read(address, count), "hand space")
+
+
+def _hand_row(wrist: Wrist, address: int, data: bytes, label: str) -> Table:
+    row: Row = {"name": None, "finger": None, "address": address, "value": None, "unit": None, "raw": hex_bytes(data)}
+    return Table(rows=[{**row, "label": label}], columns=wrist.columns, plain=("raw",))
+
+
+def plan_hand_write(wrist: Wrist, address: int, data: bytes, force: bool) -> Step:
+    """A write into the hand's space; refused where the wrist's own registers would lie. Raises UsageError."""
+    if touches_shared(address, len(data)) and not force:
+        raise UsageError(
+            f"address {address} of the hand holds current limits and power-on speeds, not the wrist",
+            hint="use `handctl wrist set` or `write` for the wrist. --force-ambiguous writes to the hand anyway. "
+            "Nothing was sent.",
+            code="ambiguous",
+        )
+    if EXO["id"].address in range(address, address + len(data)):
+        eb90.check_id(data[EXO["id"].address - address])
+    step = hand_bus(wrist).write_step(
+        address, data, f"write {hex_bytes(data)} at {address} of the hand, undocumented here"
     )
-    return Table(rows=rows, columns=columns, failure=_judge(bus, frame, rows))
+    return step._replace(moves=True, strands=True)
 
 
-def _values(access: canreg.Access, data: bytes) -> str:
-    """The documented values in the answer to a read of the wrist."""
-    return f": {describe(WRIST, access.address, data)}" if access.flag == canreg.READ_WRIST and data else ""
+def plan_hand_writes(wrist: Wrist, address: int, data: bytes, force: bool) -> list[Step]:
+    """The same in as many frames as the wire needs: 8 bytes each on CAN (wrist §2.3.2). Raises UsageError.
 
-
-def _judge(bus: CanBus, sent: CanFrame, rows: list[Row]) -> HandctlError | None:
-    """Whether the answer is one: as the bus judges it for the named commands."""
-    asked = canreg.parse_identifier(sent.can_id)
-    answers = [row for row in rows if row["direction"] == "device"]
-    if not answers:
-        others = [row for row in rows if row["direction"] == "other" and row["address"] == asked.address]
-        if others:
-            return ProtocolError(
-                f"{bus.where}: id {others[0]['id']} answered instead: {others[0]['raw']}",
-                hint="use the --id it shows, or find the wrist with `handctl wrist scan`",
-                code="wrong-id",
-            )
-        return ProtocolError(
-            f"{bus.where}: only our own frame came back: {sent}",
-            hint="check the adapter and the wire: no device answers",
-            code="echo",
+    What spans frames must not change the id, nor start anything: the frames behind it would meet another state.
+    """
+    pieces = _in_frames(hand_bus(wrist), address, data)
+    alone = {register.address for register in EXO if register.trigger} | {EXO["id"].address}
+    if len(pieces) > 1 and (found := sorted(alone & set(range(address, address + len(data))))):
+        raise UsageError(
+            f"{found[0]} of the hand is its id or starts something. On CAN it is not written within {plural(len(data), 'byte')}",
+            hint="write it with a command of its own. Nothing was sent.",
         )
-    size = len(answers[0]["data"].split())
-    if not asked.writes and len(sent.data) == 1 and size != sent.data[0]:
-        return ProtocolError(
-            f"{bus.where}: {sent.data[0]} bytes asked, {size} came: {answers[0]['raw']}",
-            hint="check the bus: this may be another kind of device, or a second master is polling it",
-            code="cut-short",
+    return [plan_hand_write(wrist, place, part, force) for place, part in pieces]
+
+
+def _in_frames(bus: Bus | CanBus, address: int, data: bytes) -> list[tuple[int, bytes]]:
+    """The pieces of a write, each one frame; they meet at even addresses, so that no register of 2 bytes is cut."""
+    if not isinstance(bus, CanBus) or len(data) <= canreg.MAX_COUNT:
+        return [(address, data)]
+    canreg.check_span(bus.id, address, len(data))
+    first = canreg.MAX_COUNT - address % 2
+    starts = [0, *range(first, len(data), canreg.MAX_COUNT), len(data)]
+    return [(address + start, data[start:end]) for start, end in pairwise(starts)]
+
+
+def hand_write(wrist: Wrist, address: int, data: bytes) -> Table:
+    """Write into the hand's space once, and read back; what starts something there is not read back (RH56 §2.4).
+
+    Each frame is acknowledged and read back before the next is sent. A new id is looked for under that id.
+    Raises Interrupted on Ctrl-C, which takes nothing back.
+    """
+    bus = hand_bus(wrist)
+    with wrist.bus.leaving(
+        f"{hex_bytes(data)} may be written at {address} of the hand", "`handctl wrist hand-read` shows it"
+    ):
+        now: list[str] = []
+        for place, part in _in_frames(bus, address, data):
+            table = _hand_write(wrist, bus, place, part)
+            now.append(table.rows[0]["raw"])
+            if table.failure is not None:
+                if rest := address + len(data) - place - len(part):
+                    table.failure.text += f". The {rest} bytes behind it were not sent"
+                break
+        table.rows[0] |= {"address": address, "raw": " ".join(now)}
+        return table
+
+
+def _hand_write(wrist: Wrist, bus: Bus | CanBus, address: int, data: bytes) -> Table:
+    bytes_at = dict(enumerate(data, address))
+    starts = [register.name for register in EXO if register.trigger and bytes_at.get(register.address) == 1]
+    new = bytes_at.get(EXO["id"].address, bus.id)
+    if starts or new != bus.id:
+        identify_alone(wrist)
+    then = "handctl does not read it back, because it starts an action" if starts else "handctl reads it back"
+    lost = bus.try_write(address, data, "the write", then, acknowledged_by=(new,))
+    if lost is not None and starts:
+        lost.leaves(Left(hint=f"it may still have started {', '.join(starts)}", joint=". "))
+        raise lost
+    if starts:
+        bus.journal.info(
+            "not-read-back", f"accepted, but not read back: it starts {', '.join(starts)} on the RH56 hand"
         )
-    if asked.writes and size == 1 and int(answers[0]["data"], 16) != len(sent.data):
-        return DeviceRefused(
-            f"{bus.where}: {int(answers[0]['data'], 16)} of {len(sent.data)} bytes acknowledged",
-            hint="read the value before you write again",
+        return _hand_row(wrist, address, data, "written")
+    now = _read_back(bus, address, len(data), new)
+    table = _hand_row(wrist, address, now, "hand space")
+    again = f"wrist hand-read {address} {len(data)}"
+    judge_read_back(bus, table, bus.write_step(address, data, ""), f"{address} of the hand", data, now, again)
+    if now == data and bus.id != wrist.bus.id:
+        bus.journal.warn(
+            "new-id",
+            f"the hand and its wrist now answer to id {bus.id} until power-off",
+            hint=f"use --id {bus.id}",
         )
-    return None
+    return table
+
+
+def _read_back(bus: Bus | CanBus, address: int, count: int, new: int) -> bytes:
+    """What stands there now, read through the id `new`, or through the old one when nobody has that."""
+    old, bus.id = bus.id, new
+    try:
+        return bus.read(address, count)
+    except (NoAnswer, ProtocolError):
+        if new == old:
+            raise
+        bus.id = old
+        return bus.read(address, count)

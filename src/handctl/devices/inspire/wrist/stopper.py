@@ -6,18 +6,14 @@ goes before that no other device acts upon. Whatever else may answer, only a wri
 
 from __future__ import annotations
 
-from collections.abc import Generator
-
-from handctl.devices.inspire import canreg, eb90
-from handctl.devices.inspire.stopping import READS, Read, answer, asks, instead, lead, seen_since
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.map import WRIST
+from handctl.devices.inspire.stopping import CAN, EB90, REFUSED, TAKEN, Wire, answer, asks, instead, lead, seen_since
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
-from handctl.model.param import Step
-from handctl.model.stopping import Aim, Heard, Pieces, Say, Stopped, Talk, insist, settled, silence, taken_over
+from handctl.model.stopping import Aim, Pieces, Say, Stopped, Talk, insist, silence, taken_over
 
-ANGLES, ANGLES_SET = 1020, 1038
-"""pitch_actual with yaw_actual behind it; yaw_set with pitch_set behind it (wrist §2.1)."""
-PITCH, YAW = (-2266, 2212), (-2550, 2550)
-"""0.01 degrees (wrist §1)."""
+ANGLES, ANGLES_SET = WRIST["pitch_actual"].address, WRIST["yaw_set"].address
+"""With yaw_actual behind it; with pitch_set behind it (wrist §2.1)."""
 STILL = 20
 """0.01 degrees: what stands is read alike within so many."""
 POWER = "switch the power off if it still moves"
@@ -30,24 +26,27 @@ def stop_talk(aim: Aim) -> Talk:
         heard = yield from insist(aim, step, lambda pieces: answer(pieces, prefix), reads=True, ahead=lead(aim))
         if heard.found is None:
             return _unanswered(heard.came)
-    meaning = ""
+    meaning, wire = "", Wire(aim, CAN if aim.can else EB90, wrist=True)
+    asked, found = wire.asking(ANGLES, 4)
     for _ in range(aim.tries):
-        told = yield from _asked(aim, ANGLES)
+        told = yield from insist(aim, asked, found, reads=True)
         if told.found is None:
             return _unanswered(told.came)
-        pitch, yaw = told.found
+        here = pitch, yaw = eb90.unpack_s16(told.found)
         at = f"pitch {pitch / 100:.2f}°, yaw {yaw / 100:.2f}°"
-        if not (PITCH[0] <= pitch <= PITCH[1] and YAW[0] <= yaw <= YAW[1]):
+        if not (WRIST["pitch_set"].allowed(pitch / 100) and WRIST["yaw_set"].allowed(yaw / 100)):
             text = f"the angles ({at}) are outside the documented range, so nothing was commanded"
             return Stopped(text, POWER, CheckFailed)
         meaning = f"stay at {at}"
-        taken = yield from _hold(aim, meaning, [yaw, pitch], max(aim.each, told.seconds))
-        if taken is False:
+        step, verdict = wire.writing(ANGLES_SET, eb90.pack_s16([yaw, pitch]), meaning)
+        pieces = yield Say(step, max(aim.each, told.seconds), lambda came, verdict=verdict: verdict(came) is not None)  # type: ignore[misc]
+        taken = verdict(pieces)
+        if taken == REFUSED:
             return Stopped(f"the wrist rejected the command to {meaning}", POWER, DeviceRefused)
-        if taken:
+        if taken == TAKEN:
             done = f"the wrist was commanded to {meaning} and acknowledged it. The manual has no stop command"
             against = yield from seen_since(
-                lambda: _read(aim, ANGLES), lambda: _read(aim, ANGLES_SET), [yaw, pitch], STILL, told.found
+                lambda: wire.values(ANGLES, 2), lambda: wire.values(ANGLES_SET, 2), [yaw, pitch], STILL, here
             )
             return taken_over(Stopped(done), against) if against else Stopped(done)
         if told.seconds > aim.each:
@@ -63,45 +62,3 @@ def _unanswered(heard: Pieces) -> Stopped:
         f"{POWER}. Check the id, the wiring and the power with `handctl wrist scan`",
         ProtocolError if came else NoAnswer,
     )
-
-
-def _read(aim: Aim, address: int) -> Read:
-    return (yield from settled(aim, (yield from _asked(aim, address))))
-
-
-def _asked(aim: Aim, address: int) -> Generator[Say, Pieces, Heard[list[int]]]:
-    """Two angles in 0.01 degrees."""
-    if aim.can:
-        identifier, data = canreg.read_request(aim.number, address, 4)
-        step = Step(READS, data, can_id=identifier)
-    else:
-        step = Step(READS, eb90.read_request(aim.number, address, 4, eb90.WRIST_READ))
-
-    def found(pieces: Pieces) -> list[int] | None:
-        if aim.can:
-            data = next((one for one in reversed(pieces) if len(one) == 4), None)
-        else:
-            frame = answer(pieces, eb90.read_reply_prefix(aim.number, address, 4, eb90.WRIST_READ))
-            data = frame.data if frame is not None else None
-        return eb90.unpack_s16(data) if data is not None else None
-
-    return (yield from insist(aim, step, found, reads=True))
-
-
-def _hold(aim: Aim, meaning: str, angles: list[int], seconds: float) -> Generator[Say, Pieces, bool | None]:
-    """Command both axes to where they are; whether the wrist took it, None without an answer."""
-    data = eb90.pack_s16(angles)
-    if aim.can:
-        identifier, payload = canreg.write_request(aim.number, ANGLES_SET, data)
-        pieces = yield Say(Step(meaning, payload, moves=True, can_id=identifier), seconds, _short)
-        return None if not (short := _short(pieces)) else short[0] in (b"", bytes([len(data)]))
-    prefix = eb90.write_ack_prefix(aim.number, ANGLES_SET, eb90.WRIST_WRITE)
-    step = Step(meaning, eb90.write_request(aim.number, ANGLES_SET, data, eb90.WRIST_WRITE), moves=True)
-    pieces = yield Say(step, seconds, lambda came: answer(came, prefix))
-    frame = answer(pieces, prefix)
-    return None if frame is None else frame.data == bytes([eb90.ACCEPTED])
-
-
-def _short(pieces: Pieces) -> list[bytes]:
-    """What can be an acknowledgement: empty, or a number; longer is a late answer to a read."""
-    return [piece for piece in pieces if len(piece) < 2]

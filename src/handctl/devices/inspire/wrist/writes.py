@@ -1,9 +1,9 @@
 """Which bytes for the wrist module and the hand behind it, on both wires write."""
 
-from handctl.devices.inspire.map import WRIST
-from handctl.devices.inspire.writes import InspireWrites
+from handctl.devices.inspire.explain import InspireWrites
+from handctl.devices.inspire.wrist.explain import explainer
 
 
 def words() -> InspireWrites:
     """For the wrist module and the hand behind it, on both wires."""
-    return InspireWrites(WRIST)
+    return InspireWrites(explainer())

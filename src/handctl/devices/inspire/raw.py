@@ -1,0 +1,313 @@
+"""Registers and frames by number: read, write, raw. What the manual says about an address is still checked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import partial
+from itertools import groupby
+
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.base import RegisterDevice
+from handctl.devices.inspire.bus import PATIENCE, Bus, hint_for, mishap, others_speak, shorten
+from handctl.devices.inspire.explain import InspireExplainer
+from handctl.devices.inspire.map import ALONE, EXO, Register
+from handctl.devices.inspire.registers import RegisterBus
+from handctl.devices.inspire.spans import stretches
+from handctl.errors import CheckFailed, DeviceRefused, ProtocolError, UsageError
+from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
+from handctl.model.piece import DEVICE, HOST, Piece
+from handctl.model.result import Column, Row, Table, hex_bytes
+
+COMMANDS = {eb90.FORCE_COMMAND: "force", eb90.POSITION_COMMAND: "position"}
+FORCED = "Add --force-ambiguous to send it anyway."
+
+
+def parse_hex(text: str) -> bytes:
+    """``"EB 90 01"``, ``"eb9001"``, ``"EB:90:01"`` -> bytes. Raises UsageError."""
+    try:
+        data = bytes.fromhex(text.replace(":", " ").replace(",", " ").replace("0x", " "))
+    except ValueError as exc:
+        raise UsageError(
+            f"{text!r}: these are not hexadecimal bytes", hint="give two digits for each byte, such as 2C 01"
+        ) from exc
+    if not data:
+        raise UsageError("no bytes given", hint="give two hexadecimal digits for each byte, such as 2C 01")
+    return data
+
+
+def read(hand: RegisterDevice, address: int, count: int) -> Table:
+    """Bytes from any address; whole documented elements are decoded, the rest stays raw."""
+    data = hand.bus.read(address, count)
+    return Table(rows=_rows(hand, address, data), columns=hand.columns)
+
+
+def _rows(hand: RegisterDevice, address: int, data: bytes) -> list[Row]:
+    """A row for each whole element, and for what stands together of none."""
+    rows: list[Row] = []
+    for register, at, raw in stretches(hand.map, address, data):
+        if register is not None and register.readable:
+            rows.append(hand.row(Reading(Element(register, at), register.decode(raw), raw)))
+            continue
+        start = at if register is None else register.address_of(at)
+        for label, group in groupby(range(start, start + len(raw)), partial(_part_of, hand.map)):
+            places = list(group)
+            rows.append(
+                {
+                    "name": None,
+                    "finger": None,
+                    "address": places[0] // hand.bus.per,
+                    "value": None,
+                    "unit": None,
+                    "raw": hex_bytes(raw[places[0] - start : places[-1] + 1 - start]),
+                    "label": label,
+                }
+            )
+    return rows
+
+
+def _part_of(params: ParamMap[Register], address: int) -> str:
+    """What a byte is that begins no whole element in the span that was read."""
+    for register in params:
+        if register.readable and address in register.span:
+            return f"part of {Element(register, (address - register.address) // register.size).full_name}"
+    return "undocumented"
+
+
+def plan_write(hand: RegisterDevice, address: int, data: bytes, undocumented: bool) -> Step:
+    """Check a write against the map: within one documented group, whole elements, legal values. Raises UsageError."""
+    eb90.check_span(address, len(data))
+    touched = [register for register in hand.map if _overlap(register, address, len(data))]
+    step = hand.bus.write_step(address, data, f"write {hex_bytes(data)} at {address // hand.bus.per}")
+    if len(touched) == 1 and address in touched[0].span and address + len(data) <= touched[0].span.stop:
+        said = f"{step.meaning}: {_checked(hand, touched[0], address, data)}"
+        return step._replace(meaning=said, moves=touched[0].moves, strands=touched[0].strands)
+    if touched:
+        names = ", ".join(register.name for register in touched)
+        raise UsageError(
+            f"this write goes beyond one documented group: {names}",
+            hint="split it: a write has to stay within one documented group (exo §2.3). Nothing was sent.",
+        )
+    if not undocumented:
+        raise UsageError(
+            f"{address} is not a documented register of this hand",
+            hint="add --undocumented if you know what it does there. Nothing was sent.",
+            code="undocumented",
+        )
+    return step._replace(meaning=f"{step.meaning}: UNDOCUMENTED", moves=True, strands=True)
+
+
+def _overlap(register: Register, address: int, count: int) -> bool:
+    return address < register.span.stop and register.address < address + count
+
+
+def _checked(hand: RegisterDevice, register: Register, address: int, data: bytes) -> str:
+    """What a write within one group sets, in words. Raises UsageError for what it must not."""
+    name, kind, size = register.name, hand.kind, register.size
+    if register.trigger:
+        text, hint = f"{address} is {name}: a write to it starts an action", f"use `handctl {kind} {register.verb}`."
+    elif "w" not in register.access:
+        text = f"{address} is {name}, which is read-only ({register.source})"
+        hint = f"read it with `handctl {kind} get {name}`."
+    elif name == "id":
+        text, hint = f"{address} is the id", f"use `handctl {kind} id NEW`, which finds the hand again."
+    elif (address - register.address) % size or len(data) % size:
+        text, hint = f"each element of {name} has {size} bytes: this write would cut one", "write whole elements."
+    else:
+        changes = changes_of(hand.map, address, data)
+        for element, value in changes:
+            register.check(value, element.full_name)
+        return ", ".join(f"{element.full_name} = {value}" for element, value in changes)
+    raise UsageError(text, hint=f"{hint} Nothing was sent.")
+
+
+def write(hand: RegisterDevice, address: int, data: bytes) -> Table:
+    """Write once, read back; a read-back that differs is the table's failure. Raises Interrupted, after a stop."""
+    moving = any(register.moves and _overlap(register, address, len(data)) for register in hand.map)
+    with hand.stopped_by_ctrl_c(f"{hex_bytes(data)} at {address}", moving):
+        return _write(hand, address, data)
+
+
+def _write(hand: RegisterDevice, address: int, data: bytes) -> Table:
+    step = hand.bus.write_step(address, data, "")
+    hand.bus.try_write(address, data, "the write", "handctl reads it back")
+    now = hand.bus.read(address, len(data))
+    table = Table(rows=_rows(hand, address, now), columns=hand.columns)
+    judge_read_back(hand.bus, table, step, str(address), data, now, f"{hand.kind} read {address} {len(data)}")
+    return table
+
+
+def judge_read_back(
+    bus: RegisterBus, table: Table, step: Step, where: str, data: bytes, now: bytes, again: str
+) -> None:
+    """Enter what a write reads as `now`; where that differs it is the table's failure."""
+    if now == data:
+        bus.journal.ledger.confirm("read back", step)
+        return
+    bus.journal.ledger.doubt(f"reads {hex_bytes(now)}", step)
+    table.failure = CheckFailed(
+        f"{bus.where}: {where} reads {hex_bytes(now)} after {hex_bytes(data)} was written",
+        hint=f"read it again before you write: `handctl {again}`",
+        code="read-back",
+    )
+
+
+def changes_of(params: ParamMap[Register], address: int, data: bytes) -> list[tuple[Element, Number]]:
+    """What a checked write at a byte address changes."""
+    return [
+        (Element(register, index), register.decode(raw))
+        for register, index, raw in stretches(params, address, data)
+        if register is not None
+    ]
+
+
+def plan_raw(data: bytes, force_ambiguous: bool) -> Step:
+    """What these bytes would do to an exoskeleton hand. Reads are harmless; anything else is not.
+
+    What only lacks the right checksum is planned, refused and asked as the frame it almost is: an error of the line may put
+    it right, and a device may be lenient.
+    """
+    pieces = InspireExplainer(EXO).decode(data, HOST)
+    hosts = [piece for piece in pieces if piece.raw.startswith(eb90.HOST)]
+    goes_on = data.endswith(eb90.HOST[:1])  # bytes sent later would complete a frame
+    if not hosts and not goes_on:
+        return Step("no valid frame in it, so the hand should not reply", data)
+    piece, *more = pieces
+    if more or not (piece.frame or (piece.problem == "bad-checksum" and not goes_on)):
+        return Step(
+            "this is not a complete frame, so its effect on the hand is unknown", data, moves=True, strands=True
+        )
+    frame = eb90.Frame(data[:2], data[2], data[4], data[5:-1])
+    if frame.flag == eb90.READ and len(frame.payload) == 3:
+        return Step(piece.meaning, data)
+    if not force_ambiguous:
+        _check_frame(frame)
+    return Step(piece.meaning, data, moves=True, strands=frame.flag == eb90.WRITE)
+
+
+def _check_frame(frame: eb90.Frame) -> None:
+    """Refuse a write or a command that no such hand, or another device, is meant to get. Raises UsageError."""
+    if frame.flag not in (eb90.WRITE, *COMMANDS):
+        return
+    with forceable(code="out-of-range"):
+        eb90.check_id(frame.id)  # what the hands on the line make of another one is unknown
+    if frame.flag == eb90.WRITE and frame.address is not None:
+        check_values(EXO, frame.address, frame.data)
+    elif frame.flag != eb90.WRITE and len(frame.payload) == 10:
+        values = eb90.unpack_s16(frame.payload)
+        if frame.flag == eb90.FORCE_COMMAND and 1020 <= values[0] <= 1043:
+            what = f"a write of 8 bytes at {values[0]}"
+            raise refused(f"a wrist module takes this frame for {what}, this hand for a force command")
+        with forceable():
+            check_command(COMMANDS[frame.flag], values)
+
+
+def refused(text: str, hint: str = "", code: str = "ambiguous") -> UsageError:
+    """The error of bytes that are not sent unless --force-ambiguous is given."""
+    return UsageError(text, hint=f"{hint} {FORCED} Nothing was sent.".lstrip(), code=code)
+
+
+@contextmanager
+def forceable(more: str = "", code: str = "") -> Iterator[None]:
+    """Around checks of bytes that are sent as they are typed: the hint names the option that skips them."""
+    try:
+        yield
+    except UsageError as exc:
+        exc.text += more
+        exc.hint, exc.code = f"{exc.hint} {FORCED}", code or exc.code
+        raise
+
+
+def check_values(params: ParamMap[Register], address: int, data: bytes, more: str = "") -> None:
+    """Refuse a raw write of values that the manual does not allow, in words with `more` behind. Raises UsageError."""
+    for register, index, raw in stretches(params, address, data):
+        if register is not None and "w" in register.access:
+            with forceable(more):
+                register.check(register.decode(raw), Element(register, index).full_name)
+
+
+def check_command(which: str, values: Sequence[int]) -> None:
+    """Refuse values that the command for five fingers does not have: -1 is one of the position registers only. Raises UsageError."""
+    for element, value in zip(elements_of(EXO[f"{which}_set"]), values, strict=True):
+        element.param.check(value, f"{which} {element.part}")
+        if which == "position" and value == ALONE:
+            raise UsageError(
+                f"position {element.part} = -1 is out of range",
+                hint="use 0 to 1000 (exo §2.2.2). Only the registers have -1. Nothing was sent.",
+                code="out-of-range",
+            )
+
+
+def goes_on(hand: RegisterDevice, step: Step) -> AbstractContextManager[None]:
+    """Ctrl-C while the answer to raw bytes is awaited: they are not taken back, which is told."""
+    if not (step.moves or step.strands):
+        return nullcontext()
+    return hand.bus.leaving(
+        f"the bytes were sent and cannot be taken back: {step.meaning}", f"check with `handctl {hand.kind} status`"
+    )
+
+
+def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
+    """Send bytes once, listen for `wait` seconds after the last byte came, show every frame in the answer.
+
+    Where others go on speaking there is no last byte: then for a few times as long.
+    """
+    bus = hand.bus
+    assert isinstance(bus, Bus)
+    bus.pass_gate(data)
+    bus.check_bound(hex_bytes(data))
+    bus.drain()
+    since = bus.link.now()
+    bus.send(data)
+    received, last = b"", bus.deadline(PATIENCE * wait + bus.wire_seconds(len(data) + eb90.MAX_COUNT))
+    while chunk := bus.link.read(bus.deadline(wait + bus.wire_seconds(len(data))).earlier(last)):
+        received += chunk
+        if len(received) > 65536 or last.expired or bus.over:
+            break
+    if last.expired and others_speak(data, received):
+        bus.journal.line.others = True
+    if not received:
+        raise bus.unanswered(hex_bytes(data), wait, since, "listen longer with --wait S")
+    explainer = InspireExplainer(hand.map)
+    asks = {piece.asks for piece in explainer.sent(data)} - {""}
+    pieces = [piece for piece in (*explainer.feed(DEVICE, received), *explainer.flush()) if piece.frame]
+    bus.journal.counters.received += len(pieces)
+    bus.journal.counters.stray_bytes += len(received) - sum(len(piece.raw) for piece in pieces)
+    extra = {"received": hex_bytes(received)}
+    table = Table(rows=[_frame_row(piece) for piece in pieces], columns=RAW_COLUMNS, extra=extra)
+    replies = [piece for piece in pieces if piece.raw.startswith(eb90.DEVICE)]
+    if not any(piece.answers in asks or piece.raw[2:3] == data[2:3] for piece in replies):
+        code, text = mishap(data, received)
+        text = f"{bus.where}: {text}: {shorten(received)}"
+        table.failure = ProtocolError(text, hint=hint_for(code, bus.family), code=code)
+    elif refused := [p for p in replies if p.problem == "refused" and (p.answers in asks or not p.answers)]:
+        text = "the save failed: result FF (00 = saved, FF = failed)"
+        if refused[0].answers:
+            text = f"the device answered {hex_bytes(refused[0].raw[7:-1])} instead of 01"
+        hint = f"check with `handctl {hand.kind} status` before you send it again"
+        table.failure = DeviceRefused(f"{bus.where}: {text}", hint=hint)
+    return table
+
+
+RAW_COLUMNS = (
+    Column("direction", "From"),
+    Column("id", "Id", right=True),
+    Column("flag", "Flag"),
+    Column("address", "Address", right=True),
+    Column("data", "Data"),
+    Column("meaning", "Meaning"),
+    Column("raw", "Frame"),
+)
+
+
+def _frame_row(piece: Piece) -> Row:
+    frame = eb90.Frame(piece.raw[:2], piece.raw[2], piece.raw[4], piece.raw[5:-1])
+    return {
+        "direction": "device" if frame.from_device else "host",
+        "id": frame.id,
+        "flag": f"{frame.flag:02X}",
+        "address": frame.address,
+        "data": hex_bytes(frame.data if frame.address is not None else frame.payload),
+        "meaning": piece.meaning,
+        "raw": hex_bytes(piece.raw),
+    }
