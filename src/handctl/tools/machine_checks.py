@@ -35,6 +35,10 @@ class Check(NamedTuple):
         return {**row, **dict(self.numbers)}
 
 
+Verdict = tuple[str, str] | tuple[str, str, str] | tuple[str, str, str, tuple[tuple[str, Any], ...]]
+"""What a check found: status, evidence, and where there are such a remedy and numbers."""
+
+
 def machine_checks(machine: Machine) -> list[Check]:
     """All of them, each in a fraction of a second."""
     found = machine.ports()
