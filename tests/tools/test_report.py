@@ -149,7 +149,6 @@ def test_frames_are_explained_behind_the_line_that_completes_them() -> None:
     assert [line for line in told if not line.startswith("#   ")] == lines
     assert told[3].startswith("#   host: read id to baud_code")
     assert told[5].startswith("#   device: id = 1, baud_code = 0")
-    assert list(explained(lines, "nobody", Privacy(OPEN, False))) == lines
 
 
 def test_what_a_device_said_is_not_explained_where_it_is_left_out() -> None:

@@ -90,8 +90,11 @@ def report(
     privacy = Privacy(params, wishes.include_ids)
     visit = _Visit(run)
     run.in_use = True
-    _recorded(run, visit)
-    content = Report(params.kind, run.command, __version__, _now(), simulated=False)
+    assert run.family is not None
+    opening, tap = run.family.open, Tap(visit.record)  # a tap of ours, whether or not --trace has one of its own
+    run.family = run.family._replace(open=lambda link, settings, journal: opening(tap.around(link), settings, journal))
+    now = datetime.now(timezone.utc).isoformat(timespec="seconds")
+    content = Report(params.kind, run.command, __version__, now, simulated=False)
     content.privacy, content.masked = _promise(privacy), privacy.masks
     _ask(run, params, visit, content, privacy, wishes, checks)
     _conclude(run, visit, content, privacy)
@@ -103,10 +106,6 @@ def report(
     return Table(rows=[row], columns=COLUMNS, failure=failure)
 
 
-def _now() -> str:
-    return datetime.now(timezone.utc).isoformat(timespec="seconds")
-
-
 def _promise(privacy: Privacy) -> str:
     """What the page does not hold, in a sentence or two."""
     if privacy.keep_ids:
@@ -115,13 +114,6 @@ def _promise(privacy: Privacy) -> str:
     if privacy.masks:
         text += f". {' and '.join(privacy.holds)} {REDACTED}, and the bytes that the device sent are left out"
     return f"{text}. --include-ids keeps them"
-
-
-def _recorded(run: Run, visit: _Visit) -> None:
-    """Let the device be opened behind a tap of ours, whether or not --trace has one of its own."""
-    assert run.family is not None
-    opening, tap = run.family.open, Tap(visit.record)
-    run.family = run.family._replace(open=lambda link, settings, journal: opening(tap.around(link), settings, journal))
 
 
 # -- asking -------------------------------------------------------------------------------------------------------

@@ -7,8 +7,8 @@ name in `families`, finds the frames.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import accumulate, groupby
 
-from handctl.families import FAMILIES
 from handctl.frame.family import load
 from handctl.link.tap import parse
 from handctl.model.piece import DEVICE, HOST, Explainer, Piece
@@ -22,24 +22,16 @@ MEANING = 240
 
 def explained(lines: Iterable[str], kind: str, privacy: Privacy) -> Iterator[str]:
     """The lines of a tap, private ones blanked, each followed by the frames that are complete with it."""
-    explainer = _explainer(kind)
+    explainer: Explainer = load(kind, "explain").explainer()
     for line in lines:
         yield privacy.transcript(line)
-        if explainer is None:
-            continue
         for entry in parse((line,)):
             if entry.mark == "!":
                 yield from _comments(explainer.flush(), privacy)
             else:
                 side = HOST if entry.mark == ">" else DEVICE
                 yield from _comments(explainer.feed(side, entry.data, entry.can_id), privacy)
-    if explainer is not None:
-        yield from _comments(explainer.flush(), privacy)
-
-
-def _explainer(kind: str) -> Explainer | None:
-    made: Explainer | None = load(kind, "explain").explainer() if kind in FAMILIES else None
-    return made
+    yield from _comments(explainer.flush(), privacy)
 
 
 def _comments(pieces: Iterable[Piece], privacy: Privacy) -> Iterator[str]:
@@ -57,19 +49,8 @@ def _comments(pieces: Iterable[Piece], privacy: Privacy) -> Iterator[str]:
 def shortened(lines: list[str]) -> Iterator[str]:
     """All lines, or the beginning and the end of them with what lies between counted."""
     total = sum(map(len, lines))
-    passed = left_out = 0
-    for line in lines:
-        passed += len(line)
-        if total > LONGEST and LONGEST * 3 // 4 < passed <= total - LONGEST // 4:
-            left_out += 1
-            continue
-        if left_out:
-            yield _gap(left_out)
-            left_out = 0
-        yield line
-    if left_out:
-        yield _gap(left_out)
-
-
-def _gap(count: int) -> str:
-    return f"# {count} lines left out: --trace FILE keeps them all"
+    passed = list(accumulate(map(len, lines)))
+    kept = [total <= LONGEST or not LONGEST * 3 // 4 < place <= total - LONGEST // 4 for place in passed]
+    for keep, group in groupby(zip(kept, lines, strict=True), key=lambda pair: pair[0]):
+        some = [line for _, line in group]
+        yield from some if keep else [f"# {len(some)} lines left out: --trace FILE keeps them all"]
