@@ -57,7 +57,7 @@ class Grid(NamedTuple):
     right: frozenset[int] = frozenset()
     notes: tuple[str, ...] = ()
 
-    def retold(self, say: Callable[[str], str]) -> Grid:
+    def with_texts(self, say: Callable[[str], str]) -> Grid:
         """The same, each of its texts as `say` has it."""
 
         def told(cell: str | Cell) -> str | Cell:

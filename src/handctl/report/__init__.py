@@ -209,7 +209,7 @@ def _conclude(run: Run, visit: _Visit, content: Report, privacy: Privacy) -> Non
         return privacy.text(text) if any(map(str.isalpha, text)) else text
 
     content.status, content.dump, content.checks = (
-        [grid.retold(blanked) for grid in grids] for grids in (content.status, content.dump, content.checks)
+        [grid.with_texts(blanked) for grid in grids] for grids in (content.status, content.dump, content.checks)
     )
     content.counters = [
         (key.replace("_", " "), str(value))

@@ -276,7 +276,7 @@ def _grids(table: Table, sink: Sink, context: Context) -> None:
     if not table.rows:
         return  # a heading over nothing tells less than the message beside it
     grids = table.view(table.rows) if table.view is not None else default_view(table)
-    grids = [grid.retold(shown) for grid in grids]
+    grids = [grid.with_texts(shown) for grid in grids]
     mark = "simulated" if context.simulated else ""
     if sink.terminal or sink.color == "always":
         from handctl.screen.terminal import print_grids

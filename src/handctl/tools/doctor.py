@@ -20,7 +20,7 @@ from handctl.model.result import Cell, Column, Grid, Journal, Row, Table
 from handctl.tools.link_checks import LinkChecks, failed_open, host_in, is_local, same_address, subnet
 from handctl.tools.machine import Machine
 from handctl.tools.machine_checks import Check, machine_checks, port_checks
-from handctl.tools.probes import family_of, has_speed, listened, probe_of, wire_of
+from handctl.tools.probes import family_of, has_speed, listened, probe_of, usual_ports, wire_of
 from handctl.tools.scan_look import Looking
 from handctl.tools.scan_report import Search, report
 
@@ -99,8 +99,9 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
     if kind is not None:
         families = [family_of(kind)]
     else:  # a tcp:// without a port leads to the usual port of each family that has one, the first that opens
-        usual = dict.fromkeys(port for each in FAMILIES if (port := family_of(each).tcp_port) is not None)
-        families = [Family("unknown", _no_device, 115200, wires=WIRES, ids=True, tcp_port=port) for port in usual]
+        families = [
+            Family("unknown", _no_device, 115200, wires=WIRES, ids=True, tcp_port=port) for port in usual_ports()
+        ]
     run.family = families[0]
     if run.family.check is not None:
         run.family.check(run.settings)
