@@ -121,9 +121,7 @@ def _section(page: Page, family: str) -> None:
     for term, text, lines in items:
         page.item(bold(term), marked(text))
         if lines:
-            page.indent()
-            page.literal([escape(line) for line in lines])
-            page.outdent()
+            page.literal([escape(line) for line in lines], inside=True)
 
 
 def _usage(node: Node, skip: int = 0) -> str:
@@ -139,15 +137,9 @@ def _paragraphs(page: Page, text: str, *, inside: bool) -> None:
     for paragraph in filter(None, re.split(r"\n\s*\n", text)):
         if paragraph.startswith("\b"):
             lines = [marked(line) for line in paragraph.lstrip("\b\n").splitlines()]
-            if inside:
-                page.indent()
-            page.literal(lines)
-            if inside:
-                page.outdent()
-        elif inside:
-            page.more(marked(" ".join(paragraph.split())))
+            page.literal(lines, inside=inside)
         else:
-            page.para(marked(" ".join(paragraph.split())))
+            (page.more if inside else page.para)(marked(" ".join(paragraph.split())))
 
 
 def _below(page: Page, leaf: Node, known: Sequence[Option]) -> None:
