@@ -60,7 +60,7 @@ def test_every_word_is_a_row(message: str) -> None:
     count = len(MESSAGES[message])
     words = [0xF000 + 17 * word for word in range(count)]
     unit.on = {SPELLED[message]: lambda msg_id, _: [(0.001, frame(SPELLED[message], msg_id, pack(words)))]}
-    rows = ekso_on(unit).message(message).rows
+    rows = ekso_on(unit).shown(message).rows
     assert len(unit.sent) == 1
     assert [row["word"] for row in rows] == list(range(count))
     for row, param in zip(rows, MESSAGES[message], strict=True):
@@ -74,7 +74,7 @@ def test_every_word_is_a_row(message: str) -> None:
 def test_rows_of_the_vectors() -> None:
     unit = Unit()
     ekso = ekso_on(unit)
-    rows = {row["name"]: row for row in ekso.message("settings").rows}
+    rows = {row["name"]: row for row in ekso.shown("settings").rows}
     assert rows["forward_shift"] == {
         "name": "forward_shift", "word": 8, "id": 208, "value": -0.75, "raw": -75, "unit": None, "label": None,
         "path": "forward_shift",
@@ -82,7 +82,7 @@ def test_rows_of_the_vectors() -> None:
     assert [rows[name]["label"] for name in ("walk_mode", "left_swing_assist", "swing_complete", "lean_allowance")] == [
         "ProStep", "50 %", "0.5", "Off",
     ]  # fmt: skip
-    rows = {row["name"]: row for row in ekso.message("data").rows}
+    rows = {row["name"]: row for row in ekso.shown("data").rows}
     assert [rows[name]["value"] for name in ("right_hip_x", "left_hip_y", "weight_shift", "va_ref_time")] == [
         -4.9,
         36.22,
@@ -144,12 +144,12 @@ def test_time_and_date_with_three_or_four_bytes(pad: bytes) -> None:
         DATE: lambda msg_id, _: [(0.001, frame(DATE, msg_id, bytes([7, 1, 31]) + pad))],
     }
     ekso = ekso_on(unit)
-    (row,) = ekso.clock("time").rows
+    (row,) = ekso.shown("time").rows
     assert row == {
         "name": "time", "word": None, "id": None, "value": "23:59:59", "raw": 0x173B3B, "unit": None, "label": None,
         "hour": 23, "minute": 59, "second": 59, "bytes": 3 + len(pad), "path": "time",
     }  # fmt: skip
-    (row,) = ekso.clock("date").rows
+    (row,) = ekso.shown("date").rows
     assert (row["value"], row["raw"], row["year"], row["month"], row["day"]) == ("2007-01-31", 0x07011F, 7, 1, 31)
     assert codes(ekso.journal) == []
 
@@ -403,11 +403,11 @@ def test_plans() -> None:
 
 def test_lines_for_people() -> None:
     ekso = ekso_on(Unit())
-    (grid,) = words_view(ekso.message("settings").rows)
+    (grid,) = words_view(ekso.shown("settings").rows)
     assert grid.headings == ("Name", "ID", "Value", "Unit", "Meaning")
     assert texts(grid)[2] == ["step_length", "202", "15.50", "in", ""]
     assert texts(grid)[19] == ["pilot_id", "", "7", "", ""]
-    (grid,) = words_view(ekso.message("data").rows)
+    (grid,) = words_view(ekso.shown("data").rows)
     assert texts(grid)[22] == ["weight_shift", "0.125", "", ""]
     assert grid.notes[0].startswith("boot 1 h 23 m 20.")
     elements = select(EKSO, ["step_length"])

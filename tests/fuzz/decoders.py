@@ -124,7 +124,7 @@ class Ekso:
         for _ in range(ROUND):
             if source.random() < 0.2:
                 command = source.choice(list(frames.Command))
-                body = bytes(frames.MESSAGES[command].asks)
+                body = bytes(frames.EXCHANGES[command].asks)
                 self._decoder.expect(frames.encode(command, source.randrange(65536), body))
             self._feed(self._chunks.next(source))
         self._feed(bytes(80))

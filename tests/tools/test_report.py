@@ -13,11 +13,11 @@ from handctl.errors import NoAnswer
 from handctl.families import FAMILIES
 from handctl.model.param import Param, ParamMap
 from handctl.model.result import Cell, Grid, Message, Sample
+from handctl.report import LONGEST, explained, shortened
 from handctl.report import private as report_private
 from handctl.report.facts import environment, port
 from handctl.report.html import Curve, Report, curves, draw, page
 from handctl.report.private import Privacy
-from handctl.report.transcript import LONGEST, explained, shortened
 from handctl.tools import machine
 from handctl.tools.machine import Chip, Machine, Port
 from tests.support.page import Page
@@ -149,7 +149,6 @@ def test_frames_are_explained_behind_the_line_that_completes_them() -> None:
     assert [line for line in told if not line.startswith("#   ")] == lines
     assert told[3].startswith("#   host: read id to baud_code")
     assert told[5].startswith("#   device: id = 1, baud_code = 0")
-    assert list(explained(lines, "nobody", Privacy(OPEN, False))) == lines
 
 
 def test_what_a_device_said_is_not_explained_where_it_is_left_out() -> None:
@@ -342,7 +341,7 @@ def test_a_port_is_told_without_its_serial_number(monkeypatch: pytest.MonkeyPatc
 def test_no_module_of_a_report_names_a_family() -> None:
     root = Path(report_private.__file__).parent
     paths = list(root.glob("*.py"))
-    assert len(paths) >= 5, "all modules of the package"
+    assert len(paths) >= 4, "all modules of the package"
     for path in paths:
         words = set(re.findall(r"\w+", path.read_text(encoding="utf-8")))
         assert not words & {"inspire", "exo", "wrist", "barrett", "ekso", "aidin"}, path.name

@@ -11,12 +11,11 @@ from collections.abc import Iterable, Sequence
 from importlib.util import find_spec
 from typing import Any
 
-from handctl import __version__, guides
+from handctl import __version__, errors, guides
 from handctl.docgen import texts
 from handctl.docgen.completion import mnemonic
 from handctl.docgen.roff import Page, bold, escape, italic, marked
 from handctl.docgen.tree import Node, Option
-from handctl.errors import HandctlError
 from handctl.families import FAMILIES
 from handctl.frame.usage import examples_of
 from handctl.guides import Code, Heading, Item, Para, Table
@@ -98,7 +97,8 @@ def _command(node: Node, tree: Node) -> str:
     if node.params:
         page.section("QUANTITIES")
         for param in node.params:
-            page.item(_quantity(param), _about(param))
+            short = mnemonic(param)
+            page.item(bold(param.name) + (f", {bold(short)}" if short else ""), _about(param))
     _section(page, node.path[0])
     return _closing(page, node, tree)
 
@@ -107,12 +107,6 @@ def _own(family: str, name: str) -> Any:
     """What a family's module `page` says, None without it."""
     where = FAMILIES[family].module("page") if family in FAMILIES else ""
     return getattr(importlib.import_module(where), name, None) if where and find_spec(where) else None
-
-
-def _files(command: str) -> Sequence[tuple[str, str]]:
-    """The rows of FILES of a command's own page."""
-    found: Sequence[tuple[str, str]] = _own(command, "FILES") or texts.FILES.get(command, ())
-    return found
 
 
 def _section(page: Page, family: str) -> None:
@@ -127,9 +121,7 @@ def _section(page: Page, family: str) -> None:
     for term, text, lines in items:
         page.item(bold(term), marked(text))
         if lines:
-            page.indent()
-            page.literal([escape(line) for line in lines])
-            page.outdent()
+            page.literal([escape(line) for line in lines], inside=True)
 
 
 def _usage(node: Node, skip: int = 0) -> str:
@@ -145,15 +137,9 @@ def _paragraphs(page: Page, text: str, *, inside: bool) -> None:
     for paragraph in filter(None, re.split(r"\n\s*\n", text)):
         if paragraph.startswith("\b"):
             lines = [marked(line) for line in paragraph.lstrip("\b\n").splitlines()]
-            if inside:
-                page.indent()
-            page.literal(lines)
-            if inside:
-                page.outdent()
-        elif inside:
-            page.more(marked(" ".join(paragraph.split())))
+            page.literal(lines, inside=inside)
         else:
-            page.para(marked(" ".join(paragraph.split())))
+            (page.more if inside else page.para)(marked(" ".join(paragraph.split())))
 
 
 def _below(page: Page, leaf: Node, known: Sequence[Option]) -> None:
@@ -187,11 +173,6 @@ def _tag(option: Option) -> str:
     return f"{names} {italic(option.metavar)}" if option.metavar else names
 
 
-def _quantity(param: Param) -> str:
-    short = mnemonic(param)
-    return bold(param.name) + (f", {bold(short)}" if short else "")
-
-
 def _about(param: Param) -> str:
     access = {"r": "read only", "rw": "read and write", "w": "write only"}.get(param.access, param.access)
     facts = [access if param.kind == MEASURED else "trigger" if param.trigger else f"{param.kind}, {access}"]
@@ -216,11 +197,13 @@ def _closing(page: Page, node: Node, tree: Node) -> str:
         page.section("ENVIRONMENT")
         for variable, text in _environment(node):
             page.item(bold(variable), text)
-    files = list(_files(name))
+
+    def files_of(command: str) -> Sequence[tuple[str, str]]:
+        return _own(command, "FILES") or texts.FILES.get(command, ())
+
+    files = [*files_of(name), *(texts.FILES["devices"] if name in FAMILIES else ())]
     if not name:
-        files = [entry for child in tree.children for entry in _files(child.path[0]) if "/" in entry[0]]
-    elif name in FAMILIES and any(child.path == ("devices",) for child in tree.children):
-        files += texts.FILES["devices"]
+        files = [entry for child in tree.children for entry in files_of(child.path[0]) if "/" in entry[0]]
     if files:
         page.section("FILES")
         for path, text in files:
@@ -237,15 +220,9 @@ def _closing(page: Page, node: Node, tree: Node) -> str:
 
 def exit_codes() -> list[tuple[int, str]]:
     """Exit code -> meaning, from the error tree."""
-
-    def below(kind: type[HandctlError]) -> Iterable[type[HandctlError]]:
-        for child in kind.__subclasses__():
-            yield child
-            yield from below(child)
-
     found = {0: "Done.", 1: "A bug in handctl, or the output could not be written."}
-    for kind in below(HandctlError):
-        if kind.__module__ == HandctlError.__module__ and kind.exit_code not in found:
+    for kind in vars(errors).values():
+        if isinstance(kind, type) and issubclass(kind, errors.HandctlError) and kind.exit_code not in found:
             text = " ".join((kind.__doc__ or "").split())
             found[kind.exit_code] = re.sub(rf" ?Exit code {kind.exit_code}\b[^.]*\.", "", text)
     return sorted(found.items())
@@ -255,13 +232,10 @@ def _environment(node: Node) -> Iterable[tuple[str, str]]:
     for option in node.options:
         if option.env:
             long = option.names[-1]
-            yield option.env, f"1 is the same as {bold(long)}." if option.value is None else _same(long, option.metavar)
+            same = f"The same as {bold(long)} {italic(option.metavar)}."
+            yield option.env, f"1 is the same as {bold(long)}." if option.value is None else same
     yield "HANDCTL_CONFIG", f"Another configuration file than the one that {bold('handctl devices')} keeps."
     yield "NO_COLOR", f"Anything but an empty value: no colour, unless {bold('--color always')} is given."
-
-
-def _same(name: str, metavar: str) -> str:
-    return f"The same as {bold(name)} {italic(metavar)}."
 
 
 def examples(node: Node) -> list[tuple[str, str]]:

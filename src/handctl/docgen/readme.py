@@ -26,11 +26,6 @@ def filled(text: str, tree: Node) -> str:
     return SECTION.sub(lambda found: found[1] + "\n".join(MAKERS[found["name"]](tree)) + "\n" + found[3], text)
 
 
-def _devices(_tree: Node) -> Iterable[str]:
-    rows = ((f"`handctl {name}`", COMMANDS[name][1], *_known(name)) for name in FAMILIES)
-    return _table(("command", "device", "run on hardware", "sources", "guide"), rows)
-
-
 def _known(family: str) -> tuple[str, str, str]:
     """The first two paragraphs of a guide's section KNOWN: run on hardware, and what the family's bytes rest on."""
     if family not in guides.names():
@@ -57,36 +52,23 @@ def _verbs(tree: Node) -> Iterable[str]:
     return _table(("device", "verbs"), ((device, ", ".join(f"`{verb}`" for verb in verbs)) for device, verbs in rows))
 
 
-def _links(_tree: Node) -> Iterable[str]:
-    return _table(("LINK (`-p`)", "meaning"), ((f"`{name}`", text) for name, text in LINKS))
-
-
-def _exit_codes(_tree: Node) -> Iterable[str]:
-    return _table(("exit code", "meaning"), ((str(code), text) for code, text in exit_codes()))
-
-
-def _symptoms(_tree: Node) -> Iterable[str]:
-    rows = ((row.said + (f" ({row.code})" if row.code is not None else ""), row.cause, row.step) for row in SYMPTOMS)
-    return _table(("message or symptom", "cause", "next step"), rows)
-
-
-def _usual(_tree: Node) -> Iterable[str]:
-    return _table(("command", "what it does"), ((f"`{row.typed}`", row.does) for row in VERBS))
-
-
-def _exceptions(_tree: Node) -> Iterable[str]:
-    rows = ((f"`{row.family}`", WORDS[row.promise], row.where, row.why) for row in exceptions())
-    return _table(("device", "promise", "exception", "reason"), rows)
-
-
 MAKERS: dict[str, Callable[[Node], Iterable[str]]] = {
-    "devices": _devices,
+    "devices": lambda _tree: _table(
+        ("command", "device", "run on hardware", "sources", "guide"),
+        ((f"`handctl {name}`", COMMANDS[name][1], *_known(name)) for name in FAMILIES),
+    ),
     "verbs": _verbs,
-    "links": _links,
-    "exit-codes": _exit_codes,
-    "symptoms": _symptoms,
-    "usual": _usual,
-    "exceptions": _exceptions,
+    "links": lambda _tree: _table(("LINK (`-p`)", "meaning"), ((f"`{name}`", text) for name, text in LINKS)),
+    "exit-codes": lambda _tree: _table(("exit code", "meaning"), ((str(code), text) for code, text in exit_codes())),
+    "symptoms": lambda _tree: _table(
+        ("message or symptom", "cause", "next step"),
+        ((row.said + (f" ({row.code})" if row.code is not None else ""), row.cause, row.step) for row in SYMPTOMS),
+    ),
+    "usual": lambda _tree: _table(("command", "what it does"), ((f"`{row.typed}`", row.does) for row in VERBS)),
+    "exceptions": lambda _tree: _table(
+        ("device", "promise", "exception", "reason"),
+        ((f"`{row.family}`", WORDS[row.promise], row.where, row.why) for row in exceptions()),
+    ),
 }
 
 

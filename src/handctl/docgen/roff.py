@@ -74,11 +74,15 @@ class Page:
         self._lines.append(".IP")
         self._fill(text)
 
-    def literal(self, lines: list[str]) -> None:
-        """Lines that keep their breaks, indented where they stand; roff already."""
+    def literal(self, lines: list[str], *, inside: bool = False) -> None:
+        """Lines that keep their breaks, indented where they stand, or with `inside` below the last item; roff already."""
+        if inside:
+            self.indent()
         if not self._lines[-1].startswith((".SH", ".SS", ".IP", ".RS")):
             self._lines.append(".PP")
         self._lines += [".nf", *(_guard(line) for line in lines), ".fi"]
+        if inside:
+            self.outdent()
 
     def indent(self) -> None:
         """What follows belongs to the last item."""

@@ -102,29 +102,31 @@ class Node:
 
 def read_tree() -> Node:
     """The whole program. Imports every family and every tool."""
-    return _node(root, _context(root, "handctl", None), ())
+    return _node(root, None, "handctl", ())
 
 
-def _context(command: click.Command, name: str, parent: click.Context | None) -> click.Context:
-    return click.Context(command, parent, name, **command.context_settings)
-
-
-def _node(command: click.Command, ctx: click.Context, path: tuple[str, ...]) -> Node:
+def _node(command: click.Command, parent: click.Context | None, name: str, path: tuple[str, ...]) -> Node:
+    ctx = click.Context(command, parent, name, **command.context_settings)
     children = []
     if isinstance(command, click.Group):
         for name in command.list_commands(ctx):
             child = command.get_command(ctx, name)
             if child is not None and not child.hidden:
-                children.append(_node(child, _context(child, name, ctx), (*path, name)))
-    sections = _sections(command, ctx)
-    params = command.get_params(ctx)
+                children.append(_node(child, ctx, name, (*path, name)))
+    recorder = _Recorder()
+    command.format_epilog(ctx, recorder)
+    sections, params = tuple(recorder.sections), command.get_params(ctx)
     return Node(
         path=path,
         summary=_summary(command, path),
         help=inspect.cleandoc(command.help or "").partition("\f")[0].strip(),
         writes=bool(getattr(command, "writes", False)),
         options=tuple(_option(p, path, sections) for p in params if isinstance(p, click.Option) and not p.hidden),
-        arguments=tuple(_argument(p, ctx, path) for p in params if isinstance(p, click.Argument)),
+        arguments=tuple(
+            Argument(param.get_usage_pieces(ctx)[0], _value(param, path), param.nargs != 1)
+            for param in params
+            if isinstance(param, click.Argument)
+        ),
         sections=sections,
         children=tuple(children),
         params=found.every if len(path) == 1 and (found := map_of(path[0])) is not None else (),
@@ -156,12 +158,6 @@ class _Recorder(click.HelpFormatter):
         self.sections.append(Section(self._title, (), text))
 
 
-def _sections(command: click.Command, ctx: click.Context) -> tuple[Section, ...]:
-    recorder = _Recorder()
-    command.format_epilog(ctx, recorder)
-    return tuple(recorder.sections)
-
-
 def _option(option: click.Option, path: tuple[str, ...], sections: Sequence[Section]) -> Option:
     shared = isinstance(option, SharedOption)
     names = tuple(sorted((*option.opts, *option.secondary_opts), key=lambda name: name.startswith("--")))
@@ -170,24 +166,13 @@ def _option(option: click.Option, path: tuple[str, ...], sections: Sequence[Sect
     if value is not None and value.kind == "none" and "--fault" in names:
         faults = (name for section in sections if section.title.startswith("Fault") for name, _ in section.rows)
         value = Value("choice", tuple(dict.fromkeys(faults)))
-    metavar = (option.metavar or _choices_text(value) or str(option.name).upper()) if takes else ""
+    choices = "|".join(value.words) if value is not None and value.kind == "choice" else ""
+    metavar = (option.metavar or choices or str(option.name).upper()) if takes else ""
     text = " ".join((option.help or "").split())
     if takes and option.show_default and option.default is not None:
-        text = (
-            f"{text} Default: {option.default:g}."
-            if isinstance(option.default, float)
-            else f"{text} Default: {option.default}."
-        )
+        text += f" Default: {f'{option.default:g}' if isinstance(option.default, float) else option.default}."
     env = f"HANDCTL_{str(option.name).upper()}" if isinstance(option, SharedOption) and not option.typed else ""
     return Option(names, value, metavar, text, getattr(option, "section", "Options"), shared, env)
-
-
-def _choices_text(value: Value | None) -> str:
-    return "|".join(value.words) if value is not None and value.kind == "choice" else ""
-
-
-def _argument(argument: click.Argument, ctx: click.Context, path: tuple[str, ...]) -> Argument:
-    return Argument(argument.get_usage_pieces(ctx)[0], _value(argument, path), argument.nargs != 1)
 
 
 def _value(param: click.Parameter, path: tuple[str, ...]) -> Value:

@@ -57,6 +57,19 @@ class Grid(NamedTuple):
     right: frozenset[int] = frozenset()
     notes: tuple[str, ...] = ()
 
+    def with_texts(self, say: Callable[[str], str]) -> Grid:
+        """The same, each of its texts as `say` has it."""
+
+        def told(cell: str | Cell) -> str | Cell:
+            return cell._replace(text=say(cell.text)) if isinstance(cell, Cell) else say(cell)
+
+        return self._replace(
+            headings=tuple(map(say, self.headings)),
+            lines=tuple(tuple(map(told, line)) for line in self.lines),
+            title=say(self.title),
+            notes=tuple(map(say, self.notes)),
+        )
+
 
 class Sample(NamedTuple):
     """One moment of a stream: `t` in seconds since its start, and the rows read then."""

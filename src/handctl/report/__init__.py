@@ -9,28 +9,31 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
+from itertools import accumulate, groupby
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from handctl import __version__
 from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.files import atomic_write
 from handctl.frame import verbs
+from handctl.frame.family import load
 from handctl.frame.stored import kept_of
-from handctl.link.tap import Tap, observed
+from handctl.link.tap import Tap, observed, parse
 from handctl.model.param import ParamMap
-from handctl.model.result import Cell, Column, Grid, Sample, Table
+from handctl.model.piece import DEVICE, HOST, Explainer, Piece
+from handctl.model.result import Column, Grid, Sample, Table
 from handctl.report.facts import environment, port
 from handctl.report.html import Report, curves, page
 from handctl.report.private import REDACTED, Privacy
-from handctl.report.transcript import explained, shortened
 from handctl.screen.render import default_view
 from handctl.sentence import plural
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
+
 
 RATE_HZ = 10.0
 COLUMNS = (Column("file", "File"), Column("size", "Size", right=True, unit="B"), Column("sha256", "SHA-256"))
@@ -90,8 +93,13 @@ def report(
     privacy = Privacy(params, wishes.include_ids)
     visit = _Visit(run)
     run.in_use = True
-    _recorded(run, visit)
-    content = Report(params.kind, run.command, __version__, _now(), simulated=False)
+    assert run.family is not None
+    opening, tap = run.family.open, Tap(visit.record)  # a tap of ours, whether or not --trace has one of its own
+    run.family = run.family._replace(
+        open=lambda link, settings, journal: opening(observed(link, tap), settings, journal)
+    )
+    now = datetime.now(timezone.utc).isoformat(timespec="seconds")
+    content = Report(params.kind, run.command, __version__, now, simulated=False)
     content.privacy, content.masked = _promise(privacy), privacy.masks
     _ask(run, params, visit, content, privacy, wishes, checks)
     _conclude(run, visit, content, privacy)
@@ -103,10 +111,6 @@ def report(
     return Table(rows=[row], columns=COLUMNS, failure=failure)
 
 
-def _now() -> str:
-    return datetime.now(timezone.utc).isoformat(timespec="seconds")
-
-
 def _promise(privacy: Privacy) -> str:
     """What the page does not hold, in a sentence or two."""
     if privacy.keep_ids:
@@ -115,15 +119,6 @@ def _promise(privacy: Privacy) -> str:
     if privacy.masks:
         text += f". {' and '.join(privacy.holds)} {REDACTED}, and the bytes that the device sent are left out"
     return f"{text}. --include-ids keeps them"
-
-
-def _recorded(run: Run, visit: _Visit) -> None:
-    """Let the device be opened behind a tap of ours, whether or not --trace has one of its own."""
-    assert run.family is not None
-    opening, tap = run.family.open, Tap(visit.record)
-    run.family = run.family._replace(
-        open=lambda link, settings, journal: opening(observed(link, tap), settings, journal)
-    )
 
 
 # -- asking -------------------------------------------------------------------------------------------------------
@@ -211,8 +206,12 @@ def _conclude(run: Run, visit: _Visit, content: Report, privacy: Privacy) -> Non
         told = error.retold(privacy.text(error.text), hint=privacy.text(error.hint))
         content.problems.append((part, told))
     content.findings = privacy.messages(run.journal.messages)
+
+    def blanked(text: str) -> str:  # numbers come from rows that are blanked already
+        return privacy.text(text) if any(map(str.isalpha, text)) else text
+
     content.status, content.dump, content.checks = (
-        [_told(grid, privacy) for grid in grids] for grids in (content.status, content.dump, content.checks)
+        [grid.with_texts(blanked) for grid in grids] for grids in (content.status, content.dump, content.checks)
     )
     content.counters = [
         (key.replace("_", " "), str(value))
@@ -227,19 +226,6 @@ def _conclude(run: Run, visit: _Visit, content: Report, privacy: Privacy) -> Non
     content.missing["Watch"] = reason if visit.problems else "none was asked for (--watch 0)"
     if visit.problems:
         content.missing["Findings"] = "the part that could be read shows none" if content.status else reason
-
-
-def _told(grid: Grid, privacy: Privacy) -> Grid:
-    """A finished grid without what its texts must not tell. Its numbers come from rows that are blanked already."""
-
-    def told(cell: str | Cell) -> str | Cell:
-        text = cell.text if isinstance(cell, Cell) else cell
-        if not any(map(str.isalpha, text)):
-            return cell
-        return cell._replace(text=privacy.text(text)) if isinstance(cell, Cell) else privacy.text(text)
-
-    lines = tuple(tuple(told(cell) for cell in line) for line in grid.lines)
-    return grid._replace(lines=lines, title=privacy.text(grid.title), notes=tuple(map(privacy.text, grid.notes)))
 
 
 # -- the file -----------------------------------------------------------------------------------------------------
@@ -273,3 +259,48 @@ def _write(path: str, data: bytes, force: bool) -> None:
                 raise FileExistsError(17, "another program created the file in the meantime; it was not replaced")
     except OSError as exc:
         raise OutputError(f"{path}: the report cannot be written: {exc.strerror or exc}") from exc
+
+
+# -- the recorded bytes, a transcript again, with what they mean as comments behind them --------------------------------
+
+
+LONGEST = 120_000
+"""Characters that a page takes; what is longer loses its middle."""
+MEANING = 240
+"""Characters of a meaning; a whole answer of text may have thousands."""
+
+
+def explained(lines: Iterable[str], kind: str, privacy: Privacy) -> Iterator[str]:
+    """The lines of a tap, private ones blanked, each followed by the frames that are complete with it."""
+    explainer: Explainer = load(kind, "explain").explainer()
+    for line in lines:
+        yield privacy.transcript(line)
+        for entry in parse((line,)):
+            if entry.mark == "!":
+                yield from _comments(explainer.flush(), privacy)
+            else:
+                side = HOST if entry.mark == ">" else DEVICE
+                yield from _comments(explainer.feed(side, entry.data, entry.can_id), privacy)
+    yield from _comments(explainer.flush(), privacy)
+
+
+def _comments(pieces: Iterable[Piece], privacy: Privacy) -> Iterator[str]:
+    """One comment per piece. Of what the device said nothing but its kind where its bytes are left out."""
+    for piece in pieces:
+        text = piece.meaning
+        if piece.direction == DEVICE and privacy.masks:
+            text = "a whole frame" if piece.frame else "no frame"
+        if len(text) > MEANING:
+            text = f"{text[:MEANING]} …"
+        problem = f" [{piece.problem}]" if piece.problem else ""
+        yield f"#   {'host' if piece.direction == HOST else 'device'}: {' '.join(text.split())}{problem}"
+
+
+def shortened(lines: list[str]) -> Iterator[str]:
+    """All lines, or the beginning and the end of them with what lies between counted."""
+    total = sum(map(len, lines))
+    passed = list(accumulate(map(len, lines)))
+    kept = [total <= LONGEST or not LONGEST * 3 // 4 < place <= total - LONGEST // 4 for place in passed]
+    for keep, group in groupby(zip(kept, lines, strict=True), key=lambda pair: pair[0]):
+        some = [line for _, line in group]
+        yield from some if keep else [f"# {len(some)} lines left out: --trace FILE keeps them all"]

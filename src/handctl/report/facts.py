@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator
 from importlib import metadata
 
 from handctl.link.base import path_in
@@ -42,28 +41,17 @@ def port(link: str) -> Facts:
             ("CAN interface", name), ("state", found.state), ("driver", found.driver or "unknown"),
             ("bitrate", f"{found.bitrate} bit/s" if found.bitrate else "not reported"),
         )]  # fmt: skip
-    path = _device_of(link)
+    path = path_in(link)  # the device file of a serial LINK; a COM name stays as it is
+    path = path if path.startswith("/dev/") or path.upper().startswith("COM") else ""
     if link.startswith("usb:"):
-        wanted = link.removeprefix("usb:").lower()
-        found = next((port for port in machine.ports() if port.usb.lower().startswith(wanted)), None)
+        found = next(iter(machine.matching(link)), None)
     else:
         found = machine.port(path) if path else None
     if found is None:
         return [("port", f"{path or 'none'}: not known to the system")] if path or link.startswith("usb:") else []
-    state = "free" if found.free else "in use" if found.held else "not permitted"
-    return list(_told([
+    return [fact for fact in (
         ("port", found.path), ("adapter", found.chip.name if found.chip is not None else ""),
         ("USB", ":".join(found.usb.split(":")[:2])), ("driver", found.driver), ("product", found.product),
-        ("state", state), ("held by", ", ".join(map(str, found.held))), ("group", found.group),
+        ("state", found.state), ("held by", ", ".join(map(str, found.held))), ("group", found.group),
         ("latency timer", f"{found.latency_ms} ms" if found.latency_ms is not None else ""),
-    ]))  # fmt: skip
-
-
-def _device_of(link: str) -> str:
-    """The device file of a serial LINK; a COM name stays as it is; empty for every other kind of link."""
-    path = path_in(link)
-    return path if path.startswith("/dev/") or path.upper().startswith("COM") else ""
-
-
-def _told(facts: Facts) -> Iterator[tuple[str, str]]:
-    return ((name, text) for name, text in facts if text)
+    ) if fact[1]]  # fmt: skip

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape as escape_markup
+from importlib.resources import files
 from typing import Any
 
 from handctl.errors import HandctlError
@@ -53,47 +54,11 @@ LEVELS = {"error": "Error", "warning": "Warning", "info": "Note"}
 SECTIONS = ("Findings", "Status", "Watch", "Dump", "Counters", "Environment", "Transcript")
 POLICY = "; ".join(("default-src 'none'", "style-src 'unsafe-inline'", "base-uri 'none'", "form-action 'none'"))
 """The browser itself refuses anything from outside."""
-STYLE = """
-:root{
-color-scheme:light dark;--fg:#1c2126;--bg:#fff;--dim:#57606a;--line:#d4d9df;--panel:#f5f7f9;--good:#176339;
---warn:#835300;--bad:#b0241b;--curve:#1f5f9f}
-@media (prefers-color-scheme:dark){:root{--fg:#e4e8ec;--bg:#14181c;--dim:#a0aab4;--line:#343c44;--panel:#1c2228;
---good:#6fcf97;--warn:#e5b454;--bad:#ff8a80;--curve:#7ab8f5}}
-*{box-sizing:border-box}
-body{margin:0 auto;max-width:64rem;padding:1rem;font:16px/1.45 system-ui,sans-serif;color:var(--fg);background:var(--bg)}
-h1{font-size:1.6rem;margin:.2rem 0}h2{font-size:1.2rem;margin:2rem 0 .6rem;padding-bottom:.2rem;
-border-bottom:1px solid var(--line)}h3{font-size:1rem;margin:1rem 0 .3rem}
-.mark{display:inline-block;margin:0;padding:.1rem .6rem;border:2px solid var(--warn);color:var(--warn);font-weight:600}
-.scroll{overflow-x:auto;margin:.5rem 0}
-table{border-collapse:collapse;font-size:.875rem;font-variant-numeric:tabular-nums}
-caption{text-align:left;font-weight:600;padding:.3rem 0}
-th,td{padding:.2rem .8rem .2rem 0;text-align:left;vertical-align:top;border-bottom:1px solid var(--line)}
-th{color:var(--dim);font-weight:600}.right{text-align:right}
-.good{color:var(--good)}.warn,.warning{color:var(--warn)}.bad,.error{color:var(--bad);font-weight:600}.dim,.note{color:var(--dim)}
-.note{font-size:.875rem;margin:.3rem 0}
-dl{display:grid;grid-template-columns:max-content 1fr;gap:.15rem 1.2rem;margin:.6rem 0}
-dt{color:var(--dim)}dd{margin:0;overflow-wrap:anywhere}
-.problems{border-left:4px solid var(--bad);background:var(--panel);padding:.4rem 1rem;margin:1rem 0}
-ul{padding-left:1.2rem}li{margin:.25rem 0}
-nav ul{display:flex;flex-wrap:wrap;gap:.2rem 1rem;list-style:none;padding:0}
-a{color:var(--curve)}
-.plots{display:grid;grid-template-columns:repeat(auto-fill,minmax(10.5rem,1fr));gap:.6rem}
-figure{margin:0;padding:.4rem;background:var(--panel);break-inside:avoid}
-figcaption{font-size:.8rem;line-height:1.3}figcaption span{display:block;color:var(--dim)}
-svg{display:block;width:100%;height:auto}.axis{stroke:var(--line);fill:none}
-.curve{stroke:var(--curve);stroke-width:1.5;fill:none}circle.curve{fill:var(--curve)}
-pre{font:12px/1.5 ui-monospace,monospace;white-space:pre-wrap;overflow-wrap:anywhere;background:var(--panel);padding:.6rem}
-@media (max-width:30rem){body{padding:.6rem;font-size:15px}dl{grid-template-columns:1fr}dd{margin-bottom:.3rem}}
-@page{size:A4;margin:14mm}
-@media print{:root{color-scheme:light;--fg:#000;--bg:#fff;--dim:#444;--line:#bbb;--panel:#fff;--good:#0b4f2a;--warn:#6b4400;
---bad:#8c150d;--curve:#123f73}body{max-width:none;padding:0;font-size:10.5pt}nav{display:none}.scroll{overflow:visible}
-h2,h3,caption{break-after:avoid}tr{break-inside:avoid}table{font-size:8.5pt}pre{font-size:7pt;padding:0}
-.plots{grid-template-columns:repeat(4,1fr)}figure{border:1px solid var(--line)}}
-"""
 
 
 def page(report: Report) -> str:
     """The whole page."""
+    style = files(__package__).joinpath("page.css").read_text(encoding="utf-8")
     title = f"{_name(report.kind)}: service report, {report.made}"
     bodies = (
         _findings(report),
@@ -115,7 +80,7 @@ def page(report: Report) -> str:
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         '<meta name="referrer" content="no-referrer">\n'
         f'<meta name="generator" content="handctl {escape(report.version)}">\n'
-        f"<title>{escape(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
+        f"<title>{escape(title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n"
         f'{_header(report)}<nav aria-label="Sections"><ul>{links}</ul></nav>\n<main>\n{sections}</main>\n'
         f'<footer><p class="note">This page is {escape(report.privacy)}.</p></footer>\n</body>\n</html>\n'
     )

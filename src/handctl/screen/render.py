@@ -153,7 +153,7 @@ def _told(samples: Iterator[Sample], how: str) -> Generator[Sample, None, None]:
     """The samples, for people without what would steer a terminal; closed with them, so that a device is left."""
     try:
         for sample in samples:
-            yield sample if how in ("json", "ndjson") else _sample_shown(sample)
+            yield sample if how in ("json", "ndjson") else Sample(sample.t, tuple(map(_row_shown, sample.rows)))
     finally:
         close = getattr(samples, "close", None)
         if close is not None:
@@ -235,23 +235,6 @@ def _row_shown(row: Row) -> Row:
     return {key: value_shown(value) for key, value in row.items()}
 
 
-def _grid_shown(grid: Grid) -> Grid:
-    return grid._replace(
-        headings=tuple(map(shown, grid.headings)),
-        lines=tuple(tuple(map(_cell_shown, line)) for line in grid.lines),
-        title=shown(grid.title),
-        notes=tuple(map(shown, grid.notes)),
-    )
-
-
-def _cell_shown(cell: str | Cell) -> str | Cell:
-    return cell._replace(text=shown(cell.text)) if isinstance(cell, Cell) else shown(cell)
-
-
-def _sample_shown(sample: Sample) -> Sample:
-    return Sample(sample.t, tuple(map(_row_shown, sample.rows)))
-
-
 def _json_envelope(envelope: dict[str, Any], rows: Iterable[str]) -> Iterator[str]:
     """One object; a key a line and a row a line, so that people and `grep` can read it too."""
     yield "{\n"
@@ -295,7 +278,8 @@ def default_view(table: Table) -> list[Grid]:
 def _grids(table: Table, sink: Sink, context: Context) -> None:
     if not table.rows:
         return  # a heading over nothing tells less than the message beside it
-    grids = [_grid_shown(grid) for grid in (table.view(table.rows) if table.view is not None else default_view(table))]
+    grids = table.view(table.rows) if table.view is not None else default_view(table)
+    grids = [grid.with_texts(shown) for grid in grids]
     mark = "simulated" if context.simulated else ""
     if sink.terminal or sink.color == "always":
         from handctl.screen.terminal import print_grids

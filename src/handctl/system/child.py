@@ -8,8 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import NamedTuple
 
-FULL_SECONDS = 0.2
-"""How long it waits for room in a link that is full, before it tries again."""
 NAME, LINE = b"deadman", b"deadman: stops the device when the command that drives it has died"
 """What tools call the child: nothing of its parent's name, so that who kills that by name leaves it."""
 

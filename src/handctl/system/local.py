@@ -34,12 +34,9 @@ class Listener:
         """Raises OSError, also where `path` is there already."""
         self.path = path
         self._socket, self._token = _listening(path)
-        try:
+        with _or_closed(self._socket):
             self._socket.listen(clients)
             self._socket.setblocking(False)
-        except BaseException:
-            self._socket.close()
-            raise
 
     def fileno(self) -> int:
         """For select; -1 once it is closed."""
@@ -69,17 +66,23 @@ class Listener:
             self._socket.close()
 
 
+@contextlib.contextmanager
+def _or_closed(peer: Peer) -> Iterator[None]:
+    """What fails in here leaves nothing open."""
+    try:
+        yield
+    except BaseException:
+        peer.close()
+        raise
+
+
 def _listening(path: str) -> tuple[Peer, bytes]:
     """A socket that leads to `path`, and the token of who may come; b"" where the system keeps others off."""
     if sys.platform == "win32":
         return _on_loopback(path)
     found = Peer(_socket.AF_UNIX, _socket.SOCK_STREAM)
-    try:
-        with _reachable(path) as short:
-            found.bind(short)
-    except BaseException:
-        found.close()
-        raise
+    with _or_closed(found), _reachable(path) as short:
+        found.bind(short)
     return found, b""
 
 
@@ -89,16 +92,13 @@ def _on_loopback(path: str) -> tuple[Peer, bytes]:
 
     token = secrets.token_hex(16).encode()
     found = Peer(_socket.AF_INET, _socket.SOCK_STREAM)
-    try:
+    with _or_closed(found):
         found.bind(("127.0.0.1", 0))
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         try:
             os.write(descriptor, b"%s %d %s" % (MARK, found.getsockname()[1], token))
         finally:
             os.close(descriptor)
-    except BaseException:
-        found.close()
-        raise
     return found, token
 
 
@@ -113,13 +113,10 @@ def _over_loopback(path: str, seconds: float) -> Peer:
     if len(words) != 3 or words[0] != MARK or not words[1].isdigit():
         raise OSError(errno.EINVAL, "no simulator or handctl command can be reached there")
     found = Peer(_socket.AF_INET, _socket.SOCK_STREAM)
-    try:
+    with _or_closed(found):
         found.settimeout(seconds)
         found.connect(("127.0.0.1", int(words[1])))
         found.sendall(words[2])
-    except BaseException:
-        found.close()
-        raise
     return found
 
 
@@ -128,13 +125,9 @@ def connected(path: str, seconds: float) -> Peer:
     if sys.platform == "win32":
         return _over_loopback(path, seconds)
     found = Peer(_socket.AF_UNIX, _socket.SOCK_STREAM)
-    try:
+    with _or_closed(found), _reachable(path) as short:
         found.settimeout(seconds)
-        with _reachable(path) as short:
-            found.connect(short)
-    except BaseException:
-        found.close()
-        raise
+        found.connect(short)
     return found
 
 

@@ -10,6 +10,7 @@ import contextlib
 import os
 import signal
 import sys
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
@@ -172,17 +173,93 @@ def listen(pressed: Callable[[], None]) -> None:
     `pressed` is told there of Ctrl-C at once, in another thread: the main one hears of it when it waits for nothing.
     """
     if sys.platform == "win32":
-        from handctl.system import console
+        _watch(pressed)
 
-        def ends() -> bool:
-            if not taken(signal.SIGTERM):
-                return False
-            import _thread
 
-            _thread.interrupt_main(signal.SIGTERM)
-            return True
+if sys.platform == "win32":
+    # Closing the window reaches a handler of the console, log-off and shutdown a hidden window: a program that has loaded
+    # user32 (as ctypes does) is not told of them by the console. Each comes in a thread of its own, and the system ends the
+    # program when that returns, or after some 5 seconds.
 
-        console.watch(ends, pressed)
+    C, BREAK, CLOSE, LOGOFF, SHUTDOWN = 0, 1, 2, 5, 6
+    """CTRL_C_EVENT and those after it."""
+    PATIENCE = 4.5
+    """Seconds for the program to end by itself: a second more, and the system ends it (5 s for the window)."""
+    WM_CLOSE, WM_QUERYENDSESSION, WM_ENDSESSION = 0x10, 0x11, 0x16
+
+    _kept: list[Any] = []
+    """What the system calls must not be collected."""
+
+    def _watch(pressed: Callable[[], None]) -> None:
+        """`pressed` is told of Ctrl-C and Ctrl-Break in a thread of the system, beside Python's own handler."""
+        if _kept:
+            return
+        import _thread
+        import ctypes
+        import threading
+        from ctypes import wintypes
+
+        def closing() -> None:
+            if taken(signal.SIGTERM):
+                _thread.interrupt_main(signal.SIGTERM)
+                time.sleep(PATIENCE)
+
+        def handler(event: int) -> bool:
+            if event in (C, BREAK):
+                pressed()
+            elif event in (CLOSE, LOGOFF, SHUTDOWN):
+                closing()
+            return False  # who was there before goes on: Python's handler of Ctrl-C, the end
+
+        routine = ctypes.WINFUNCTYPE(wintypes.BOOL, wintypes.DWORD)(handler)
+        _kept.append(routine)
+        ctypes.WinDLL("kernel32").SetConsoleCtrlHandler(routine, True)
+        threading.Thread(target=_window, args=(closing,), daemon=True).start()
+
+    def _window(closing: Callable[[], None]) -> None:
+        """A window that nobody sees, for what is told to windows only."""
+        import ctypes
+        from ctypes import wintypes
+
+        user32, kernel32 = ctypes.WinDLL("user32"), ctypes.WinDLL("kernel32")
+        kernel32.GetModuleHandleW.restype = wintypes.HMODULE
+        user32.CreateWindowExW.restype = wintypes.HWND
+        user32.DefWindowProcW.restype = ctypes.c_ssize_t
+        user32.DefWindowProcW.argtypes = (wintypes.HWND, wintypes.UINT, wintypes.WPARAM, wintypes.LPARAM)
+        procedure_type = ctypes.WINFUNCTYPE(
+            ctypes.c_ssize_t, wintypes.HWND, wintypes.UINT, wintypes.WPARAM, wintypes.LPARAM
+        )
+
+        def told(window: int, message: int, word: int, long: int) -> int:
+            if message == WM_QUERYENDSESSION:
+                return 1
+            if message == WM_CLOSE or (message == WM_ENDSESSION and word):
+                closing()
+                return 0
+            return int(user32.DefWindowProcW(window, message, word, long))
+
+        class Class(ctypes.Structure):
+            """WNDCLASSW."""
+
+            _fields_ = (
+                ("style", wintypes.UINT), ("procedure", procedure_type), ("class_extra", ctypes.c_int),
+                ("window_extra", ctypes.c_int), ("instance", wintypes.HINSTANCE), ("icon", wintypes.HANDLE),
+                ("cursor", wintypes.HANDLE), ("background", wintypes.HANDLE), ("menu", wintypes.LPCWSTR),
+                ("name", wintypes.LPCWSTR),
+            )  # fmt: skip
+
+        procedure = procedure_type(told)
+        found = Class(procedure=procedure, instance=kernel32.GetModuleHandleW(None), name="handctl")
+        _kept.append((procedure, found))
+        user32.RegisterClassW(ctypes.byref(found))
+        none = ctypes.c_void_p()
+        window = user32.CreateWindowExW(
+            0, wintypes.LPCWSTR("handctl"), wintypes.LPCWSTR("handctl"), 0, 0, 0, 0, 0, none, none,
+            wintypes.HINSTANCE(found.instance), none,
+        )  # fmt: skip
+        message = wintypes.MSG()
+        while window and user32.GetMessageW(ctypes.byref(message), none, 0, 0) > 0:
+            user32.DispatchMessageW(ctypes.byref(message))
 
 
 # -- the main thread ----------------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ The script is generated at once, so that it fits this version also where no data
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -16,7 +17,14 @@ from handctl.frame.run import Run
 from handctl.model.result import Column, Table
 from handctl.system.folders import config_folder, data_folder
 
-SHELLS = ("bash", "zsh", "fish", "powershell")
+PLACES: dict[str, tuple[Callable[[], str], str]] = {
+    "bash": (data_folder, "bash-completion/completions/handctl"),
+    "zsh": (data_folder, "zsh/site-functions/_handctl"),
+    "fish": (config_folder, "fish/completions/handctl.fish"),
+    "powershell": (data_folder, "handctl/handctl.ps1"),
+}
+"""Shell -> the folder of what the user has for it, and the user's own file below."""
+SHELLS = tuple(PLACES)
 """Those that `docgen` writes for; a test compares."""
 
 
@@ -50,32 +58,18 @@ def cli(shell: str, install: bool) -> Table:
 
 def place(shell: str) -> Path:
     """The user's own file for this shell."""
-    data, config = Path(data_folder()), Path(config_folder())
-    match shell:
-        case "bash":
-            return data / "bash-completion" / "completions" / "handctl"
-        case "zsh":
-            return data / "zsh" / "site-functions" / "_handctl"
-        case "fish":
-            return config / "fish" / "completions" / "handctl.fish"
-        case _:
-            return data / "handctl" / "handctl.ps1"
+    folder, below = PLACES[shell]
+    return Path(folder(), below)
 
 
 def next_step(shell: str, path: Path) -> str:
     """What the user has to do until TAB works."""
-    match shell:
-        case "bash":
-            return (
-                "open a new shell. If the package bash-completion is not installed, add this line to ~/.bashrc: "
-                f"`source {path}`"
-            )  # fmt: skip
-        case "zsh":
-            return f"add this line to ~/.zshrc: `fpath=({path.parent} $fpath); autoload -Uz compinit; compinit`"
-        case "fish":
-            return "open a new fish"
-        case _:
-            return f"add this line to the file that `$PROFILE` names: `. '{path}'`"
+    return {
+        "bash": f"open a new shell. If the package bash-completion is not installed, add this line to ~/.bashrc: `source {path}`",
+        "zsh": f"add this line to ~/.zshrc: `fpath=({path.parent} $fpath); autoload -Uz compinit; compinit`",
+        "fish": "open a new fish",
+        "powershell": f"add this line to the file that `$PROFILE` names: `. '{path}'`",
+    }[shell]
 
 
 def _state(path: Path, text: str) -> str:

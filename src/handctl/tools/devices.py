@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -17,7 +19,7 @@ from handctl.families import FAMILIES, WIRES
 from handctl.files import read_text
 from handctl.frame.clikit import Group
 from handctl.frame.devicefile import stable_name
-from handctl.frame.family import Family, load, refuse_missing, refuse_serial
+from handctl.frame.family import Family, refuse_missing, refuse_serial
 from handctl.frame.filetypes import InFile
 from handctl.frame.options import (
     COMMAND_LINE,
@@ -33,11 +35,14 @@ from handctl.frame.precedence import resolve
 from handctl.frame.run import Run
 from handctl.link.base import SCHEMES
 from handctl.model.result import Column, Row, Table
+from handctl.tools.probes import family_of
 
 if TYPE_CHECKING:
     from handctl.frame.config import Config, Device
 
 
+MOST = 1_000_000
+"""Characters of the output of a scan."""
 cli = Group(
     "devices",
     help="Name devices in the configuration file. `handctl -d NAME FAMILY …` then knows the port, the id and the baud "
@@ -56,18 +61,25 @@ COLUMNS = (
 )
 
 
-def row_of(device: Device) -> Row:
+KEYS = ("id", "baud", "timeout", "deadline", "retries")
+DONE = (Column("file", "File"), Column("result", "Result"))
+
+
+def row_of(name: str, family: str, said: Mapping[str, Any]) -> Row:
     """One named device with the keys that rows of `scan` have."""
-    said = {key: entry.value for key, entry in device.entries.items()}
-    keys = ("id", "baud", "timeout", "deadline", "retries")
-    return {"name": device.name, "family": device.kind, "link": said["port"], **{key: said.get(key) for key in keys}}
+    return {"name": name, "family": family, "link": said["port"], **{key: said.get(key) for key in KEYS}}
+
+
+def told(device: Device) -> Row:
+    """The same of one that is in the file."""
+    return row_of(device.name, device.kind, {key: entry.value for key, entry in device.entries.items()})
 
 
 @cli.verb("list", offline=True)
 def list_devices(run: Run) -> Table:
     """List the named devices."""
     path = config_path()
-    rows = [row_of(device) for device in read_config(path).devices.values()]
+    rows = [told(device) for device in read_config(path).devices.values()]
     if not rows:
         run.journal.info(
             "no-devices", f"{path} has no named devices", "name one with `handctl devices add NAME FAMILY -p LINK`"
@@ -94,7 +106,8 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
         raise UsageError(f"{name!r} cannot be the name of a device", hint=f"allowed: {NAME_HELP}")
     given = _given(run)
     if scanned is not None:
-        found = from_scan(_read(scanned), family, given)
+        text = sys.stdin.read(MOST) if scanned == "-" else read_text(scanned, "the output of a scan", MOST)
+        found = from_scan(text, family, given)
         family, given = str(found.pop("kind")), {**found, **given}
     if family is None:
         raise UsageError("no family given", hint=f"add one of {', '.join(FAMILIES)}, or --from-scan FILE")
@@ -114,18 +127,22 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
         _refuse_taken(config, name, force)
         return devicefile.put(config, name, values)
 
+    changed = _changed(run, present, edit, values, {**row_of(name, family, given), "file": path, "result": done})
+    if not run.settings.dry_run:
+        run.journal.info("next", f"{name!r} can be used now", f"try `handctl -d {name} {family} status`")
+    return changed
+
+
+def _changed(run: Run, config: Config, edit: Callable[[Config], str], values: dict[str, Any], row: Row) -> Table:
+    """The file edited, or with --dry-run only looked at; `values` are those of the device afterwards."""
+    from handctl.frame import devicefile
+
     if run.settings.dry_run:
-        devicefile.verified(present, edit(present), checks(), values, name)
+        devicefile.verified(config, edit(config), checks(), values, row["name"])
         run.journal.info("dry-run", "dry run: nothing was written")
     else:
-        devicefile.change(path, checks(), edit, values, name)
-        run.journal.info("next", f"{name!r} can be used now", f"try `handctl -d {name} {family} status`")
-    keys = ("id", "baud", "timeout", "deadline", "retries")
-    row = {"name": name, "family": family, "link": given["port"], **{key: given.get(key) for key in keys}}
-    return Table(rows=[{**row, "file": path, "result": done}], columns=(*COLUMNS, *DONE), plain=("name",))
-
-
-DONE = (Column("file", "File"), Column("result", "Result"))
+        devicefile.change(row["file"], checks(), edit, values, row["name"])
+    return Table(rows=[row], columns=(*COLUMNS, *DONE), plain=("name",))
 
 
 @cli.verb("remove", writes=True, offline=True)
@@ -140,13 +157,8 @@ def remove(run: Run, name: str) -> Table:
     default = config.values.get("device")
     if default is not None and default.value == name:
         raise UsageError(f"{path}, line {default.line}: {name!r} is the default device", hint="delete that line first")
-    if run.settings.dry_run:
-        devicefile.verified(config, devicefile.drop(config, name), checks(), {}, name)
-        run.journal.info("dry-run", "dry run: nothing was written")
-    else:
-        devicefile.change(path, checks(), lambda now: devicefile.drop(now, name), {}, name)
-    row = {**row_of(device), "file": path, "result": "removed"}
-    return Table(rows=[row], columns=(*COLUMNS, *DONE), plain=("name",))
+    row = {**told(device), "file": path, "result": "removed"}
+    return _changed(run, config, lambda now: devicefile.drop(now, name), {}, row)
 
 
 @cli.verb("show")
@@ -163,7 +175,11 @@ def show(run: Run, name: str | None) -> Table:
     own = {option.key: False if option.flag else None for option in own_options()}
     values = {key: getattr(settings, key) for key in Settings._fields if key != "own"}
     values |= {key: settings.own.get(key, own[key]) for key in sorted(own)}
-    rows = [_setting(key, value, sources.get(key)) for key, value in values.items()]
+    unsaid = Source("default", "")
+    rows: list[Row] = []
+    for key, value in values.items():
+        source = sources.get(key, unsaid)
+        rows.append({"name": key, "value": value, "origin": source.level, "where": source.where})
     columns = (
         Column("name", "Setting"),
         Column("value", "Value"),
@@ -171,15 +187,6 @@ def show(run: Run, name: str | None) -> Table:
         Column("where", "Where"),
     )
     return Table(rows=rows, columns=columns)
-
-
-def _setting(key: str, value: Any, source: Source | None) -> Row:
-    return {
-        "name": key,
-        "value": value,
-        "origin": source.level if source is not None else "default",
-        "where": source.where if source is not None else "",
-    }
 
 
 def _given(run: Run) -> dict[str, Any]:
@@ -207,12 +214,6 @@ def _refuse_taken(config: Config, name: str, force: bool) -> None:
         )
 
 
-def _read(name: str) -> str:
-    if name == "-":
-        return sys.stdin.read(1_000_000)
-    return read_text(name, "the output of a scan", 1_000_000)
-
-
 # -- what a named device may be: how a LINK is written, rows of a scan -------------------------------------------------
 
 
@@ -221,11 +222,13 @@ def check(run: Run, kind: str, given: dict[str, Any]) -> None:
 
     A path that may name another adapter tomorrow gets a warning with the better name.
     """
-    family: Family = load(kind, "cli").cli.family
-    port = str(given["port"])
+    from handctl.link import NoFrames, NoLink, is_can
+
+    family, port = family_of(kind), str(given["port"])
     refuse_missing(family, given)
     check_link(port, family)
-    _ask_family(run, family, given)
+    # the family itself refuses an id that it does not have
+    family.open(NoFrames() if is_can(port) else NoLink(), run.settings._replace(**given), run.journal)
     stable = stable_name(port)
     if stable:
         run.journal.warn("unstable-name", f"{port} may be another adapter after the next plugging", f"-p {stable}")
@@ -237,7 +240,7 @@ def check_link(link: str, family: Family) -> None:
     refuse_serial(family, link)
     if link.startswith("usb:"):
         parts = link.split(":", 3)[1:]
-        if len(parts) < 2 or not all(0 < len(part) <= 4 and _hex(part) for part in parts[:2]):
+        if len(parts) < 2 or not all(re.fullmatch(r"[0-9a-fA-F]{1,4}", part) for part in parts[:2]):
             raise UsageError(
                 f"{link}: expected usb:VID:PID or usb:VID:PID:SERIAL, hexadecimal", hint="e.g. usb:0403:6001"
             )
@@ -273,10 +276,6 @@ def check_link(link: str, family: Family) -> None:
         _check_path(link)
 
 
-def _hex(text: str) -> bool:
-    return all(char in "0123456789abcdefABCDEF" for char in text)
-
-
 def _check_path(link: str) -> None:
     if not link:
         raise UsageError("the LINK is empty", hint="give a port, such as `-p /dev/ttyUSB0`")
@@ -285,14 +284,6 @@ def _check_path(link: str) -> None:
             f"{link}: not a full path, and no link that handctl knows",
             hint="write for example /dev/ttyUSB0, COM3, usb:0403:6001 or tcp://192.168.1.20:8000",
         )
-
-
-def _ask_family(run: Run, family: Family, given: dict[str, Any]) -> None:
-    """The family itself refuses an id that it does not have."""
-    from handctl.link import NoFrames, NoLink, is_can
-
-    settings = run.settings._replace(**given)
-    family.open(NoFrames() if is_can(str(given["port"])) else NoLink(), settings, run.journal)
 
 
 def from_scan(text: str, kind: str | None, given: dict[str, Any]) -> dict[str, Any]:

@@ -6,28 +6,26 @@ Diagnosing is its job: a link that cannot be opened, or a device that is silent,
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, UsageError
+from handctl.errors import CheckFailed, Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES, SCANNED, WIRES
 from handctl.frame.clikit import Command, reads_option
 from handctl.frame.family import Family
 from handctl.frame.run import Run
 from handctl.link import ByteLink, Deadline, Link
-from handctl.model.result import Cell, Column, Grid, Row, Table
+from handctl.model.result import Cell, Column, Grid, Journal, Row, Table
 from handctl.tools.link_checks import LinkChecks, failed_open, host_in, is_local, same_address, subnet
 from handctl.tools.machine import Machine
 from handctl.tools.machine_checks import Check, machine_checks, port_checks
-from handctl.tools.probes import family_of, has_speed, listened, probe_of, wire_of
+from handctl.tools.probes import family_of, has_speed, listened, probe_of, usual_ports, wire_of
 from handctl.tools.scan_look import Looking
-from handctl.tools.scan_report import Search, Step, report
+from handctl.tools.scan_report import Search, report
 
 if TYPE_CHECKING:
     from handctl.frame.options import Settings
-    from handctl.model.result import Journal
 
 
 LINK_SECONDS = 8.0
@@ -87,15 +85,11 @@ def table(checks: Sequence[Check]) -> Table:
         names = ", ".join(f"{check.name} ({check.status})" for check in findings)
         result.failure = CheckFailed(
             f"{len(findings)} of {len(checks)} checks found a problem: {names}",
-            hint=min(findings, key=_telling).remedy,
+            # failures before warnings; what names the cause of a silence or of damage before what shows it
+            hint=min(findings, key=lambda check: (check.status != "fail", check.name not in CAUSES)).remedy,
             code="findings",
         )
     return result
-
-
-def _telling(check: Check) -> tuple[bool, bool]:
-    """Failures before warnings; what names the cause of a silence or of damage before what shows it."""
-    return check.status != "fail", check.name not in CAUSES
 
 
 def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterator[Check]:
@@ -105,8 +99,9 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
     if kind is not None:
         families = [family_of(kind)]
     else:  # a tcp:// without a port leads to the usual port of each family that has one, the first that opens
-        usual = dict.fromkeys(port for each in FAMILIES if (port := family_of(each).tcp_port) is not None)
-        families = [Family("unknown", _no_device, 115200, wires=WIRES, ids=True, tcp_port=port) for port in usual]
+        families = [
+            Family("unknown", _no_device, 115200, wires=WIRES, ids=True, tcp_port=port) for port in usual_ports()
+        ]
     run.family = families[0]
     if run.family.check is not None:
         run.family.check(run.settings)
@@ -128,11 +123,11 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
     speed = getattr(link, "baud", None)
     yield Check("open", "ok", f"{name} opens" + (f" at {speed} bit/s" if speed else ""))
     if kind is None:
-        found = present(run, link, link.deadline(run.settings.deadline or FIND_SECONDS))
-        yield found.check
-        if kind := found.family or None:
+        found, number, check = present(run, link, link.deadline(run.settings.deadline or FIND_SECONDS))
+        yield check
+        if kind := found or None:
             run.family = family_of(kind)
-            run.settings = run.settings._replace(id=run.settings.id or found.id)
+            run.settings = run.settings._replace(id=run.settings.id or number)
     seconds = run.settings.deadline or LINK_SECONDS
     settings = run.settings._replace(retries=0, timeout=run.settings.timeout or PING_TIMEOUT, deadline=seconds)
     family, probe = run.family, probe_of(kind) if kind is not None else None
@@ -145,18 +140,14 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
     try:
         yield from looking.run()
         if probe is not None and looking.device is not None:
-            yield from _on_network(machine, name, probe, looking.device, partial(_another, family, settings))
+            # the same device on a connection of its own
+            yield from _on_network(
+                machine, name, probe, looking.device, lambda on: family.open(on, settings, Journal())
+            )
     except LinkError as exc:
         yield Check("connection", "fail", exc.text, exc.hint)
     finally:
         run.guide.done()
-
-
-def _another(family: Family, settings: Settings, link: Link) -> Any:
-    """The same device on a connection of its own."""
-    from handctl.model.result import Journal
-
-    return family.open(link, settings, Journal())
 
 
 def _on_network(machine: Machine, name: str, probe: Any, device: Any, make: Any) -> Iterator[Check]:
@@ -188,21 +179,14 @@ def _view(rows: list[Row]) -> list[Grid]:
 
 DESTROYED = ("bad-checksum", "cut-short", "wrong-id")
 """Codes of an answer that was one, of somebody who speaks this family's frames."""
-
-
 LATE = 0.05
 
 
-class Present(NamedTuple):
-    """The family that answers, its id, and the row that says so; family "" = nobody that is known."""
+def present(run: Run, link: Link, bound: Deadline) -> tuple[str, int | None, Check]:
+    """Look for a device of any family: the one that answers ("" = none that is known), its id, the row that says so.
 
-    family: str
-    id: int | None
-    check: Check
-
-
-def present(run: Run, link: Link, bound: Deadline) -> Present:
-    """Look for a device of any family. Leaves the port at the speed at which it was found. Raises LinkError."""
+    Leaves the port at the speed at which it was found. Raises LinkError.
+    """
     search, was = Search(link.name), getattr(link, "baud", None)
     Looking(run, link, search, [run.settings.id or 1], False, bound).at(wire_of(link.name), SCANNED)
     if isinstance(link, ByteLink):
@@ -214,21 +198,16 @@ def present(run: Run, link: Link, bound: Deadline) -> Present:
         where = "".join(
             (f" with id {row['id']}" if row["id"] is not None else "", f" at {speed} bit/s" if speed else "")
         )
-        return Present(row["family"], row["id"], Check("device", "ok", f"{row['family']}{where}: {row['evidence']}"))
-    if (damaged := _destroyed(search)) is not None:
-        step, error = damaged
-        _set(link, step.speed or was)
-        text = f"something replies like {step.family}, but no reply is complete: {error.text}"
-        return Present(step.family, None, Check("device", "warning", text, error.hint))
+        return row["family"], row["id"], Check("device", "ok", f"{row['family']}{where}: {row['evidence']}")
+    for step, error in search.met.items():
+        if error.code in DESTROYED:
+            _set(link, step.speed or was)
+            text = f"something replies like {step.family}, but no reply is complete: {error.text}"
+            return step.family, None, Check("device", "warning", text, error.hint)
     _set(link, was)
     nobody = report([search], SCANNED, run.journal).failure
     assert nobody is not None
-    return Present("", None, Check("device", "fail", nobody.text, nobody.hint))
-
-
-def _destroyed(search: Search) -> tuple[Step, HandctlError] | None:
-    """The first family whose answer came, and not whole."""
-    return next(((step, error) for step, error in search.met.items() if error.code in DESTROYED), None)
+    return "", None, Check("device", "fail", nobody.text, nobody.hint)
 
 
 def _set(link: Link, speed: int | None) -> None:

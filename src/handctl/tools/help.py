@@ -42,14 +42,11 @@ def cli(run: Run, topic: tuple[str, ...]) -> Table | None:
         rows = [{"topic": name, "about": about} for name, about in _topics().items()]
         return Table(rows=rows, columns=(Column("topic", "Topic"), Column("about", "About")), plain=("topic",))
     text = _text(words)
-    if run.settings.format == "table" and not run.settings.output and _too_long(text):
+    too_long = sys.stdout.isatty() and len(text.splitlines()) >= shutil.get_terminal_size().lines
+    if run.settings.format == "table" and not run.settings.output and too_long:
         click.echo_via_pager(text)
         return None
     return Table(rows=[{"topic": " ".join(words), "text": text}], text=lambda _rows: text, columns=(Column("text"),))
-
-
-def _too_long(text: str) -> bool:
-    return sys.stdout.isatty() and len(text.splitlines()) >= shutil.get_terminal_size().lines
 
 
 def _guides() -> dict[str, tuple[str, str]]:

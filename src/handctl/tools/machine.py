@@ -48,6 +48,11 @@ class Port:
         """Whether it may be opened."""
         return self.permitted and not self.held
 
+    @property
+    def state(self) -> str:
+        """In words."""
+        return "free" if self.free else "in use" if self.held else "not permitted"
+
 
 @dataclass(frozen=True, slots=True)
 class CanInterface:
@@ -137,6 +142,11 @@ class Machine:
         """The port of a device path, which may be a by-id name."""
         real = os.path.realpath(path) if self.root == Path("/") else path
         return next((port for port in self.ports() if path in (port.path, port.by_id) or port.path == real), None)
+
+    def matching(self, link: str) -> list[Port]:
+        """The ports that a ``usb:VID:PID[:SERIAL]`` means."""
+        wanted = link.lower().removeprefix("usb:")
+        return [port for port in self.ports() if port.usb.lower().startswith(wanted)]
 
     def _is_port(self, name: str) -> bool:
         if not name.startswith(COM_WAYS):

@@ -6,6 +6,7 @@ import os
 import shutil
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -35,16 +36,22 @@ class Check(NamedTuple):
         return {**row, **dict(self.numbers)}
 
 
+Verdict = tuple[str, str] | tuple[str, str, str] | tuple[str, str, str, tuple[tuple[str, Any], ...]]
+"""What a check found: status, evidence, and where there are such a remedy and numbers."""
+
+
 def machine_checks(machine: Machine) -> list[Check]:
     """All of them, each in a fraction of a second."""
-    found = machine.ports()
+    found, installed = machine.ports(), 0.0
+    with suppress(OSError):  # its files may not tell when they were made
+        installed = os.stat(__file__).st_mtime
     return [
         python(),
         packages(),
         permissions(found),
         *grabbers(machine, found),
         *adapters(machine),
-        clock(time.time(), _newest_source()),
+        clock(time.time(), installed),
         locale(),
         terminal(),
         room(Path.cwd()),
@@ -134,14 +141,6 @@ def adapters(machine: Machine) -> list[Check]:
     return checks
 
 
-def _newest_source() -> float:
-    """When this installation was made, 0 when its files do not tell."""
-    try:
-        return os.stat(__file__).st_mtime
-    except OSError:
-        return 0.0
-
-
 def clock(now: float, installed: float) -> Check:
     """Logs carry the time of this computer: it cannot be earlier than the installation."""
     shown = time.strftime("%Y-%m-%d %H:%M:%S %z", time.localtime(now))
@@ -205,10 +204,8 @@ def locks(machine: Machine) -> Check:
 def port_checks(machine: Machine, link: str) -> list[Check]:
     """Permission, holder and latency timer of a serial port; skipped where the system knows none by that name."""
     port = machine.port(link)
-    if port is None and link.startswith("usb:"):
-        wanted = link.lower().removeprefix("usb:")
-        matching = [each for each in machine.ports() if each.usb.lower().startswith(wanted)]
-        port = matching[0] if len(matching) == 1 else None
+    if port is None and link.startswith("usb:") and len(matching := machine.matching(link)) == 1:
+        port = matching[0]
     if port is None:
         return []
     found = {problem.check: problem for problem in port_tool.problems(port)}
@@ -220,9 +217,9 @@ def port_checks(machine: Machine, link: str) -> list[Check]:
     return [
         check("permission", "fail", f"{port.path} may be read and written"),
         check("holder", "fail", "no other program has it open"),
-        check("latency_timer", "warning", _timer(port)),
+        check(
+            "latency_timer",
+            "warning",
+            f"{port.latency_ms} ms" if port.latency_ms is not None else "this adapter reports none",
+        ),
     ]
-
-
-def _timer(port: Port) -> str:
-    return f"{port.latency_ms} ms" if port.latency_ms is not None else "this adapter reports none"

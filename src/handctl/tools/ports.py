@@ -39,6 +39,10 @@ COLUMNS = (
 )
 
 
+NOTHING: Row = dict.fromkeys(column.key for column in COLUMNS)
+"""A row with all its keys."""
+
+
 class Problem(NamedTuple):
     """What is wrong with a port, and the exact remedy."""
 
@@ -77,8 +81,8 @@ def table(machine: Machine, journal: Journal) -> Table:
 
 def serial_row(port: Port) -> Row:
     """One serial port, flat."""
-    state = "free" if port.free else "in use" if port.held else "not permitted"
     return {
+        **NOTHING,
         "kind": "serial",
         "link": port.path,
         "by_id": port.by_id or None,
@@ -86,11 +90,10 @@ def serial_row(port: Port) -> Row:
         "chip": port.chip.name if port.chip is not None else None,
         "driver": port.driver or None,
         "product": port.product or None,
-        "state": state,
+        "state": port.state,
         "holder": ", ".join(map(str, port.held)) or None,
         "permitted": port.permitted,
         "latency": port.latency_ms,
-        "bitrate": None,
         "may_be": port.chip.behind if port.chip is not None else None,
         **_told(problems(port)),
     }
@@ -99,17 +102,12 @@ def serial_row(port: Port) -> Row:
 def can_row(interface: CanInterface) -> Row:
     """One CAN interface, with the same keys."""
     return {
+        **NOTHING,
         "kind": "can",
         "link": f"can:socketcan:{interface.name}",
-        "by_id": None,
-        "usb": None,
-        "chip": None,
         "driver": interface.driver or None,
-        "product": None,
         "state": interface.state,
-        "holder": None,
         "permitted": True,
-        "latency": None,
         "bitrate": interface.bitrate,
         "may_be": " or ".join(on_can()),
         **_told(can_problems(interface)),

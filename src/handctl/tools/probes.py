@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from handctl.families import FAMILIES
@@ -60,6 +60,11 @@ def probe_of(family: str) -> FamilyProbe:
 def family_of(name: str) -> Family:
     """How the shared machinery opens that family's device."""
     return cast("Family", load(name, "cli").cli.family)
+
+
+def usual_ports(families: Iterable[str] = FAMILIES) -> list[int]:
+    """The TCP ports on which devices of these families listen, each once: what a tcp:// without a port may mean."""
+    return list(dict.fromkeys(port for name in families if (port := family_of(name).tcp_port) is not None))
 
 
 def on_can() -> list[str]:

@@ -37,7 +37,7 @@ from handctl.link.tap import Tap, TraceFile
 from handctl.model.result import Journal, Table
 from handctl.system import clock
 from handctl.tools.machine import Machine
-from handctl.tools.probes import family_of, probe_of, wire_of
+from handctl.tools.probes import probe_of, usual_ports, wire_of
 from handctl.tools.scan_look import Looking, plan
 from handctl.tools.scan_report import Search, report
 
@@ -177,8 +177,7 @@ class Scan:
             text = f"{name}: {' and '.join(self._families)} cannot be on {WIRE_NAMES[wire]}"
             search.error = UsageError(text, hint="another LINK, or without --family")
             return search
-        ports = [family_of(family).tcp_port for family in self._families] if wire == "tcp" else []
-        port = next(filter(None, ports), None)
+        port = next(iter(usual_ports(self._families)), None) if wire == "tcp" else None
         if self._left is not None and self._left <= 0:
             search.expired = True
             return search

@@ -172,14 +172,17 @@ class Looking:
 
     def _late(self, counted: int) -> bool:
         """After one speed: whether something comes now, or has come, when nobody waited for it."""
-        link, search = self._link, self._search
-        if search.rows or self._run.settings.timeout is not None or self._guard(self._before) or self._met:
+        settled = self._search.rows or self._run.settings.timeout is not None
+        if settled or self._guard(self._before) or self._met:
             return False
-        if not isinstance(link, ByteLink):
-            return True
+        return not isinstance(self._link, ByteLink) or bool(self._listened(self._link)) or self._counted() > counted
+
+    def _listened(self, link: ByteLink) -> bytes:
+        """What comes when nobody waits for it."""
         self._run.guide.progress(f"{self._progress}: listening for late answers")
-        self._run.journal.counters.stray_bytes += len(listened(link, link.deadline(LATE).earlier(self._bound)))
-        return self._counted() > counted
+        late = listened(link, link.deadline(LATE).earlier(self._bound))
+        self._run.journal.counters.stray_bytes += len(late)
+        return late
 
     def _came_later(self) -> bool:
         """Whether a frame of a family has come behind its own probe, at speeds that are not asked again else: such a
@@ -188,9 +191,7 @@ class Looking:
         if not self._passed or search.rows or self._run.settings.timeout is not None or not isinstance(link, ByteLink):
             return False
         met = b"".join(search.met[step].came for step, _ in self._passed if step in search.met)
-        self._run.guide.progress(f"{self._progress}: listening for late answers")
-        late = listened(link, link.deadline(LATE).earlier(self._bound))
-        self._run.journal.counters.stray_bytes += len(late)
+        late = self._listened(link)
         return signed(met, self._families) or signed(late, self._families)
 
     def _may_repeat(self, step: Step) -> bool:

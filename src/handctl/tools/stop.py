@@ -19,7 +19,7 @@ from handctl.frame.run import Run
 from handctl.link import ByteLink, open_link
 from handctl.link.lock import canonical, hold, last_family
 from handctl.model.result import Journal, Row, Table
-from handctl.tools.probes import family_of, has_speed, probe_of, wire_of
+from handctl.tools.probes import family_of, has_speed, probe_of, usual_ports, wire_of
 
 if TYPE_CHECKING:
     from handctl.link import Link
@@ -73,7 +73,8 @@ def family_at(run: Run) -> str:
     What a named device there says of it holds, as with -d. Raises UsageError where nothing tells the family.
     """
     link = run.settings.port or ""
-    found = last_family(link) or next(filter(None, (last_family(link, port) for port in _usual_ports(link))), "")
+    ports = usual_ports() if link.startswith("tcp://") else []
+    found = next(filter(None, (last_family(link, port) for port in (None, *ports))), "")
     found = found if found in FAMILIES else ""
     named = [one for one in _named_at(link) if found in ("", one.kind)]
     kinds = {one.kind for one in named}
@@ -89,13 +90,6 @@ def family_at(run: Run) -> str:
         hint=f"run `handctl FAMILY stop -p {link}` with one of {', '.join(FAMILIES)}",
         code="no-family",
     )
-
-
-def _usual_ports(link: str) -> list[int]:
-    """The ports that a tcp:// without one may mean."""
-    if not link.startswith("tcp://"):
-        return []
-    return [port for family in FAMILIES if (port := family_of(family).tcp_port) is not None]
 
 
 def _place(link: str, kind: str) -> str:

@@ -6,6 +6,7 @@ import re
 import shutil
 import sys
 from collections.abc import Callable, Iterator
+from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
@@ -86,7 +87,7 @@ def diff(run: Run, a: str, b: str, family: str | None) -> Table:
     rows_b = other.rows(run)
     counts = dict.fromkeys(("same", "changed", "only-a", "only-b"), 0)
     rows: list[Row] = []
-    for step in compare(exchanges(_put_back(first, rows_a)), exchanges(rows_b)):
+    for step in compare(exchanges(chain([first] if first is not None else [], rows_a)), exchanges(rows_b)):
         counts[step.status] += 1
         if step.status != "same" and len(rows) < MOST_DIFFERENCES:
             rows.append(_difference_row(step))
@@ -235,12 +236,6 @@ def _write_text(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> No
 
 
 # -- diff and decode --------------------------------------------------------------------------------------------------
-
-
-def _put_back(first: Told | None, rest: Iterator[Told]) -> Iterator[Told]:
-    if first is not None:
-        yield first
-    yield from rest
 
 
 def _difference_row(step: Difference) -> Row:

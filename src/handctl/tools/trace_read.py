@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import IO, Any, NamedTuple
 
 from handctl import files
@@ -140,13 +141,7 @@ def chosen(lines: Iterator[Line], family: str, source: str) -> tuple[str, bool, 
             hint=f"--family {'|'.join(TOLD)}",
             code="which-family",
         )
-    return family, told, _chained(seen, lines)
-
-
-def _chained(seen: list[Line], rest: Iterator[Line]) -> Iterator[Line]:
-    while seen:
-        yield seen.pop(0)
-    yield from rest
+    return family, told, chain(seen, lines)
 
 
 class Stamp(NamedTuple):
@@ -422,10 +417,6 @@ def _elided(data: str, width: int) -> str:
     return f"{head}{bracket}{' '.join(words[:room])}{tail}"
 
 
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
-
-
 def statistics_text(statistics: Statistics) -> Iterator[str]:
     """The closing lines."""
     row: dict[str, Any] = statistics.as_row()
@@ -435,7 +426,7 @@ def statistics_text(statistics: Statistics) -> Iterator[str]:
     for side in SIDES:
         rate = f", {rates[side]:g} bytes/s" if rates else ""
         stray = f", {row['stray_bytes'][side]} of them in no frame" if row["stray_bytes"][side] else ""
-        yield f"{side:<11} {_count(row['frames'][side], 'frame')}, {_count(row['bytes'][side], 'byte')}{stray}{rate}"
+        yield f"{side:<11} {plural(row['frames'][side], 'frame')}, {plural(row['bytes'][side], 'byte')}{stray}{rate}"
     yield f"requests    {row['requests']}, {row['answered']} answered"
     if row["problems"]:
         yield f"problems    {', '.join(f'{code} {count}' for code, count in sorted(row['problems'].items()))}"

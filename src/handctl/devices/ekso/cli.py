@@ -154,37 +154,29 @@ def _shown(run: Run, result: Exported, as_rows: bool) -> Table:
 # -- reading ------------------------------------------------------------------------------------------------------
 
 
-@cli.verb("time", "Look")
-def time_(run: Run) -> Table:
-    """Show the device's time of day."""
-    return run.device().clock("time")  # type: ignore[no-any-return]
-
-
-@cli.verb("date", "Look")
-def date(run: Run) -> Table:
-    """Show the device's date."""
-    return run.device().clock("date")  # type: ignore[no-any-return]
-
-
-@cli.verb("settings", "Look")
-def settings(run: Run) -> Table:
-    """Show all settings (GetSettings, 22 words)."""
-    return run.device().message("settings")  # type: ignore[no-any-return]
-
-
-@cli.verb("data", "Look")
-def data(run: Run) -> Table:
-    """Show the current sensor values (GetData, 27 words).
+LOOKS = {
+    "time": "Show the device's time of day.",
+    "date": "Show the device's date.",
+    "settings": "Show all settings (GetSettings, 22 words).",
+    "data": """Show the current sensor values (GetData, 27 words).
 
     Trunk, soles, hips, motor currents, joint angles, state and boot time.
-    """
-    return run.device().message("data")  # type: ignore[no-any-return]
+    """,
+    "feedback": "Show steps, times and assistance (GetFeedback, 17 words).",
+}
+"""A command for each message that is read, and what it shows."""
 
 
-@cli.verb("feedback", "Look")
-def feedback(run: Run) -> Table:
-    """Show steps, times and assistance (GetFeedback, 17 words)."""
-    return run.device().message("feedback")  # type: ignore[no-any-return]
+def _look(message: str) -> Callable[[Run], Table]:
+    def look(run: Run) -> Table:
+        return run.device().shown(message)  # type: ignore[no-any-return]
+
+    look.__doc__ = LOOKS[message]
+    return look
+
+
+for _message in LOOKS:
+    cli.verb(_message, "Look")(_look(_message))
 
 
 @cli.verb("describe", "Look", offline=True)

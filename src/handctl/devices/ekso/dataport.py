@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 
 from handctl.devices.ekso.frames import (
-    MESSAGES,
+    EXCHANGES,
     OVERHEAD,
     Command,
     Decoder,
@@ -222,7 +222,7 @@ class DataPort(Line):
 
     def _send(self, command: Command, body: bytes) -> tuple[bytes, Deadline]:
         """One request on the line; its bytes and the deadline of its answer."""
-        row = MESSAGES[command]
+        row = EXCHANGES[command]
         if row.writes:
             self.identify()
         if not self._settled:
@@ -339,7 +339,7 @@ class DataPort(Line):
         if self._given_up is not None and frame.key == key_of(self._given_up[0]):
             self._given_up = None  # nobody waits for it any more: no fault of the line
             return
-        if MESSAGES[frame.command].asks is None:
+        if EXCHANGES[frame.command].asks is None:
             self.counts.unsolicited += 1
             self.journal.info(
                 "unsolicited", f"{self.link.name}: frames arrived that handctl did not request. They were discarded"

@@ -205,9 +205,12 @@ class Ekso(Device):
             "label": param.label(reading.value),
         }
 
-    def message(self, name: str) -> Table:
-        """All words of GetSettings ("settings"), GetData ("data") or GetFeedback ("feedback")."""
-        return self.table(self.readings(name))
+    def shown(self, message: str) -> Table:
+        """All words of GetSettings ("settings"), GetData ("data") or GetFeedback ("feedback"); `time` and `date` alone."""
+        if message in MESSAGES:
+            return self.table(self.readings(message))
+        columns = (Column("value", message.capitalize()),)
+        return Table(rows=[self.clock_row(message)], columns=columns, plain=("value",))
 
     def told(self, clock: Clock) -> Reading:
         """GetTime or GetDate."""
@@ -222,10 +225,6 @@ class Ekso(Device):
     def clock_row(self, what: str) -> Row:
         """GetTime or GetDate as one row, ``14:05:37`` or ``2026-11-20``; the raw integer has its bytes."""
         return self.row(*self.readings(what))
-
-    def clock(self, what: str) -> Table:
-        """`time` or `date` as a Table."""
-        return Table(rows=[self.clock_row(what)], columns=(Column("value", what.capitalize()),), plain=("value",))
 
     def now(self) -> tuple[Row, Row]:
         """Date and time that belong together: the date is read before and after the time (two messages)."""

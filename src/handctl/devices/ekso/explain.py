@@ -9,13 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 
-from handctl.devices.ekso.frames import LENGTH_MODES, MESSAGES, OVERHEAD, Command, crc, name_of, status_text, unpack
-from handctl.devices.ekso.map import CLOCKS, EKSO, Word, boot_ms, boot_text
-from handctl.devices.ekso.map import MESSAGES as WORDS
+from handctl.devices.ekso.frames import EXCHANGES, LENGTH_MODES, OVERHEAD, Command, crc, name_of, status_text, unpack
+from handctl.devices.ekso.map import CLOCKS, EKSO, MESSAGES, Word, boot_ms, boot_text
 from handctl.model.piece import DEVICE, HOST, Cut, Cutter, Later, Part, Piece, Value, stray
 from handctl.sentence import plural
 
-LONGEST = max(size for row in MESSAGES.values() for size in row.answers) + OVERHEAD + max(LENGTH_MODES.values())
+LONGEST = max(size for row in EXCHANGES.values() for size in row.answers) + OVERHEAD + max(LENGTH_MODES.values())
 BYTES = {"time": ("hours", "minutes", "seconds"), "date": ("year - 2000", "month", "day")}
 Told = tuple[str, Sequence[Value], Sequence[Part]]
 """A body in words, its values, its parts."""
@@ -53,7 +52,7 @@ class EksoExplainer(Cutter):
 
     def _at(self, buffer: bytearray, place: int, side: str) -> Cut | None:
         """What stands at `place`: a frame, one with a wrong CRC or length, a beginning ("waiting"), or nothing."""
-        if buffer[place] not in MESSAGES:
+        if buffer[place] not in EXCHANGES:
             return None
         view = bytes(buffer[place : place + LONGEST])
         if len(view) < 4:
@@ -78,7 +77,7 @@ class EksoExplainer(Cutter):
     def side_of(self, raw: bytes, cut: Cut) -> str:
         """A body of the size of a request is taken for one."""
         size = len(raw) - OVERHEAD
-        return HOST if cut.mode and raw[0] in MESSAGES and size in _sizes(raw[0], HOST) and not _reply(raw) else DEVICE
+        return HOST if cut.mode and raw[0] in EXCHANGES and size in _sizes(raw[0], HOST) and not _reply(raw) else DEVICE
 
     # -- words --------------------------------------------------------------------------------------------------------
 
@@ -126,7 +125,7 @@ class EksoExplainer(Cutter):
 
 def _sizes(command: int, side: str) -> set[int]:
     """Body sizes that a command may have, sent by `side` ("" = either)."""
-    row = MESSAGES[command]
+    row = EXCHANGES[command]
     own = {row.asks} if row.asks is not None else {*row.answers}
     return own if side == HOST else {0, *row.answers, *own}
 
@@ -134,7 +133,7 @@ def _sizes(command: int, side: str) -> set[int]:
 def _reply(raw: bytes) -> bool:
     """A CancelAction of two bytes is a request with a word other than 0, an answer with a status of 0 to 3."""
     if raw[0] != Command.CANCEL_ACTION or len(raw) != OVERHEAD + 2:
-        return MESSAGES[raw[0]].asks is None
+        return EXCHANGES[raw[0]].asks is None
     return raw[4:6] in (b"\0\0", b"\0\2", b"\0\3") or (raw[5] == 1 and raw[4] > 1)
 
 
@@ -144,7 +143,7 @@ def _is_status(command: int, body: bytes) -> bool:
 
 
 def _told(direction: str, command: int, body: bytes) -> Told:
-    row, shown = MESSAGES[command], body.hex(" ").upper()
+    row, shown = EXCHANGES[command], body.hex(" ").upper()
     plain = [Part(body, "command word" if command == Command.CANCEL_ACTION else "body", "")] if body else []
     if row.asks is None:
         return f"{row.name}, not in the manual: {shown}", (), plain
@@ -163,7 +162,7 @@ def _told(direction: str, command: int, body: bytes) -> Told:
         text = next(clock.form for clock in CLOCKS if clock.name == row.words).format(*body[:3])
         parts = [Part(body[i : i + 1], name, str(body[i])) for i, name in enumerate(BYTES[row.words])]
         return f"{row.name}: {text}", (Value(row.words, text),), parts + [Part(body[3:], "pad", "")] * (len(body) == 4)
-    words, numbers = WORDS.get(row.words, ()), unpack(body)
+    words, numbers = MESSAGES.get(row.words, ()), unpack(body)
     if not words or len(body) != 2 * len(words):
         return f"{row.name}: {shown}", (), plain
     pairs = list(zip(words, numbers, strict=True))

@@ -42,8 +42,8 @@ class Command(IntEnum):
     CANCEL_ACTION = 156
 
 
-class Message(NamedTuple):
-    """One message of the DataPort.
+class Exchange(NamedTuple):
+    """One request of the DataPort and its answer.
 
     command  its number, in request and answer
     name     as the manual spells it
@@ -64,23 +64,23 @@ class Message(NamedTuple):
         return not self.words
 
 
-MESSAGES = {
+EXCHANGES = {
     row.command: row
     for row in (
-        Message(Command.GET_TIME, "GetTime", 0, (3, 4), "time"),
-        Message(Command.GET_DATE, "GetDate", 0, (3, 4), "date"),
-        Message(Command.GET_SETTINGS, "GetSettings", 0, (44,), "settings"),
-        Message(Command.GET_DATA, "GetData", 0, (54,), "data"),
-        Message(Command.GET_FEEDBACK, "GetFeedback", 0, (34,), "feedback"),
-        Message(Command.SET_VALUE, "SetValue", 4, (2,)),
-        Message(Command.CANCEL_ACTION, "CancelAction", 2, (2,)),
+        Exchange(Command.GET_TIME, "GetTime", 0, (3, 4), "time"),
+        Exchange(Command.GET_DATE, "GetDate", 0, (3, 4), "date"),
+        Exchange(Command.GET_SETTINGS, "GetSettings", 0, (44,), "settings"),
+        Exchange(Command.GET_DATA, "GetData", 0, (54,), "data"),
+        Exchange(Command.GET_FEEDBACK, "GetFeedback", 0, (34,), "feedback"),
+        Exchange(Command.SET_VALUE, "SetValue", 4, (2,)),
+        Exchange(Command.CANCEL_ACTION, "CancelAction", 2, (2,)),
         *(
-            Message(command, f"command {command}", None, (size,))
+            Exchange(command, f"command {command}", None, (size,))
             for command, size in ((157, 2), (158, 6), (159, 2), (160, 2))
         ),
     )
 }
-READS = {row.words: Command(row.command) for row in MESSAGES.values() if row.words}
+READS = {row.words: Command(row.command) for row in EXCHANGES.values() if row.words}
 """Name in `map` -> what asks for it."""
 STATUS = {
     0: "accepted",
@@ -141,7 +141,7 @@ def _crc_function() -> Callable[[bytes], int]:
 
 def encode(command: Command, msg_id: int, body: bytes = b"", mode: str = "body") -> bytes:
     """A request. Raises UsageError for a command, a msgID, a size or a length convention that does not exist."""
-    if command not in MESSAGES or len(body) != MESSAGES[command].asks:
+    if command not in EXCHANGES or len(body) != EXCHANGES[command].asks:
         raise UsageError(
             f"command {int(command)} with {len(body)} body bytes does not exist (ekso §6)",
             hint="use a command of the manual",
@@ -178,7 +178,7 @@ def unpack(body: bytes) -> tuple[int, ...]:
 
 def name_of(command: int) -> str:
     """``GetData`` for 153, ``command 160`` for what the manual does not have."""
-    return MESSAGES[command].name if command in MESSAGES else f"command {command}"
+    return EXCHANGES[command].name if command in EXCHANGES else f"command {command}"
 
 
 def status_text(word: int) -> str:
@@ -192,7 +192,7 @@ ORDERS = {
     met: sorted(LENGTH_MODES.items(), key=lambda item: (item[0] != met, -item[1])) for met in (None, *LENGTH_MODES)
 }
 """Conventions in the order they are tried, by the one met before."""
-_BEGIN = re.compile(b"[%s]" % re.escape(bytes(MESSAGES)))
+_BEGIN = re.compile(b"[%s]" % re.escape(bytes(EXCHANGES)))
 
 
 class Decoder:
@@ -226,12 +226,9 @@ class Decoder:
         """Bytes held back because they may still become a frame."""
         return len(self._buffer)
 
-    def clear(self) -> int:
-        """Drop what is held; returns how many bytes."""
-        count = len(self._buffer)
-        self.skipped += count
-        self._buffer.clear()
-        return count
+    def clear(self) -> None:
+        """Drop what is held."""
+        self._drop(len(self._buffer), stray=len(self._buffer))
 
     def next(self) -> Frame | None:
         """The next frame, or None until more bytes come. Raises ProtocolError for a broken answer."""
@@ -276,7 +273,7 @@ class Decoder:
 
     def _look(self, at: int) -> Frame | ProtocolError | bool:
         """What stands at `at`: a frame, a broken answer, something that may still become one (True), nothing (False)."""
-        sizes = MESSAGES[self._buffer[at]].answers
+        sizes = EXCHANGES[self._buffer[at]].answers
         view = bytes(self._buffer[at : at + OVERHEAD + max(sizes) + 6])
         if len(view) < 4:
             return True
@@ -305,7 +302,7 @@ def _broken(view: bytes, fitting: list[tuple[str, int]]) -> ProtocolError:
     name = name_of(view[0])
     shown: Any = view[: fitting[0][1] + OVERHEAD] if fitting else view
     if not fitting:
-        sizes = " or ".join(str(size) for size in MESSAGES[view[0]].answers)
+        sizes = " or ".join(str(size) for size in EXCHANGES[view[0]].answers)
         return ProtocolError(
             f"length byte {view[1]} does not match any reply to {name} ({sizes} body bytes), in {shown.hex(' ').upper()}",
             code="bad-length",

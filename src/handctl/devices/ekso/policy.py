@@ -1,6 +1,6 @@
 """`ekso policy`: every limit of this tool for writing a setting, as a table. Never a limit of the device.
 
-The limits themselves stand with the words (`fields`), with the writer (`settings`) and with `stillness`; nothing is decided here.
+The limits themselves stand with the words (`map`), with the writer (`settings`) and with `change`; nothing is decided here.
 """
 
 from __future__ import annotations

@@ -11,9 +11,9 @@ from math import cos, radians, sin
 from typing import TYPE_CHECKING
 
 from handctl.devices.ekso.change import APART
-from handctl.devices.ekso.map import DATA, FEEDBACK, LEGS, POSTURES, SETTINGS, Word, boot_ms, boot_text
+from handctl.devices.ekso.map import DATA, EKSO, LEGS, NAMED, POSTURES, SETTINGS, Word, boot_ms, boot_text
 from handctl.errors import CheckFailed, HandctlError, LinkError
-from handctl.model.clocks import Moment, Span
+from handctl.model.clocks import Span
 from handctl.model.param import Reading
 from handctl.model.result import Cell, Grid, Row, Table
 from handctl.sentence import plural
@@ -25,14 +25,13 @@ if TYPE_CHECKING:
 ANGLES = {"hip_angle": (-30.0, 140.0), "knee_angle": (-5.0, 135.0), "torso_pitch": (-60.0, 60.0), "torso_roll": (-60.0, 60.0)}  # fmt: skip
 LEG_LENGTHS = (10.0, 25.0)
 CLOCK_SECONDS = 60.0
-STEPS = ("steps_taken", "upright_time", "walk_time")
 
 
 def status(ekso: Ekso, check: bool) -> Table:
     """Two looks at the data, settings, feedback, clock. Raises what went wrong when the data cannot be read."""
-    first, moment = _look(ekso)
+    first, moment = ekso.readings("data"), ekso.port.moment
     ekso.link.sleep(APART)
-    second, later = _look(ekso)
+    second, later = ekso.readings("data"), ekso.port.moment
     settings = ekso.readings("settings")
     feedback = ekso.readings("feedback")
     passed = (boot_ms(_raws(second)) - boot_ms(_raws(first))) % 2**32
@@ -60,11 +59,6 @@ def status(ekso: Ekso, check: bool) -> Table:
             f"{ekso.link.name}: {plural(len(findings), 'finding')}: {'; '.join(findings)}", code="unhealthy"
         )
     return table
-
-
-def _look(ekso: Ekso) -> tuple[list[Reading], Moment]:
-    readings = ekso.readings("data")
-    return readings, ekso.port.moment
 
 
 def _raws(readings: list[Reading]) -> list[int]:
@@ -139,23 +133,16 @@ def _remarks(data: list[Reading], settings: list[Reading]) -> list[str]:
     values = _values(settings)
     for what in ("swing_assist", "stance_support"):
         if values[f"left_{what}"] != values[f"right_{what}"]:
-            left, right = (_label(settings, f"{side}_{what}") for side in ("left", "right"))
+            left, right = (EKSO[name].label(int(values[name])) for name in (f"left_{what}", f"right_{what}"))
             found.append(f"{what} differs: left {left}, right {right}")
     return found
-
-
-def _label(readings: list[Reading], name: str) -> str:
-    reading = next(reading for reading in readings if reading.element.param.name == name)
-    return str(reading.element.param.label(reading.value or 0))
 
 
 def _clock(ekso: Ekso) -> list[Row]:
     """The device's date and time, with their distance from the host's clock."""
     date, time = ekso.now()
-    rows = [
-        {key: row[key] for key in ("name", "word", "id", "value", "raw", "unit", "label", "path")}
-        for row in (date, time)
-    ]
+    keys = ("name", "word", "id", "value", "raw", "unit", "label", "path")
+    rows = [{key: row[key] for key in keys} for row in (date, time)]
     try:
         here = datetime.fromtimestamp(ekso.link.wall())  # noqa: DTZ006 - the device tells no zone
         offset = (datetime.fromisoformat(f"{date['value']}T{time['value']}") - here).total_seconds()
@@ -190,7 +177,7 @@ def status_view(rows: list[Row]) -> list[Grid]:
         row = at.get(name, {"error": ""})
         if "error" in row:
             return Cell("?", "bad")
-        param = next((param for param in (*DATA, *FEEDBACK, *SETTINGS) if param.name == name), None)
+        param = NAMED.get(name)
         if param is None:
             return str(row["label"] or row["value"])
         return param.shown(row["value"]) if unit else param.text(row["value"])
@@ -216,14 +203,15 @@ def status_view(rows: list[Row]) -> list[Grid]:
         ("clock", f"{plain('date')} {plain('time')}"),
         ("steps", f"{plain('steps_taken')}, upright {plain('upright_time')}, walking {plain('walk_time')}"),
     )
-    settings: list[tuple[str | Cell, ...]] = []
-    for left, right in zip(SETTINGS[:11], SETTINGS[11:], strict=True):
-        settings.append((left.name, text(left.name), right.name, text(right.name)))
+    settings = tuple(
+        (left.name, text(left.name), right.name, text(right.name))
+        for left, right in zip(SETTINGS[:11], SETTINGS[11:], strict=True)
+    )
     return [
         Grid(("State", ""), general),
         Grid(("Joint", "Angle [deg]", "Current [A]"), joints, right=frozenset({1, 2})),
         Grid(("Side", "Toe [raw]", "Heel [raw]", "Hip x [in]", "Hip y [in]"), feet, right=frozenset({1, 2, 3, 4})),
-        Grid(("Setting", "", "Setting", ""), tuple(settings)),
+        Grid(("Setting", "", "Setting", ""), settings),
     ]
 
 
