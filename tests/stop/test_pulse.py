@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from handctl.devices.aidin.currents import currents
+from handctl.devices.aidin.motion import currents
 from handctl.devices.aidin.map import CURRENTS
 from handctl.devices.aidin.targets import parse
 from handctl.devices.barrett.map import SPEEDS

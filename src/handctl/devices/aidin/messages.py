@@ -22,7 +22,7 @@ LARGEST_IN = 65536
 LONGEST_STRING = 256
 DEEPEST = 8
 BETWEEN = b" \t\r\n\0"
-NOTHING = b"{}"
+NEUTRAL = b"{}"
 """The neutral object: no key, no mode."""
 
 _OUTSIDE = re.compile(rb'["{}]|[^ \t\r\n0-9+\-.,:\[\]a-zA-Z]')

@@ -1,6 +1,6 @@
 """What the manual page says beside the commands (see `docgen.texts`). Data only."""
 
-from handctl.devices.aidin.speaking import section
+from handctl.devices.aidin.way import section
 
 EXCEPTIONS = (
     ("verb", "`set`, `snapshot`, `diff`, `restore`", "The hand does not store settings."),
