@@ -78,7 +78,7 @@ def _step(run: Run, meaning: str, mode: Mode, **data: int) -> Step:
 
 
 ASSUME = click.option(
-    "--assume-homed", is_flag=True, help="Continue even if the encoders are out of range, as they are before modes."
+    "--assume-homed", is_flag=True, help="Continue even if the encoders are out of range, as they are before homing."
 )
 
 
@@ -100,7 +100,7 @@ def home(run: Run) -> Table:
 @cli.verb("initial", "Move", writes=True)
 @ASSUME
 def initial(run: Run, assume_homed: bool) -> Table:
-    """Open all fingers to the origin set by modes. Asks first. Ctrl-C stops."""
+    """Open all fingers to the origin set by homing. Asks first. Ctrl-C stops."""
     from handctl.devices.aidin import modes
 
     steps = [_step(run, "initial position, every 20 ms until it is reached", Mode.INITIAL)]

@@ -457,11 +457,11 @@ class Conversation(Line):
         """
         name = self.link.name
         if not seen:
-            hint = "check the address and the port: this is an echo server, not the hand"
-            return ProtocolError(f"{name}: only our own object came back, and no feedback", hint=hint, code="echo")
-        text = "".join(chr(byte) if 32 <= byte < 127 else "." for byte in seen)
+            echo = "check the address and the port: this is an echo server, not the hand"
+            return ProtocolError(f"{name}: only our own object came back, and no feedback", hint=echo, code="echo")
+        shown = "".join(chr(byte) if 32 <= byte < 127 else "." for byte in seen)
         hint = "check the address and the port: this is another server or another kind of hand. The AIDIN-hand sends JSON on TCP port 8000"
         if whole:
             hint = f"this JSON object has no key from the manual: it may be a report from the hand itself. Otherwise {hint}"
-        text = f"{name}: no {more}feedback from the hand, but {hex_bytes(seen)} ({text}){f': {why}' if why else ''}"
+        text = f"{name}: no {more}feedback from the hand, but {hex_bytes(seen)} ({shown}){f': {why}' if why else ''}"
         return ProtocolError(text, hint=hint, code="garbage", came=seen)

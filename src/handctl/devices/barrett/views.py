@@ -210,6 +210,11 @@ def status_view(rows: list[Row]) -> list[Grid]:
     ]
 
 
+def row_of(name: str, parameter: str | None, motor: str | None, value: object, unit: str | None, **more: object) -> Row:
+    """A row as `get` has it, and what else is told of it."""
+    return {"name": name, "parameter": parameter, "motor": motor, "value": value, "unit": unit, **more}
+
+
 def live(
     hand: Device, read: Callable[[], list[Row]], *, rate: float, count: int | None, duration: float | None, **shown: Any
 ) -> Table:

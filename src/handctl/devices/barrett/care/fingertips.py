@@ -19,7 +19,7 @@ from typing import NamedTuple
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS
 from handctl.devices.barrett.map import BARRETT, FINGERS
-from handctl.devices.barrett.views import NOT_HOMED, live
+from handctl.devices.barrett.views import NOT_HOMED, live, row_of
 from handctl.errors import HandctlError, ProtocolError, UsageError
 from handctl.model.result import Cell, Column, Grid, Row, Table
 
@@ -143,8 +143,7 @@ def rows_of(
 
 def _row(name: str, finger: str, value: float, unit: str, state: str, lost: Sequence[str]) -> Row:
     doubt = f"{', '.join(lost)}: {NOT_HOMED}" if lost else None
-    row: Row = {"name": name, "parameter": None, "motor": finger, "value": value, "unit": unit, "state": state}
-    return {**row, "doubt": doubt}
+    return row_of(name, None, finger, value, unit, state=state, doubt=doubt)
 
 
 def table_of(rows: list[Row]) -> Table:

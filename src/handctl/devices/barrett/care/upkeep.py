@@ -14,7 +14,7 @@ from handctl.devices.barrett.care import health
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS
 from handctl.devices.barrett.map import FINGERS
-from handctl.devices.barrett.views import STROKE
+from handctl.devices.barrett.views import STROKE, row_of
 from handctl.errors import CheckFailed, UsageError
 from handctl.files import state_path
 from handctl.model.result import Cell, Column, Grid, Row, Table
@@ -136,11 +136,12 @@ class Care:
         left = int(health.LUBRICATION - since)
         never = WHOSE if self.ambiguous else NEVER
         when = f"greased {entry['date']}" if entry is not None else never
-        name, label = (
-            f"lubrication_{point.name.replace('-', '_')}",
-            f"due in {left}" if left >= 0 else f"overdue by {-left}",
+        name = f"lubrication_{point.name.replace('-', '_')}"
+        label = f"{when}; {f'due in {left}' if left >= 0 else f'overdue by {-left}'}"
+        done = _row(
+            name, "OD", motor, int(since), "strokes", status=health.due(since), label=label, source=point.source
         )
-        return _row(name, "OD", motor, int(since), "strokes", health.due(since), f"{when}; {label}", point.source) | {
+        return done | {
             "point": f"{point.name}.{motor}",
             "title": point.title,
             "due_at": health.LUBRICATION,
@@ -164,14 +165,12 @@ class Care:
             ("over_temperature_limit", "OTEMP", health.over_temperature_limit),
         ):
             value = self.at[mnemonic, None]
-            found = verdict(value)
-            rows.append(
-                _row(name, mnemonic, None, value, "0.1 °C", found.status, found.evidence, found.source)
-                | {"remedy": found.remedy or None}
-            )
+            _, status, label, remedy, source = verdict(value)
+            row = _row(name, mnemonic, None, value, "0.1 °C", status=status, label=label, source=source)
+            rows.append(row | {"remedy": remedy or None})
         rows.append(_row("uptime_seconds", "UPSECS", None, self.at["UPSECS", None], "s", source="barrett §5.4.2"))
-        rows += [_row(name, None, None, None, None, health.SKIPPED, text, source) for name, text, source in PERIODIC]
-        return rows
+        later = [(row_of(name, None, None, None, None), text, source) for name, text, source in PERIODIC]
+        return rows + [row | {"status": health.SKIPPED, "label": text, "source": source} for row, text, source in later]
 
 
 def _whole(entry: object) -> bool:
@@ -181,26 +180,8 @@ def _whole(entry: object) -> bool:
     )
 
 
-def _row(
-    name: str,
-    parameter: str | None,
-    motor: str | None,
-    value: int | None,
-    unit: str | None,
-    status: str | None = None,
-    label: str | None = None,
-    source: str | None = None,
-) -> Row:
-    return {
-        "name": name,
-        "parameter": parameter,
-        "motor": motor,
-        "value": value,
-        "unit": unit,
-        "status": status,
-        "label": label,
-        "source": source,
-    }
+def _row(*cells: Any, status: str | None = None, label: str | None = None, source: str | None = None) -> Row:
+    return row_of(*cells, status=status, label=label, source=source)
 
 
 def table_of(hand: BarrettHand, care: Care, *, check: bool) -> Table:

@@ -19,6 +19,10 @@ WINDOWS = (1, 4)
 """Bytes sent ahead of their echo: 1 as the reference; up to 2 nothing can be lost, 4 is an assumption (dossier 7.7)."""
 
 
+class EchoError(ProtocolError):
+    """An echo that differs, or one too many."""
+
+
 class Transfer:
     """One record on its way: `take` gives what may be sent now, `feed` checks what came back.
 
@@ -79,14 +83,12 @@ class Transfer:
         return out
 
     def feed(self, data: bytes) -> None:
-        """Check echoes. Raises ProtocolError naming the address, what was sent and what came."""
+        """Check echoes. Raises EchoError naming the address, what was sent and what came."""
         for byte in data:
             if self._echoed >= self._sent:
-                raise ProtocolError(
-                    f"at {self.where}: {byte:02X} arrived although nothing was expected", code="extra-byte"
-                )
+                raise EchoError(f"at {self.where}: {byte:02X} arrived although nothing was expected", code="extra-byte")
             if byte != self.awaited:
-                raise ProtocolError(f"at {self.where}: sent {self.awaited:02X}, received {byte:02X}", code="wrong-echo")
+                raise EchoError(f"at {self.where}: sent {self.awaited:02X}, received {byte:02X}", code="wrong-echo")
             self._echoed += 1
             if self._echoed == len(self._bytes) and self._groups:
                 self._in_data = True

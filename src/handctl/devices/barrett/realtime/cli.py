@@ -226,7 +226,7 @@ def _from_file(path: str, motors: list[int], start: dict[tuple[int, str], int], 
 
     if path == "-" or is_pipe(path):
         lines = Lines(path, seconds)
-        controls = schedule.read(lines, "stdin" if path == "-" else path, motors, start)
+        controls = schedule.parse(lines, "stdin" if path == "-" else path, motors, start)
         lines.begun = True
         if isinstance(controls, schedule.Live):
             import threading
@@ -234,7 +234,7 @@ def _from_file(path: str, motors: list[int], start: dict[tuple[int, str], int], 
             threading.Thread(target=controls.listen, daemon=True).start()
         return controls
     text = io.StringIO(read_text(path, "a control file", 16_000_000).removeprefix("\ufeff"), newline="")
-    controls = schedule.read(text, path, motors, start)
+    controls = schedule.parse(text, path, motors, start)
     if controls.live:
         raise UsageError(f"{path}: no column t", hint="add times, or send the lines on stdin with --control -")
     return controls

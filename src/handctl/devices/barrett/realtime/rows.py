@@ -11,6 +11,7 @@ from handctl.devices.barrett.map import BARRETT, NO_GAUGE
 from handctl.devices.barrett.realtime.blocks import FEEDBACK, UNITS, DeltaPosition, Feedback, Layout, Values, cycles
 from handctl.devices.barrett.realtime.flags import Prepared, Wish
 from handctl.devices.barrett.realtime.guards import Event, Guards, implausible
+from handctl.devices.barrett.views import row_of
 from handctl.errors import CheckFailed
 from handctl.model.latency import RoundTrips
 from handctl.model.param import Number
@@ -246,7 +247,7 @@ def _motor_rows(taken: Taken, layout: Layout, index: int, shown: tuple[str, ...]
 
 
 def _row(name: str, parameter: str, motor: str | None, value: Number, unit: str | None, doubt: str = "") -> Row:
-    row: Row = {"name": name, "parameter": parameter, "motor": motor, "value": value, "unit": unit}
+    row = row_of(name, parameter, motor, value, unit)
     if (scale := scale_of(unit or "")) is not None:
         row |= {"scaled": scale.of(value), "scaled_unit": scale.unit}
     path = {"path": f"{name}.{motor}" if motor else name} if name in BARRETT else {}  # of what `get` tells as well

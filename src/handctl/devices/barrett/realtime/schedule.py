@@ -161,7 +161,7 @@ def constant(text: str, name: str, motors: Sequence[int]) -> Change:
     return {(index, name): value for index, value in zip(motors, values, strict=True)}
 
 
-def read(lines: Iterable[str], where: str, motors: Sequence[int], start: Change) -> Controls:
+def parse(lines: Iterable[str], where: str, motors: Sequence[int], start: Change) -> Controls:
     """A schedule or live controls from CSV or JSON lines. Raises UsageError with the line number."""
     numbered = ((number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#"))
     first = next(numbered, None)
