@@ -67,10 +67,6 @@ def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, dura
     return verbs.watch(run, AIDIN, names, rate=rate, count=count, duration=duration)
 
 
-def _takes_negatives(name: str) -> None:
-    cli.commands[name].context_settings = dict(NEGATIVE_NUMBERS)
-
-
 def _step(run: Run, meaning: str, mode: Mode, **data: int) -> Step:
     from handctl.devices.aidin.device import object_of, step_of
 
@@ -259,4 +255,4 @@ def currents(
 
 
 for _name in ("max-torque", "encoders", "joints", "fingertips", "currents"):
-    _takes_negatives(_name)
+    cli.commands[_name].context_settings = dict(NEGATIVE_NUMBERS)

@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, contextmanager
 
 from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.feedback import Wire, number_of
-from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, AidinParam, Mode
+from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, AidinParam, Mode, some
 from handctl.devices.aidin.messages import TERMINATORS, Out, encode
 from handctl.devices.aidin.way import ExchangeMode
 from handctl.errors import HandctlError, Left, LinkError, ProtocolError
@@ -144,8 +144,7 @@ def unhealthy(rows: Sequence[Row]) -> list[str]:
         if param.angles and any(abs(row["rad"]) > LARGEST_RADIAN for row in mine):
             found.append(f"{param.name} {NO_ANGLE}")
         elif wrong:
-            more = f" and {len(wrong) - 4} more" if len(wrong) > 4 else ""
-            found.append(f"{param.name} out of range: {', '.join(wrong[:4])}{more}. Not homed since power-on?")
+            found.append(f"{param.name} out of range: {some(wrong)}. Not homed since power-on?")
     return found
 
 

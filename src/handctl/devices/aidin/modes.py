@@ -16,7 +16,7 @@ from handctl.devices.aidin.device import (
     stopped_if_cut_short,
 )
 from handctl.devices.aidin.feedback import Feedback, Wire
-from handctl.devices.aidin.map import AIDIN, AidinParam, Mode
+from handctl.devices.aidin.map import AIDIN, AidinParam, Mode, some
 from handctl.devices.aidin.travel import AT_ORIGIN, MOTOR_POS, Travel, Verdict, Way, moving, stroke
 from handctl.devices.aidin.way import ExchangeMode
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, UsageError
@@ -130,11 +130,9 @@ def _count(ways: list[Way]) -> str:
 
 def _told(ways: list[Way]) -> str:
     """``ring.m3 hardly moved (way 450, rested at 85000)``, four motors at most."""
-    shown = ", ".join(
-        f"{MOTOR_POS.elements[way.index]} {way.verdict.value} (way {way.travelled}, rested at {way.rest})"
-        for way in ways[:4]
-    )
-    return shown + (f" and {len(ways) - 4} more" if len(ways) > 4 else "")
+    return some([
+        f"{MOTOR_POS.elements[way.index]} {way.verdict.value} (way {way.travelled}, rested at {way.rest})" for way in ways
+    ])  # fmt: skip
 
 
 def by_motor(rows: list[Row]) -> list[Grid]:
@@ -199,8 +197,7 @@ def _away(encoders: tuple[int, ...]) -> list[int]:
 
 
 def named(param: AidinParam, indices: list[int], values: tuple[Number, ...] | list[Number]) -> str:
-    shown = ", ".join(f"{param.elements[index]} {values[index]:.{param.places}f}" for index in indices[:4])
-    return shown + (f" and {len(indices) - 4} more" if len(indices) > 4 else "")
+    return some([f"{param.elements[index]} {values[index]:.{param.places}f}" for index in indices])
 
 
 def _last_known(hand: AidinHand) -> Table:
