@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handctl.devices.barrett.firmware.records import READY, SELECT, TRIGGER, WINDOWS, EchoError, Transfer
+from handctl.devices.barrett.firmware.records import READY, SELECT, TRIGGER, EchoError, Transfer
 from tests.support.scripted import hexed
 
 
@@ -57,7 +57,7 @@ def carry(record: Record, window: int = 1, triggers: bool = False, piece: int | 
 
 
 def test_constants() -> None:
-    assert (SELECT, READY, TRIGGER, WINDOWS) == (b"\x58", b"\x3a", b"\xff", (1, 4))
+    assert (SELECT, READY, TRIGGER) == (b"\x58", b"\x3a", b"\xff")
 
 
 def test_the_record_of_the_dossier() -> None:

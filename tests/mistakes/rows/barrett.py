@@ -273,7 +273,7 @@ ROWS = (
     mistake(
         "firmware-sum-of-records-wrong",
         "checksum not checked",
-        "handctl.devices.barrett.firmware.srecord",
+        "handctl.devices.barrett.firmware.records",
         "_Reader._broken",
         'self.note("checksums", what, DAMAGED)',
         'self.note("checksums", what, DAMAGED, WARNING)',
@@ -282,7 +282,7 @@ ROWS = (
     mistake(
         "firmware-cut-off-file-is-whole",
         "evidence believed",
-        "handctl.devices.barrett.firmware.srecord",
+        "handctl.devices.barrett.firmware.records",
         "_Reader.finish",
         "if not self.ended_at:",
         "if not self.ended_at and not self.records:",
@@ -291,7 +291,7 @@ ROWS = (
     mistake(
         "firmware-record-of-33-bytes",
         "range off by one",
-        "handctl.devices.barrett.firmware.srecord",
+        "handctl.devices.barrett.firmware.records",
         "",
         "MAX_DATA = 32",
         "MAX_DATA = 33",

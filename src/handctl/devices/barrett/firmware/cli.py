@@ -16,7 +16,7 @@ from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.sentence import plural
 
 if TYPE_CHECKING:
-    from handctl.devices.barrett.firmware.srecord import Firmware
+    from handctl.devices.barrett.firmware.records import Firmware
 
 POWER_SECONDS = 20.0
 """For the power switch and the hand's return, beside the download itself."""
@@ -106,7 +106,7 @@ def add_firmware(group: Group) -> None:
 
 
 def _load(path: str) -> Firmware:
-    from handctl.devices.barrett.firmware.srecord import parse
+    from handctl.devices.barrett.firmware.records import parse
 
     content = read(
         path, "a firmware file", 4_000_000, hint="use the vendor's .S19 file. A file for 64 KiB is smaller than 300 kB"

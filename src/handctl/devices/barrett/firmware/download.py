@@ -10,8 +10,7 @@ import re
 from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.firmware.records import READY, SELECT, TRIGGER, Transfer
-from handctl.devices.barrett.firmware.srecord import Firmware
+from handctl.devices.barrett.firmware.records import READY, SELECT, TRIGGER, Firmware, Transfer
 from handctl.devices.barrett.gcl.language import BANNER, CR, PROMPT, has_prompt
 from handctl.devices.barrett.map import BARRETT
 from handctl.devices.barrett.views import row_of
