@@ -27,7 +27,7 @@ from handctl.devices.barrett.gcl.language import (
 from handctl.devices.barrett.gcl.line import GclLine
 from handctl.devices.barrett.map import BARRETT, BAUD_CODES, SPEEDS, check_careful
 from handctl.devices.barrett.realtime.cli import add_realtime
-from handctl.devices.barrett.views import row_of
+from handctl.devices.barrett.views import GCL, row_of
 from handctl.errors import UsageError
 from handctl.frame import stored, verbs
 from handctl.frame.clikit import Group
@@ -148,7 +148,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
             "advanced": param.advanced,
         }
     columns = (
-        Column("parameter", "GCL"),
+        GCL,
         *(column for column in table.columns if column.key not in ("address", "type")),
         Column("default_finger", "Default", right=True),
         Column("default_spread", "Spread", right=True),

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS, Answer, encode, explain_status, hint_for
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, sample_seconds
-from handctl.devices.barrett.views import NOT_HOMED, row_of
+from handctl.devices.barrett.views import MOTOR, NOT_HOMED, row_of
 from handctl.errors import CheckFailed, Left, NoAnswer, ProtocolError, UsageError
 from handctl.model.guide import CTRL_C, Guide
 from handctl.model.moving import ARRIVAL, BLOCKED, CONTACT, REACHED, SHORT, UNREAD, Arrival, Goal, judged
@@ -33,7 +33,7 @@ NEEDED = {
 VELOCITIES = {"O": ("MOV",), "IO": ("MOV",), "TO": ("MOV",), "HOME": ("MOV",), "M": ("MOV", "MCV"), "HI": ("IVEL",)}
 """Which velocity a movement uses (barrett §5.2.1); the others close, with MCV."""
 COLUMNS = (
-    Column("motor", "Motor"),
+    MOTOR,
     Column("value", "Position", right=True),
     Column("target", "Target", right=True),
     Column("strain", "Strain", right=True),

@@ -19,7 +19,7 @@ from typing import NamedTuple
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS
 from handctl.devices.barrett.map import BARRETT, FINGERS
-from handctl.devices.barrett.views import NOT_HOMED, live, row_of
+from handctl.devices.barrett.views import DOUBT, MOTOR, NAME, NOT_HOMED, UNIT, VALUE, live, row_of
 from handctl.errors import HandctlError, ProtocolError, UsageError
 from handctl.model.result import Cell, Column, Grid, Row, Table
 
@@ -36,15 +36,7 @@ LIMITS = (180.0, 140.0, 48.0)
 TOLERANCE = 0.4
 """Degrees beyond an end that are still at it: 50 counts of a finger, the factory's MPE (§5.3.4)."""
 BEFORE, AFTER, ASSUMED = "before breakaway", "after breakaway", "assumed before breakaway"
-COLUMNS = (
-    Column("name", "Name"),
-    Column("motor", "Motor"),
-    Column("value", "Value", right=True),
-    Column("unit", "Unit"),
-    Column("limit", "Limit", right=True),
-    Column("state", "Breakaway"),
-    Column("doubt", "Doubt"),
-)
+COLUMNS = (NAME, MOTOR, VALUE, UNIT, Column("limit", "Limit", right=True), Column("state", "Breakaway"), DOUBT)
 JOINTS = ("joint_spread", "joint_inner", "joint_outer")
 AXES = ("tip_x", "tip_y", "tip_z")
 REACH = 320.0

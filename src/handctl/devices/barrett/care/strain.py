@@ -11,7 +11,7 @@ from handctl.devices.barrett import motion
 from handctl.devices.barrett.care import health, symptoms
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.map import FINGERS, NO_GAUGE
-from handctl.devices.barrett.views import live, row_of
+from handctl.devices.barrett.views import NAME, STATUS, live, row_of
 from handctl.errors import CheckFailed
 from handctl.model.guide import Guide
 from handctl.model.moving import ANY
@@ -28,12 +28,12 @@ PREPARATION = (
 )
 """What §7.4 steps 1 and 2 and §9.4 ask for (HI, ST, GO)."""
 COLUMNS = (
-    Column("name", "Name"),
+    NAME,
     Column("motor", "Finger"),
     Column("value", "Mean", right=True),
     Column("min", "Min", right=True),
     Column("max", "Max", right=True),
-    Column("status", "Status"),
+    STATUS,
     Column("evidence", "Seen"),
 )
 

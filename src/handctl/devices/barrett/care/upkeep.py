@@ -14,10 +14,10 @@ from handctl.devices.barrett.care import health
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS
 from handctl.devices.barrett.map import FINGERS
-from handctl.devices.barrett.views import STROKE, row_of
+from handctl.devices.barrett.views import LABEL, MOTOR, NAME, SECTION, STATUS, STROKE, UNIT, VALUE, row_of
 from handctl.errors import CheckFailed, UsageError
 from handctl.files import state_path
-from handctl.model.result import Cell, Column, Grid, Row, Table
+from handctl.model.result import Cell, Grid, Row, Table
 
 FILE, WHAT = "barrett-greasing.json", "greasing journal"
 NEVER = "never recorded: counted from 0"
@@ -39,15 +39,7 @@ POINTS = (
     GreasePoint("motor-spur", "finger motor spur gears", FINGERS, "barrett §7.3 steps 1 to 9 (finger off)"),
     GreasePoint("palm", "palm spur gears", ("SPREAD",), "barrett §7.3, Figure 11"),
 )
-COLUMNS = (
-    Column("name", "Name"),
-    Column("motor", "Motor"),
-    Column("value", "Value", right=True),
-    Column("unit", "Unit"),
-    Column("status", "Status"),
-    Column("label", "Meaning"),
-    Column("source", "Section"),
-)
+COLUMNS = (NAME, MOTOR, VALUE, UNIT, STATUS, LABEL, SECTION)
 PERIODIC = (
     ("fastener_check", "monthly under heavy use: all external screws present and tight", "barrett §7.2"),
     ("cable_pretension", "when a fingertip has slack, after thousands of cycles", "barrett §7.1"),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.devices.barrett.gcl.language import MOTORS, encode
+from handctl.devices.barrett.views import DOUBT, MOTOR, NAME, UNIT, VALUE
 from handctl.errors import UsageError
 from handctl.files import is_pipe, read_text
 from handctl.frame.clikit import Group, streaming, suspendable
@@ -27,14 +28,7 @@ if TYPE_CHECKING:
     from handctl.devices.barrett.realtime.loop import RealtimeLoop
     from handctl.frame.run import Run
 
-COLUMNS = (
-    Column("name", "Name"),
-    Column("motor", "Motor"),
-    Column("value", "Value", right=True),
-    Column("unit", "Unit"),
-    Column("guard", "Guard"),
-    Column("doubt", "Doubt"),
-)
+COLUMNS = (NAME, MOTOR, VALUE, UNIT, Column("guard", "Guard"), DOUBT)
 GUARDS = ("stall", "window", "strain", "opening", "heat")
 """Names of `guards.GUARDS`, here so that help needs no more: a test holds them together."""
 
@@ -298,7 +292,7 @@ def measured(run: Run, loop: RealtimeLoop, blocks: int, rate: float) -> Table:
         _advise(run, found)
     table = Table(
         rows=rows,
-        columns=(Column("name", "Name"), Column("value", "Value", right=True), Column("unit", "Unit")),
+        columns=(NAME, VALUE, UNIT),
         extra=found,
         failure=loop.failure,
     )
