@@ -124,7 +124,7 @@ class Travel:
         new = self._taken is None or self._taken[0] is not feedback or self._taken[1] != count
         if key in feedback.values and key not in feedback.errors and new:
             self._taken = feedback, count
-            self.note(at, encoders_of(feedback))
+            self.note(at, tuple(int(number) for number in feedback.values[key]))
 
     @property
     def last(self) -> Counts | None:
@@ -188,10 +188,6 @@ def _verdict(way: Way, known: bool, went: bool) -> Verdict:
     if known:
         return Verdict.BEYOND if way.rest < 0 else Verdict.SHORT
     return Verdict.UNPROVEN
-
-
-def encoders_of(feedback: Feedback) -> Counts:
-    return tuple(int(number) for number in feedback.values[MOTOR_POS.key])
 
 
 def stroke(index: int) -> float:
@@ -263,7 +259,7 @@ def home(hand: AidinHand, guide: Guide) -> Table:
 def _judged(hand: AidinHand, ways: list[Way], mark: int) -> Table:
     """A row a motor with its way and verdict; what went wrong, or is not shown, is the failure of the table."""
     values = tuple(way.now for way in ways)
-    table = hand.table([reading(hand.link.name, element, values) for element in elements_of(MOTOR_POS)])
+    table = _motors(hand, values)
     for row, way in zip(table.rows, ways, strict=True):
         row |= {"from": way.start, "way": way.travelled, "rest": way.rest, "verdict": way.verdict.value}
     table.columns = (*hand.columns, *WAY)
@@ -289,6 +285,11 @@ def _judged(hand: AidinHand, ways: list[Way], mark: int) -> Table:
             "homed: each motor came to rest at its open stop, either at the 0 of an earlier homing or after its whole stroke, and is at 0 now. The hand was left in homing mode, and nothing more is sent",
         )
     return table
+
+
+def _motors(hand: AidinHand, values: Wire) -> Table:
+    """The encoders that were told last."""
+    return hand.table([reading(hand.link.name, element, values) for element in elements_of(MOTOR_POS)])
 
 
 def _count(ways: list[Way]) -> str:
@@ -367,11 +368,6 @@ def named(param: AidinParam, indices: list[int], values: tuple[Number, ...] | li
     return some([f"{param.elements[index]} {values[index]:.{param.places}f}" for index in indices])
 
 
-def _last_known(hand: AidinHand) -> Table:
-    values = hand.talk.feedback.values[MOTOR_POS.key]
-    return hand.table([reading(hand.link.name, element, values) for element in elements_of(MOTOR_POS)])
-
-
 def check_homed(hand: AidinHand, *, assume: bool) -> None:
     """Refuse position commands to encoders outside their ranges: the hand cannot tell whether it was homed.
 
@@ -446,7 +442,9 @@ def initial(hand: AidinHand, guide: Guide, *, assume_homed: bool) -> Table:
             "the encoders are at 0, but no motor moved. Either the fingers were already there, or the hand has not been homed since power-on and ignored the command",
             hint="check the fingers, and run `handctl aidin home` if they are not open",
         )
-    return hand.table(hand.read(elements_of(MOTOR_POS))) if not blind else _last_known(hand)
+    return (
+        _motors(hand, talk.feedback.values[MOTOR_POS.key]) if blind else hand.table(hand.read(elements_of(MOTOR_POS)))
+    )
 
 
 # -- sensor bias, maximum torque ------------------------------------------------------------------------------------

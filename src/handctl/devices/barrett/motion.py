@@ -107,6 +107,16 @@ def move(
     return table
 
 
+def moved(
+    hand: BarrettHand, prefix: str, name: str, argument: int | None, guide: Guide, expect: str = REACHED
+) -> Table:
+    """The same, where what went wrong is raised."""
+    table = move(hand, prefix, name, argument, guide, expect=expect)
+    if table.failure is not None:
+        raise table.failure
+    return table
+
+
 def _before(
     hand: BarrettHand, name: str, argument: int | None, motors: list[int], force: bool
 ) -> tuple[dict[int, int], float]:

@@ -20,7 +20,7 @@ from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS
 from handctl.devices.barrett.map import BARRETT, FINGERS
 from handctl.devices.barrett.views import DOUBT, MOTOR, NAME, NOT_HOMED, UNIT, VALUE, live, row_of
-from handctl.errors import HandctlError, ProtocolError, UsageError
+from handctl.errors import ProtocolError, UsageError
 from handctl.model.result import Cell, Column, Grid, Row, Table
 
 HIGHEST = 20000
@@ -171,7 +171,7 @@ class Tips:
         for reading in self.hand.read(BARRETT.elements(*names)):
             name, motor = self.hand.row(reading)["parameter"], str(reading.element.part)
             if reading.error is not None or reading.value is None:
-                if name in ("P", "S") or not _absent(reading.error):
+                if name in ("P", "S") or reading.error is None or reading.error.code != "err-64":
                     raise reading.error or ProtocolError(f"{name} was not read")
                 continue
             at[name][motor] = int(reading.value)
@@ -201,10 +201,6 @@ class Tips:
                 f"{', '.join(lost)} {NOT_HOMED}. The fingertips calculated from it mean nothing either",
                 hint="`handctl barrett init` first. The fingers open fully",
             )
-
-
-def _absent(error: HandctlError | None) -> bool:
-    return error is not None and error.code == "err-64"
 
 
 def now(hand: BarrettHand) -> Table:

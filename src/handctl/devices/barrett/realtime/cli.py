@@ -123,7 +123,7 @@ def add_realtime(group: Group) -> None:
         `doubt` in a row says why its value may be wrong: a delta did not fit into its byte, or the bytes after a block did
         not confirm its position in the stream.
         """
-        from handctl.devices.barrett.motion import move
+        from handctl.devices.barrett.motion import moved
         from handctl.devices.barrett.realtime.flags import Wish, refuse_disabled
         from handctl.devices.barrett.realtime.loop import RealtimeLoop
         from handctl.devices.barrett.realtime.schedule import loop_motors
@@ -145,8 +145,8 @@ def add_realtime(group: Group) -> None:
         run.ledger.plan([*first, *(step for step in steps if step.meaning.startswith(wish.prefix + "LOOP"))])
         if motors is None and (initialize or controls is not None):
             refuse_disabled(run.device())
-        if initialize and (failure := move(run.device(), wish.prefix, "HI", None, run.guide).failure) is not None:
-            raise failure
+        if initialize:
+            moved(run.device(), wish.prefix, "HI", None, run.guide)
         if sequential is None:
             sequential = controls is not None
         loop = RealtimeLoop(
