@@ -13,7 +13,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from handctl.devices.aidin import stop
+from handctl.devices.aidin import device
 from handctl.errors import Interrupted, LinkError
 from handctl.frame.console import TerminalGuide
 from handctl.frame.options import Settings
@@ -160,7 +160,7 @@ def test_where_nobody_listens_any_more(name: str, serve: MakeServer) -> None:
     hint = result.error["hint"]
     assert f"{POWER}; {TRIED} (" in hint and "refused" in hint and LOST not in hint
     assert ("No stop was sent" in hint) == (name == "encoders")
-    assert time.monotonic() - begin > stop.AGAIN
+    assert time.monotonic() - begin > device.AGAIN
     assert all(bytes.fromhex(row["bytes"]) != STOP for row in result.json["writes"] if row["state"] != "not-sent")
 
 
@@ -168,8 +168,8 @@ def driven(server: Server, guide: Guide, body: Callable[[], None], link: TcpLink
     """`body` while a hand is guarded whose connection has been closed by then."""
     hand = hand_on(link or TcpLink(server.name))
     try:
-        with stop.stopped_if_cut_short(hand, guide, "moving; "):
-            hand.talk.send(stop.object_of(stop.Mode.INITIAL))
+        with device.stopped_if_cut_short(hand, guide, "moving; "):
+            hand.talk.send(device.object_of(device.Mode.INITIAL))
             assert server.closed.wait(PATIENCE)
             body()
     finally:
@@ -211,7 +211,7 @@ def test_the_second_interrupt_ends_it_at_once(
     def body() -> None:
         raise first("connection closed")
 
-    monkeypatch.setattr(stop, "AGAIN", 3 * PATIENCE)
+    monkeypatch.setattr(device, "AGAIN", 3 * PATIENCE)
     begin = time.monotonic()
     with pytest.raises((LinkError, Interrupted)) as caught:
         driven(server, TerminalGuide(quiet=True), body, link)
@@ -227,7 +227,7 @@ def test_the_wish_of_another_process_opens_it_again_too(serve: MakeServer) -> No
     hold = Hold(SimpleNamespace(guide=Guide(), settings=Settings(), writes=False, opened=None, family=SimpleNamespace(kind="aidin")), None)  # type: ignore[arg-type]  # fmt: skip
     hold.link = link
     hand = hand_on(link)  # type: ignore[arg-type]
-    hand.talk.send(stop.object_of(stop.Mode.INITIAL))
+    hand.talk.send(device.object_of(device.Mode.INITIAL))
     assert server.closed.wait(PATIENCE)
     told = hold.stop("stopped")
     link.close()
@@ -247,7 +247,7 @@ def test_nothing_is_sent_where_nothing_was_driven(serve: MakeServer, monkeypatch
 
     monkeypatch.setattr("handctl.link.deadman.os.fork", full)
     hand = hand_on(TcpLink(server.name))
-    with pytest.raises(LinkError) as caught, stop.stopped_if_cut_short(hand, Guide()):
+    with pytest.raises(LinkError) as caught, device.stopped_if_cut_short(hand, Guide()):
         raise AssertionError("driven")
     hand.link.close()
     server.end()

@@ -6,8 +6,8 @@ import itertools
 
 import pytest
 
-from handctl.devices.aidin.currents import currents
 from handctl.devices.aidin.map import CURRENTS
+from handctl.devices.aidin.motion import currents
 from handctl.devices.aidin.targets import Goal, parse
 from handctl.devices.aidin.way import ExchangeMode, Way
 from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, ProtocolError

@@ -7,10 +7,10 @@ from contextlib import contextmanager
 
 import pytest
 
-from handctl.devices.aidin import homing, motion, stop
-from handctl.devices.aidin.currents import currents
+from handctl.devices.aidin import device, modes, motion
 from handctl.devices.aidin.exchange import LISTEN_LONGEST
 from handctl.devices.aidin.map import CURRENTS, ENCODERS
+from handctl.devices.aidin.motion import currents
 from handctl.devices.aidin.targets import parse
 from handctl.errors import CheckFailed, Interrupted, NoAnswer, ProtocolError, UsageError
 from handctl.link import Deadline
@@ -101,7 +101,7 @@ def test_a_polled_hand_that_falls_silent_gets_one_object_more_than_retries(retri
 
 def test_a_bug_of_ours_while_something_moves_stops_the_hand() -> None:
     link = streamer()
-    with pytest.raises(ZeroDivisionError), stop.stopped_if_cut_short(hand_on(link), Guide()):
+    with pytest.raises(ZeroDivisionError), device.stopped_if_cut_short(hand_on(link), Guide()):
         raise ZeroDivisionError
     assert len(link.sent) > 3 and set(link.sent) == {STOP}
 
@@ -143,7 +143,7 @@ def test_a_second_ctrl_c_waits_until_stop_is_sent() -> None:
         write(data, deadline)
 
     link.write = note  # type: ignore[method-assign]
-    with pytest.raises(Interrupted), stop.stopped_if_cut_short(hand_on(link), guide):
+    with pytest.raises(Interrupted), device.stopped_if_cut_short(hand_on(link), guide):
         raise KeyboardInterrupt
     assert len(waited) > 3 and all(waited)
 
@@ -185,7 +185,7 @@ def test_a_key_that_has_gone_bad_is_no_arrival() -> None:
 def test_the_initial_position_is_not_reached_before_the_motors_stand() -> None:
     """Within 1 % of the origin, but still on the way through it."""
     link = Streamer(lambda t: line(feedback(motor_pos=[max(0, round(4000 * (0.6 - t)))] * 15)))
-    table = homing.initial(hand_on(link), Guide(), assume_homed=True)
+    table = modes.initial(hand_on(link), Guide(), assume_homed=True)
     assert {row["value"] for row in table.rows} == {0}
     assert link.sent_at[-1] > 0.6
 

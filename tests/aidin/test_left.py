@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from handctl.devices.aidin import adjust, homing, motion
-from handctl.devices.aidin.currents import currents
+from handctl.devices.aidin import modes, motion
 from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.map import ANGLES, CURRENTS, ENCODERS, TIPS, Target
+from handctl.devices.aidin.motion import currents
 from handctl.devices.aidin.targets import parse
 from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import Deadline
@@ -40,7 +40,7 @@ Act = Callable[[AidinHand], object]
 
 
 def initial(hand: AidinHand) -> object:
-    return homing.initial(hand, Guide(), assume_homed=True)
+    return modes.initial(hand, Guide(), assume_homed=True)
 
 
 def move(hand: AidinHand) -> object:
@@ -48,7 +48,7 @@ def move(hand: AidinHand) -> object:
 
 
 def max_torque(hand: AidinHand) -> object:
-    return adjust.max_torque(hand, 900)
+    return modes.max_torque(hand, 900)
 
 
 # -- stop --------------------------------------------------------------------------------------------------------------
@@ -99,7 +99,7 @@ GOES_ON = "no stop was sent, so the hand probably continues"
         (initial, 0.3, f"{GOES_ON} to its origin"),
         (move, 0.3, f"{GOES_ON} to its last target"),
         (max_torque, 0.1, "maxtorque 900 was sent and may be in effect"),
-        (adjust.bias, 0.5, "the sensor bias was sent"),
+        (modes.bias, 0.5, "the sensor bias was sent"),
     ],
 )
 def test_an_error_says_what_the_hand_has_got(act: Act, end: float, told: str, silent: bool) -> None:
@@ -112,10 +112,10 @@ def test_an_error_says_what_the_hand_has_got(act: Act, end: float, told: str, si
 @pytest.mark.parametrize("silent", [False, True], ids=["closed", "silent"])
 def test_homing_that_ends_unseen_says_what_the_hand_was_left_in(silent: bool) -> None:
     whole = streamer(AT_ORIGIN)
-    homing.home(hand_on(whole), Guide())
+    modes.home(hand_on(whole), Guide())
     link = Closing(whole.sent_at[-1] + 0.02, silent=silent)
     with pytest.raises((LinkError, NoAnswer)) as caught:
-        homing.home(hand_on(link), Guide())
+        modes.home(hand_on(link), Guide())
     assert len(link.sent) == len(whole.sent)
     assert "the hand was left in homing mode, and no stop was sent" in caught.value.hint
 
@@ -125,14 +125,14 @@ def test_homing_that_was_not_begun_stops_nobody() -> None:
     for content in (feedback(motor_pos={"a": 1}), feedback(motor_pos=[0] * 14)):
         link = streamer(content)
         with pytest.raises(ProtocolError, match="motor_pos"):
-            homing.home(hand_on(link), Guide())
+            modes.home(hand_on(link), Guide())
         assert link.sent == []
 
 
 @each_row("instead", [b"null\n", b"[1,2,3]\n", b'{"error":"motor fault"}\n', b'{"motor_pos":[0,0'])
-@each_row("act", [initial, move, max_torque, adjust.bias])
+@each_row("act", [initial, move, max_torque, modes.bias])
 def test_what_comes_instead_of_feedback_is_no_silence(act: Act, instead: bytes) -> None:
-    end = 0.45 if act is adjust.bias else 0.1
+    end = 0.45 if act is modes.bias else 0.1
     link = Streamer(lambda t: line(CLOSED) if t < end else instead)
     with pytest.raises(ProtocolError) as caught:
         act(hand_on(link))
@@ -140,7 +140,7 @@ def test_what_comes_instead_of_feedback_is_no_silence(act: Act, instead: bytes) 
     assert first in caught.value.text or "damaged" in caught.value.text, caught.value.text
 
 
-@pytest.mark.parametrize(("act", "bound"), [(initial, 0.3), (max_torque, 0.1), (adjust.bias, 0.4)])
+@pytest.mark.parametrize(("act", "bound"), [(initial, 0.3), (max_torque, 0.1), (modes.bias, 0.4)])
 def test_a_deadline_says_what_the_hand_has_got(act: Act, bound: float) -> None:
     link = streamer(CLOSED)
     with pytest.raises(NoAnswer, match="deadline") as caught:
@@ -163,13 +163,13 @@ def test_a_target_that_is_not_reached_is_still_driven_at(act: Act, told: str) ->
 def test_homing_is_not_begun_when_the_deadline_would_cut_it_off() -> None:
     link = streamer(AT_ORIGIN)
     with pytest.raises(UsageError, match=r"takes 3\.5 s"):
-        homing.home(hand_on(link, bound=link.deadline(3.4)), Guide())
+        modes.home(hand_on(link, bound=link.deadline(3.4)), Guide())
     assert link.sent == []
 
 
 @pytest.mark.parametrize(
     ("act", "at", "told"),
-    [(max_torque, 0.1, "maxtorque 900 was sent and may be in effect"), (adjust.bias, 0.45, "the sensor bias was sent")],
+    [(max_torque, 0.1, "maxtorque 900 was sent and may be in effect"), (modes.bias, 0.45, "the sensor bias was sent")],
 )
 def test_an_interruption_says_what_the_hand_has_got(act: Act, at: float, told: str) -> None:
     link = streamer(AT_ORIGIN)
@@ -181,7 +181,7 @@ def test_an_interruption_says_what_the_hand_has_got(act: Act, at: float, told: s
 
 def test_before_anything_is_sent_nothing_is_said_to_have_been() -> None:
     with pytest.raises(HandctlError) as caught:
-        adjust.bias(hand_on(Closing(0.01, silent=True)))
+        modes.bias(hand_on(Closing(0.01, silent=True)))
     assert "was sent" not in caught.value.hint
 
 
@@ -265,7 +265,7 @@ WHEN = 0.9
 BOUND = 1.2
 """Seconds of further objects at the most: 1 s of silence, and the last period."""
 DRIVES: dict[str, tuple[Act, str, str]] = {
-    "home": (lambda hand: homing.home(hand, Guide()), "motor_pos", "Stop was sent"),
+    "home": (lambda hand: modes.home(hand, Guide()), "motor_pos", "Stop was sent"),
     "initial": (initial, "motor_pos", f"{GOES_ON} to its origin"),
     "encoders": (lambda hand: _moved(hand, ENCODERS, "index.m1=200000"), "motor_pos", f"{GOES_ON} to its last target"),
     "joints": (lambda hand: _moved(hand, ANGLES, "index.q3=120"), "joint_pos", f"{GOES_ON} to its last target"),
@@ -326,7 +326,7 @@ def test_a_hand_that_goes_blind_is_not_driven_on(name: str, exchange: str, how: 
         assert key in caught.value.text
 
 
-@pytest.mark.parametrize(("act", "left"), [(max_torque, "mode 5"), (adjust.bias, "mode 4")])
+@pytest.mark.parametrize(("act", "left"), [(max_torque, "mode 5"), (modes.bias, "mode 4")])
 def test_the_mode_that_the_hand_is_left_in_is_said(act: Act, left: str) -> None:
     """It does what it did before no longer, for all that the manual says: also where the command was cut short."""
     hand = hand_on(streamer(AT_ORIGIN))
@@ -334,6 +334,6 @@ def test_the_mode_that_the_hand_is_left_in_is_said(act: Act, left: str) -> None:
     (message,) = [message for message in hand.journal.messages if message.code == "left"]
     assert left in message.text and "position" in message.text and message.hint
     link = streamer(AT_ORIGIN)
-    link.interrupt_at = 0.45 if act is adjust.bias else 0.1
+    link.interrupt_at = 0.45 if act is modes.bias else 0.1
     with pytest.raises(Interrupted, match=left):
         act(hand_on(link))

@@ -12,7 +12,7 @@ from handctl.devices.aidin.messages import (
     LARGEST_IN,
     LARGEST_OUT,
     LONGEST_END,
-    NOTHING,
+    NEUTRAL,
     Decoder,
     MalformedObject,
     encode,
@@ -38,7 +38,7 @@ def test_encode(fields: dict[str, object], data: bytes) -> None:
 
 
 def test_the_neutral_object_has_no_key() -> None:
-    assert NOTHING == b"{}"
+    assert NEUTRAL == b"{}"
 
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf"), float("-inf")])

@@ -9,7 +9,7 @@ from typing import Any
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.firmware.download import Download, Loader
-from handctl.devices.barrett.firmware.srecord import Firmware, parse
+from handctl.devices.barrett.firmware.records import Firmware, parse
 from handctl.errors import HandctlError
 from handctl.model.guide import Guide, Presses
 from tests.barrett.srecords import END, HEADER, record

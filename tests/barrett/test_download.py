@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handctl.devices.barrett.firmware.records import READY, SELECT, TRIGGER, WINDOWS, Transfer
-from handctl.errors import ProtocolError
+from handctl.devices.barrett.firmware.records import READY, SELECT, TRIGGER, EchoError, Transfer
 from tests.support.scripted import hexed
 
 
@@ -58,7 +57,7 @@ def carry(record: Record, window: int = 1, triggers: bool = False, piece: int | 
 
 
 def test_constants() -> None:
-    assert (SELECT, READY, TRIGGER, WINDOWS) == (b"\x58", b"\x3a", b"\xff", (1, 4))
+    assert (SELECT, READY, TRIGGER) == (b"\x58", b"\x3a", b"\xff")
 
 
 def test_the_record_of_the_dossier() -> None:
@@ -92,7 +91,7 @@ def test_an_echoed_trigger_is_a_byte_with_an_echo() -> None:
     assert transfer.take() == b"\xff" and transfer.take() == b""
     transfer.feed(b"\xff")
     assert transfer.take() == b"\x00"
-    with pytest.raises(ProtocolError) as caught:
+    with pytest.raises(EchoError) as caught:
         transfer.feed(b"\xff")
     assert caught.value.code == "wrong-echo"
 
@@ -134,7 +133,7 @@ def test_a_wrong_echo_at_every_place(place: int, where: str, byte: int) -> None:
     transfer = up_to(place)
     assert where in transfer.where and transfer.awaited == byte
     transfer.take()
-    with pytest.raises(ProtocolError) as caught:
+    with pytest.raises(EchoError) as caught:
         transfer.feed(bytes([byte ^ 0x40]))
     text = caught.value.text
     assert (caught.value.code, caught.value.exit_code) == ("wrong-echo", 5)
@@ -146,12 +145,12 @@ def test_a_wrong_echo_at_every_place(place: int, where: str, byte: int) -> None:
 @pytest.mark.parametrize(("place", "where", "byte"), PLACES)
 def test_a_byte_nobody_awaited_at_every_place(place: int, where: str, byte: int) -> None:
     transfer = up_to(place)
-    with pytest.raises(ProtocolError) as caught:
+    with pytest.raises(EchoError) as caught:
         transfer.feed(b"\x99")
     assert caught.value.code == "extra-byte" and "99" in caught.value.text and where in caught.value.text
     transfer = up_to(place)
     transfer.take()
-    with pytest.raises(ProtocolError) as caught:
+    with pytest.raises(EchoError) as caught:
         transfer.feed(bytes([byte, byte]))
     assert caught.value.code == "extra-byte"
 
@@ -174,12 +173,12 @@ def test_00_is_no_echo_of_anything_else(place: int) -> None:
     """The reference takes silence for 00 (7.5); here 00 is a byte like any other."""
     transfer = up_to(place)
     transfer.take()
-    with pytest.raises(ProtocolError):
+    with pytest.raises(EchoError):
         transfer.feed(b"\x00")
 
 
 def test_an_echo_before_anything_was_sent() -> None:
-    with pytest.raises(ProtocolError):
+    with pytest.raises(EchoError):
         Transfer(EXAMPLE).feed(b"\x00")
 
 
@@ -199,7 +198,7 @@ def test_no_wrong_echo_passes(data: bytes, place: int, flip: int, window: int) -
     transfer, monitor = Transfer(record, window=window), Monitor(record)
     place %= 3 + len(data)
     seen = 0
-    with pytest.raises(ProtocolError):
+    with pytest.raises(EchoError):
         while not transfer.done:
             for byte in monitor.hear(transfer.take()):
                 transfer.feed(bytes([byte ^ (flip if seen == place else 0)]))

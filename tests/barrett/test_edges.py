@@ -10,7 +10,7 @@ import pytest
 
 from handctl.devices.barrett.care import diagnose, trials
 from handctl.devices.barrett.care.diagnose import Patient, Values
-from handctl.devices.barrett.firmware.srecord import parse
+from handctl.devices.barrett.firmware.records import parse
 from handctl.devices.barrett.gcl.language import Answer
 from handctl.devices.barrett.realtime.flags import Wish
 from handctl.devices.barrett.realtime.loop import RealtimeLoop

@@ -244,7 +244,6 @@ def test_default_of() -> None:
     assert eeprom.default_of("init_velocity.SPREAD") == 150
     assert eeprom.default_of("init_velocity.F1") == 300
     assert eeprom.default_of("baud_rate") == 96
-    assert eeprom.differing({"baud_rate": 96, "hold.F1": 1, "hold.SPREAD": 1}) == ["hold.F1"]
 
 
 def test_a_serial_number_of_0_names_no_hand(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from handctl.devices.barrett.firmware.download import Loader, version_in
-from handctl.devices.barrett.firmware.srecord import Firmware, parse
+from handctl.devices.barrett.firmware.records import Firmware, parse
 from handctl.errors import NoAnswer
 from handctl.link import Deadline
 from handctl.model.guide import Guide

@@ -17,7 +17,7 @@ from handctl.devices.barrett.realtime.schedule import (
     Values,
     constant,
     loop_motors,
-    read,
+    parse,
 )
 from handctl.errors import UsageError
 from tests.support.each_row import each_row
@@ -27,7 +27,7 @@ BOTH = [F1, F2]
 
 
 def rows(text: str, motors: list[int] | None = None, start: Change | None = None) -> Controls:
-    return read(text.splitlines(keepends=True), "in.csv", BOTH if motors is None else motors, start or {})
+    return parse(text.splitlines(keepends=True), "in.csv", BOTH if motors is None else motors, start or {})
 
 
 def at(controls: Controls, seconds: float) -> Values | None:
@@ -224,7 +224,7 @@ def live(*lines: str | BaseException) -> Live:
                 raise line
             yield line
 
-    controls = read(come(), "stdin", BOTH, {})
+    controls = parse(come(), "stdin", BOTH, {})
     assert isinstance(controls, Live) and controls.live
     return controls
 
@@ -256,7 +256,7 @@ def test_a_live_line_is_taken_over_by_the_next_block() -> None:
             yield line
             seen.append(velocities(controls, 0.0, 1.0))  # the line before was handed over when this one is asked for
 
-    controls = read(come(), "stdin", BOTH, {})
+    controls = parse(come(), "stdin", BOTH, {})
     assert isinstance(controls, Live)
     controls.listen()
     assert seen == [[wanted, wanted] for wanted in ((0, 30), (0, -5), (7, 8))]
@@ -291,7 +291,7 @@ def test_a_live_line_cannot_change_the_blocks() -> None:
 def test_live_lines_without_a_first_one_are_refused() -> None:
     for lines in ([], ["velocity\n"], ["velocity\n", "x\n"]):
         with pytest.raises(UsageError):
-            read(lines, "stdin", BOTH, {})
+            parse(lines, "stdin", BOTH, {})
 
 
 def test_rows_with_times_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -299,4 +299,4 @@ def test_rows_with_times_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("handctl.devices.barrett.realtime.schedule.MOST_ROWS", 3)
     endless = ("1,20\n" for _ in count())
     with pytest.raises(UsageError, match="more than 3 rows"):
-        read(chain(["t,velocity\n"], endless), "in.csv", BOTH, {})
+        parse(chain(["t,velocity\n"], endless), "in.csv", BOTH, {})

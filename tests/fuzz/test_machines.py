@@ -22,7 +22,7 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-from handctl.devices.aidin import adjust, homing
+from handctl.devices.aidin import modes
 from handctl.devices.aidin import motion as aidin_motion
 from handctl.devices.aidin.map import AIDIN, ENCODERS
 from handctl.devices.aidin.targets import parse
@@ -378,13 +378,13 @@ class AidinMachine(RuleBasedStateMachine):
 
     @rule()
     def home(self) -> None:
-        homing.home(self.hand, Guide())
+        modes.home(self.hand, Guide())
         self.homed, self.at = True, [0] * 15
 
     @precondition(lambda self: self.homed)
     @rule()
     def initial(self) -> None:
-        homing.initial(self.hand, Guide(), assume_homed=True)
+        modes.initial(self.hand, Guide(), assume_homed=True)
         self.at = [0] * 15
 
     @precondition(lambda self: self.homed)
@@ -402,11 +402,11 @@ class AidinMachine(RuleBasedStateMachine):
 
     @rule(value=st.integers(700, 1000))
     def max_torque(self, value: int) -> None:
-        adjust.max_torque(self.hand, value)
+        modes.max_torque(self.hand, value)
 
     @rule()
     def bias(self) -> None:
-        adjust.bias(self.hand)
+        modes.bias(self.hand)
 
     @rule(
         text=st.sampled_from(["index.m1=440001", "index.m1=-1", "thumb.m3=210001", "ring.m3=170001", "thumb.m1=280001"])

@@ -10,7 +10,7 @@ import json
 import random
 from pathlib import Path
 
-from handctl.devices.barrett.firmware import srecord
+from handctl.devices.barrett.firmware import records
 from handctl.devices.ekso.export import LogFile
 from handctl.errors import LinkError, UsageError
 from handctl.frame import config, stored
@@ -48,7 +48,7 @@ def s_records(source: random.Random) -> int:
     text = ("\n".join([*good, s_record("9", 0x2000, b"")]) + "\n").encode()
     if source.random() < 0.8:
         text = damaged(source, text, b"S0123456789ABCDEFabcdef \r\n\xff")
-    firmware = srecord.parse("x", text)
+    firmware = records.parse("x", text)
     lines = text.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")
     for record in firmware.records:
         line = lines[record.line - 1].strip()

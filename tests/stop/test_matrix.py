@@ -72,8 +72,8 @@ def motors(line: Any) -> tuple[int, ...]:
 
 
 def flow(hand: Any, far: Far) -> None:
+    from handctl.devices.aidin.device import object_of
     from handctl.devices.aidin.map import CURRENTS, Mode
-    from handctl.devices.aidin.stop import object_of
 
     hand.talk.connect()
     for _ in range(20):

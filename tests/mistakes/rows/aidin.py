@@ -9,7 +9,7 @@ ROWS = (
     mistake(
         "aidin-homed-wherever-it-rested",
         "evidence believed",
-        "handctl.devices.aidin.travel",
+        "handctl.devices.aidin.modes",
         "_verdict",
         "if known and abs(way.share(way.rest)) <= AT_STOP:",
         "if known:",
@@ -18,7 +18,7 @@ ROWS = (
     mistake(
         "aidin-encoders-at-0-are-an-origin",
         "evidence believed",
-        "handctl.devices.aidin.travel",
+        "handctl.devices.aidin.modes",
         "_knows_origin",
         "return 2 * sum(abs(way.share(way.rest)) <= AT_STOP for way in went) > len(went)",
         "return 2 * sum(abs(way.share(way.rest)) <= AT_STOP for way in ways) > 0",
@@ -27,7 +27,7 @@ ROWS = (
     mistake(
         "aidin-homed-while-it-moved",
         "evidence believed",
-        "handctl.devices.aidin.travel",
+        "handctl.devices.aidin.modes",
         "_verdict",
         "if not way.still:",
         "if not way:",
@@ -84,7 +84,7 @@ ROWS = (
     mistake(
         "aidin-currents-of-blind-hand-guessed",
         "evidence believed",
-        "handctl.devices.aidin.currents",
+        "handctl.devices.aidin.motion",
         "_Drive.run",
         "if blind:",
         "if not blind:",
@@ -94,7 +94,7 @@ ROWS = (
     mistake(
         "aidin-currents-end-without-a-stop",
         "stop not sent",
-        "handctl.devices.aidin.currents",
+        "handctl.devices.aidin.motion",
         "currents",
         "stopped = hand.stop()",
         'stopped = Stopped("")',
@@ -103,7 +103,7 @@ ROWS = (
     mistake(
         "aidin-failed-drive-is-not-stopped",
         "stop not sent",
-        "handctl.devices.aidin.currents",
+        "handctl.devices.aidin.motion",
         "currents",
         "stop_after(hand, exc)",
         "pass",
@@ -123,7 +123,7 @@ ROWS = (
     mistake(
         "aidin-current-flows-and-none-is-told",
         "evidence believed",
-        "handctl.devices.aidin.currents",
+        "handctl.devices.aidin.motion",
         "_tell_stop",
         "if stopped.error is not None:",
         "if not stopped.text:",
@@ -141,7 +141,7 @@ ROWS = (
     mistake(
         "aidin-cap-exceeded-by-what-is-kept",
         "out of range clamped",
-        "handctl.devices.aidin.currents",
+        "handctl.devices.aidin.motion",
         "_values",
         "if beyond:",
         "if len(beyond) > 1:",

@@ -66,12 +66,8 @@ def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, dura
     return verbs.watch(run, AIDIN, names, rate=rate, count=count, duration=duration)
 
 
-def _takes_negatives(name: str) -> None:
-    cli.commands[name].context_settings = dict(NEGATIVE_NUMBERS)
-
-
 def _step(run: Run, meaning: str, mode: Mode, **data: int) -> Step:
-    from handctl.devices.aidin.stop import object_of, step_of
+    from handctl.devices.aidin.device import object_of, step_of
 
     return step_of(meaning, object_of(mode, **data), way_of(run.settings).end)
 
@@ -87,36 +83,36 @@ def home(run: Run) -> Table:
 
     Asks first. Ctrl-C stops. Home the hand after every power-on, because its encoders are incremental.
     """
-    from handctl.devices.aidin import homing
+    from handctl.devices.aidin import modes
 
-    steps = [_step(run, f"homing, every 20 ms for {homing.HOLD:g} s with nothing else in between", Mode.HOMING)]
+    steps = [_step(run, f"homing, every 20 ms for {modes.HOLD:g} s with nothing else in between", Mode.HOMING)]
     if (plan := run.planned(steps)) is not None:
         return plan
-    run.confirm(f"All fingers will OPEN for {homing.HOLD:g} s and drop any held object. Keep clear", steps)
-    return homing.home(run.device(), run.guide)
+    run.confirm(f"All fingers will OPEN for {modes.HOLD:g} s and drop any held object. Keep clear", steps)
+    return modes.home(run.device(), run.guide)
 
 
 @cli.verb("initial", "Move", writes=True)
 @ASSUME
 def initial(run: Run, assume_homed: bool) -> Table:
     """Open all fingers to the origin set by homing. Asks first. Ctrl-C stops."""
-    from handctl.devices.aidin import homing
+    from handctl.devices.aidin import modes
 
     steps = [_step(run, "initial position, every 20 ms until it is reached", Mode.INITIAL)]
     if (plan := run.planned(steps)) is not None:
         return plan
     run.confirm("All fingers will OPEN to their origin and drop any held object", steps)
-    return homing.initial(run.device(), run.guide, assume_homed=assume_homed)
+    return modes.initial(run.device(), run.guide, assume_homed=assume_homed)
 
 
 @cli.verb("bias", "Settings", writes=True)
 def bias(run: Run) -> Table:
     """Set the sensors to 0. Touch nothing: any load is subtracted from all later values."""
-    from handctl.devices.aidin import adjust
+    from handctl.devices.aidin import modes
 
     if (plan := run.planned([_step(run, "sensor bias, every 20 ms for 0.5 s", Mode.BIAS)])) is not None:
         return plan
-    return adjust.bias(run.device())
+    return modes.bias(run.device())
 
 
 @cli.verb("max-torque", "Settings", writes=True)
@@ -125,7 +121,7 @@ def max_torque(run: Run, value: str) -> Table:
     """Set the maximum output current: 0 to 1000 in 0.1 % (recommended: 700 to 1000).
 
     It cannot be read back."""
-    from handctl.devices.aidin import adjust
+    from handctl.devices.aidin import modes
 
     param = AIDIN["maxtorque"]
     number = int(param.parse(value))
@@ -136,7 +132,7 @@ def max_torque(run: Run, value: str) -> Table:
         return plan
     if number == 0:
         run.confirm("Without torque the fingers do not move, and may drop a held object", steps)
-    return adjust.max_torque(run.device(), number)
+    return modes.max_torque(run.device(), number)
 
 
 # -- targets --------------------------------------------------------------------------------------------------------
@@ -235,7 +231,7 @@ def currents(
     First sets the maximum torque to 1000, as the manual requires, and leaves it there. Then ramps up by 200 per
     second, holds, ramps down to 0 and stops.
     """
-    from handctl.devices.aidin import currents as driving
+    from handctl.devices.aidin import motion
     from handctl.devices.aidin.targets import parse
 
     goal = parse(CURRENTS, values, cap=cap)
@@ -252,10 +248,10 @@ def currents(
         "and the maximum torque stays at 1000",
         [first, last],
     )
-    return driving.currents(
+    return motion.currents(
         run.device(), goal, run.guide, seconds=duration, cap=cap, ramp_down=ramp_down, beat=0.0 if may_suspend else BEAT
     )
 
 
 for _name in ("max-torque", "encoders", "joints", "fingertips", "currents"):
-    _takes_negatives(_name)
+    cli.commands[_name].context_settings = dict(NEGATIVE_NUMBERS)

@@ -1,23 +1,24 @@
-"""The AIDIN-hand: its feedback as readings and rows, its status. See `model.device`.
+"""The AIDIN-hand: its feedback as readings and rows, its status, its commands as bytes, and the way to stop. See `model.device`.
 
-There is no acknowledge and no error message: feedback is the only proof of anything (dossier 3).
+Mode and data always travel in one object. Ctrl-C during anything that moves sends the stop mode, motor power off. There is no acknowledge and no error message: feedback is the only proof of anything (dossier 3).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 
 from handctl.devices.aidin.exchange import Conversation
-from handctl.devices.aidin.feedback import Wire
-from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, AidinParam
-from handctl.devices.aidin.messages import TERMINATORS
-from handctl.devices.aidin.trouble import number_of
+from handctl.devices.aidin.feedback import Wire, number_of
+from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, AidinParam, Mode, some
+from handctl.devices.aidin.messages import TERMINATORS, Out, encode
 from handctl.devices.aidin.way import ExchangeMode
-from handctl.errors import HandctlError, ProtocolError
+from handctl.errors import HandctlError, Left, LinkError, ProtocolError
 from handctl.model.device import Device
-from handctl.model.param import Element, Reading
+from handctl.model.guide import Guide
+from handctl.model.param import Element, Reading, Step
 from handctl.model.result import Cell, Column, Grid, Row, Table
-from handctl.model.stopping import Aim, Known
+from handctl.model.stopping import Aim, Known, Stopped, interrupted, leaving
 
 SLACK = 0.01
 """Share of a range by which a value may be outside: encoders and angles jitter at the stops."""
@@ -142,8 +143,7 @@ def unhealthy(rows: Sequence[Row]) -> list[str]:
         if param.angles and any(abs(row["rad"]) > LARGEST_RADIAN for row in mine):
             found.append(f"{param.name} {NO_ANGLE}")
         elif wrong:
-            more = f" and {len(wrong) - 4} more" if len(wrong) > 4 else ""
-            found.append(f"{param.name} out of range: {', '.join(wrong[:4])}{more}. Not homed since power-on?")
+            found.append(f"{param.name} out of range: {some(wrong)}. Not homed since power-on?")
     return found
 
 
@@ -183,3 +183,111 @@ def cell(param: AidinParam, row: Row | None) -> str | Cell:
         return Cell(f"{text} ≠ {row['target']:.{param.places}f}", "bad")
     index = param.elements.index(f"{row['finger']}.{row['element']}")
     return Cell(f"{text}*", "warn") if outside(param, index, row["value"]) else text
+
+
+# -- commands, and how they end ------------------------------------------------------------------------------------
+
+
+AGAIN = 1.0
+"""Seconds in which a connection that was lost is opened again, all tries together."""
+TRY = 0.05
+"""Seconds from one try to the next."""
+UNTOLD = "the connection is lost, so stop cannot be sent. Switch the hand's power off if it still moves"
+MENDS = "the connection was lost. This command is reconnecting and will send the stop itself"
+MENDED = "the connection was lost. handctl reconnected"
+
+
+def object_of(mode: Mode, **data: Out) -> bytes:
+    """The object of one command, without its terminator."""
+    return encode({"hand_mode": int(mode), **data})
+
+
+def step_of(meaning: str, data: bytes, end: bytes) -> Step:
+    """A command for --dry-run: what it does with the object in words, and its bytes with their terminator."""
+    return Step(f"{meaning}: {data.decode()}", data + end, moves=True)
+
+
+def stop_after(hand: AidinHand, exc: HandctlError) -> None:
+    """What was driving the fingers has failed: the hand is stopped, and the error tells what became of it.
+
+    Of a link that is lost `stopped_if_cut_short` tells.
+    """
+    if not isinstance(exc, LinkError):
+        stopped = hand.stop()
+        exc.leaves(Left(behind=_told(stopped), moving=stopped.error is LinkError))
+
+
+def _told(stopped: Stopped) -> str:
+    return f"{stopped.text}: {stopped.hint}" if stopped.error is not None and stopped.hint else stopped.text
+
+
+def in_force(what: str, *, moving: bool = True) -> AbstractContextManager[None]:
+    """Around objects that stay in force: an error in between says `what` the hand has got.
+
+    Ctrl-C does so where nothing is `moving`, so that nothing is stopped.
+    """
+    return leaving(Left(hint=what), by=HandctlError, interrupt=not moving)
+
+
+@contextmanager
+def stopped_if_cut_short(hand: AidinHand, guide: Guide, what: str = "", *, beat: float = 0.0) -> Iterator[None]:
+    """Around whatever moves: Ctrl-C, and anything that nobody expected, stops the hand before a word is said.
+
+    The death of this process stops it, too. Where the link was lost it is opened again for that, whatever was to be kept
+    up: nobody sees the hand any more.
+    """
+    driven = False
+    try:
+        with hand.driven(guide, beat=beat, what=what):
+            hand.journal.moves(hand.stop)
+            driven = True
+            try:
+                yield
+            except HandctlError:
+                raise  # who raised it has decided what becomes of the fingers
+            except Exception:
+                with guide.undisturbed():
+                    hand.stop()
+                raise
+    except HandctlError as exc:  # the child that guarded the old connection has gone, and with it the last to hold that
+        lost, pressed = isinstance(exc, LinkError), isinstance(exc.__cause__, KeyboardInterrupt)
+        if not driven or not (lost or exc.left.moving):
+            raise
+        stopped, told = _stop_again(hand, guide, presses=0 if pressed else 1)
+        if stopped is None:
+            exc.hint = "; ".join(filter(None, (exc.hint, UNTOLD if lost else "", told)))
+        elif pressed:  # what was said before it was stopped is no longer so
+            raise interrupted(stopped._replace(text=f"{MENDED}: {stopped.text}"), what) from exc
+        else:
+            exc.hint = f"{MENDED}: {_told(stopped)}"
+        raise
+
+
+def _stop_again(hand: AidinHand, guide: Guide, presses: int) -> tuple[Stopped | None, str]:
+    """Open a lost connection again and stop the hand: what came of it, or None and why it could not be opened.
+
+    So many `presses` of Ctrl-C are passed over, for they ask for what is being done; one more ends it.
+    """
+    end, before = hand.link.deadline(AGAIN), guide.unstoppable
+    guide.unstoppable = MENDS
+    try:
+        with guide.counting() as counted:
+            counted.most = presses
+            while True:
+                try:
+                    if not hand.talk.reconnect(end.remaining):
+                        return None, ""
+                except LinkError as exc:
+                    told = f"tried to reconnect for {AGAIN:g} s ({exc.text})"
+                else:
+                    stopped = hand.stop()
+                    if stopped.error is not LinkError:
+                        return stopped, ""
+                    told = f"tried to reconnect for {AGAIN:g} s ({stopped.text})"
+                if end.expired:
+                    return None, told
+                hand.link.sleep(min(TRY, end.remaining))
+    except KeyboardInterrupt:
+        return None, "interrupted while reconnecting to send the stop"
+    finally:
+        guide.unstoppable = before

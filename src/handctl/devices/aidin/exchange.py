@@ -1,21 +1,23 @@
 """The conversation with one AIDIN-hand: find out who speaks first, ask for what is wanted, send one object a period.
 
-The manual does not say who speaks first: listen, then ask with an empty object, never with a mode (dossier 6). What
-comes is taken in reception.py.
+The manual does not say who speaks first: listen, then ask with an empty object, never with a mode (dossier 6). Feedback is
+merged key by key; a key that is wrong is refused by itself.
 """
 
 from __future__ import annotations
 
-from handctl.devices.aidin import speaking as table
-from handctl.devices.aidin import trouble
-from handctl.devices.aidin.feedback import Feedback, Wire
+from collections.abc import Callable
+
+from handctl.devices.aidin import way as table
+from handctl.devices.aidin.feedback import ALL, Feedback, Quality, Wire, named
 from handctl.devices.aidin.map import FEEDBACK, AidinParam
-from handctl.devices.aidin.reception import SILENCE, Reception
+from handctl.devices.aidin.messages import Decoder, MalformedObject
 from handctl.devices.aidin.way import FIND_OUT, ExchangeMode, Way
-from handctl.errors import ProtocolError, UsageError
+from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline
-from handctl.model.device import Gate
-from handctl.model.result import Journal
+from handctl.model.device import Gate, Line
+from handctl.model.frames import frames_in
+from handctl.model.result import Journal, hex_bytes
 
 LISTEN = 0.3
 LISTEN_MORE = 1.0
@@ -34,10 +36,19 @@ CYCLES = 3
 """A key that is missing or wrong so many times running is given up."""
 
 
-class Conversation(Reception):
-    """One connection.
+SILENCE = 1.0
+WRITE_SECONDS = 1.0
+BAD_IN_A_ROW = 3
+MOST_UNKNOWN, LONGEST_NAME = 20, 40
+READS_AT_ONCE = 256
 
+
+class Conversation(Line):
+    """What is said over one connection, and what has come, merged.
+
+    timeout   seconds of silence allowed; None = 1 s of a stream, 0.2 s for the answer to a poll
     retries   polls repeated without an answer
+    way       what is said about how the hand speaks; `exchange` is what is known of it by now
     """
 
     link: ByteLink
@@ -52,11 +63,30 @@ class Conversation(Reception):
         bound: Deadline | None = None,
         way: Way = FIND_OUT,
     ) -> None:
-        super().__init__(link, journal, timeout=timeout, retries=retries, bound=bound, way=way)
+        super().__init__(link, journal, retries=retries, bound=bound)
+        self.timeout = timeout
+        self.way = way
         self.gate: Gate | None = None
+        self.exchange = ExchangeMode.UNKNOWN
+        self.quality = Quality()
+        journal.counters.keys = self.quality.keys
+        self.feedback = Feedback(self.quality)
         self._shown: tuple[str, ...] = ()  # the keys of which `feedback` was shown
         self._fresh = False  # what `connect` heard has not lain in the input
-        self._silence = timeout or SILENCE  # of a stream, longer for a slow one
+        self._patience = timeout or SILENCE
+        self._silence = self._patience  # of a stream, longer for a slow one
+        self._strange = b""  # the first object that is neither feedback nor ours
+        self._since = b""  # what has come since the last feedback and is none
+        self._decoder = Decoder()
+        self._bad_in_a_row = 0
+        self._junk = b""
+        self._why = ""  # what is wrong with the first object that was damaged
+        self._echoes = 0
+        self._heard = 0.0  # when anything came last
+        self._last = 0.0  # when feedback came last
+        self._good: dict[str, float] = {}  # when a key came last as it should
+        self._unanswered = 0
+        self._unknown: set[str] = set()
 
     # -- connect -------------------------------------------------------------------------------------------------
 
@@ -79,7 +109,7 @@ class Conversation(Reception):
         state = table.ASKED if self.way.exchange is ExchangeMode.POLL and asks else table.LISTENED
         while state not in table.ENDS:
             seen = self._seen_in(state)
-            state = table.RULES[state, seen]
+            state = table.NEXT[state][seen]
             if (not asks and state == table.ASKED) or (not self.retries and state == table.AGAIN):
                 state = table.UNASKED[seen]
         if state == table.STRANGER:
@@ -89,9 +119,9 @@ class Conversation(Reception):
         self.exchange = ExchangeMode.STREAM if state == table.STREAMS else ExchangeMode.POLL
 
     def _seen_in(self, state: str) -> str:
-        """Do what the state of `speaking` says; what is seen then."""
+        """Do what the state of the table says; what is seen then."""
         if state == table.LISTENED:
-            self._listen(LISTEN if self.way.exchange is ExchangeMode.UNKNOWN else self.timeout or SILENCE)
+            self._listen(LISTEN if self.way.exchange is ExchangeMode.UNKNOWN else self._patience)
             if self.feedback.seen:
                 return table.FEEDBACK
             if self._junk or self._decoder.pending:
@@ -128,14 +158,23 @@ class Conversation(Reception):
 
         A key that came three times says that the hand streams, whatever is wrong with another.
         """
+        self._until(lambda _: self.feedback.complete() or self._again, seconds, LISTEN_MORE)
+
+    @property
+    def _again(self) -> bool:
+        """Whether a key has come so often that others need not be waited for."""
+        return max(self.feedback.seen.values(), default=0) >= CYCLES
+
+    def _until(self, done: Callable[[bool], bool], seconds: float, more: float, settle: float | None = None) -> bool:
+        """Take what comes until `done`, or silence for `seconds`, then `more`; once feedback came, for `settle`. Whether it did."""
         end, last = self.deadline(seconds), self.deadline(LISTEN_LONGEST)
-        while not self.feedback.complete() and not end.expired and not last.expired:
-            if max(self.feedback.seen.values(), default=0) >= CYCLES:
-                return
+        answered = False
+        while not done(answered) and not end.expired and not last.expired:
             before = self._bytes_seen
-            self._receive(end.earlier(last))
+            answered = self._receive(end) or answered
             if self._bytes_seen != before:
-                end = self.deadline(LISTEN_MORE)
+                end = self.deadline(settle if answered and settle is not None else more)
+        return answered
 
     # -- feedback ------------------------------------------------------------------------------------------------
 
@@ -180,31 +219,18 @@ class Conversation(Reception):
 
     def usable(self, param: AidinParam, found: Wire | ProtocolError) -> Wire:
         """The array, or raise what is wrong with it."""
-        found = trouble.named(self.link.name, param, found)
+        found = named(self.link.name, param, found)
         if isinstance(found, ProtocolError):
             raise found
         return found
 
     def _follow(self, keys: tuple[str, ...]) -> None:
         """Read a stream until all `keys` are good, or another one has come three times since."""
-        end, last = self.deadline(self._silence), self.deadline(LISTEN_LONGEST)
-        while not end.expired and not last.expired:
-            before = self._bytes_seen
-            if self._receive(end) and (self.feedback.complete(keys) or max(self.feedback.seen.values()) >= CYCLES):
-                return
-            if self._bytes_seen != before:
-                end = self.deadline(self._silence)
+        self._until(lambda _: self.feedback.complete(keys) or self._again, self._silence, self._silence)
 
     def _answer(self, seconds: float, keys: tuple[str, ...] = ()) -> bool:
         """Wait for the answer to an object; the rest of its keys may follow at once. False on silence."""
-        end, last = self.deadline(seconds), self.deadline(LISTEN_LONGEST)
-        answered = False
-        while not end.expired and not last.expired and not (answered and self.feedback.complete(keys)):
-            before = self._bytes_seen
-            answered = self._receive(end) or answered
-            if self._bytes_seen != before:
-                end = self.deadline(SETTLE if answered else seconds)
-        return answered
+        return self._until(lambda answered: answered and self.feedback.complete(keys), seconds, seconds, SETTLE)
 
     @property
     def poll_seconds(self) -> float:
@@ -257,7 +283,7 @@ class Conversation(Reception):
         if answered and self.exchange is ExchangeMode.UNKNOWN:
             self.exchange = ExchangeMode.COMMAND
         self._unanswered = 0 if answered else self._unanswered + 1
-        silent = self._unanswered > self.retries if waits else start - self._last > (self.timeout or SILENCE)
+        silent = self._unanswered > self.retries if waits else start - self._last > (self._patience)
         if silent and not blind:
             self.check_bound()
             raise self._silent(moving=True)
@@ -266,13 +292,13 @@ class Conversation(Reception):
 
     def check_alive(self) -> None:
         """Raise NoAnswer when not one byte has come for 1 s: where feedback may be as slow as it likes."""
-        if self.link.now() - self._heard > (self.timeout or SILENCE):
+        if self.link.now() - self._heard > (self._patience):
             raise self._silent(moving=True)
 
     def _check_sight(self, param: AidinParam) -> None:
         """Nothing is driven on by a quantity that the hand no longer tells."""
         key = param.key
-        missing = self._last - self._good.get(key, self._last) > (self.timeout or SILENCE)  # other keys still came
+        missing = self._last - self._good.get(key, self._last) > (self._patience)  # other keys still came
         if missing or self.feedback.wrong.get(key, 0) >= CYCLES:
             wrong = self.feedback.errors.get(key)
             self.usable(param, wrong or ProtocolError("the hand no longer sends it", code="missing-key"))
@@ -281,3 +307,160 @@ class Conversation(Reception):
         """Look again where the last object was not answered within its period. Raises as `refresh` does."""
         if self._unanswered:
             self.refresh()
+
+    def reconnect(self, seconds: float) -> bool:
+        """See Link: what the old connection left half said is no part of the new one. Raises LinkError."""
+        done = self.link.reconnect(seconds)
+        if done:
+            self._decoder = Decoder()
+        return done
+
+    # -- bytes ---------------------------------------------------------------------------------------------------
+
+    def send(self, data: bytes) -> None:
+        """One object, ended by the terminator, in one write. Raises LinkError."""
+        self.link.write(data + self.way.end, self.link.deadline(WRITE_SECONDS))
+        self.journal.counters.sent += 1
+
+    def _receive(self, deadline: Deadline) -> bool:
+        """Take what arrives before `deadline`; whether feedback was in it. Raises LinkError, ProtocolError."""
+        try:
+            data = self.link.read(deadline)
+        except LinkError as exc:
+            raise self._closed(exc) from exc
+        if not data:
+            return False
+        self._heard = self.link.now()
+        self._decoder.feed(data)
+        found = False
+        for content in frames_in(self._decoder, self._note_bad):
+            found = self._take(content) or found
+        return found
+
+    def _take(self, content: dict[str, object]) -> bool:
+        if not self.feedback.merge(content):
+            ours = not content or "hand_mode" in content or self._decoder.taken == self.way.poll.strip()
+            if ours and self.journal.counters.sent:  # before anything was sent it cannot have come back
+                self._echoes += 1
+            else:
+                self._strange = self._strange or self._decoder.taken[:64]
+                self._since = (self._since + self._decoder.taken)[:64]
+                self._note_unknown(content)
+            return False
+        self.journal.counters.received += 1
+        self._bad_in_a_row = self._unanswered = 0
+        self._since = b""
+        self._last = self.link.now()
+        self._good.update({key: self._last for key in content if key in ALL and key not in self.feedback.errors})
+        self._note_unknown(content)
+        return True
+
+    def _note_unknown(self, content: dict[str, object]) -> None:
+        """Name keys that the manual does not have, each once and not more than a person reads."""
+        new = [key for key in content if key not in ALL and key not in self._unknown][
+            : MOST_UNKNOWN - len(self._unknown)
+        ]
+        if new:
+            self._unknown.update(new)
+            names = ", ".join(key[:LONGEST_NAME] for key in new)
+            self.journal.info("unknown-keys", f"keys that are not in the manual: {names}")
+
+    def _note_bad(self, exc: ProtocolError) -> None:
+        assert isinstance(exc, MalformedObject)
+        counters = self.journal.counters
+        self._junk = (self._junk + exc.data)[:64]
+        self._since = (self._since + exc.data)[:64]
+        if exc.stray:
+            counters.stray_bytes += len(exc.data)
+            return
+        counters.bad_frames += 1
+        self._why = self._why or exc.text.partition(": b")[0]  # its bytes are told beside it
+        self._bad_in_a_row += 1
+        if self._bad_in_a_row >= BAD_IN_A_ROW:
+            raise ProtocolError(
+                f"{self.link.name}: {BAD_IN_A_ROW} damaged objects in a row, the last one: {exc.text}; "
+                f"its bytes begin {hex_bytes(exc.data[:16])}",
+                hint="check the connection with --trace FILE",
+                code="bad-json",
+            )
+
+    def drain(self) -> None:
+        """Take everything that has already arrived."""
+        now = self.link.deadline(0)
+        for _ in range(READS_AT_ONCE):
+            before = self._bytes_seen
+            if not self._receive(now) and self._bytes_seen == before:
+                return
+
+    @property
+    def _bytes_seen(self) -> int:
+        return sum(self.feedback.seen.values()) + len(self._junk + self._strange) + len(self._decoder.pending)
+
+    # -- what went wrong -------------------------------------------------------------------------------------------
+
+    def nothing_came(self) -> HandctlError:
+        """The error of a hand that has sent no feedback: silence, or what came instead."""
+        instead = self._junk or self._strange or self._decoder.pending or self._echoes
+        return self._no_feedback() if instead else self._silent()
+
+    def _silent(self, *, asked: bool = True, moving: bool = False, since: float | None = None) -> HandctlError:
+        """Nothing has come for a while, although the hand was `asked`; `since` a moment, or while it was `moving`."""
+        patience = self._patience
+        if since is not None:  # --deadline may have cut it short
+            patience = min(patience, round(self.link.now() - since, 2))
+        known = moving or self.exchange is not ExchangeMode.UNKNOWN
+        name, unasked = self.link.name, "sends nothing without a request"
+        if self.journal.counters.received and known:
+            if instead := self._since or self._decoder.pending[:64]:
+                return self._told(instead, more="more ")
+            return NoAnswer(
+                f"{name}: the hand has stopped sending feedback",
+                hint="check the hand with `status`, and check the network. A hand that sends less than once a second needs --exchange stream --timeout S",
+            )
+        if self.way.exchange is ExchangeMode.STREAM:
+            text = (
+                f"connected, but the hand has sent nothing for {patience:g} s, and --exchange stream sends no request"
+            )
+            hint = "leave --exchange out, so that handctl sends an empty object as a request"
+            return NoAnswer(f"{name}: {text}", hint=hint)
+        if not asked:
+            return NoAnswer(
+                f"{name}: connected, but the hand {unasked}, and a dry run sends none",
+                hint="give all values, so that the current position is not needed",
+            )
+        poll = "an empty object" if self.way.poll == FIND_OUT.poll else self.way.poll.decode("ascii")[:60]
+        silent = f"{unasked} and does not answer" if self.way.exchange is ExchangeMode.UNKNOWN else "does not answer"
+        return NoAnswer(
+            f"{name}: connected, but the hand {silent} {poll}",
+            hint="check the port (8000), and that no other client is connected. If the hand works differently, try --exchange stream|poll, --poll-json TEXT or --tx-terminator nul|none. If it only replies to commands, use --exchange command. `stop` is always sent",
+        )
+
+    def _closed(self, exc: LinkError) -> HandctlError:
+        """A connection that ended before any feedback came: junk tells who it was, silence that the hand is taken."""
+        if self.journal.counters.received:
+            return exc
+        if self._junk:
+            return self._no_feedback()
+        hint = "check the address and the port: it may be another server, or another client may be connected to the hand, which serves only one"
+        return LinkError(exc.text, hint=hint, code=exc.code)
+
+    def _no_feedback(self) -> HandctlError:
+        strange = b"" if self._junk else self._strange
+        seen = self._junk or strange or self._decoder.pending[:64]
+        return self._told(seen, whole=bool(strange), why=self._why if self._junk else "")
+
+    def _told(self, seen: bytes, *, whole: bool = False, more: str = "", why: str = "") -> HandctlError:
+        """What came, `seen`, is no feedback; b"": only our own object came back. `whole`: it is an object with other keys.
+
+        `more`: "more " where feedback had come before; `why`: what is wrong with an object that was damaged.
+        """
+        name = self.link.name
+        if not seen:
+            echo = "check the address and the port: this is an echo server, not the hand"
+            return ProtocolError(f"{name}: only our own object came back, and no feedback", hint=echo, code="echo")
+        shown = "".join(chr(byte) if 32 <= byte < 127 else "." for byte in seen)
+        hint = "check the address and the port: this is another server or another kind of hand. The AIDIN-hand sends JSON on TCP port 8000"
+        if whole:
+            hint = f"this JSON object has no key from the manual: it may be a report from the hand itself. Otherwise {hint}"
+        text = f"{name}: no {more}feedback from the hand, but {hex_bytes(seen)} ({shown}){f': {why}' if why else ''}"
+        return ProtocolError(text, hint=hint, code="garbage", came=seen)

@@ -5,6 +5,8 @@ Bytes in, pieces out; knows no link. The hand streams by itself; only the neutra
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, MODES, AidinParam
 from handctl.devices.aidin.messages import BETWEEN, Decoder, MalformedObject, numbers
 from handctl.errors import ProtocolError
@@ -15,56 +17,30 @@ KEYS = {param.key: param for param in AIDIN}
 FEEDBACK_KEYS = {param.key for param in FEEDBACK}
 
 
-class _Stream:
-    """One direction: the decoder, and the bytes that it has not given back yet."""
-
-    def __init__(self) -> None:
-        self.decoder = Decoder()
-        self._held = bytearray()
-
-    def feed(self, data: bytes) -> None:
-        self.decoder.feed(data)
-        self._held += data
-
-    def taken(self) -> bytes:
-        """What the decoder has used up since the last time."""
-        size = len(self._held) - len(self.decoder.pending)
-        raw = bytes(self._held[:size])
-        del self._held[:size]
-        return raw
-
-    def restart(self) -> bytes:
-        """Everything that is held; the decoder begins anew."""
-        raw = bytes(self._held)
-        self._held.clear()
-        self.decoder = Decoder()
-        return raw
-
-
 class AidinExplainer:
     """One connection."""
 
     def __init__(self) -> None:
-        self._streams = {HOST: _Stream(), DEVICE: _Stream()}
+        self._decoders = {HOST: Decoder(), DEVICE: Decoder()}
         self._asked = False
 
     def feed(self, direction: str, data: bytes, can_id: int | None = None) -> list[Piece]:
         """See Explainer. There is no CAN."""
-        stream = self._streams[direction]
-        stream.feed(data)
+        decoder = self._decoders[direction]
+        decoder.feed(data)
         pieces: list[Piece] = []
         while True:
             try:
-                content = stream.decoder.next()
+                content = decoder.next()
             except MalformedObject as exc:
                 kind = ("stray", "") if exc.stray else ("bad-json", exc.text.partition(":")[0])
-                pieces.append(stray(direction, stream.taken(), kind[1], kind[0]))
+                pieces.append(stray(direction, decoder.used, kind[1], kind[0]))
                 continue
-            raw = stream.taken()
+            raw = decoder.used
             if content is not None:
                 pieces.append(self._piece(direction, raw, content))
             elif raw and pieces and pieces[-1].frame:
-                pieces[-1] = _longer(pieces[-1], raw)  # the line end behind an object
+                pieces[-1] = replace(pieces[-1], raw=pieces[-1].raw + raw)  # the line end behind an object
             elif raw:
                 pieces.append(Piece(direction=direction, raw=raw, meaning="blanks between objects", title="blanks"))
             if content is None:
@@ -73,10 +49,10 @@ class AidinExplainer:
     def flush(self) -> list[Piece]:
         """See Explainer."""
         pieces = []
-        for direction, stream in self._streams.items():
-            raw = stream.restart()
-            if raw:
+        for direction, decoder in self._decoders.items():
+            if raw := decoder.pending:
                 pieces.append(stray(direction, raw, f"an object cut off after {plural(len(raw), 'byte')}", "cut-short"))
+        self._decoders = {HOST: Decoder(), DEVICE: Decoder()}
         return pieces
 
     def event(self, text: str) -> None:
@@ -112,12 +88,6 @@ class AidinExplainer:
             answers=answers, title=f"{direction} {keys}", fields={"keys": keys, "mode": mode if isinstance(mode, int) else None},
             parts=tuple(parts),
         )  # fmt: skip
-
-
-def _longer(piece: Piece, tail: bytes) -> Piece:
-    from dataclasses import replace
-
-    return replace(piece, raw=piece.raw + tail)
 
 
 def _explained(key: str, value: object) -> tuple[str, list[Value], str]:

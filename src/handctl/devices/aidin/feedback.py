@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from handctl.devices.aidin.map import FEEDBACK, AidinParam
-from handctl.devices.aidin.messages import numbers
+from handctl.devices.aidin.messages import WrongNumbers, numbers
 from handctl.errors import ProtocolError
-from handctl.model.param import Number
+from handctl.model.param import Element, Number
 
 Wire = tuple[int, ...] | tuple[float, ...]
 ALL = tuple(param.key for param in FEEDBACK)
@@ -84,3 +84,26 @@ class Feedback:
 def values_of(param: AidinParam, wire: Wire) -> list[Number]:
     """A whole array in the parameter's unit."""
     return [param.from_wire(number) for number in wire]
+
+
+def named(where: str, param: AidinParam, found: Wire | ProtocolError) -> Wire | ProtocolError:
+    """What came for a key; an error says which hand, which key, and which of its elements as `get` takes them."""
+    if isinstance(found, WrongNumbers):
+        texts = (f"{Element(param, place).full_name} {exc.text}" for place, exc in found.wrong.items())
+        return _spelled(where, "; ".join(texts), found)
+    return _spelled(where, f"{param.key}: {found.text}", found) if isinstance(found, ProtocolError) else found
+
+
+def number_of(where: str, element: Element, param: AidinParam, found: Wire | ProtocolError) -> Number | ProtocolError:
+    """The number of one element; an error only where it concerns this one."""
+    if isinstance(found, WrongNumbers):
+        wrong, number = found.wrong.get(element.index), found.numbers[element.index]
+        if wrong is None and number is not None:
+            return number
+        return _spelled(where, f"{element.full_name} {wrong.text if wrong else found.text}", wrong or found)
+    found = named(where, param, found)
+    return found if isinstance(found, ProtocolError) else found[element.index]
+
+
+def _spelled(where: str, text: str, why: ProtocolError) -> ProtocolError:
+    return ProtocolError(f"{where}: {text}", hint="check it with --trace FILE", code=why.code)

@@ -6,7 +6,7 @@ the wire and degrees everywhere else, as in the manual's ranges.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from math import degrees, radians
@@ -201,6 +201,11 @@ AIDIN = AidinMap("aidin", [
 
 FEEDBACK = tuple(param for param in AIDIN if param.readable)
 """The five keys that the hand sends."""
+
+
+def some(texts: Sequence[str], most: int = 4) -> str:
+    """The first of several, and how many more there are."""
+    return ", ".join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ LARGEST_IN = 65536
 LONGEST_STRING = 256
 DEEPEST = 8
 BETWEEN = b" \t\r\n\0"
-NOTHING = b"{}"
+NEUTRAL = b"{}"
 """The neutral object: no key, no mode."""
 
 _OUTSIDE = re.compile(rb'["{}]|[^ \t\r\n0-9+\-.,:\[\]a-zA-Z]')
@@ -93,8 +93,8 @@ class Decoder:
 
     def __init__(self) -> None:
         self._buffer = bytearray()
-        self.taken = b""
-        """The bytes of the object that `next` gave last."""
+        self.taken = self.used = b""
+        """The bytes of the object that `next` gave last; all that it used up last, with blanks and what is damaged."""
         self._restart()
 
     def _restart(self) -> None:
@@ -115,6 +115,7 @@ class Decoder:
 
         Raises MalformedObject, a ProtocolError, for bytes that make none; they are dropped up to the next ``{``.
         """
+        self.used = b""
         if self._position == 0:
             self._skip()
         end = self._scan()
@@ -128,18 +129,22 @@ class Decoder:
         if content is None:
             raise self._drop("an object that is not JSON")
         self.taken = data
-        del self._buffer[:end]
+        self._use(end)
         self._restart()
         return content
 
+    def _use(self, size: int) -> bytes:
+        data = bytes(self._buffer[:size])
+        del self._buffer[:size]
+        self.used += data
+        return data
+
     def _skip(self) -> None:
         rest = self._buffer.lstrip(BETWEEN)
-        if len(rest) != len(self._buffer):
-            self._buffer = rest
+        self._use(len(self._buffer) - len(rest))
         if rest and rest[0] != 0x7B:
             place = rest.find(b"{")
-            data = bytes(rest if place < 0 else rest[:place])
-            del self._buffer[: len(data)]
+            data = self._use(len(rest) if place < 0 else place)
             raise MalformedObject(
                 f"{len(data)} byte{'s' * (len(data) != 1)} without the beginning of a JSON object", data, stray=True
             )
@@ -191,8 +196,7 @@ class Decoder:
     def _drop(self, what: str, place: int = 0) -> MalformedObject:
         """Drop the header only, or up to `place`, so that an object that begins within the rest is still found."""
         place = place or self._buffer.find(b"{", 1)
-        data = bytes(self._buffer if place < 0 else self._buffer[:place])
-        del self._buffer[: len(data)]
+        data = self._use(len(self._buffer) if place < 0 else place)
         self._restart()
         return MalformedObject(f"{what}: {data[:48]!r}", data)
 

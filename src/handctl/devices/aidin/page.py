@@ -1,6 +1,6 @@
 """What the manual page says beside the commands (see `docgen.texts`). Data only."""
 
-from handctl.devices.aidin.speaking import section
+from handctl.devices.aidin.way import section
 
 EXCEPTIONS = (
     ("verb", "`set`, `snapshot`, `diff`, `restore`", "The hand does not store settings."),
@@ -8,6 +8,15 @@ EXCEPTIONS = (
     ("no-port", "`/dev/ttyUSB0`", "The hand has no serial port: exit code 2."),
     ("arrival", "`currents`", "A current has no target."),
     ("expect", "`home`, `initial`", "They have their own check: each motor must come to rest at its origin."),
+)
+DRY = (
+    "initial",
+    "encoders index.m1=1000",
+    "joints index.q3=160",
+    "fingertips index.x=10",
+    "currents index.m1=20",
+    "bias",
+    "max-torque 300",
 )
 EXAMPLES = (
     ("handctl aidin status -p tcp://192.168.0.20", "Show a health summary. The TCP port is 8000 unless given."),
@@ -19,16 +28,10 @@ EXAMPLES = (
     ("handctl aidin home -p tcp://192.168.0.20", "Open all fingers and set the origin. Asks first."),
     ("handctl aidin home -n --fake", "Show the messages that would be sent."),
     ("handctl aidin initial -p tcp://192.168.0.20", "Open all fingers. Asks first."),
-    ("handctl aidin initial -n --fake", "Show the message that would be sent."),
-    ("handctl aidin encoders index.m1=1000 -n --fake", "Show the message that would be sent."),
     ("handctl aidin joints index.q3=160 -p tcp://192.168.0.20", "Move one joint. The others keep their position."),
-    ("handctl aidin joints index.q3=160 -n --fake", "Show the message that would be sent."),
-    ("handctl aidin fingertips index.x=10 -n --fake", "Show the message that would be sent."),
-    ("handctl aidin currents index.m1=20 -n --fake", "Show the message that would be sent."),
     ("handctl aidin bias -p tcp://192.168.0.20", "Set the sensors to 0 at their current load."),
-    ("handctl aidin bias -n --fake", "Show the message that would be sent."),
     ("handctl aidin max-torque 300 -p tcp://192.168.0.20", "Limit the current of all motors."),
-    ("handctl aidin max-torque 300 -n --fake", "Show the message that would be sent."),
+    *((f"handctl aidin {line} -n --fake", "Show the message that would be sent.") for line in DRY),
 )
 
 __all__ = ["EXAMPLES", "EXCEPTIONS", "section"]

@@ -8,19 +8,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 
+from handctl.devices.aidin.map import AIDIN, Mode
 from handctl.devices.aidin.messages import TERMINATORS, Decoder, encode, numbers
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
 from handctl.model.frames import frames_in
 from handctl.model.param import Step
 from handctl.model.stopping import Aim, Pieces, Say, Stopped, Talk, silence, taken_over
 
-STOP = 3
-"""hand_mode: motor power off, the fingers move freely."""
 PERIOD = 0.02
 TIMES = 3
 CONFIRM = 60
 """Periods in which the currents may vanish, 1.2 s: also a slow stream has spoken by then."""
-MOTORS = 15
 NO_CURRENT = 20
 """2 % of 1000."""
 HINT = "watch the hand, and switch its power off if it still moves"
@@ -32,7 +30,7 @@ def stop_talk(aim: Aim) -> Talk:
     What it tells between two of our own objects shows nothing: somebody else may command currents 50 times a second.
     """
     end = TERMINATORS[aim.settings.own.get("tx_terminator") or "newline"]
-    data = encode({"hand_mode": STOP})
+    data = encode({"hand_mode": Mode.STOP})
     say = Say(Step(f"motor power off: {data.decode()}", data + end, moves=True), PERIOD, lambda _pieces: False)
     told: tuple[int, ...] | None = None
     flowed = heard = spoke = False
@@ -83,5 +81,5 @@ def _currents(decoder: Decoder, pieces: Pieces) -> list[tuple[int, ...]]:
     for content in frames_in(decoder):
         if "current_state" in content:
             with suppress(ProtocolError):
-                found.append(tuple(int(one) for one in numbers(content["current_state"], MOTORS)))
+                found.append(tuple(int(one) for one in numbers(content["current_state"], AIDIN["current_state"].count)))
     return found

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, degrees, isfinite, radians
 
-from handctl.devices.aidin.map import CURRENTS, AidinParam, Target, both_ranges
+from handctl.devices.aidin.map import CURRENTS, AidinParam, Target, both_ranges, some
 from handctl.errors import CheckFailed, UsageError
 from handctl.model import moving
 from handctl.model.param import Number
@@ -144,7 +144,6 @@ def _check(param: AidinParam, values: dict[int, float], *, rad: bool) -> None:
         return
     unit = f" {param.unit}" if param.unit else ""
     named = [f"{param.elements[index]} = {value:g}{unit}" for index, value, _ in wrong]
-    more = f" and {len(named) - SHOWN} more" if len(named) > SHOWN else ""
     ranges = [f"{param.elements[index]} {limit[0]:g}..{limit[1]:g}{unit}" for index, _, limit in wrong[:SHOWN]]
     ours = param is CURRENTS.command or any(param.limit(index) is None for index, _, _ in wrong[:SHOWN])
     source = "handctl's own limits, because the manual gives no range" if ours else "aidin, Ranges"
@@ -152,7 +151,7 @@ def _check(param: AidinParam, values: dict[int, float], *, rad: bool) -> None:
     if param.angles and _fits(param, values, rad=rad):
         hint = f"as {'degrees: leave --rad out' if rad else 'radians they would be in range: add --rad'}. {hint}"
     raise UsageError(
-        f"{', '.join(named[:SHOWN])}{more} {'is' if len(named) == 1 else 'are'} out of range",
+        f"{some(named, SHOWN)} {'is' if len(named) == 1 else 'are'} out of range",
         hint=hint,
         code="out-of-range",
     )

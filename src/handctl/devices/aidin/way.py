@@ -10,7 +10,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from handctl.devices.aidin.map import AIDIN
-from handctl.devices.aidin.messages import LARGEST_OUT, LONGEST_END, NOTHING, TERMINATORS
+from handctl.devices.aidin.messages import LARGEST_OUT, LONGEST_END, NEUTRAL, TERMINATORS
 from handctl.errors import UsageError
 from handctl.sentence import plural
 
@@ -40,7 +40,7 @@ class Way:
     """
 
     exchange: ExchangeMode = ExchangeMode.UNKNOWN
-    poll: bytes = NOTHING
+    poll: bytes = NEUTRAL
     end: bytes = TERMINATORS["newline"]
 
 
@@ -56,7 +56,7 @@ def way_of(settings: Settings) -> Way:
             f"--poll-json cannot be combined with --exchange {exchange.value}, which sends no request",
             hint="leave one of them out. Nothing was sent.",
         )
-    poll = NOTHING if text is None else neutral(text)
+    poll = NEUTRAL if text is None else neutral(text)
     return Way(exchange, poll, TERMINATORS[settings.own.get("tx_terminator") or "newline"])
 
 
@@ -103,3 +103,60 @@ def _keys(content: object, depth: int = 0) -> set[str]:
         return set()
     own = {key.strip(" \t\r\n\0").lower() for key in content}
     return own.union(*(_keys(single, depth + 1) for single in content.values()))
+
+
+# -- who speaks first: the table that a connect runs on, and the section of the manual page that shows it -----------
+
+
+LISTENED, ASKED, AGAIN, DOUBTED = "listened", "asked", "again", "doubted"
+STATES = {
+    LISTENED: "connected: listen for 0.3 s, or with `--exchange stream` for 1 s or --timeout. An object that has begun may finish",
+    ASKED: "the empty object, or the one in `--poll-json`, has been sent. `--exchange poll` starts here",
+    AGAIN: "it has been sent once more. Skipped with `--retries 0`",
+    DOUBTED: "the reply may be the next object of a slow stream: listen for 1.2 s and send nothing",
+}
+FEEDBACK, LATE, DAMAGED, OTHER, NOTHING = "feedback", "late", "damaged", "other", "nothing"
+SEEN = {
+    FEEDBACK: "an object with feedback keys",
+    LATE: "the same, but more than 0.13 s after the request. Only with `--exchange auto`",
+    DAMAGED: "bytes that are not a JSON object or, before the first request, half an object",
+    OTHER: "objects that are not feedback, or an echo of the request",
+    NOTHING: "silence",
+}
+STREAMS, ANSWERS, STRANGER, SILENT = "streams", "answers", "stranger", "silent"
+ENDS = {
+    STREAMS: "the hand streams feedback: handctl reads it without sending a request",
+    ANSWERS: "the hand replies: handctl sends a request for each reading",
+    STRANGER: "exit code 5: data arrived, but not from an AIDIN-hand",
+    SILENT: "exit code 4: no reply",
+}
+
+
+UNASKED = {OTHER: STRANGER, NOTHING: SILENT}
+"""The end instead of ASKED or AGAIN where nothing may be sent any more: `--exchange stream`, a dry run, `--retries 0`."""
+_ANSWERED = {FEEDBACK: ANSWERS, LATE: DOUBTED, DAMAGED: STRANGER}
+NEXT = {
+    LISTENED: {FEEDBACK: STREAMS, DAMAGED: STRANGER, OTHER: ASKED, NOTHING: ASKED},
+    ASKED: {**_ANSWERED, OTHER: AGAIN, NOTHING: AGAIN},
+    AGAIN: {**_ANSWERED, **UNASKED},
+    DOUBTED: {FEEDBACK: STREAMS, NOTHING: ANSWERS},
+}
+"""State -> what is seen there -> the next state."""
+
+PAGE = (
+    "The manual does not say whether the hand or the computer sends first, so handctl finds out before it reads anything. "
+    "Each line below shows what handctl receives and the next state. The request commands nothing, because any mode would "
+    "move the hand or drop what it holds.",
+    "With `--exchange stream` and in a dry run handctl sends nothing, so `listened` ends in `stranger` or `silent` instead. "
+    "With `--exchange command` it sends no request: such a hand only replies to commands and cannot be read.",
+)
+
+
+def section() -> tuple[str, tuple[str, ...], list[tuple[str, str, list[str]]]]:
+    """The section of the manual page: title, paragraphs, and for each state its text and its lines of the table."""
+    items = [
+        (state, f"{text}.", [f"{seen:<12}{after}" for seen, after in NEXT[state].items()])
+        for state, text in STATES.items()
+    ]
+    rest: list[tuple[str, str, list[str]]] = [(name, f"{text}.", []) for name, text in (ENDS | SEEN).items()]
+    return "WHO SPEAKS FIRST", PAGE, [*items, *rest]

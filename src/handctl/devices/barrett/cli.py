@@ -27,6 +27,7 @@ from handctl.devices.barrett.gcl.language import (
 from handctl.devices.barrett.gcl.line import GclLine
 from handctl.devices.barrett.map import BARRETT, BAUD_CODES, SPEEDS, check_careful
 from handctl.devices.barrett.realtime.cli import add_realtime
+from handctl.devices.barrett.views import GCL, row_of
 from handctl.errors import UsageError
 from handctl.frame import stored, verbs
 from handctl.frame.clikit import Group
@@ -147,7 +148,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
             "advanced": param.advanced,
         }
     columns = (
-        Column("parameter", "GCL"),
+        GCL,
         *(column for column in table.columns if column.key not in ("address", "type")),
         Column("default_finger", "Default", right=True),
         Column("default_spread", "Spread", right=True),
@@ -269,10 +270,7 @@ def reset(run: Run) -> Table:
     if (plan := _planned(run, ["RESET"])) is not None:
         return plan
     banner = run.device().line.restart()
-    return Table(
-        rows=[{"name": "banner", "parameter": "RESET", "motor": None, "value": banner, "unit": None}],
-        columns=(Column("value", "Banner"),),
-    )
+    return Table(rows=[row_of("banner", "RESET", None, banner, None)], columns=(Column("value", "Banner"),))
 
 
 # -- passthrough --------------------------------------------------------------------------------------------------

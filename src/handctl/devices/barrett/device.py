@@ -12,7 +12,13 @@ from handctl.devices.barrett.gcl.language import Answer, batches, encode, explai
 from handctl.devices.barrett.gcl.line import GclLine
 from handctl.devices.barrett.map import BARRETT, GclParam, gcl_name
 from handctl.devices.barrett.views import (
+    GCL,
+    LABEL,
+    MOTOR,
+    NAME,
     NO_GAUGE,
+    UNIT,
+    VALUE,
     audit,
     heat_hint,
     later_settings,
@@ -25,7 +31,7 @@ from handctl.devices.barrett.views import (
 from handctl.errors import DeviceRefused, HandctlError, Left, NoAnswer, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Number, Reading, Step
-from handctl.model.result import Column, Row, Table
+from handctl.model.result import Row, Table
 from handctl.model.stopping import Stopped
 
 SPLITTABLE = 32 | 64 | 1024
@@ -42,14 +48,7 @@ class BarrettHand(Device):
     product = "BH8"
     map = BARRETT
     live = ("position", "strain", "status", "temperature")
-    columns = (
-        Column("name", "Name"),
-        Column("parameter", "GCL"),
-        Column("motor", "Motor"),
-        Column("value", "Value", right=True),
-        Column("unit", "Unit"),
-        Column("label", "Meaning"),
-    )
+    columns = (NAME, GCL, MOTOR, VALUE, UNIT, LABEL)
     view = staticmethod(parameters_view)
     not_covered = (
         "the EEPROM: restored values stay in RAM until `--save` or `handctl barrett save` saves them",

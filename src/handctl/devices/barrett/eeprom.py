@@ -87,7 +87,7 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -
     _count(hand, journal, key, saved | now)
     rows: list[Row] = [
         {"name": name, "before": before.get(name), "value": now[name], "default": default_of(name)}
-        for name in (changed if before else differing(now))
+        for name in (changed if before else [name for name, value in now.items() if value != default_of(name)])
     ]
     columns = (
         Column("name", "Name"),
@@ -143,11 +143,6 @@ def _count(hand: BarrettHand, journal: dict[str, Any], key: str, now: dict[str, 
     except HandctlError as exc:
         hand.journal.warn("journal", f"saved, but {exc.text}")
     hand.journal.info("saves", f"save number {count} by handctl, of at most {MOST_SAVES} in the hand's life")
-
-
-def differing(now: dict[str, int]) -> list[str]:
-    """Settings that differ from the factory's."""
-    return [name for name, value in now.items() if value != default_of(name)]
 
 
 def default_of(name: str) -> int | None:

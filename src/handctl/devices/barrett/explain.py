@@ -8,7 +8,6 @@ set before; until one was seen it counts as the factory has it.
 from __future__ import annotations
 
 from collections import deque
-from typing import NamedTuple
 
 from handctl.devices.barrett import words
 from handctl.devices.barrett.gcl.language import Answer, Decoder, explain_status, split
@@ -24,11 +23,13 @@ WAITING = 8
 """Commands whose answer is waited for: a hand answers one at a time."""
 
 
-class Asked(NamedTuple):
-    """A command on its way: what was sent, and the key that its answer bears."""
+class Asked:
+    """A command on its way: what was sent, the key that its answer bears, and the decoder, which has read all that came."""
 
-    command: str
-    key: str
+    def __init__(self, command: str, key: str) -> None:
+        self.command = command
+        self.key = key
+        self.decoder = Decoder(command)
 
 
 class BarrettExplainer:
@@ -38,8 +39,6 @@ class BarrettExplainer:
         self._typed = bytearray()
         self._came = bytearray()
         self._asked: deque[Asked] = deque(maxlen=WAITING)
-        self._decoders: dict[str, Decoder] = {}
-        """By key of what was asked: each has read all of `_came`."""
         self._flags = Flags()
         self._loop: LoopWords | None = None
         self._monitor: MonitorWords | None = None
@@ -74,7 +73,6 @@ class BarrettExplainer:
                 what = "a command without its CR" if direction == HOST else "a reply without its prompt"
                 pieces.append(stray(direction, raw, f"{what}: {words.shown(raw)}", "cut-short"))
         self._asked.clear()
-        self._decoders.clear()
         return pieces
 
     def event(self, text: str) -> None:
@@ -190,8 +188,7 @@ class BarrettExplainer:
                 return [*pieces, *self._from_hand(b"")]
         if len(self._came) > LONGEST_ANSWER:
             pieces.append(stray(DEVICE, bytes(self._came)))
-            self._came.clear()
-            self._decoders.clear()
+            self._take(pieces[-1])
         return pieces
 
     def _next(self) -> list[Piece]:
@@ -199,15 +196,13 @@ class BarrettExplainer:
         came = bytes(self._came)
         if came[:1] == b":" and (self._offered or bytes(self._typed) in OFFERS):
             return self._handed_over()
-        known = self._decoders
-        self._decoders = {asked.key: known.get(asked.key) or Decoder(asked.command) for asked in self._asked}
         for place, asked in enumerate(self._asked):
             kind = split(asked.command)[1]
             if kind is not None and kind.kind == "loop":
                 entered = self._entered(came, asked, place)
                 if entered:
                     return entered
-            decoder = self._decoders[asked.key]
+            decoder = asked.decoder
             decoder.feed(came[decoder.size :])
             answer = decoder.next()
             if answer is None:
@@ -221,7 +216,8 @@ class BarrettExplainer:
         return [] if unasked is None else [unasked]
 
     def _take(self, piece: Piece) -> Piece:
-        self._decoders.clear()
+        for asked in self._asked:
+            asked.decoder = Decoder(asked.command)
         del self._came[: len(piece.raw)]
         return piece
 

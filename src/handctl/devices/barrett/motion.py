@@ -10,7 +10,7 @@ from typing import NamedTuple
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS, Answer, encode, explain_status, hint_for
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, sample_seconds
-from handctl.devices.barrett.views import NOT_HOMED
+from handctl.devices.barrett.views import MOTOR, NOT_HOMED, row_of
 from handctl.errors import CheckFailed, Left, NoAnswer, ProtocolError, UsageError
 from handctl.model.guide import CTRL_C, Guide
 from handctl.model.moving import ARRIVAL, BLOCKED, CONTACT, REACHED, SHORT, UNREAD, Arrival, Goal, judged
@@ -33,7 +33,7 @@ NEEDED = {
 VELOCITIES = {"O": ("MOV",), "IO": ("MOV",), "TO": ("MOV",), "HOME": ("MOV",), "M": ("MOV", "MCV"), "HI": ("IVEL",)}
 """Which velocity a movement uses (barrett §5.2.1); the others close, with MCV."""
 COLUMNS = (
-    Column("motor", "Motor"),
+    MOTOR,
     Column("value", "Position", right=True),
     Column("target", "Target", right=True),
     Column("strain", "Strain", right=True),
@@ -104,6 +104,16 @@ def move(
         table.failure = CheckFailed(
             f"{refusal.text}, although each motor is within MPE of its target now", hint=refusal.hint, code=refusal.code
         )
+    return table
+
+
+def moved(
+    hand: BarrettHand, prefix: str, name: str, argument: int | None, guide: Guide, expect: str = REACHED
+) -> Table:
+    """The same, where what went wrong is raised."""
+    table = move(hand, prefix, name, argument, guide, expect=expect)
+    if table.failure is not None:
+        raise table.failure
     return table
 
 
@@ -185,12 +195,7 @@ def _result(
         numbers = {key: int(number) for key, number in value.items() if number is not None}
         ended = how_it_ended(name, numbers, goals.get(index), answer.status)
         motor = MOTORS[index]
-        row: Row = {
-            "name": "position",
-            "parameter": "P",
-            "motor": motor,
-            "value": numbers.get("P"),
-            "unit": "cts",
+        more = {
             "target": goals.get(index),
             "strain": numbers.get("SG") if numbers.get("SG") != NO_GAUGE else None,
             "status": numbers.get("S"),
@@ -198,7 +203,7 @@ def _result(
             "arrival": ended.verdict,
             "doubt": NOT_HOMED if numbers.get("S", 0) & 4 else None,
         }
-        rows.append(row)
+        rows.append(row_of("position", "P", motor, numbers.get("P"), "cts", **more))
         if ended.verdict is not None:
             why = "" if ended.verdict == REACHED else ended.words
             arrivals.append(Arrival(Goal(motor, goals.get(index)), numbers.get("P"), ended.verdict, why))

@@ -15,9 +15,14 @@ from handctl.devices.barrett.map import BARRETT, TENTHS, GclParam, careful
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Number
-from handctl.model.result import Cell, Grid, Journal, Row, Table
+from handctl.model.result import Cell, Column, Grid, Journal, Row, Table
 from handctl.model.sampling import Sampler
 
+NAME, GCL, MOTOR = Column("name", "Name"), Column("parameter", "GCL"), Column("motor", "Motor")
+VALUE, UNIT, LABEL = Column("value", "Value", right=True), Column("unit", "Unit"), Column("label", "Meaning")
+STATUS, SECTION, DOUBT = Column("status", "Status"), Column("source", "Section"), Column("doubt", "Doubt")
+CHECKED = (Column("check", "Check"), STATUS, Column("evidence", "Evidence"), Column("remedy", "Remedy"), SECTION)
+"""Columns of a check: what was looked at, how it is, what was seen, what to do."""
 STROKE = (17500, 3100)
 """Counts of one stroke of a finger and of the spread (barrett §7.3)."""
 NEARLY_READY = 4
@@ -208,6 +213,11 @@ def status_view(rows: list[Row]) -> list[Grid]:
             notes=notes,
         )
     ]
+
+
+def row_of(name: str, parameter: str | None, motor: str | None, value: object, unit: str | None, **more: object) -> Row:
+    """A row as `get` has it, and what else is told of it."""
+    return {"name": name, "parameter": parameter, "motor": motor, "value": value, "unit": unit, **more}
 
 
 def live(

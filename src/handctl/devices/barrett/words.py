@@ -7,6 +7,7 @@ FF once;  then per record   FF | address low, address high, count | FF | data   
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from collections.abc import Iterable
 from functools import lru_cache
@@ -50,13 +51,7 @@ def lines(data: bytes) -> list[str]:
 def line_parts(raw: bytes) -> tuple[Part, ...]:
     """An answer line by line: echo, data, status, prompt."""
     parts: list[Part] = []
-    start = place = 0
-    while place < len(raw):
-        while place < len(raw) and raw[place] not in (10, 13):
-            place += 1
-        while place < len(raw) and raw[place] in (10, 13):
-            place += 1
-        line = raw[start:place]
+    for line in re.findall(rb"[^\r\n]*[\r\n]+|[^\r\n]+", raw):
         text = shown(line.strip(b"\r\n"))
         words = text.split()
         if line.startswith(b"=>"):
@@ -66,7 +61,6 @@ def line_parts(raw: bytes) -> tuple[Part, ...]:
         else:
             name = "line" if parts else "echo" if text else "line end"
         parts.append(Part(line, name, text))
-        start = place
     return tuple(parts)
 
 
@@ -168,6 +162,7 @@ def _label(param: GclParam, number: Number) -> str | None:
 LATER = ("LFBP", "LFAIN", "LCT")
 """Flags that only firmware 4.4 has; not set by the factory."""
 SHAPING = (*CONTROL.values(), *(flag for flag in FEEDBACK.values() if flag not in LATER))
+TOLD = (*SHAPING, *LATER, "LFT")
 LEAVE = 0x03
 LONGEST_ERROR = 64
 
@@ -188,7 +183,7 @@ class Flags:
         prefix, kind, words = split(command)
         if kind is None or kind.name not in ("FGET", "FSET", "PGET", "PSET") or answer.status:
             return
-        if not any(name in SHAPING or name in LATER or name == "LFT" for name in words):
+        if not any(name in TOLD for name in words):
             return
         who = motors(prefix) if kind.name[0] == "F" else [""]
         if kind.name.endswith("SET"):
@@ -201,7 +196,7 @@ class Flags:
             rows = [(name, [str(number) for number in numbers]) for name, numbers in zip(words, table, strict=True)]
         for name, texts in rows:
             for motor, text in zip(who, texts, strict=True):
-                if (name in SHAPING or name in (*LATER, "LFT")) and text.isdecimal() and len(text) < 6:
+                if name in TOLD and text.isdecimal() and len(text) < 6:
                     self._known[(name, motor)] = int(text)
 
     def layout(self, prefix: str) -> Layout:

@@ -18,17 +18,11 @@ from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS
 from handctl.devices.barrett.gcl.meet import look_for_motion
 from handctl.devices.barrett.map import BARRETT, FINGERS, NO_GAUGE, OFF, standard
+from handctl.devices.barrett.views import CHECKED
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.sentence import plural
 
-COLUMNS = (
-    Column("check", "Check"),
-    Column("status", "Status"),
-    Column("evidence", "Evidence"),
-    Column("remedy", "Remedy"),
-    Column("source", "Section"),
-)
 USUAL = ("firmware", "status", "can_move", "parameters", "over_temperature_limit", "temperature", "odometer", "strain")
 """The checks after `communication`, in the order of their rows."""
 BY_HAND = "by_hand"
@@ -406,7 +400,7 @@ def table_of(hand: BarrettHand, findings: list[Finding], symptom: str | None, fa
     if symptom is not None:
         rows += [finding.row() for finding in by_hand(symptom)]
     bad = [finding for finding in findings if finding.bad]
-    table = Table(rows=rows, columns=COLUMNS, view=view)
+    table = Table(rows=rows, columns=CHECKED, view=view)
     if failure is not None:
         table.failure = failure
     elif bad:

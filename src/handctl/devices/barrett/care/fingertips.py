@@ -19,8 +19,8 @@ from typing import NamedTuple
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS
 from handctl.devices.barrett.map import BARRETT, FINGERS
-from handctl.devices.barrett.views import NOT_HOMED, live
-from handctl.errors import HandctlError, ProtocolError, UsageError
+from handctl.devices.barrett.views import DOUBT, MOTOR, NAME, NOT_HOMED, UNIT, VALUE, live, row_of
+from handctl.errors import ProtocolError, UsageError
 from handctl.model.result import Cell, Column, Grid, Row, Table
 
 HIGHEST = 20000
@@ -36,15 +36,7 @@ LIMITS = (180.0, 140.0, 48.0)
 TOLERANCE = 0.4
 """Degrees beyond an end that are still at it: 50 counts of a finger, the factory's MPE (§5.3.4)."""
 BEFORE, AFTER, ASSUMED = "before breakaway", "after breakaway", "assumed before breakaway"
-COLUMNS = (
-    Column("name", "Name"),
-    Column("motor", "Motor"),
-    Column("value", "Value", right=True),
-    Column("unit", "Unit"),
-    Column("limit", "Limit", right=True),
-    Column("state", "Breakaway"),
-    Column("doubt", "Doubt"),
-)
+COLUMNS = (NAME, MOTOR, VALUE, UNIT, Column("limit", "Limit", right=True), Column("state", "Breakaway"), DOUBT)
 JOINTS = ("joint_spread", "joint_inner", "joint_outer")
 AXES = ("tip_x", "tip_y", "tip_z")
 REACH = 320.0
@@ -143,8 +135,7 @@ def rows_of(
 
 def _row(name: str, finger: str, value: float, unit: str, state: str, lost: Sequence[str]) -> Row:
     doubt = f"{', '.join(lost)}: {NOT_HOMED}" if lost else None
-    row: Row = {"name": name, "parameter": None, "motor": finger, "value": value, "unit": unit, "state": state}
-    return {**row, "doubt": doubt}
+    return row_of(name, None, finger, value, unit, state=state, doubt=doubt)
 
 
 def table_of(rows: list[Row]) -> Table:
@@ -180,7 +171,7 @@ class Tips:
         for reading in self.hand.read(BARRETT.elements(*names)):
             name, motor = self.hand.row(reading)["parameter"], str(reading.element.part)
             if reading.error is not None or reading.value is None:
-                if name in ("P", "S") or not _absent(reading.error):
+                if name in ("P", "S") or reading.error is None or reading.error.code != "err-64":
                     raise reading.error or ProtocolError(f"{name} was not read")
                 continue
             at[name][motor] = int(reading.value)
@@ -210,10 +201,6 @@ class Tips:
                 f"{', '.join(lost)} {NOT_HOMED}. The fingertips calculated from it mean nothing either",
                 hint="`handctl barrett init` first. The fingers open fully",
             )
-
-
-def _absent(error: HandctlError | None) -> bool:
-    return error is not None and error.code == "err-64"
 
 
 def now(hand: BarrettHand) -> Table:

@@ -11,7 +11,7 @@ from handctl.devices.barrett import motion
 from handctl.devices.barrett.care import health, symptoms
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.map import FINGERS, NO_GAUGE
-from handctl.devices.barrett.views import live
+from handctl.devices.barrett.views import NAME, STATUS, live, row_of
 from handctl.errors import CheckFailed
 from handctl.model.guide import Guide
 from handctl.model.moving import ANY
@@ -28,12 +28,12 @@ PREPARATION = (
 )
 """What §7.4 steps 1 and 2 and §9.4 ask for (HI, ST, GO)."""
 COLUMNS = (
-    Column("name", "Name"),
+    NAME,
     Column("motor", "Finger"),
     Column("value", "Mean", right=True),
     Column("min", "Min", right=True),
     Column("max", "Max", right=True),
-    Column("status", "Status"),
+    STATUS,
     Column("evidence", "Seen"),
 )
 
@@ -45,14 +45,9 @@ def preparation_steps() -> list[Step]:
 
 def prepare(hand: BarrettHand, guide: Guide) -> None:
     """Initialize, free the spread, open the fingers. Raises what the hand refuses, Interrupted after Ctrl-C."""
-    _raise_failure(motion.move(hand, "", "HI", None, guide))
+    motion.moved(hand, "", "HI", None, guide)
     motion.power_off(hand, "4")
-    _raise_failure(motion.move(hand, "123", "O", None, guide, expect=ANY))
-
-
-def _raise_failure(table: Table) -> None:
-    if table.failure is not None:
-        raise table.failure
+    motion.moved(hand, "123", "O", None, guide, ANY)
 
 
 def measure(hand: BarrettHand, count: int = READINGS) -> dict[str, list[int]]:
@@ -106,26 +101,18 @@ def table(hand: BarrettHand, *, check: bool) -> Table:
         verdict = verdicts[number if len(verdicts) > 1 else 0]
         values = readings[finger]
         none = verdict.status == health.SKIPPED
-        rows.append(
-            {
-                "name": "strain_no_load",
-                "parameter": "SG",
-                "motor": finger,
-                "value": None if none else round(sum(values) / len(values), 2),
-                "unit": None,
-                "min": min(values),
-                "max": max(values),
-                "readings": len(values),
-                "low": health.NO_LOAD[0],
-                "high": health.NO_LOAD[1],
-                "fingers_open": not loaded,
-                "doubt": "no gauge" if none else f"may be loaded: {loaded[finger]}" if finger in loaded else None,
-                "status": verdict.status,
-                "evidence": verdict.evidence,
-                "remedy": verdict.remedy or None,
-                "source": verdict.source,
-            }
-        )
+        more = {
+            "min": min(values),
+            "max": max(values),
+            "readings": len(values),
+            "low": health.NO_LOAD[0],
+            "high": health.NO_LOAD[1],
+            "fingers_open": not loaded,
+            "doubt": "no gauge" if none else f"may be loaded: {loaded[finger]}" if finger in loaded else None,
+        }
+        mean = None if none else round(sum(values) / len(values), 2)
+        found = {key: value for key, value in verdict.row().items() if key != "check"}
+        rows.append(row_of("strain_no_load", "SG", finger, mean, None, **more, **found))
     result = Table(rows=rows, columns=COLUMNS, view=view)
     bad = [finding for finding in verdicts if finding.bad]
     if check and bad:
@@ -164,22 +151,13 @@ def view(rows: list[Row]) -> list[Grid]:
 def _adjusting(hand: BarrettHand) -> list[Row]:
     """Rows of a moment: the reading, and how far it is outside the window."""
     at = hand.by_name("SG", motors=range(3))
-    rows: list[Row] = [
-        {
-            "name": "strain",
-            "parameter": "SG",
-            "motor": finger,
-            "value": at["SG", finger],
-            "unit": None,
-            "doubt": "no gauge" if at["SG", finger] == NO_GAUGE else None,
-        }
-        for finger in FINGERS
-    ]
+    rows = []
+    for finger in FINGERS:
+        doubt = "no gauge" if at["SG", finger] == NO_GAUGE else None
+        rows.append(row_of("strain", "SG", finger, at["SG", finger], None, doubt=doubt))
     for finger in FINGERS:
         outside, label = beside(at["SG", finger])
-        rows.append(
-            {"name": "beside_window", "parameter": "SG", "motor": finger, "value": outside, "unit": None, "label": label}
-        )  # fmt: skip
+        rows.append(row_of("beside_window", "SG", finger, outside, None, label=label))
     return rows
 
 

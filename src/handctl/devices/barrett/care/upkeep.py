@@ -14,10 +14,10 @@ from handctl.devices.barrett.care import health
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.language import MOTORS
 from handctl.devices.barrett.map import FINGERS
-from handctl.devices.barrett.views import STROKE
+from handctl.devices.barrett.views import LABEL, MOTOR, NAME, SECTION, STATUS, STROKE, UNIT, VALUE, row_of
 from handctl.errors import CheckFailed, UsageError
 from handctl.files import state_path
-from handctl.model.result import Cell, Column, Grid, Row, Table
+from handctl.model.result import Cell, Grid, Row, Table
 
 FILE, WHAT = "barrett-greasing.json", "greasing journal"
 NEVER = "never recorded: counted from 0"
@@ -39,15 +39,7 @@ POINTS = (
     GreasePoint("motor-spur", "finger motor spur gears", FINGERS, "barrett §7.3 steps 1 to 9 (finger off)"),
     GreasePoint("palm", "palm spur gears", ("SPREAD",), "barrett §7.3, Figure 11"),
 )
-COLUMNS = (
-    Column("name", "Name"),
-    Column("motor", "Motor"),
-    Column("value", "Value", right=True),
-    Column("unit", "Unit"),
-    Column("status", "Status"),
-    Column("label", "Meaning"),
-    Column("source", "Section"),
-)
+COLUMNS = (NAME, MOTOR, VALUE, UNIT, STATUS, LABEL, SECTION)
 PERIODIC = (
     ("fastener_check", "monthly under heavy use: all external screws present and tight", "barrett §7.2"),
     ("cable_pretension", "when a fingertip has slack, after thousands of cycles", "barrett §7.1"),
@@ -136,11 +128,12 @@ class Care:
         left = int(health.LUBRICATION - since)
         never = WHOSE if self.ambiguous else NEVER
         when = f"greased {entry['date']}" if entry is not None else never
-        name, label = (
-            f"lubrication_{point.name.replace('-', '_')}",
-            f"due in {left}" if left >= 0 else f"overdue by {-left}",
+        name = f"lubrication_{point.name.replace('-', '_')}"
+        label = f"{when}; {f'due in {left}' if left >= 0 else f'overdue by {-left}'}"
+        done = _row(
+            name, "OD", motor, int(since), "strokes", status=health.due(since), label=label, source=point.source
         )
-        return _row(name, "OD", motor, int(since), "strokes", health.due(since), f"{when}; {label}", point.source) | {
+        return done | {
             "point": f"{point.name}.{motor}",
             "title": point.title,
             "due_at": health.LUBRICATION,
@@ -164,14 +157,12 @@ class Care:
             ("over_temperature_limit", "OTEMP", health.over_temperature_limit),
         ):
             value = self.at[mnemonic, None]
-            found = verdict(value)
-            rows.append(
-                _row(name, mnemonic, None, value, "0.1 °C", found.status, found.evidence, found.source)
-                | {"remedy": found.remedy or None}
-            )
+            _, status, label, remedy, source = verdict(value)
+            row = _row(name, mnemonic, None, value, "0.1 °C", status=status, label=label, source=source)
+            rows.append(row | {"remedy": remedy or None})
         rows.append(_row("uptime_seconds", "UPSECS", None, self.at["UPSECS", None], "s", source="barrett §5.4.2"))
-        rows += [_row(name, None, None, None, None, health.SKIPPED, text, source) for name, text, source in PERIODIC]
-        return rows
+        later = [(row_of(name, None, None, None, None), text, source) for name, text, source in PERIODIC]
+        return rows + [row | {"status": health.SKIPPED, "label": text, "source": source} for row, text, source in later]
 
 
 def _whole(entry: object) -> bool:
@@ -181,26 +172,8 @@ def _whole(entry: object) -> bool:
     )
 
 
-def _row(
-    name: str,
-    parameter: str | None,
-    motor: str | None,
-    value: int | None,
-    unit: str | None,
-    status: str | None = None,
-    label: str | None = None,
-    source: str | None = None,
-) -> Row:
-    return {
-        "name": name,
-        "parameter": parameter,
-        "motor": motor,
-        "value": value,
-        "unit": unit,
-        "status": status,
-        "label": label,
-        "source": source,
-    }
+def _row(*cells: Any, status: str | None = None, label: str | None = None, source: str | None = None) -> Row:
+    return row_of(*cells, status=status, label=label, source=source)
 
 
 def table_of(hand: BarrettHand, care: Care, *, check: bool) -> Table:

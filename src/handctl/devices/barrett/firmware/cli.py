@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handctl.devices.barrett.views import CHECKED, LABEL, MOTOR, NAME
 from handctl.errors import CheckFailed, UsageError
 from handctl.files import read
 from handctl.frame.clikit import Group
@@ -16,7 +17,7 @@ from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.sentence import plural
 
 if TYPE_CHECKING:
-    from handctl.devices.barrett.firmware.srecord import Firmware
+    from handctl.devices.barrett.firmware.records import Firmware
 
 POWER_SECONDS = 20.0
 """For the power switch and the hand's return, beside the download itself."""
@@ -94,19 +95,14 @@ def add_firmware(group: Group) -> None:
         done = loader.run()
         return Table(
             rows=done.rows,
-            columns=(
-                Column("name", "Name"),
-                Column("motor", "Motor"),
-                Column("value", "Value"),
-                Column("label", "Meaning"),
-            ),
+            columns=(NAME, MOTOR, Column("value", "Value"), LABEL),
             failure=done.mismatch,
             extra={"firmware": _facts(found)},
         )
 
 
 def _load(path: str) -> Firmware:
-    from handctl.devices.barrett.firmware.srecord import parse
+    from handctl.devices.barrett.firmware.records import parse
 
     content = read(
         path, "a firmware file", 4_000_000, hint="use the vendor's .S19 file. A file for 64 KiB is smaller than 300 kB"
@@ -146,13 +142,7 @@ def _facts(firmware: Firmware) -> dict[str, Any]:
 
 def _table(firmware: Firmware) -> Table:
     rows: list[Row] = [
-        {
-            "check": finding.check,
-            "status": "warning" if finding.status == "force" else finding.status,
-            "evidence": finding.evidence,
-            "remedy": finding.remedy,
-        }
-        for finding in firmware.findings
+        {**one._asdict(), "status": "warning" if one.status == "force" else one.status} for one in firmware.findings
     ]
 
     def view(rows: list[Row]) -> list[Grid]:
@@ -164,13 +154,7 @@ def _table(firmware: Firmware) -> Table:
         )
         return [Grid(("Check", "Status", "Evidence"), lines, firmware.name, notes=notes)]
 
-    columns = (
-        Column("check", "Check"),
-        Column("status", "Status"),
-        Column("evidence", "Evidence"),
-        Column("remedy", "Remedy"),
-    )
-    return Table(rows=rows, columns=columns, view=view, extra={"firmware": _facts(firmware)})
+    return Table(rows=rows, columns=CHECKED[:-1], view=view, extra={"firmware": _facts(firmware)})
 
 
 def _plan(run: Run, firmware: Firmware) -> Table:

@@ -10,10 +10,10 @@ import re
 from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.firmware.records import READY, SELECT, TRIGGER, Transfer
-from handctl.devices.barrett.firmware.srecord import Firmware
+from handctl.devices.barrett.firmware.records import READY, SELECT, TRIGGER, Firmware, Transfer
 from handctl.devices.barrett.gcl.language import BANNER, CR, PROMPT, has_prompt
 from handctl.devices.barrett.map import BARRETT
+from handctl.devices.barrett.views import row_of
 from handctl.errors import CheckFailed, HandctlError, Interrupted, Left, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink
 from handctl.model.guide import Guide, Presses
@@ -349,12 +349,12 @@ class Loader:
     def _verdict(self, before: str, after: str) -> Download:
         readings = self.hand.read(BARRETT.elements("S", "SN", "OTEMP", "BAUD"))
         rows: list[Row] = [
-            _row("file", self.firmware.name),
-            _row("sha256", self.firmware.sha256),
-            _row("image_sha256", self.firmware.image_sha256),
-            _row("bytes", self.firmware.size),
-            _row("version_before", before or None),
-            {**_row("firmware", after), "parameter": "VERS"},
+            row_of("file", None, None, self.firmware.name, None),
+            row_of("sha256", None, None, self.firmware.sha256, None),
+            row_of("image_sha256", None, None, self.firmware.image_sha256, None),
+            row_of("bytes", None, None, self.firmware.size, None),
+            row_of("version_before", None, None, before or None, None),
+            row_of("firmware", "VERS", None, after, None),
             *(self.hand.row(reading) for reading in readings),
         ]
         found = version_in(after)
@@ -379,7 +379,3 @@ def version_in(text: str) -> str | None:
     """``BarrettHand Firmware v4_34.S19`` -> ``4.34``."""
     found = re.search(r"(\d+)[._](\d+)", text)
     return f"{found[1]}.{found[2]}" if found else None
-
-
-def _row(name: str, value: object) -> Row:
-    return {"name": name, "parameter": None, "motor": None, "value": value, "unit": None}

@@ -140,6 +140,14 @@ def check_control(name: str, value: int) -> int:
     return value
 
 
+def still(values: Values) -> Values:
+    """The same with velocity 0; gains stay."""
+    return {
+        index: {name: 0 if name == "velocity" else value for name, value in names.items()}
+        for index, names in values.items()
+    }
+
+
 class Decoder:
     """Splits the hand's bytes into answers, in the order of the blocks that asked for them.
 

@@ -2,39 +2,25 @@
 
 from __future__ import annotations
 
-import io
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.devices.barrett.gcl.language import MOTORS, encode
+from handctl.devices.barrett.gcl.language import encode
+from handctl.devices.barrett.views import DOUBT, MOTOR, NAME, UNIT, VALUE
 from handctl.errors import UsageError
-from handctl.files import is_pipe, read_text
 from handctl.frame.clikit import Group, streaming, suspendable
 from handctl.frame.filetypes import InFile
 from handctl.frame.numbers import WholeRange
 from handctl.frame.run import Run
-from handctl.model.guide import CTRL_C
-from handctl.model.param import Element, Step
-from handctl.model.result import Column, Grid, Row, Table
+from handctl.model.param import Step
+from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:
-    from handctl.devices.barrett.realtime.flags import Wish
     from handctl.devices.barrett.realtime.loop import RealtimeLoop
-    from handctl.devices.barrett.realtime.schedule import Controls
-if TYPE_CHECKING:
-    from handctl.devices.barrett.realtime.loop import RealtimeLoop
-    from handctl.frame.run import Run
 
-COLUMNS = (
-    Column("name", "Name"),
-    Column("motor", "Motor"),
-    Column("value", "Value", right=True),
-    Column("unit", "Unit"),
-    Column("guard", "Guard"),
-    Column("doubt", "Doubt"),
-)
+COLUMNS = (NAME, MOTOR, VALUE, UNIT, Column("guard", "Guard"), DOUBT)
 GUARDS = ("stall", "window", "strain", "opening", "heat")
 """Names of `guards.GUARDS`, here so that help needs no more: a test holds them together."""
 
@@ -129,30 +115,36 @@ def add_realtime(group: Group) -> None:
         `doubt` in a row says why its value may be wrong: a delta did not fit into its byte, or the bytes after a block did
         not confirm its position in the stream.
         """
-        from handctl.devices.barrett.motion import move
+        from handctl.devices.barrett.motion import moved
+        from handctl.devices.barrett.realtime import schedule
         from handctl.devices.barrett.realtime.flags import Wish, refuse_disabled
         from handctl.devices.barrett.realtime.loop import RealtimeLoop
-        from handctl.devices.barrett.realtime.schedule import loop_motors
+        from handctl.devices.barrett.realtime.rows import measured
+        from handctl.devices.barrett.realtime.session import steps_of
 
         if measure is not None and (count is not None or duration is not None):
             raise UsageError(
                 "--measure cannot be combined with --count or --duration", hint="leave --count and --duration out"
             )
-        indices = loop_motors(motors)
-        received, temperature = _received(receive, indices)
-        controls = _controls(send, velocity, gain, path, indices, run.settings.deadline)
+        indices = schedule.loop_motors(motors)
+        received, temperature = schedule.received(receive, indices)
+        controls = schedule.controls_of(send, velocity, gain, path, indices, run.settings.deadline)
+        if isinstance(controls, schedule.Live):
+            import threading
+
+            threading.Thread(target=controls.listen, daemon=True).start()
         off = set(GUARDS) if "all" in unguarded else {*unguarded, *(["opening"] if force else [])}
         wish = Wish(tuple(indices), received, temperature, hold, frozenset(GUARDS) - off, delta_unit, not may_suspend)
         homing = f"{wish.prefix}HI"
         first = [Step(f"{homing}: initialize", encode(homing), moves=True)] if initialize else []
-        steps = _steps(run, wish, controls)
+        steps = steps_of(run.planner(), wish, controls, run.settings.baud)
         if run.settings.dry_run:
             return run.dry_run([*first, *steps])
         run.ledger.plan([*first, *(step for step in steps if step.meaning.startswith(wish.prefix + "LOOP"))])
         if motors is None and (initialize or controls is not None):
             refuse_disabled(run.device())
-        if initialize and (failure := move(run.device(), wish.prefix, "HI", None, run.guide).failure) is not None:
-            raise failure
+        if initialize:
+            moved(run.device(), wish.prefix, "HI", None, run.guide)
         if sequential is None:
             sequential = controls is not None
         loop = RealtimeLoop(
@@ -172,179 +164,3 @@ def _guarded(loop: RealtimeLoop, table: Table, rate: float, count: int | None, d
         yield from loop.run(rate=rate, count=count, duration=duration)
     finally:
         table.failure = loop.failure
-
-
-def _received(text: str | None, motors: list[int]) -> tuple[dict[int, tuple[str, ...]] | None, bool | None]:
-    """What --receive asks for: per motor, and whether with the temperature."""
-    from handctl.devices.barrett.realtime.blocks import FEEDBACK, selections
-
-    if text is None:
-        return None, None
-    names = [part.strip() for part in text.split(",") if part.strip()]
-    temperature = any(name.lower() == "temperature" for name in names)
-    rest = [name for name in names if name.lower() != "temperature"]
-    return selections(rest, FEEDBACK, motors, "--receive"), temperature
-
-
-def _controls(
-    send: str | None,
-    velocity: str | None,
-    gain: str | None,
-    path: str | None,
-    motors: list[int],
-    seconds: float | None,
-) -> Controls | None:
-    """Where control values come from, None when nothing is to be sent. Raises UsageError."""
-    from handctl.devices.barrett.realtime import schedule
-    from handctl.devices.barrett.realtime.blocks import CONTROL, selections
-
-    carried = selections(send.split(","), CONTROL, motors, "--send") if send is not None else None
-    start: schedule.Change = {}
-    for name, text in (("velocity", velocity), ("gain", gain)):
-        if text is not None:
-            given = motors if carried is None else [index for index in motors if name in carried[index]]
-            if not given:
-                raise UsageError(f"--{name} without {name} in --send {send}", hint="leave --send out, or add it there")
-            start.update(schedule.constant(text, name, given))
-    if path is not None:
-        controls = _from_file(path, motors, start, seconds)
-        if carried is not None and carried != controls.carries:
-            raise UsageError(
-                f"--send {send} does not fit the columns of {path}",
-                hint="leave --send out: the columns name the values",
-            )
-        return controls
-    if carried is None:
-        carried = {index: tuple(name for name in CONTROL if (index, name) in start) for index in motors}
-    return schedule.Controls(carried, start) if any(carried.values()) else None
-
-
-def _from_file(path: str, motors: list[int], start: dict[tuple[int, str], int], seconds: float | None) -> Controls:
-    """Control values of a file, or of a pipe or stdin that is waited for `seconds`."""
-    from handctl.devices.barrett.realtime import schedule
-    from handctl.devices.barrett.realtime.schedule import Lines
-
-    if path == "-" or is_pipe(path):
-        lines = Lines(path, seconds)
-        controls = schedule.read(lines, "stdin" if path == "-" else path, motors, start)
-        lines.begun = True
-        if isinstance(controls, schedule.Live):
-            import threading
-
-            threading.Thread(target=controls.listen, daemon=True).start()
-        return controls
-    text = io.StringIO(read_text(path, "a control file", 16_000_000).removeprefix("\ufeff"), newline="")
-    controls = schedule.read(text, path, motors, start)
-    if controls.live:
-        raise UsageError(f"{path}: no column t", hint="add times, or send the lines on stdin with --control -")
-    return controls
-
-
-# -- dry run ------------------------------------------------------------------------------------------------------
-
-
-def _steps(run: Run, wish: Wish, controls: Controls | None) -> list[Step]:
-    """The exact bytes as far as they do not depend on what the hand holds."""
-    from handctl.devices.barrett.gcl.connecting import abort_at
-    from handctl.devices.barrett.map import BARRETT
-    from handctl.devices.barrett.realtime.blocks import Layout, Selection
-    from handctl.devices.barrett.realtime.flags import asked_flags
-
-    changes = [
-        (Element(BARRETT.by_mnemonic(name), index), value)
-        for (name, index), value in asked_flags(wish, controls).items()
-        if value or not BARRETT.by_mnemonic(name).since  # a hand that does not know the flag has it off
-    ]
-    steps = [
-        Step(f"{step.meaning}  (only flags that differ are written)", step.data) for step in run.planner().plan(changes)
-    ]
-    entry = f"{wish.prefix}LOOP"
-    steps.append(Step(f"{entry}: enter RealTime", encode(entry)))
-    values = controls.first if controls is not None else None
-    if controls is None or values is None:
-        steps.append(Step("request feedback, repeatedly", b"A"))
-    else:
-        layout = Layout({index: Selection(controls.carries[index], ()) for index in wish.motors})
-        zero = {index: {**names, **({"velocity": 0} if "velocity" in names else {})} for index, names in values.items()}
-        steps.append(Step("first control block", layout.control(values), moves=True))
-        steps.append(Step("last control block: velocity 0", layout.control(zero, feedback=False)))
-    steps.append(Step("leave RealTime", abort_at(run.settings.baud)))
-    if controls is not None and not wish.hold:
-        steps.append(Step(f"{wish.prefix}T: motor power off", encode(f"{wish.prefix}T")))
-    return steps
-
-
-# -- --measure ---------------------------------------------------------------------------------------------------------
-
-
-def measured(run: Run, loop: RealtimeLoop, blocks: int, rate: float) -> Table:
-    """Round trips, rate and the line's limits: what the vendor's "test delays" run is for."""
-    for number, _ in enumerate(loop.run(rate=rate, count=blocks, duration=None), 1):
-        if number % 20 == 0:
-            run.guide.progress(f"{number} of {blocks} blocks.", CTRL_C)
-    run.guide.done()
-    found = loop.summary()
-    latency = found["loop"]["latency"]
-    rows: list[Row] = [
-        {"name": "rate", "value": found["stream"]["rate_hz"], "unit": "Hz"},
-        *({"name": f"limit_{name}", "value": hertz, "unit": "Hz"} for name, hertz in (found["loop"]["line_limit_hz"] or {}).items()),
-        {"name": "control_block", "value": found["loop"]["control_bytes"], "unit": "bytes"},
-        {"name": "feedback_block", "value": found["loop"]["feedback_bytes"], "unit": "bytes"},
-        *({"name": key.removesuffix("_ms"), "value": value, "unit": "ms"} for key, value in latency.items() if key.endswith("_ms")),
-        {"name": "late", "value": latency["late"], "unit": None},
-        *_fits(loop),
-    ]  # fmt: skip
-    if not rate:
-        _advise(run, found)
-    table = Table(
-        rows=rows,
-        columns=(Column("name", "Name"), Column("value", "Value", right=True), Column("unit", "Unit")),
-        extra=found,
-        failure=loop.failure,
-    )
-    table.view = lambda rows: [_rows_grid(rows), _histogram_grid(latency["histogram"])]
-    return table
-
-
-def _fits(loop: RealtimeLoop) -> Iterable[Row]:
-    from handctl.devices.barrett.realtime.blocks import velocity_unit
-
-    for index, points in loop.velocity_points.items():
-        unit = velocity_unit(points)
-        if unit is not None:
-            yield {"name": f"velocity_unit.{MOTORS[index]}", "value": round(unit, 2), "unit": "cts/s"}
-
-
-def _advise(run: Run, found: dict[str, Any]) -> None:
-    """A link that is much slower than its bytes: pipelined blocks queue, so the rate tells, not the round trip."""
-    limits, rate = found["loop"]["line_limit_hz"], found["stream"]["rate_hz"]
-    if limits is None or not rate:
-        return
-    cycle_ms, wire_ms = 1000 / rate, 1000 / limits["sequential"]
-    if cycle_ms > wire_ms + 8:
-        run.journal.warn(
-            "slow-adapter",
-            f"a block takes {cycle_ms:.1f} ms, its bytes {wire_ms:.1f} ms: the adapter delays them",
-            hint="set the latency timer of an FTDI adapter from 16 ms to 1 ms "
-            "(/sys/bus/usb-serial/devices/ttyUSB0/latency_timer)",
-        )
-
-
-def _rows_grid(rows: list[Row]) -> Grid:
-    lines = tuple(
-        (str(row["name"]), "?" if row["value"] is None else f"{row['value']:g}", str(row["unit"] or "")) for row in rows
-    )
-    return Grid(("Name", "Value", "Unit"), lines, right=frozenset({1}))
-
-
-def _histogram_grid(histogram: list[list[Any]]) -> Grid:
-    most = max(count for _, count in histogram)
-    lines = tuple(
-        (
-            f"<= {edge:g} ms" if edge is not None else "above",
-            str(count),
-            "█" * max(1, round(20 * count / most)) if count else "",
-        )
-        for edge, count in histogram
-    )
-    return Grid(("Round trip", "Blocks", ""), lines, right=frozenset({0, 1}))

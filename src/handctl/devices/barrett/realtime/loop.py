@@ -25,12 +25,13 @@ from handctl.devices.barrett.realtime.blocks import (
     Layout,
     LoopError,
     Values,
+    still,
 )
 from handctl.devices.barrett.realtime.flags import Wish, prepare
 from handctl.devices.barrett.realtime.guards import Guards
 from handctl.devices.barrett.realtime.rows import Intake, Sent, Taken
 from handctl.devices.barrett.realtime.schedule import Controls
-from handctl.devices.barrett.realtime.session import Session, still
+from handctl.devices.barrett.realtime.session import Session
 from handctl.devices.barrett.stopper import power_off
 from handctl.errors import (
     CheckFailed,

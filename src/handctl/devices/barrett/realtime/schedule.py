@@ -11,6 +11,7 @@ Without one each line counts when it comes, and the end of the input ends the lo
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from collections import deque
@@ -19,8 +20,9 @@ from itertools import chain, islice
 from typing import Any
 
 from handctl.devices.barrett.gcl.language import MOTORS, motor_prefix
-from handctl.devices.barrett.realtime.blocks import CONTROL, LIMITS, Values, check_control
+from handctl.devices.barrett.realtime.blocks import CONTROL, FEEDBACK, LIMITS, Values, check_control, selections, still
 from handctl.errors import NoAnswer, UsageError
+from handctl.files import is_pipe, read_text
 from handctl.system import clock, disk
 from handctl.system.waits import gives
 
@@ -136,12 +138,7 @@ class Live(Controls):
             self._apply(change)
             self._arrived.popleft()
             self._heard = seconds
-        if seconds - self._heard <= self.stale:
-            return self._state
-        return {
-            index: {name: 0 if name == "velocity" else value for name, value in names.items()}
-            for index, names in self._state.items()
-        }
+        return self._state if seconds - self._heard <= self.stale else still(self._state)
 
 
 def constant(text: str, name: str, motors: Sequence[int]) -> Change:
@@ -161,7 +158,7 @@ def constant(text: str, name: str, motors: Sequence[int]) -> Change:
     return {(index, name): value for index, value in zip(motors, values, strict=True)}
 
 
-def read(lines: Iterable[str], where: str, motors: Sequence[int], start: Change) -> Controls:
+def parse(lines: Iterable[str], where: str, motors: Sequence[int], start: Change) -> Controls:
     """A schedule or live controls from CSV or JSON lines. Raises UsageError with the line number."""
     numbered = ((number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#"))
     first = next(numbered, None)
@@ -321,6 +318,63 @@ def _seconds(value: Any, where: str) -> float:
 def loop_motors(text: str | None) -> list[int]:
     """``124`` -> [0, 1, 3]; None = all four. Raises UsageError."""
     return [int(digit) - 1 for digit in (motor_prefix(text) if text is not None else "1234")]
+
+
+# -- what was asked for ----------------------------------------------------------------------------------------------
+
+
+def received(text: str | None, motors: list[int]) -> tuple[dict[int, tuple[str, ...]] | None, bool | None]:
+    """What --receive asks for: per motor, and whether with the temperature."""
+    if text is None:
+        return None, None
+    names = [part.strip() for part in text.split(",") if part.strip()]
+    temperature = any(name.lower() == "temperature" for name in names)
+    rest = [name for name in names if name.lower() != "temperature"]
+    return selections(rest, FEEDBACK, motors, "--receive"), temperature
+
+
+def controls_of(
+    send: str | None,
+    velocity: str | None,
+    gain: str | None,
+    path: str | None,
+    motors: list[int],
+    seconds: float | None,
+) -> Controls | None:
+    """Where control values come from, None when nothing is to be sent. Raises UsageError."""
+    carried = selections(send.split(","), CONTROL, motors, "--send") if send is not None else None
+    start: Change = {}
+    for name, text in (("velocity", velocity), ("gain", gain)):
+        if text is not None:
+            given = motors if carried is None else [index for index in motors if name in carried[index]]
+            if not given:
+                raise UsageError(f"--{name} without {name} in --send {send}", hint="leave --send out, or add it there")
+            start.update(constant(text, name, given))
+    if path is not None:
+        controls = _from_file(path, motors, start, seconds)
+        if carried is not None and carried != controls.carries:
+            raise UsageError(
+                f"--send {send} does not fit the columns of {path}",
+                hint="leave --send out: the columns name the values",
+            )
+        return controls
+    if carried is None:
+        carried = {index: tuple(name for name in CONTROL if (index, name) in start) for index in motors}
+    return Controls(carried, start) if any(carried.values()) else None
+
+
+def _from_file(path: str, motors: list[int], start: Change, seconds: float | None) -> Controls:
+    """Control values of a file, or of a pipe or stdin that is waited for `seconds`."""
+    if path == "-" or is_pipe(path):
+        lines = Lines(path, seconds)
+        controls = parse(lines, "stdin" if path == "-" else path, motors, start)
+        lines.begun = True
+        return controls
+    text = io.StringIO(read_text(path, "a control file", 16_000_000).removeprefix("\ufeff"), newline="")
+    controls = parse(text, path, motors, start)
+    if controls.live:
+        raise UsageError(f"{path}: no column t", hint="add times, or send the lines on stdin with --control -")
+    return controls
 
 
 # -- lines as a program sends them --------------------------------------------------------------------------------------

@@ -11,14 +11,16 @@ from collections.abc import Sequence
 from typing import Any
 
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.connecting import ends_alone
-from handctl.devices.barrett.gcl.language import CR, DISTURBED, Answer, has_prompt, status_in
-from handctl.devices.barrett.realtime.blocks import ACKNOWLEDGE, Decoder, Layout, LoopError, Values
-from handctl.devices.barrett.realtime.flags import Wish
+from handctl.devices.barrett.gcl.connecting import abort_at, ends_alone
+from handctl.devices.barrett.gcl.language import CR, DISTURBED, Answer, encode, has_prompt, status_in
+from handctl.devices.barrett.map import BARRETT
+from handctl.devices.barrett.realtime.blocks import ACKNOWLEDGE, Decoder, Layout, LoopError, Selection, Values, still
+from handctl.devices.barrett.realtime.flags import Wish, asked_flags
+from handctl.devices.barrett.realtime.schedule import Controls
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link import Deadline
 from handctl.link.deadman import Guard, Shot
-from handctl.model.param import Element, Number
+from handctl.model.param import Element, Number, Step
 from handctl.model.stopping import BEAT
 
 ENTER_SECONDS = 1.5
@@ -239,9 +241,24 @@ class Session:
         self.failure = self.failure or kind(text, hint=hint, code=code)
 
 
-def still(values: Values) -> Values:
-    """The same with velocity 0; gains stay."""
-    return {
-        index: {name: 0 if name == "velocity" else value for name, value in names.items()}
-        for index, names in values.items()
-    }
+def steps_of(hand: BarrettHand, wish: Wish, controls: Controls | None, baud: int | None) -> list[Step]:
+    """The exact bytes as far as they do not depend on what the hand holds."""
+    changes = [
+        (Element(BARRETT.by_mnemonic(name), index), value)
+        for (name, index), value in asked_flags(wish, controls).items()
+        if value or not BARRETT.by_mnemonic(name).since  # a hand that does not know the flag has it off
+    ]
+    steps = [Step(f"{step.meaning}  (only flags that differ are written)", step.data) for step in hand.plan(changes)]
+    entry = f"{wish.prefix}LOOP"
+    steps.append(Step(f"{entry}: enter RealTime", encode(entry)))
+    if controls is None:
+        steps.append(Step("request feedback, repeatedly", b"A"))
+    else:
+        layout = Layout({index: Selection(controls.carries[index], ()) for index in wish.motors})
+        steps.append(Step("first control block", layout.control(controls.first), moves=True))
+        last = layout.control(still(controls.first), feedback=False)
+        steps.append(Step("last control block: velocity 0", last))
+    steps.append(Step("leave RealTime", abort_at(baud)))
+    if controls is not None and not wish.hold:
+        steps.append(Step(f"{wish.prefix}T: motor power off", encode(f"{wish.prefix}T")))
+    return steps
