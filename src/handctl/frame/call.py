@@ -17,9 +17,9 @@ import click
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, UsageError, joined
 from handctl.frame.clikit import Command
 from handctl.frame.envelope import as_told, from_click
-from handctl.frame.options import COMMAND_LINE, OWN, SOURCES
+from handctl.frame.options import COMMAND_LINE, said
 from handctl.frame.premises import unsent
-from handctl.frame.run import SESSION, Run, plan_table
+from handctl.frame.run import Run, plan_table
 from handctl.model.guide import Guide
 from handctl.model.result import Journal, Row, Table
 
@@ -178,9 +178,10 @@ class Line:
         self, command: click.Command, words: str, values: Mapping[str, Any], settings: Settings, confirm: Confirm
     ) -> Call:
         ctx = click.Context(command, info_name=f"handctl {self.family.kind} {words}")
-        ctx.meta[SESSION] = self.session
-        said = [key for key in ("id", "baud") if getattr(settings, key) is not None]
-        ctx.meta[SOURCES] = dict.fromkeys((*said, "yes", "dry_run"), COMMAND_LINE)
+        told = said(ctx)
+        told.session = self.session
+        known = [key for key in ("id", "baud") if getattr(settings, key) is not None]
+        told.sources = dict.fromkeys((*known, "yes", "dry_run"), COMMAND_LINE)
         try:
             with ctx:
                 for param in command.params:
@@ -193,7 +194,7 @@ class Line:
             raise from_click(exc) from exc
         if "-" in ctx.params.values():
             raise UsageError("standard input is not read here", hint="give a file instead of -")
-        settings = settings._replace(own={**settings.own, **ctx.meta.get(OWN, {})})
+        settings = settings._replace(own={**settings.own, **told.own})
         self.last = Call(ctx, settings, self.family, confirm)
         return self.last
 

@@ -20,7 +20,7 @@ from handctl.families import COMMANDS, LISTED
 from handctl.frame.family import Family
 from handctl.frame.filetypes import OutFile
 from handctl.frame.numbers import Hertz, Seconds, WholeRange
-from handctl.frame.options import COMMAND_LINE, STOPPING, Settings, SharedOption, config_path, read_config, words_of
+from handctl.frame.options import COMMAND_LINE, Settings, SharedOption, config_path, read_config, said, words_of
 from handctl.frame.usage import (
     HEADINGS,
     MOST,
@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from handctl.model.result import Table
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
-TAKEN = "handctl.taken"
-"""Key in click's shared meta: who takes a command line that is parsed and not run."""
 ALONE = ("sim", "completion", "batch", "shell")
 """Commands that are no line of a batch."""
 
@@ -72,7 +70,7 @@ class Command(Described):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """As click does; its message on the number of values knows neither the command nor what the values are called."""
-        ctx.meta[STOPPING] = self.stops
+        said(ctx).stopping = self.stops
         try:
             return super().parse_args(ctx, args)
         except click.UsageError as exc:
@@ -85,7 +83,7 @@ class Command(Described):
             raise click.UsageError(text, exc.ctx or ctx) from exc
 
     def invoke(self, ctx: click.Context) -> Any:
-        if (taken := ctx.meta.get(TAKEN)) is not None:
+        if (taken := said(ctx).taken) is not None:
             return taken(ctx)
         from handctl.frame.run import Run
 
@@ -136,7 +134,7 @@ class Group(Described, click.Group):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         need_command(ctx, args)
-        ctx.meta[STOPPING] = "stop" in args
+        said(ctx).stopping = "stop" in args
         with bare(ctx, args[:1]):  # whatever stands behind a command is that command's
             return super().parse_args(ctx, args)
 
@@ -318,7 +316,7 @@ class Root(Group):
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """With -d the family may be left out: the device says which it is."""
         name = args[0]
-        if name in ALONE and TAKEN in ctx.meta:
+        if name in ALONE and said(ctx).taken is not None:
             raise click.UsageError(f"`handctl {name}` cannot be one of several commands.", ctx)
         if name in COMMANDS or name.startswith("-"):
             return super().resolve_command(ctx, args)

@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from handctl.link import Link
     from handctl.model.result import Message
 
-INCLUDE_IDS = "handctl.include-ids"
-"""Key in click's shared meta: the result may hold what tells one device from another."""
-
 
 def device_row(run: Run) -> dict[str, Any] | None:
     """`device` of the envelope; None where a command has no device."""
@@ -43,7 +40,7 @@ def device_row(run: Run) -> dict[str, Any] | None:
     row = {"kind": run.family.kind, "link": name, "fake": fake, "id": number}
     facts = getattr(run.opened, "about", {})
     row |= {key: facts[key] for key in ("model", "firmware", "serial") if facts.get(key)}
-    if not run.meta.get(INCLUDE_IDS):
+    if not run.said.include_ids:
         row.pop("serial", None)
     return {**row, "identity": "assumed"} if run.settings.assume_identity else row
 

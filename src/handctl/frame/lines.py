@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 import click
 
 from handctl.errors import HandctlError, UsageError
-from handctl.frame.clikit import TAKEN, Command, root
+from handctl.frame.clikit import Command, root
 from handctl.frame.envelope import from_click
-from handctl.frame.options import COMMAND_LINE, GIVEN, SOURCES, words_of
+from handctl.frame.options import COMMAND_LINE, said, words_of
 from handctl.frame.premises import check_before
-from handctl.frame.run import SESSION, Run, plan_table
-from handctl.frame.usage import BARE, NoCommand
+from handctl.frame.run import Run, plan_table
+from handctl.frame.usage import NoCommand
 from handctl.model.guide import Guide
 
 if TYPE_CHECKING:
@@ -58,12 +58,13 @@ class Line(NamedTuple):
 
     def confirmed(self) -> Line:
         """The same line with a yes."""
-        self.context.meta[SOURCES] = {**self.context.meta.get(SOURCES, {}), "yes": COMMAND_LINE}
+        told = said(self.context)
+        told.sources = {**told.sources, "yes": COMMAND_LINE}
         return self._replace(settings=self.settings._replace(yes=True))
 
     def run(self, session: Session) -> None:
         """Carry it out and show its result. Raises HandctlError."""
-        self.context.meta[SESSION] = session
+        said(self.context).session = session
         self.leaf.carry_out(self.context, Run(self.context, self.settings, self.leaf.family))
 
 
@@ -73,21 +74,21 @@ def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Lin
     Raises UsageError, click's Exit where the line only asked for help.
     """
     context = click.Context(root, info_name="handctl", **root.context_settings)
-    context.meta[GIVEN] = {key: value for key, value in given.items() if not key.endswith("@")}
-    context.meta[BARE] = not any(word.startswith("-") for word in words)
+    told = said(context)
+    told.given = {key: value for key, value in given.items() if not key.endswith("@")}
+    told.bare = not any(word.startswith("-") for word in words)
     found: list[click.Context] = []
-    context.meta[TAKEN] = found.append
+    told.taken = found.append
     try:
         with context.scope(cleanup=False):
             root.parse_args(context, list(words))
             root.invoke(context)
         (leaf,) = found
         assert isinstance(leaf.command, Command)
-        said = leaf.meta[GIVEN]
         for key in {"dry_run", "assume_identity"} & leaf.command.refused():
-            if f"{key}@" not in said:
-                said.pop(key, None)
-        del leaf.meta[TAKEN]
+            if f"{key}@" not in told.given:
+                told.given.pop(key, None)
+        told.taken = None
         command = " ".join(words_of(leaf))
         return Line(number, command, leaf, leaf.command, leaf.command.settings(leaf))
     except NoCommand as exc:
@@ -100,7 +101,7 @@ def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Lin
 
 def defaults(context: click.Context) -> dict[str, Any]:
     """The common options of a command that runs others, as far as each of these takes them over."""
-    given = {key: value for key, value in context.meta.get(GIVEN, {}).items() if not key.endswith("@")}
+    given = {key: value for key, value in said(context).given.items() if not key.endswith("@")}
     given.pop("output", None)
     if given.get("format") == "json":
         given["format"] = "ndjson"

@@ -20,7 +20,7 @@ from handctl.frame.console import TerminalGuide, print_message, print_writes
 from handctl.frame.envelope import as_told, device_row, from_click, interrupted, judged, make_envelope, weightier
 from handctl.frame.family import Family, implied, in_words, load
 from handctl.frame.filetypes import files_of
-from handctl.frame.options import SOURCES, Settings, Source, words_of
+from handctl.frame.options import Settings, said, words_of
 from handctl.frame.premises import check_before, link_name, refuse_other_family, tell_unasked, unsent
 from handctl.model.result import Column, Table
 from handctl.screen.filter import text_shown
@@ -28,7 +28,6 @@ from handctl.screen.filter import text_shown
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
-    from handctl.frame.connection import Session
     from handctl.link import Link
     from handctl.model.guide import Guide
     from handctl.model.ledger import Ledger
@@ -36,8 +35,6 @@ if TYPE_CHECKING:
     from handctl.model.result import Message
     from handctl.stop.holding import Hold
 
-SESSION = "handctl.session"
-"""Key in click's shared meta: the session that a command belongs to."""
 NO_TERMINAL = "Confirmation needed, but this is not an interactive terminal"
 UNANSWERED = "add --yes to confirm, or --dry-run to see the bytes"
 
@@ -57,12 +54,12 @@ class Run:
         self.listens = True
         """Whether another process may ask this one to stop the device, by a signal."""
         self.streams = bool(getattr(ctx.command, "streams", False))
-        self.sources: dict[str, Source] = ctx.meta.get(SOURCES, {})
-        self.meta = ctx.meta
+        self.said = said(ctx)
+        self.sources = self.said.sources
         self.writes = bool(getattr(ctx.command, "writes", False))
         self.stops = bool(getattr(ctx.command, "stops", False))
         self._held: list[Message] = []
-        self.session: Session | None = ctx.meta.get(SESSION)
+        self.session = self.said.session
         """The commands of which this is one, and what they have in common; None for one that stands alone."""
         self.link: Link | None = None
         self.in_use = self.streams
