@@ -41,7 +41,6 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("cli", (*GROUND, "frame.clikit", "frame.several", "screen.streams")),
     ("__main__", ("cli",)),
     ("model.device", (*GROUND, "link.deadman", "model.*")),
-    ("model.device", (*GROUND, "link", "model.*")),
     ("model.sampling", (*GROUND, "link", "model.*")),
     ("model.stopping", (*GROUND, "link", "model.*")),
     ("model*", (*GROUND, "model.*")),

@@ -351,22 +351,7 @@ root = Root(
 )
 
 
-def _show_version(ctx: click.Context, _param: click.Parameter, value: bool) -> None:
-    if value:
-        click.echo(f"handctl {__version__}")
-        ctx.exit()
-
-
-root.params.append(
-    click.Option(
-        ["-V", "--version"],
-        is_flag=True,
-        is_eager=True,
-        expose_value=False,
-        callback=_show_version,
-        help="Show the version.",
-    )
-)
+click.version_option(__version__, "-V", "--version", message=f"handctl {__version__}", help="Show the version.")(root)
 
 
 def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = lambda args: False) -> int:

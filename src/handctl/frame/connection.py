@@ -24,36 +24,33 @@ class Trace:
     """The recording of one connection, or of several one behind the other."""
 
     def __init__(self) -> None:
-        self.file: TraceFile | None = None
-        self._tap: Tap | None = None
+        self._file: TraceFile | None = None
 
-    def tap(self, run: Run, name: str) -> Tap | None:
+    def file(self, run: Run, name: str) -> TraceFile | None:
         """What records, for --trace or -v; None without either."""
         settings = run.settings
-        if self._tap is None and (settings.trace or settings.verbose):
-            from handctl.link.tap import Tap, TraceFile
+        if self._file is None and (settings.trace or settings.verbose):
+            from handctl.link.tap import TraceFile
 
             try:
                 header = f"handctl {__version__} {run.owner}, {name}"
-                self.file = TraceFile(settings.trace, header, settings.verbose)
+                self._file = TraceFile(settings.trace, header, settings.verbose)
             except HandctlError as exc:
                 if not run.stops:
                     raise
                 run.journal.warn("trace", exc.text)
-                return None
-            self._tap = Tap(self.file.write)
-        return self._tap
+        return self._file
 
     def close(self) -> HandctlError | None:
         """The end of the file; why it ends early, None where it does not."""
-        if self.file is not None:
-            self.file.close()
+        if self._file is not None:
+            self._file.close()
         return self.failure
 
     @property
     def failure(self) -> HandctlError | None:
         """Why the recording ends early."""
-        return self.file.failure if self.file is not None else None
+        return self._file.failure if self._file is not None else None
 
 
 class Connection:
@@ -66,18 +63,14 @@ class Connection:
         self.kept: Kept | None = None
         self.observers: tuple[Any, ...] = ()
         """Who is told of what passes, whatever command has the link."""
-        self._trace = trace or Trace()
+        self.trace = trace or Trace()
         self._lasting = trace is not None
-
-    def elsewhere(self) -> Connection:
-        """One to another device of the same command, recorded in the same file."""
-        return Connection(self._trace)
 
     def opened(self, run: Run, baud: int | None) -> Link:
         """The link of this run, tapped when --trace or -v is given. Raises UsageError, LinkError."""
         if self.link is None:
             name = run.link_name()
-            tap = self._trace.tap(run, name)
+            tap = self.trace.file(run, name)
             if self.hold is None:
                 from handctl.stop.holding import Hold, lock_for
 
@@ -99,15 +92,10 @@ class Connection:
             failure = failure or exc
         finally:
             if not self._lasting:
-                self._trace.close()
+                self.trace.close()
             if self.hold is not None:
                 self.hold.release()
-        return failure or self.trace_failure
-
-    @property
-    def trace_failure(self) -> HandctlError | None:
-        """Why the recording ends early."""
-        return self._trace.failure
+        return failure or self.trace.failure
 
 
 def refuse_rivals(run: Run, link: Link) -> None:
@@ -135,7 +123,7 @@ def beside(run: Run, link: str, settings: dict[str, Any]) -> Run:
     )
     if run.end is not None and run.link is not None:
         other.settings = other.settings._replace(deadline=max(run.end - run.link.now(), 0.001))
-    other.connection = run.connection.elsewhere()
+    other.connection = Connection(run.connection.trace)
     other.link = other.opened = other.end = None
     other.others = []
     other.journal = copy(run.journal)
@@ -166,9 +154,8 @@ def opened(run: Run, name: str, baud: int | None, tap: Tap | None) -> Link:
     except UsageError as exc:
         if kept.before is None:
             raise
-        reason = exc.text.removeprefix(f"{name}: ").removesuffix(". Remove it to start over")
         hint = "" if run.keeps else f"`handctl sim forget {kept.kind}` removes that file"
-        run.journal.warn("kept", f"the simulated {kept.kind} starts over: {reason}", hint)
+        run.journal.warn("kept", f"the simulated {kept.kind} starts over: {exc.__cause__}", hint)
         kept.discard()
         link = opening(simulator={**kept.options(), **used})
     if run.keeps and not kept.path:

@@ -168,7 +168,7 @@ def _with_cause(run: Run, error: HandctlError) -> HandctlError:
     cause = run.journal.blamed if error.exit_code == 4 else error
     if cause is None:
         return error
-    if "--deadline" not in cause.text:
+    if not cause.bounded and cause.code != "deadline":
         cause.text = joined(cause.text, "--deadline was over before a valid answer came")
     return cause
 

@@ -359,7 +359,7 @@ class Run:
         for other in self.others:
             failure = other.close(failure)
         if self.session is not None and self.session.keeps(self, failure):
-            return failure or self.connection.trace_failure
+            return failure or self.connection.trace.failure
         return self.connection.close(failure, self.journal)
 
     def closing(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -369,7 +369,7 @@ class Run:
 
     def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]:
         """The JSON envelope without rows (cli contract, section 4)."""
-        failure = self.stopped or failure or self.connection.trace_failure
+        failure = self.stopped or failure or self.connection.trace.failure
         writes = {"writes": self.ledger.rows()} if self.writes and self.family is not None else {}
         more = {**(extra or {}), **writes, "line": self.journal.line.as_row()}
         counters = self.journal.counters.as_row()

@@ -13,10 +13,9 @@ from handctl.devices.inspire.base import RegisterDevice
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.map import ALONE, BAUD_RATES, EXO, FINGERS, OVER_TEMPERATURE
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError, UsageError
-from handctl.model.param import Element, Number, Reading, Step, elements_of
-from handctl.model.pending import Course, Release
+from handctl.model.device import Course, Release
+from handctl.model.param import Element, Number, Reading, Step, elements_of, given
 from handctl.model.result import Cell, Grid, Row, Table
-from handctl.model.vectors import given
 
 LIVE = ("position_actual", "force_actual", "current", "error", "temperature")
 """What changes by itself: the default of `watch`."""

@@ -16,9 +16,8 @@ from handctl.frame.clikit import Group
 from handctl.frame.expect import expect, expected
 from handctl.frame.numbers import NEGATIVE_NUMBERS, Seconds
 from handctl.frame.run import Run
-from handctl.model.param import COMMAND, Element, Number, Step
+from handctl.model.param import COMMAND, Element, Number, Step, given
 from handctl.model.result import Table
-from handctl.model.vectors import given
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.hand.device import Hand
