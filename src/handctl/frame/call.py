@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 Confirm = bool | Callable[[str, list[Row]], bool]
 """The answer to what asks: True, or who is asked, with the question and the steps that are going to be written."""
+MOST_PARSED = 1000
+"""Calls whose values are kept as click has understood them."""
 STOPPED = "stopped"
 """Code of what another process has stopped: no Ctrl-C."""
 
@@ -140,6 +142,7 @@ class Line:
         self.settings = settings
         self.session = session
         self.last: Call | None = None
+        self._parsed: dict[Any, click.Context] = {}
         self._running: Generator[list[Row], None, None] | None = None
         self._turn = threading.RLock()
 
@@ -177,10 +180,25 @@ class Line:
     def _call(
         self, command: click.Command, words: str, values: Mapping[str, Any], settings: Settings, confirm: Confirm
     ) -> Call:
+        """One call of this command; what click makes of its values is kept, as a loop asks for the same again."""
+        try:
+            key = (words, *values.items(), *map(type, values.values()))
+            ctx = self._parsed.get(key)
+        except TypeError:  # a value that cannot be a key
+            key, ctx = None, None
+        if ctx is None:
+            ctx = self._context(command, words, values)
+            if key is not None and len(self._parsed) < MOST_PARSED:
+                self._parsed[key] = ctx
+        settings = settings._replace(own={**settings.own, **said(ctx).own})
+        self.last = Call(ctx, settings, self.family, confirm)
+        return self.last
+
+    def _context(self, command: click.Command, words: str, values: Mapping[str, Any]) -> click.Context:
         ctx = click.Context(command, info_name=f"handctl {self.family.kind} {words}")
         told = said(ctx)
         told.session = self.session
-        known = [key for key in ("id", "baud") if getattr(settings, key) is not None]
+        known = [key for key in ("id", "baud") if getattr(self.settings, key) is not None]
         told.sources = dict.fromkeys((*known, "yes", "dry_run"), COMMAND_LINE)
         try:
             with ctx:
@@ -194,9 +212,7 @@ class Line:
             raise from_click(exc) from exc
         if "-" in ctx.params.values():
             raise UsageError("standard input is not read here", hint="give a file instead of -")
-        settings = settings._replace(own={**settings.own, **told.own})
-        self.last = Call(ctx, settings, self.family, confirm)
-        return self.last
+        return ctx
 
     def _check_free(self) -> None:
         if self._running is not None:
