@@ -202,34 +202,36 @@ def report(stopped: Stopped | None, sent: Sequence[Sent], *, refused: bool = Fal
 
 def rows(sent: Sequence[Sent]) -> list[dict[str, Any]]:
     """What went out and what came back, a row a step; what was sent several times running is one row."""
-    found: list[dict[str, Any]] = []
-    last = None
-    for one in sent:
-        came = _short(one.came)
-        if last is not None and one.step == last:
-            found[-1]["times"] += 1
-            found[-1]["answer"] = came or found[-1]["answer"]
-            continue
-        last = one.step
-        step = {"step": len(found) + 1, "bytes": one.step.wire, "meaning": one.step.meaning}
-        found.append({**step, "reads": one.reads, "times": 1, "answer": came})
-    return found
+    from handctl.model.stopping import runs
+
+    return [
+        {
+            "step": at,
+            "bytes": step.wire,
+            "meaning": step.meaning,
+            "reads": reads,
+            "times": times,
+            "answer": _short(came),
+        }
+        for at, ((step, reads, came), times) in enumerate(runs(sent), 1)
+    ]
 
 
 def wire(sent: Sequence[Sent]) -> list[dict[str, Any]]:
     """What passed on the wire, for the ledger of who asked: a step as often as it went out, and what came back last."""
-    found: list[dict[str, Any]] = []
-    last = None
-    for one in sent:
-        came = one.came[:MOST_CAME].hex()
-        if one.step == last:
-            found[-1]["times"] += 1
-            found[-1]["came"] = came or found[-1]["came"]
-        elif not one.reads:
-            step = {"data": one.step.data.hex(), "can_id": one.step.can_id, "meaning": one.step.meaning}
-            found.append({**step, "times": 1, "came": came})
-        last = None if one.reads else one.step
-    return found
+    from handctl.model.stopping import runs
+
+    return [
+        {
+            "data": step.data.hex(),
+            "can_id": step.can_id,
+            "meaning": step.meaning,
+            "times": times,
+            "came": came[:MOST_CAME].hex(),
+        }
+        for (step, reads, came), times in runs(sent)
+        if not reads
+    ]
 
 
 def _short(data: bytes) -> str | None:
