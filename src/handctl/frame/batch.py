@@ -15,8 +15,8 @@ from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError,
 from handctl.files import atomic_write, read_text
 from handctl.frame.connection import Session
 from handctl.frame.console import print_message
+from handctl.frame.invocation import unsent
 from handctl.frame.lines import Line, defaults, line, placed
-from handctl.frame.premises import unsent
 from handctl.frame.run import NO_TERMINAL, UNANSWERED
 from handctl.model.result import Table
 from handctl.sentence import plural

@@ -17,8 +17,8 @@ import click
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, UsageError, joined
 from handctl.frame.clikit import Command
 from handctl.frame.envelope import as_told, from_click
+from handctl.frame.invocation import unsent
 from handctl.frame.options import COMMAND_LINE, said
-from handctl.frame.premises import unsent
 from handctl.frame.run import Run, plan_table
 from handctl.model.guide import Guide
 from handctl.model.result import Journal, Row, Table
@@ -55,13 +55,14 @@ class Caller(Guide):
 class Call(Run):
     """One run of one command for a program."""
 
+    listens = False
+
     def __init__(self, ctx: click.Context, settings: Settings, family: Family | None, confirm: Confirm = False) -> None:
         self._confirm = confirm
         self.failure: HandctlError | None = None
         self.extra: dict[str, Any] = {}
         super().__init__(ctx, settings, family)
         self.context = ctx
-        self.listens = False
 
     def person(self) -> Guide:
         return Caller(self._confirm)
@@ -93,7 +94,7 @@ class Call(Run):
     def served(self) -> None:
         """Ctrl-C is the caller's."""
 
-    def _show_message(self, message: Message) -> None:
+    def heard(self, message: Message) -> None:
         """Nothing is shown: it stands in the envelope."""
 
     def finish(self, table: Table | None, failure: HandctlError | None) -> list[Row]:

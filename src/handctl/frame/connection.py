@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import copy
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,7 +10,7 @@ from handctl.errors import HandctlError, LinkError, UsageError
 from handctl.link import open_link
 
 if TYPE_CHECKING:
-    from handctl.frame.run import Run
+    from handctl.frame.invocation import Invocation
     from handctl.link import Link
     from handctl.link.fake import Kept
     from handctl.link.tap import Tap, TraceFile
@@ -26,7 +25,7 @@ class Trace:
     def __init__(self) -> None:
         self._file: TraceFile | None = None
 
-    def file(self, run: Run, name: str) -> TraceFile | None:
+    def file(self, run: Invocation, name: str) -> TraceFile | None:
         """What records, for --trace or -v; None without either."""
         settings = run.settings
         if self._file is None and (settings.trace or settings.verbose):
@@ -66,7 +65,7 @@ class Connection:
         self.trace = trace or Trace()
         self._lasting = trace is not None
 
-    def opened(self, run: Run, baud: int | None) -> Link:
+    def opened(self, run: Invocation, baud: int | None) -> Link:
         """The link of this run, tapped when --trace or -v is given. Raises UsageError, LinkError."""
         if self.link is None:
             name = run.link_name()
@@ -75,7 +74,7 @@ class Connection:
                 from handctl.stop.holding import Hold, lock_for
 
                 self.hold = Hold(run, lock_for(run, name))
-            self.link = opened(run, name, baud, tap)
+            self.link = self._open(run, name, baud, tap)
             self.observers = self.link.observers
         if run.writes and not run.stops and self.link.outlet() is not None:
             refuse_rivals(run, self.link)
@@ -97,8 +96,45 @@ class Connection:
                 self.hold.release()
         return failure or self.trace.failure
 
+    def _open(self, run: Invocation, name: str, baud: int | None, tap: Tap | None) -> Link:
+        """The LINK `name`, at `baud` if nothing else was asked for. Raises UsageError, LinkError."""
+        family = run.family
+        assert family is not None
+        opening = partial(
+            open_link,
+            name,
+            baud=run.settings.baud or baud or family.baud,
+            tap=tap,
+            tcp_port=family.tcp_port,
+            exclusive=not run.stops,
+        )
+        if not run.settings.fake:
+            return opening()
+        from handctl.link.fake import Kept
 
-def refuse_rivals(run: Run, link: Link) -> None:
+        self.kept = kept = Kept(name, writes=run.keeps)
+        used = {"use": "on"} if run.in_use else {}
+        try:
+            link = opening(simulator={**kept.options(), **used})
+        except UsageError as exc:
+            if kept.before is None:
+                raise
+            hint = "" if run.keeps else f"`handctl sim forget {kept.kind}` removes that file"
+            run.journal.warn("kept", f"the simulated {kept.kind} starts over: {exc.__cause__}", hint)
+            kept.discard()
+            link = opening(simulator={**kept.options(), **used})
+        if run.keeps and not kept.path:
+            from handctl.system.folders import HINT
+
+            run.journal.info(
+                "not-kept", f"the state of the simulated {kept.kind} is not saved: you own no folder for it", HINT
+            )
+        if kept.before is not None:
+            run.journal.info("kept", kept.text)
+        return link
+
+
+def refuse_rivals(run: Invocation, link: Link) -> None:
     """Raise LinkError where another program could command the device beside this command, as far as the system tells."""
     from handctl.link.owners import busy, rivals
 
@@ -110,63 +146,6 @@ def refuse_rivals(run: Run, link: Link) -> None:
             "owners-unknown",
             f"{link.name}: no other program of this user has the port open. Programs of other users cannot be seen from this account",
         )
-
-
-def beside(run: Run, link: str, settings: dict[str, Any]) -> Run:
-    """The same command at another LINK: it says, counts and writes in the same place, but has a link, a lock and a line of its own."""
-    from handctl.model.profile import Profile
-
-    other = copy(run)
-    own = {**run.settings.own, **settings.pop("own", {})}
-    other.settings = run.settings._replace(
-        port=link, fake=False, wire=None, device=None, kind=None, own=own, **settings
-    )
-    if run.end is not None and run.link is not None:
-        other.settings = other.settings._replace(deadline=max(run.end - run.link.now(), 0.001))
-    other.connection = Connection(run.connection.trace)
-    other.link = other.opened = other.end = None
-    other.others = []
-    other.journal = copy(run.journal)
-    other.journal.line = Profile()
-    return other
-
-
-def opened(run: Run, name: str, baud: int | None, tap: Tap | None) -> Link:
-    """The LINK `name`, at `baud` if nothing else was asked for. Raises UsageError, LinkError."""
-    family = run.family
-    assert family is not None
-    opening = partial(
-        open_link,
-        name,
-        baud=run.settings.baud or baud or family.baud,
-        tap=tap,
-        tcp_port=family.tcp_port,
-        exclusive=not run.stops,
-    )
-    if not run.settings.fake:
-        return opening()
-    from handctl.link.fake import Kept
-
-    run.connection.kept = kept = Kept(name, writes=run.keeps)
-    used = {"use": "on"} if run.in_use else {}
-    try:
-        link = opening(simulator={**kept.options(), **used})
-    except UsageError as exc:
-        if kept.before is None:
-            raise
-        hint = "" if run.keeps else f"`handctl sim forget {kept.kind}` removes that file"
-        run.journal.warn("kept", f"the simulated {kept.kind} starts over: {exc.__cause__}", hint)
-        kept.discard()
-        link = opening(simulator={**kept.options(), **used})
-    if run.keeps and not kept.path:
-        from handctl.system.folders import HINT
-
-        run.journal.info(
-            "not-kept", f"the state of the simulated {kept.kind} is not saved: you own no folder for it", HINT
-        )
-    if kept.before is not None:
-        run.journal.info("kept", kept.text)
-    return link
 
 
 # -- many commands on open links ------------------------------------------------------------------------------------
@@ -203,7 +182,7 @@ class Session:
         self._lines: dict[_Key, Profile] = {}
         self._traces: dict[str | None, Trace] = {}
 
-    def connection(self, run: Run) -> Connection:
+    def connection(self, run: Invocation) -> Connection:
         """The connection for this run: one that is open, or a new one. Another one to the same place is closed first."""
         key = _key(run)
         known = self._open.get(key)
@@ -224,15 +203,14 @@ class Session:
             known.hold.serve(run)
         return known
 
-    def keeps(self, run: Run, failure: HandctlError | None) -> bool:
-        """Whether the connection of this run is one of these: it stays open, unless it was lost or the device stopped."""
-        connection = run.connection
+    def keeps(self, connection: Connection, failure: HandctlError | None, journal: Journal) -> bool:
+        """Whether this connection is one of these: it stays open, unless it was lost or the device stopped."""
         for key, known in self._open.items():
             if known is connection:
                 lost = connection.link is None or isinstance(failure, LinkError)
                 stopped = connection.hold is not None and connection.hold.stopped is not None
                 if lost or stopped:
-                    self._close(key, run.journal)
+                    self._close(key, journal)
                 elif connection.link is not None:
                     connection.link.observers = connection.observers
                 return True
@@ -246,7 +224,7 @@ class Session:
                 return known.hold.stopped
         return None
 
-    def has(self, run: Run) -> bool:
+    def has(self, run: Invocation) -> bool:
         """Whether the device of this run is open here."""
         return any(key.link == run.link_name() for key in self._open)
 
@@ -271,7 +249,7 @@ class Session:
         return connection.close(failure, journal)
 
 
-def _key(run: Run) -> _Key:
+def _key(run: Invocation) -> _Key:
     assert run.family is not None
     settings = run.settings
     in_use = settings.fake and run.in_use

@@ -11,8 +11,8 @@ import click
 from handctl.errors import HandctlError, UsageError
 from handctl.frame.clikit import Command, root
 from handctl.frame.envelope import from_click
+from handctl.frame.invocation import check_before
 from handctl.frame.options import COMMAND_LINE, said, words_of
-from handctl.frame.premises import check_before
 from handctl.frame.run import Run, plan_table
 from handctl.frame.usage import NoCommand
 from handctl.model.guide import Guide

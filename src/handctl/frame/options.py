@@ -20,7 +20,6 @@ from handctl.frame.numbers import Seconds, WholeRange
 
 if TYPE_CHECKING:
     from handctl.frame.config import Check, Config
-    from handctl.frame.connection import Session
 
 FORMATS = ("table", "plain", "json", "ndjson", "csv", "openmetrics")
 META = "handctl"
@@ -77,7 +76,7 @@ class Said:
     bare         no word that is parsed is an option, so that none need be looked for
     include_ids  the result may hold what tells one device from another
     taken        who takes a line that is parsed and not run
-    session      the session that a command belongs to
+    session      the `connection.Session` that a command belongs to, None for one that stands alone
     """
 
     def __init__(self) -> None:
@@ -90,7 +89,7 @@ class Said:
         self.bare = False
         self.include_ids = False
         self.taken: Callable[[click.Context], object] | None = None
-        self.session: Session | None = None
+        self.session: Any = None
 
 
 def said(ctx: click.Context) -> Said:

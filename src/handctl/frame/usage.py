@@ -118,7 +118,7 @@ class Described(click.Command):
     def refused(self) -> frozenset[str]:
         """Common options that this command cannot use, by key; "" stands for all that concern a link.
 
-        Who gives one all the same is told why (`frame.premises`, `clikit.Command`).
+        Who gives one all the same is told why (`frame.invocation`, `clikit.Command`).
         """
         keys = set() if self.writes else {"dry_run", "yes"}
         if not self.writes and self.family is None:

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from handctl.link import ByteLink, Deadline, FrameLink, Link
     from handctl.model.guide import Guide
     from handctl.model.ledger import Ledger
-    from handctl.model.result import Counters
 
 WRITE_SECONDS = 1.0
 EACH, WITHIN = 0.15, 1.0
@@ -397,11 +396,17 @@ AGAIN = Stopped(
 )
 
 
+class Counted(Protocol):
+    """The counters of a journal."""
+
+    writes: int
+
+
 @contextmanager
 def leaving(
     left: Left,
     *,
-    since: Counters | None = None,
+    since: Counted | None = None,
     by: type[HandctlError] = LinkError,
     interrupt: bool = True,
 ) -> Iterator[None]:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from handctl.errors import HandctlError, Interrupted, LinkError
 
 if TYPE_CHECKING:
-    from handctl.frame.run import Run
+    from handctl.frame.invocation import Invocation
     from handctl.link import Deadline, Link
     from handctl.link.lock import Lock
     from handctl.model.stopping import Aim, Sent, Stopped, Talk
@@ -31,7 +31,7 @@ LONG = 60
 """Characters of sent bytes that fit into a message."""
 
 
-def lock_for(run: Run, name: str, patience: float | None = None) -> Lock | None:
+def lock_for(run: Invocation, name: str, patience: float | None = None) -> Lock | None:
     """The lock of the LINK `name`, None where nobody else can reach it. Raises InUse, LinkError.
 
     `patience`: seconds for the last stop of a holder that died, None as long as one takes, but 0 in a command that stops.
@@ -63,7 +63,7 @@ class Hold:
     link   the open link, None before it is
     """
 
-    def __init__(self, run: Run, lock: Lock | None) -> None:
+    def __init__(self, run: Invocation, lock: Lock | None) -> None:
         """Others are heard from now on, but by a command that stops itself."""
         self.stopped: HandctlError | None = None
         self.link: Link | None = None
@@ -103,7 +103,7 @@ class Hold:
         self.link = link
         return link
 
-    def serve(self, run: Run) -> None:
+    def serve(self, run: Invocation) -> None:
         """The next command of a session has the device from now on."""
         self._run = run
 
@@ -161,6 +161,11 @@ class Hold:
     def _answer(self) -> dict[str, Any]:
         return self.stop("stopped at the request of another handctl command")
 
+    def pressed(self, frame: Any) -> None:
+        """The stop key of a live view."""
+        self.stop("stopped by the key s")
+        self.end(frame)
+
     def end(self, frame: Any) -> None:
         """The way of Ctrl-C, whatever that is just now. Where it only counts, the next write ends the command."""
         from handctl.system import signals
@@ -170,7 +175,7 @@ class Hold:
 
 
 def stopped_at(
-    run: Run,
+    run: Invocation,
     link: Link,
     sent: list[Sent],
     talk: Callable[[Aim], Talk] | None = None,
@@ -245,7 +250,7 @@ def stop_key(hold: Hold | None) -> Iterator[bool]:
     """While it lasts the key s on the terminal stops the device; whether there is such a key."""
     from handctl.stop.wish import StopKey
 
-    key = StopKey.on_terminal(hold) if hold is not None else None
+    key = StopKey.on_terminal(hold.pressed) if hold is not None else None
     try:
         yield key is not None
     finally:
