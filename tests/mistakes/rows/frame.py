@@ -2,7 +2,7 @@
 
 from tests.mistakes.table import mistake
 
-BATCH = "handctl.frame.batch"
+BATCH = "handctl.frame.lines"
 SESSION = "handctl.frame.connection"
 
 ROWS = (
