@@ -18,9 +18,8 @@ from handctl import __version__
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
 from handctl.families import COMMANDS, LISTED
 from handctl.frame.family import Family
-from handctl.frame.filetypes import OutFile
-from handctl.frame.numbers import Hertz, Seconds, WholeRange
 from handctl.frame.options import COMMAND_LINE, Settings, SharedOption, config_path, read_config, said, words_of
+from handctl.frame.types import Hertz, OutFile, Seconds, WholeRange
 from handctl.frame.usage import (
     HEADINGS,
     MOST,

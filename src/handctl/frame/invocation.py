@@ -14,8 +14,8 @@ from handctl.errors import OutputError, UsageError
 from handctl.files import why_unwritable
 from handctl.frame.console import TerminalGuide, print_message
 from handctl.frame.family import Family, in_words, load, refuse_missing, refuse_serial, wire_in
-from handctl.frame.filetypes import Named, files_of, refuse_clashes
 from handctl.frame.options import COMMAND_LINE, ENVIRONMENT, FILE, Settings, config_path, said, words_of
+from handctl.frame.types import Named, files_of, refuse_clashes
 
 if TYPE_CHECKING:
     from handctl.link import Link

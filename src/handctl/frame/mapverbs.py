@@ -18,9 +18,8 @@ from handctl.families import COMMANDS
 from handctl.frame import stored, verbs
 from handctl.frame.clikit import Group, log_options, reads_option, scan_options, stream_options
 from handctl.frame.console import is_terminal
-from handctl.frame.filetypes import InFile, OutFile
-from handctl.frame.numbers import FiniteRange
 from handctl.frame.run import Run
+from handctl.frame.types import FiniteRange, InFile, OutFile
 from handctl.frame.usage import columns
 from handctl.model.param import COMMAND, ParamMap
 from handctl.model.result import Table

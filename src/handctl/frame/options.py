@@ -15,8 +15,7 @@ import click
 
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, WIRES, OwnOption
-from handctl.frame.filetypes import OutFile
-from handctl.frame.numbers import Seconds, WholeRange
+from handctl.frame.types import OutFile, Seconds, WholeRange
 
 if TYPE_CHECKING:
     from handctl.frame.config import Check, Config

@@ -15,10 +15,10 @@ import click
 
 from handctl.errors import HandctlError, Interrupted, UsageError, joined
 from handctl.frame.call import Call
-from handctl.frame.filetypes import OutFile
 from handctl.frame.lines import Line, line
 from handctl.frame.options import config_path, read_config
 from handctl.frame.run import Run
+from handctl.frame.types import OutFile
 from handctl.model.result import Column, Grid, Row, Sample, Table
 from handctl.screen.render import default_view
 from handctl.sentence import plural

@@ -5,8 +5,8 @@ from __future__ import annotations
 import click
 
 from handctl.frame.clikit import Command
-from handctl.frame.filetypes import InFile
 from handctl.frame.run import Run
+from handctl.frame.types import InFile
 from handctl.model.result import Table
 
 

@@ -14,7 +14,6 @@ from handctl.errors import UsageError
 from handctl.families import FAMILIES, WIRES
 from handctl.files import read_text
 from handctl.frame.clikit import Group
-from handctl.frame.filetypes import InFile
 from handctl.frame.options import (
     COMMAND_LINE,
     Settings,
@@ -27,6 +26,7 @@ from handctl.frame.options import (
 )
 from handctl.frame.precedence import resolve
 from handctl.frame.run import Run
+from handctl.frame.types import InFile
 from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:

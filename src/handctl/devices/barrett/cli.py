@@ -21,8 +21,8 @@ from handctl.frame import verbs
 from handctl.frame.clikit import Group
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.numbers import WholeRange
 from handctl.frame.run import Run
+from handctl.frame.types import WholeRange
 from handctl.model.device import limits_of
 from handctl.model.result import Column, Table
 

@@ -11,8 +11,8 @@ from handctl.devices.barrett.motion_cli import FORCE, MOTORS_OPTION, ask, prefix
 from handctl.errors import UsageError
 from handctl.frame import stored
 from handctl.frame.clikit import Group
-from handctl.frame.filetypes import InFile
 from handctl.frame.run import Run
+from handctl.frame.types import InFile
 from handctl.model.param import Element, Number, Step
 from handctl.model.result import Table
 

@@ -18,10 +18,10 @@ from handctl.devices.ekso.map import EKSO
 from handctl.frame import stored, verbs
 from handctl.frame.clikit import Command, Group
 from handctl.frame.family import Family
-from handctl.frame.filetypes import InFile, OutFile
 from handctl.frame.mapverbs import NAMES, add_map_verbs
 from handctl.frame.options import Own
 from handctl.frame.run import Run
+from handctl.frame.types import InFile, OutFile
 from handctl.model.device import Gate, limits_of
 from handctl.model.result import Column, Table
 

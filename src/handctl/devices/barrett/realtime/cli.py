@@ -11,9 +11,8 @@ import click
 from handctl.errors import UsageError
 from handctl.files import is_pipe, read_text
 from handctl.frame.clikit import Group, streaming, suspendable
-from handctl.frame.filetypes import InFile
-from handctl.frame.numbers import WholeRange
 from handctl.frame.run import Run
+from handctl.frame.types import InFile, WholeRange
 from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:

@@ -12,10 +12,9 @@ import click
 from handctl import __version__
 from handctl.errors import UsageError
 from handctl.frame.clikit import Command, Group, log_options
-from handctl.frame.filetypes import InFile
-from handctl.frame.numbers import FiniteRange, WholeRange
 from handctl.frame.options import SharedOption
 from handctl.frame.run import Run
+from handctl.frame.types import FiniteRange, InFile, WholeRange
 from handctl.model.result import Table
 
 if TYPE_CHECKING:

@@ -16,10 +16,9 @@ from handctl.errors import HandctlError, NoAnswer, UsageError
 from handctl.frame import stored, verbs
 from handctl.frame.clikit import Group
 from handctl.frame.family import Family
-from handctl.frame.filetypes import OutFile
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.numbers import Seconds
 from handctl.frame.run import Run
+from handctl.frame.types import OutFile, Seconds
 from handctl.model.device import limits_of
 from handctl.model.param import Element
 from handctl.model.result import Table

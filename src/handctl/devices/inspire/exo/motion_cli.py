@@ -7,8 +7,8 @@ import click
 from handctl.devices.inspire.exo.device import parse_command
 from handctl.frame.clikit import Group
 from handctl.frame.expect import expect, expected
-from handctl.frame.numbers import NEGATIVE_NUMBERS, Seconds
 from handctl.frame.run import Run
+from handctl.frame.types import NEGATIVE_NUMBERS, Seconds
 from handctl.model.result import Table
 
 FIVE = "LITTLE RING MIDDLE INDEX THUMB | FINGER=VALUE..."

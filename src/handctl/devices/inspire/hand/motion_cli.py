@@ -14,8 +14,8 @@ from handctl.errors import UsageError, joined
 from handctl.frame import verbs
 from handctl.frame.clikit import Group
 from handctl.frame.expect import expect, expected
-from handctl.frame.numbers import NEGATIVE_NUMBERS, Seconds
 from handctl.frame.run import Run
+from handctl.frame.types import NEGATIVE_NUMBERS, Seconds
 from handctl.model.param import COMMAND, Element, Number, Step, given
 from handctl.model.result import Table
 

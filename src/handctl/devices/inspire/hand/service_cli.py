@@ -10,8 +10,8 @@ from handctl.devices.inspire.hand.settings_cli import met
 from handctl.devices.inspire.map import address_in
 from handctl.errors import joined
 from handctl.frame.clikit import Group
-from handctl.frame.numbers import Seconds
 from handctl.frame.run import Run
+from handctl.frame.types import Seconds
 from handctl.model.result import Table
 
 if TYPE_CHECKING:

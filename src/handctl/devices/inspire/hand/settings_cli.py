@@ -11,8 +11,8 @@ from handctl.devices.inspire.hand.typed import map_of
 from handctl.errors import CheckFailed, NoAnswer, UsageError
 from handctl.frame import stored, verbs
 from handctl.frame.clikit import Group
-from handctl.frame.filetypes import OutFile
 from handctl.frame.run import Run
+from handctl.frame.types import OutFile
 from handctl.model.param import Element
 from handctl.model.result import Table
 
