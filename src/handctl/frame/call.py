@@ -104,12 +104,17 @@ class Call(Run):
         self.failure = told
         if table is not None:
             self.extra = table.extra
+        self._raise(told, rows)
+        return rows
+
+    @staticmethod
+    def _raise(told: HandctlError | None, rows: Sequence[Row] = ()) -> None:
+        """What went wrong, with what was read; as KeyboardInterrupt where Ctrl-C was it."""
         if isinstance(told, Interrupted) and told.code != STOPPED:
             raise KeyboardInterrupt(told.text) from told
         if told is not None:
             told.rows = tuple(rows)
             raise told
-        return rows
 
     def samples(self, table: Table) -> Generator[list[Row], None, None]:
         """The samples of a stream, each as its rows. The device is left when it ends, or is closed."""
@@ -128,11 +133,7 @@ class Call(Run):
                 source.close()
             self.extra = table.summary() if table.summary is not None else {}
             ended, self.failure = self.ended(table, failure)
-        told = self.failure or ended
-        if isinstance(told, Interrupted) and told.code != STOPPED:
-            raise KeyboardInterrupt(told.text) from told
-        if told is not None:
-            raise told
+        self._raise(self.failure or ended)
 
 
 class Line:

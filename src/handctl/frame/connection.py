@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
 from handctl.errors import HandctlError, LinkError, UsageError
@@ -55,8 +56,9 @@ class Trace:
 class Connection:
     """What is open of one device. Opened once and closed once, whoever uses it meanwhile."""
 
-    def __init__(self, trace: Trace | None = None) -> None:
-        """`trace` is one that goes on behind this connection."""
+    def __init__(self, trace: Trace | None = None, name: str = "") -> None:
+        """`trace` is one that goes on behind this connection, `name` its LINK where it is one of several."""
+        self.name = name
         self.link: Link | None = None
         self.hold: Hold | None = None
         self.kept: Kept | None = None
@@ -155,17 +157,6 @@ STALE_READS = 1000
 """A device that speaks unasked has filled the input meanwhile; more than this many pieces come from one that never pauses."""
 
 
-class _Key(NamedTuple):
-    """What must be equal for a link to serve two commands."""
-
-    kind: str
-    link: str
-    baud: int | None
-    trace: str | None
-    verbose: bool
-    in_use: bool
-
-
 class Session:
     """The open links of several commands.
 
@@ -178,13 +169,16 @@ class Session:
         self.writes = writes
         self.place: dict[str, Any] = {}
         """What the last line of a command's NDJSON says of its place among the others."""
-        self._open: dict[_Key, Connection] = {}
-        self._lines: dict[_Key, Profile] = {}
+        self._open: dict[Hashable, Connection] = {}  # by what must be equal for a link to serve two commands
+        self._lines: dict[Hashable, Profile] = {}
         self._traces: dict[str | None, Trace] = {}
 
     def connection(self, run: Invocation) -> Connection:
         """The connection for this run: one that is open, or a new one. Another one to the same place is closed first."""
-        key = _key(run)
+        assert run.family is not None
+        settings, name = run.settings, run.link_name()
+        in_use = settings.fake and run.in_use
+        key = (run.family.kind, name, settings.baud, settings.trace, settings.verbose, in_use)
         known = self._open.get(key)
         if known is not None and known.link is not None:
             try:
@@ -193,9 +187,9 @@ class Session:
                 self._close(key, run.journal)  # it was lost meanwhile
                 known = None
         if known is None:
-            for other in [other for other in self._open if other.link == key.link]:
+            for other in [other for other, one in self._open.items() if one.name == name]:
                 self._close(other, run.journal)
-            known = self._open[key] = Connection(self._traces.setdefault(key.trace, Trace()))
+            known = self._open[key] = Connection(self._traces.setdefault(settings.trace, Trace()), name)
         run.journal.line = self._lines.setdefault(key, run.journal.line)
         if known.link is None:
             run.journal.line.met.clear()  # whoever is behind a new connection
@@ -226,7 +220,7 @@ class Session:
 
     def has(self, run: Invocation) -> bool:
         """Whether the device of this run is open here."""
-        return any(key.link == run.link_name() for key in self._open)
+        return any(one.name == run.link_name() for one in self._open.values())
 
     def release(self, journal: Journal, failure: HandctlError | None = None) -> HandctlError | None:
         """Close every link; the next command opens its own again. `failure`, or what went wrong here."""
@@ -242,18 +236,11 @@ class Session:
         self._traces.clear()
         return failure
 
-    def _close(self, key: _Key, journal: Journal, failure: HandctlError | None = None) -> HandctlError | None:
+    def _close(self, key: Hashable, journal: Journal, failure: HandctlError | None = None) -> HandctlError | None:
         connection = self._open.pop(key)
         if connection.hold is not None:
             connection.hold.finish()
         return connection.close(failure, journal)
-
-
-def _key(run: Invocation) -> _Key:
-    assert run.family is not None
-    settings = run.settings
-    in_use = settings.fake and run.in_use
-    return _Key(run.family.kind, run.link_name(), settings.baud, settings.trace, settings.verbose, in_use)
 
 
 def _discard(link: Link) -> None:

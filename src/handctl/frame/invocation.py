@@ -168,10 +168,17 @@ def check_before(run: Invocation) -> None:
         return
     _check_named_device(run)
     _check_files(run)
-    _check_output(run)
-    _check_format(run)
+    path = run.settings.output
+    if path and (why := why_unwritable(path)):  # now, not when the device has been served
+        raise OutputError(f"{path}: cannot be written: {why}", hint="choose another file for -o. Nothing was sent.")
+    if run.settings.format == "openmetrics":
+        from handctl.screen.metrics import refuse
+
+        refuse(run.command)
     if run.family is not None:
-        _check_protocol(run, run.family)
+        refuse_missing(run.family, [key for key, source in run.sources.items() if source == COMMAND_LINE])
+        if run.family.check is not None:
+            run.family.check(run.settings)
 
 
 def _let_pass(run: Invocation) -> None:
@@ -186,14 +193,6 @@ def _let_pass(run: Invocation) -> None:
         _check_files(run)  # what clashes is written nowhere then
     except UsageError as exc:
         run.journal.warn("passed-over", exc.text)
-
-
-def _check_format(run: Invocation) -> None:
-    """A format that only some commands have."""
-    if run.settings.format == "openmetrics":
-        from handctl.screen.metrics import refuse
-
-        refuse(run.command)
 
 
 def _check_files(run: Invocation) -> None:
@@ -214,13 +213,6 @@ def _check_files(run: Invocation) -> None:
         raise
 
 
-def _check_output(run: Invocation) -> None:
-    """Raise OutputError now when -o cannot be written, not when the device has been served."""
-    path = run.settings.output
-    if path and (why := why_unwritable(path)):
-        raise OutputError(f"{path}: cannot be written: {why}", hint="choose another file for -o. Nothing was sent.")
-
-
 def _check_named_device(run: Invocation) -> None:
     """Whether the device that -d names is meant; a default device is judged when its link is needed."""
     if run.sources.get("device") == COMMAND_LINE:
@@ -236,13 +228,6 @@ def _check_named_device(run: Invocation) -> None:
             code="two-devices",
         )
     run.journal.warn("other-port", text, f"unset {source.where} to reach {run.settings.device}")
-
-
-def _check_protocol(run: Invocation, family: Family) -> None:
-    """Refuse what was asked for on the command line and this protocol does not have."""
-    refuse_missing(family, [key for key, source in run.sources.items() if source == COMMAND_LINE])
-    if family.check is not None:
-        family.check(run.settings)
 
 
 def refuse_other_family(run: Invocation) -> None:

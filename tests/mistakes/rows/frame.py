@@ -65,7 +65,7 @@ ROWS = (
         "two locks",
         SESSION,
         "Session.connection",
-        "for other in [other for other in self._open if other.link == key.link]:",
+        "for other in [other for other, one in self._open.items() if one.name == name]:",
         "for other in ():",
         "tests/kernel/test_batch.py::test_one_place_is_open_once",
     ),
