@@ -1,7 +1,7 @@
 """What a man page says beyond the command tree: links, output, files. Data only.
 
 A page is looked up by its top-level command, "" is handctl(1). A family has its own files and examples in its module
-`page`: FILES as here, EXAMPLES as in `frame.examples`, and `section() -> title, paragraphs, (term, text, lines) items` where
+`page`: FILES as here, EXAMPLES as in `frame.usage`, and `section() -> title, paragraphs, (term, text, lines) items` where
 it has more to say.
 """
 

@@ -16,9 +16,9 @@ import click
 
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, UsageError, joined
 from handctl.frame.clikit import Command
-from handctl.frame.envelope import as_told, from_click
 from handctl.frame.invocation import unsent
 from handctl.frame.options import COMMAND_LINE, said
+from handctl.frame.outcome import as_told, from_click
 from handctl.frame.run import Run, plan_table
 from handctl.model.guide import Guide
 from handctl.model.result import Journal, Row, Table

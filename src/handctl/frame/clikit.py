@@ -379,7 +379,7 @@ def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = l
         print_stderr(exc.format_message())
         return exc.exit_code
     except click.UsageError as exc:
-        from handctl.frame.envelope import from_click
+        from handctl.frame.outcome import from_click
 
         error = from_click(exc)
         if exc.ctx is not None:
@@ -397,7 +397,7 @@ def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = l
         )
         error.__cause__ = exc
     from handctl.frame.console import print_message, print_stderr
-    from handctl.frame.envelope import in_file, late_envelope
+    from handctl.frame.outcome import in_file, late_envelope
 
     if debug or in_file("debug"):
         import traceback

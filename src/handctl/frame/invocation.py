@@ -182,7 +182,7 @@ def check_before(run: Invocation) -> None:
 
 
 def _let_pass(run: Invocation) -> None:
-    """No file and no format holds up a stop. What its family has to say is `stop.falling_back`."""
+    """No file and no format holds up a stop. What its family has to say is `stop.command.fall_back`."""
     if run.settings.format == "openmetrics":
         run.settings = run.settings._replace(format="table")
     path = run.settings.output

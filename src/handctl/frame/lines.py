@@ -23,10 +23,10 @@ from handctl.files import atomic_write, read_text, state_path
 from handctl.frame.clikit import ALONE, Command, root
 from handctl.frame.connection import Session
 from handctl.frame.console import print_message
-from handctl.frame.envelope import from_click
 from handctl.frame.family import load, map_of
 from handctl.frame.invocation import check_before, unsent
 from handctl.frame.options import COMMAND_LINE, said, words_of
+from handctl.frame.outcome import from_click
 from handctl.frame.run import NO_TERMINAL, UNANSWERED, Run, plan_table
 from handctl.frame.usage import NoCommand
 from handctl.model.guide import Guide

@@ -18,10 +18,10 @@ from handctl.ending import end_on_signals, finish_on_signals, gave_up, served
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
 from handctl.frame.connection import Connection
 from handctl.frame.console import print_message, print_writes
-from handctl.frame.envelope import as_told, device_row, from_click, interrupted, judged, make_envelope, weightier
 from handctl.frame.family import Family, implied
 from handctl.frame.invocation import Invocation, check_before, tell_unasked, unsent
 from handctl.frame.options import Settings
+from handctl.frame.outcome import as_told, device_row, from_click, interrupted, judged, make_envelope, weightier
 from handctl.model.result import Column, Table
 from handctl.screen.filter import text_shown
 

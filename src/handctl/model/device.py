@@ -155,7 +155,7 @@ class Device(ABC):
     beside       what a person at the live view sees too, where no quantity was named; `slowly` once a second
     scales       ends of the live view's bars where no range is documented: ours, and wider as soon as more is seen
     worn         a person may wear it: what moves it is asked for first
-    courses      set-points and where they lead, `releases` the writes that let an axis go there (`model.pending`)
+    courses      set-points and where they lead, `releases` the writes that let an axis go there (`Course`, `Release`)
     not_covered  what a snapshot cannot hold, told by `restore`
 
     A family writes `read`, `named`, `valued` and `view`; `plan` and `write` where values can be set by name; and overrides

@@ -9,7 +9,7 @@ ROWS = (
     mistake(
         "frame-full-disk-hides-the-device",
         "wrong exit code",
-        "handctl.frame.envelope",
+        "handctl.frame.outcome",
         "weightier",
         "if error is None or isinstance(error, OutputError):",
         "if error is not lost:",

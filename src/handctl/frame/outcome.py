@@ -1,4 +1,4 @@
-"""The JSON envelope of a command, without its rows (cli contract, section 4)."""
+"""What came of a command: the JSON envelope without rows (cli contract, section 4), and why it failed, in the words that help most."""
 
 from __future__ import annotations
 
