@@ -62,6 +62,8 @@ class HandctlError(Exception):
     default_code = "error"
     rows: tuple[dict[str, object], ...] = ()
     """What a call of the library showed all the same."""
+    bounded = False
+    """Whether it tells that --deadline cut it short."""
     shown = False
     """True once it stands in the output (the JSON envelope)."""
     joint = ". "
@@ -172,7 +174,7 @@ class NotIdentified(HandctlError):
 
     def __init__(self, met: HandctlError) -> None:
         super().__init__(joined(met.text, "nothing was written"), hint=met.hint, code=met.code, came=met.came)
-        self.exit_code = met.exit_code
+        self.exit_code, self.bounded = met.exit_code, met.bounded
 
 
 class NotConfirmed(HandctlError):

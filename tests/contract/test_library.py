@@ -15,6 +15,7 @@ from handctl.api import methods
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
 from handctl.frame.family import load
+from handctl.frame.options import said
 from tests.contract.alone import alone, steady, words_of
 from tests.contract.cell import wrote
 from tests.contract.commands import ELSEWHERE, commands, scratch_of
@@ -40,7 +41,7 @@ def called(family: str, name: str, folder: Path, **more: Any) -> tuple[list[Any]
         for argument in method.arguments
         if (value := context.params.get(argument.key)) not in (None, ())
     }
-    own = dict(context.meta.get("handctl.own", {}))
+    own = dict(said(context).own)
     with handctl.connect(family, facts.link(family, name), trace=str(trace), **own) as device:
         try:
             rows = getattr(device, method.name)(**named, **more)

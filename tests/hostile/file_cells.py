@@ -14,7 +14,7 @@ from typing import NamedTuple
 import click
 
 from handctl.families import FAMILIES
-from handctl.frame.filetypes import InFile, OutFile
+from handctl.frame.types import InFile, OutFile
 from tests.harm import lines
 from tests.hostile.cell import DOCUMENTED, FORMATS, Folder, Tried, attempt
 from tests.hostile.devices import KINDS, RAW, READY

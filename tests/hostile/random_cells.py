@@ -20,8 +20,8 @@ import handctl.link.tcp
 from handctl.errors import LinkError
 from handctl.families import FAMILIES
 from handctl.frame.clikit import root
-from handctl.frame.filetypes import InFile, OutFile
 from handctl.frame.options import SharedOption
+from handctl.frame.types import InFile, OutFile
 from tests.harm import lines as examples
 from tests.harm.lines import leaves
 from tests.hostile.cell import Folder, Tried, attempt

@@ -6,7 +6,7 @@ import pytest
 
 from handctl.errors import UsageError
 from handctl.model.moving import Arrival, Goal, Seen, Stillness, Watch, judged
-from handctl.model.vectors import given
+from handctl.model.param import given
 from tests.support.each_row import each_row
 
 STILL = Stillness(samples=3, seconds=0.2)

@@ -11,9 +11,8 @@ import click
 import pytest
 
 from handctl.frame.clikit import root
-from handctl.frame.lines import line
+from handctl.frame.lines import Shell, line
 from handctl.frame.run import Run
-from handctl.frame.shell import Shell
 from tests.support.cli import fake, run, spying
 from tests.support.terminal import Terminal
 

@@ -34,7 +34,7 @@ class Pressed(RecordedLink):
 def pressed(family: str, begin: str, words: Sequence[str]) -> tuple[Result, list[str]]:
     """The command with Ctrl-C behind that frame; its end, and the writing frames from that one on."""
     link = Pressed(family, begin)
-    with mock.patch.object(connection, "opened", lambda *_: link):
+    with mock.patch.object(connection.Connection, "_open", lambda *_: link):
         result = run(family, *words, "-y", "--json", "-p", f"fake://{family}")
     assert link.pressed, result
     return result, changing(link.sent)

@@ -9,7 +9,7 @@ from unittest import mock
 import click
 
 from handctl.frame.clikit import Command, root
-from handctl.frame.filetypes import InFile, OutFile
+from handctl.frame.types import InFile, OutFile
 
 
 class Leaf(NamedTuple):

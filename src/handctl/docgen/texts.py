@@ -1,7 +1,7 @@
 """What the pages say beyond the command tree: links, output, files, and the promises that hold for every device.
 
 A page is looked up by its top-level command, "" is handctl(1). A family has its own files and examples in its module
-`page`: FILES as here, EXAMPLES as in `frame.examples`, and `section() -> title, paragraphs, (term, text, lines) items` where
+`page`: FILES as here, EXAMPLES as in `frame.usage`, and `section() -> title, paragraphs, (term, text, lines) items` where
 it has more to say; EXCEPTIONS are rows of (key of a promise, commands or options that it does not cover, reason). The tables
 of README and the guides are generated from here, and `tests/promises` checks each row of the promises for every family.
 """

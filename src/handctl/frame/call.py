@@ -16,10 +16,10 @@ import click
 
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, UsageError, joined
 from handctl.frame.clikit import Command
-from handctl.frame.envelope import as_told, from_click
-from handctl.frame.options import COMMAND_LINE, OWN, SOURCES
-from handctl.frame.premises import unsent
-from handctl.frame.run import SESSION, Run, plan_table
+from handctl.frame.invocation import unsent
+from handctl.frame.options import COMMAND_LINE, said
+from handctl.frame.outcome import as_told, from_click
+from handctl.frame.run import Run, plan_table
 from handctl.model.guide import Guide
 from handctl.model.result import Journal, Row, Table
 
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 Confirm = bool | Callable[[str, list[Row]], bool]
 """The answer to what asks: True, or who is asked, with the question and the steps that are going to be written."""
+MOST_PARSED = 1000
+"""Calls whose values are kept as click has understood them."""
 STOPPED = "stopped"
 """Code of what another process has stopped: no Ctrl-C."""
 
@@ -53,13 +55,14 @@ class Caller(Guide):
 class Call(Run):
     """One run of one command for a program."""
 
+    listens = False
+
     def __init__(self, ctx: click.Context, settings: Settings, family: Family | None, confirm: Confirm = False) -> None:
         self._confirm = confirm
         self.failure: HandctlError | None = None
         self.extra: dict[str, Any] = {}
         super().__init__(ctx, settings, family)
         self.context = ctx
-        self.listens = False
 
     def person(self) -> Guide:
         return Caller(self._confirm)
@@ -91,7 +94,7 @@ class Call(Run):
     def served(self) -> None:
         """Ctrl-C is the caller's."""
 
-    def _show_message(self, message: Message) -> None:
+    def heard(self, message: Message) -> None:
         """Nothing is shown: it stands in the envelope."""
 
     def finish(self, table: Table | None, failure: HandctlError | None) -> list[Row]:
@@ -101,12 +104,17 @@ class Call(Run):
         self.failure = told
         if table is not None:
             self.extra = table.extra
+        self._raise(told, rows)
+        return rows
+
+    @staticmethod
+    def _raise(told: HandctlError | None, rows: Sequence[Row] = ()) -> None:
+        """What went wrong, with what was read; as KeyboardInterrupt where Ctrl-C was it."""
         if isinstance(told, Interrupted) and told.code != STOPPED:
             raise KeyboardInterrupt(told.text) from told
         if told is not None:
             told.rows = tuple(rows)
             raise told
-        return rows
 
     def samples(self, table: Table) -> Generator[list[Row], None, None]:
         """The samples of a stream, each as its rows. The device is left when it ends, or is closed."""
@@ -125,11 +133,7 @@ class Call(Run):
                 source.close()
             self.extra = table.summary() if table.summary is not None else {}
             ended, self.failure = self.ended(table, failure)
-        told = self.failure or ended
-        if isinstance(told, Interrupted) and told.code != STOPPED:
-            raise KeyboardInterrupt(told.text) from told
-        if told is not None:
-            raise told
+        self._raise(self.failure or ended)
 
 
 class Line:
@@ -140,6 +144,7 @@ class Line:
         self.settings = settings
         self.session = session
         self.last: Call | None = None
+        self._parsed: dict[Any, click.Context] = {}
         self._running: Generator[list[Row], None, None] | None = None
         self._turn = threading.RLock()
 
@@ -177,10 +182,26 @@ class Line:
     def _call(
         self, command: click.Command, words: str, values: Mapping[str, Any], settings: Settings, confirm: Confirm
     ) -> Call:
+        """One call of this command; what click makes of its values is kept, as a loop asks for the same again."""
+        try:
+            key = (words, *values.items(), *map(type, values.values()))
+            ctx = self._parsed.get(key)
+        except TypeError:  # a value that cannot be a key
+            key, ctx = None, None
+        if ctx is None:
+            ctx = self._context(command, words, values)
+            if key is not None and len(self._parsed) < MOST_PARSED:
+                self._parsed[key] = ctx
+        settings = settings._replace(own={**settings.own, **said(ctx).own})
+        self.last = Call(ctx, settings, self.family, confirm)
+        return self.last
+
+    def _context(self, command: click.Command, words: str, values: Mapping[str, Any]) -> click.Context:
         ctx = click.Context(command, info_name=f"handctl {self.family.kind} {words}")
-        ctx.meta[SESSION] = self.session
-        said = [key for key in ("id", "baud") if getattr(settings, key) is not None]
-        ctx.meta[SOURCES] = dict.fromkeys((*said, "yes", "dry_run"), COMMAND_LINE)
+        told = said(ctx)
+        told.session = self.session
+        known = [key for key in ("id", "baud") if getattr(self.settings, key) is not None]
+        told.sources = dict.fromkeys((*known, "yes", "dry_run"), COMMAND_LINE)
         try:
             with ctx:
                 for param in command.params:
@@ -193,9 +214,7 @@ class Line:
             raise from_click(exc) from exc
         if "-" in ctx.params.values():
             raise UsageError("standard input is not read here", hint="give a file instead of -")
-        settings = settings._replace(own={**settings.own, **ctx.meta.get(OWN, {})})
-        self.last = Call(ctx, settings, self.family, confirm)
-        return self.last
+        return ctx
 
     def _check_free(self) -> None:
         if self._running is not None:

@@ -18,9 +18,8 @@ from handctl import __version__
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
 from handctl.families import COMMANDS, LISTED
 from handctl.frame.family import Family
-from handctl.frame.filetypes import OutFile
-from handctl.frame.numbers import Hertz, Seconds, WholeRange
-from handctl.frame.options import COMMAND_LINE, STOPPING, Settings, SharedOption, config_path, read_config, words_of
+from handctl.frame.options import COMMAND_LINE, Settings, SharedOption, config_path, read_config, said, words_of
+from handctl.frame.types import Hertz, OutFile, Seconds, WholeRange
 from handctl.frame.usage import (
     HEADINGS,
     MOST,
@@ -38,8 +37,6 @@ if TYPE_CHECKING:
     from handctl.model.result import Table
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
-TAKEN = "handctl.taken"
-"""Key in click's shared meta: who takes a command line that is parsed and not run."""
 ALONE = ("sim", "completion", "batch", "shell")
 """Commands that are no line of a batch."""
 
@@ -72,7 +69,7 @@ class Command(Described):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """As click does; its message on the number of values knows neither the command nor what the values are called."""
-        ctx.meta[STOPPING] = self.stops
+        said(ctx).stopping = self.stops
         try:
             return super().parse_args(ctx, args)
         except click.UsageError as exc:
@@ -85,7 +82,7 @@ class Command(Described):
             raise click.UsageError(text, exc.ctx or ctx) from exc
 
     def invoke(self, ctx: click.Context) -> Any:
-        if (taken := ctx.meta.get(TAKEN)) is not None:
+        if (taken := said(ctx).taken) is not None:
             return taken(ctx)
         from handctl.frame.run import Run
 
@@ -136,7 +133,7 @@ class Group(Described, click.Group):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         need_command(ctx, args)
-        ctx.meta[STOPPING] = "stop" in args
+        said(ctx).stopping = "stop" in args
         with bare(ctx, args[:1]):  # whatever stands behind a command is that command's
             return super().parse_args(ctx, args)
 
@@ -318,7 +315,7 @@ class Root(Group):
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """With -d the family may be left out: the device says which it is."""
         name = args[0]
-        if name in ALONE and TAKEN in ctx.meta:
+        if name in ALONE and said(ctx).taken is not None:
             raise click.UsageError(f"`handctl {name}` cannot be one of several commands.", ctx)
         if name in COMMANDS or name.startswith("-"):
             return super().resolve_command(ctx, args)
@@ -353,22 +350,7 @@ root = Root(
 )
 
 
-def _show_version(ctx: click.Context, _param: click.Parameter, value: bool) -> None:
-    if value:
-        click.echo(f"handctl {__version__}")
-        ctx.exit()
-
-
-root.params.append(
-    click.Option(
-        ["-V", "--version"],
-        is_flag=True,
-        is_eager=True,
-        expose_value=False,
-        callback=_show_version,
-        help="Show the version.",
-    )
-)
+click.version_option(__version__, "-V", "--version", message=f"handctl {__version__}", help="Show the version.")(root)
 
 
 def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = lambda args: False) -> int:
@@ -397,7 +379,7 @@ def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = l
         print_stderr(exc.format_message())
         return exc.exit_code
     except click.UsageError as exc:
-        from handctl.frame.envelope import from_click
+        from handctl.frame.outcome import from_click
 
         error = from_click(exc)
         if exc.ctx is not None:
@@ -415,7 +397,7 @@ def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = l
         )
         error.__cause__ = exc
     from handctl.frame.console import print_message, print_stderr
-    from handctl.frame.envelope import in_file, late_envelope
+    from handctl.frame.outcome import in_file, late_envelope
 
     if debug or in_file("debug"):
         import traceback

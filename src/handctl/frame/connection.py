@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from copy import copy
+from collections.abc import Hashable
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
 from handctl.errors import HandctlError, LinkError, UsageError
 from handctl.link import open_link
 
 if TYPE_CHECKING:
-    from handctl.frame.run import Run
+    from handctl.frame.invocation import Invocation
     from handctl.link import Link
     from handctl.link.fake import Kept
     from handctl.link.tap import Tap, TraceFile
@@ -24,65 +24,59 @@ class Trace:
     """The recording of one connection, or of several one behind the other."""
 
     def __init__(self) -> None:
-        self.file: TraceFile | None = None
-        self._tap: Tap | None = None
+        self._file: TraceFile | None = None
 
-    def tap(self, run: Run, name: str) -> Tap | None:
+    def file(self, run: Invocation, name: str) -> TraceFile | None:
         """What records, for --trace or -v; None without either."""
         settings = run.settings
-        if self._tap is None and (settings.trace or settings.verbose):
-            from handctl.link.tap import Tap, TraceFile
+        if self._file is None and (settings.trace or settings.verbose):
+            from handctl.link.tap import TraceFile
 
             try:
                 header = f"handctl {__version__} {run.owner}, {name}"
-                self.file = TraceFile(settings.trace, header, settings.verbose)
+                self._file = TraceFile(settings.trace, header, settings.verbose)
             except HandctlError as exc:
                 if not run.stops:
                     raise
                 run.journal.warn("trace", exc.text)
-                return None
-            self._tap = Tap(self.file.write)
-        return self._tap
+        return self._file
 
     def close(self) -> HandctlError | None:
         """The end of the file; why it ends early, None where it does not."""
-        if self.file is not None:
-            self.file.close()
+        if self._file is not None:
+            self._file.close()
         return self.failure
 
     @property
     def failure(self) -> HandctlError | None:
         """Why the recording ends early."""
-        return self.file.failure if self.file is not None else None
+        return self._file.failure if self._file is not None else None
 
 
 class Connection:
     """What is open of one device. Opened once and closed once, whoever uses it meanwhile."""
 
-    def __init__(self, trace: Trace | None = None) -> None:
-        """`trace` is one that goes on behind this connection."""
+    def __init__(self, trace: Trace | None = None, name: str = "") -> None:
+        """`trace` is one that goes on behind this connection, `name` its LINK where it is one of several."""
+        self.name = name
         self.link: Link | None = None
         self.hold: Hold | None = None
         self.kept: Kept | None = None
         self.observers: tuple[Any, ...] = ()
         """Who is told of what passes, whatever command has the link."""
-        self._trace = trace or Trace()
+        self.trace = trace or Trace()
         self._lasting = trace is not None
 
-    def elsewhere(self) -> Connection:
-        """One to another device of the same command, recorded in the same file."""
-        return Connection(self._trace)
-
-    def opened(self, run: Run, baud: int | None) -> Link:
+    def opened(self, run: Invocation, baud: int | None) -> Link:
         """The link of this run, tapped when --trace or -v is given. Raises UsageError, LinkError."""
         if self.link is None:
             name = run.link_name()
-            tap = self._trace.tap(run, name)
+            tap = self.trace.file(run, name)
             if self.hold is None:
                 from handctl.stop.holding import Hold, lock_for
 
                 self.hold = Hold(run, lock_for(run, name))
-            self.link = opened(run, name, baud, tap)
+            self.link = self._open(run, name, baud, tap)
             self.observers = self.link.observers
         if run.writes and not run.stops and self.link.outlet() is not None:
             refuse_rivals(run, self.link)
@@ -99,18 +93,50 @@ class Connection:
             failure = failure or exc
         finally:
             if not self._lasting:
-                self._trace.close()
+                self.trace.close()
             if self.hold is not None:
                 self.hold.release()
-        return failure or self.trace_failure
+        return failure or self.trace.failure
 
-    @property
-    def trace_failure(self) -> HandctlError | None:
-        """Why the recording ends early."""
-        return self._trace.failure
+    def _open(self, run: Invocation, name: str, baud: int | None, tap: Tap | None) -> Link:
+        """The LINK `name`, at `baud` if nothing else was asked for. Raises UsageError, LinkError."""
+        family = run.family
+        assert family is not None
+        opening = partial(
+            open_link,
+            name,
+            baud=run.settings.baud or baud or family.baud,
+            tap=tap,
+            tcp_port=family.tcp_port,
+            exclusive=not run.stops,
+        )
+        if not run.settings.fake:
+            return opening()
+        from handctl.link.fake import Kept
+
+        self.kept = kept = Kept(name, writes=run.keeps)
+        used = {"use": "on"} if run.in_use else {}
+        try:
+            link = opening(simulator={**kept.options(), **used})
+        except UsageError as exc:
+            if kept.before is None:
+                raise
+            hint = "" if run.keeps else f"`handctl sim forget {kept.kind}` removes that file"
+            run.journal.warn("kept", f"the simulated {kept.kind} starts over: {exc.__cause__}", hint)
+            kept.discard()
+            link = opening(simulator={**kept.options(), **used})
+        if run.keeps and not kept.path:
+            from handctl.system.folders import HINT
+
+            run.journal.info(
+                "not-kept", f"the state of the simulated {kept.kind} is not saved: you own no folder for it", HINT
+            )
+        if kept.before is not None:
+            run.journal.info("kept", kept.text)
+        return link
 
 
-def refuse_rivals(run: Run, link: Link) -> None:
+def refuse_rivals(run: Invocation, link: Link) -> None:
     """Raise LinkError where another program could command the device beside this command, as far as the system tells."""
     from handctl.link.owners import busy, rivals
 
@@ -124,80 +150,11 @@ def refuse_rivals(run: Run, link: Link) -> None:
         )
 
 
-def beside(run: Run, link: str, settings: dict[str, Any]) -> Run:
-    """The same command at another LINK: it says, counts and writes in the same place, but has a link, a lock and a line of its own."""
-    from handctl.model.profile import Profile
-
-    other = copy(run)
-    own = {**run.settings.own, **settings.pop("own", {})}
-    other.settings = run.settings._replace(
-        port=link, fake=False, wire=None, device=None, kind=None, own=own, **settings
-    )
-    if run.end is not None and run.link is not None:
-        other.settings = other.settings._replace(deadline=max(run.end - run.link.now(), 0.001))
-    other.connection = run.connection.elsewhere()
-    other.link = other.opened = other.end = None
-    other.others = []
-    other.journal = copy(run.journal)
-    other.journal.line = Profile()
-    return other
-
-
-def opened(run: Run, name: str, baud: int | None, tap: Tap | None) -> Link:
-    """The LINK `name`, at `baud` if nothing else was asked for. Raises UsageError, LinkError."""
-    family = run.family
-    assert family is not None
-    opening = partial(
-        open_link,
-        name,
-        baud=run.settings.baud or baud or family.baud,
-        tap=tap,
-        tcp_port=family.tcp_port,
-        exclusive=not run.stops,
-    )
-    if not run.settings.fake:
-        return opening()
-    from handctl.link.fake import Kept
-
-    run.connection.kept = kept = Kept(name, writes=run.keeps)
-    used = {"use": "on"} if run.in_use else {}
-    try:
-        link = opening(simulator={**kept.options(), **used})
-    except UsageError as exc:
-        if kept.before is None:
-            raise
-        reason = exc.text.removeprefix(f"{name}: ").removesuffix(". Remove it to start over")
-        hint = "" if run.keeps else f"`handctl sim forget {kept.kind}` removes that file"
-        run.journal.warn("kept", f"the simulated {kept.kind} starts over: {reason}", hint)
-        kept.discard()
-        link = opening(simulator={**kept.options(), **used})
-    if run.keeps and not kept.path:
-        from handctl.system.folders import HINT
-
-        run.journal.info(
-            "not-kept", f"the state of the simulated {kept.kind} is not saved: you own no folder for it", HINT
-        )
-    if kept.before is not None:
-        run.journal.info("kept", kept.text)
-    return link
-
-
 # -- many commands on open links ------------------------------------------------------------------------------------
 
 
 STALE_READS = 1000
 """A device that speaks unasked has filled the input meanwhile; more than this many pieces come from one that never pauses."""
-
-
-class _Key(NamedTuple):
-    """What must be equal for a link to serve two commands."""
-
-    kind: str
-    link: str
-    baud: int | None
-    trace: str | None
-    verbose: bool
-    in_use: bool
 
 
 class Session:
@@ -212,13 +169,16 @@ class Session:
         self.writes = writes
         self.place: dict[str, Any] = {}
         """What the last line of a command's NDJSON says of its place among the others."""
-        self._open: dict[_Key, Connection] = {}
-        self._lines: dict[_Key, Profile] = {}
+        self._open: dict[Hashable, Connection] = {}  # by what must be equal for a link to serve two commands
+        self._lines: dict[Hashable, Profile] = {}
         self._traces: dict[str | None, Trace] = {}
 
-    def connection(self, run: Run) -> Connection:
+    def connection(self, run: Invocation) -> Connection:
         """The connection for this run: one that is open, or a new one. Another one to the same place is closed first."""
-        key = _key(run)
+        assert run.family is not None
+        settings, name = run.settings, run.link_name()
+        in_use = settings.fake and run.in_use
+        key = (run.family.kind, name, settings.baud, settings.trace, settings.verbose, in_use)
         known = self._open.get(key)
         if known is not None and known.link is not None:
             try:
@@ -227,9 +187,9 @@ class Session:
                 self._close(key, run.journal)  # it was lost meanwhile
                 known = None
         if known is None:
-            for other in [other for other in self._open if other.link == key.link]:
+            for other in [other for other, one in self._open.items() if one.name == name]:
                 self._close(other, run.journal)
-            known = self._open[key] = Connection(self._traces.setdefault(key.trace, Trace()))
+            known = self._open[key] = Connection(self._traces.setdefault(settings.trace, Trace()), name)
         run.journal.line = self._lines.setdefault(key, run.journal.line)
         if known.link is None:
             run.journal.line.met.clear()  # whoever is behind a new connection
@@ -237,15 +197,14 @@ class Session:
             known.hold.serve(run)
         return known
 
-    def keeps(self, run: Run, failure: HandctlError | None) -> bool:
-        """Whether the connection of this run is one of these: it stays open, unless it was lost or the device stopped."""
-        connection = run.connection
+    def keeps(self, connection: Connection, failure: HandctlError | None, journal: Journal) -> bool:
+        """Whether this connection is one of these: it stays open, unless it was lost or the device stopped."""
         for key, known in self._open.items():
             if known is connection:
                 lost = connection.link is None or isinstance(failure, LinkError)
                 stopped = connection.hold is not None and connection.hold.stopped is not None
                 if lost or stopped:
-                    self._close(key, run.journal)
+                    self._close(key, journal)
                 elif connection.link is not None:
                     connection.link.observers = connection.observers
                 return True
@@ -259,9 +218,9 @@ class Session:
                 return known.hold.stopped
         return None
 
-    def has(self, run: Run) -> bool:
+    def has(self, run: Invocation) -> bool:
         """Whether the device of this run is open here."""
-        return any(key.link == run.link_name() for key in self._open)
+        return any(one.name == run.link_name() for one in self._open.values())
 
     def release(self, journal: Journal, failure: HandctlError | None = None) -> HandctlError | None:
         """Close every link; the next command opens its own again. `failure`, or what went wrong here."""
@@ -277,18 +236,11 @@ class Session:
         self._traces.clear()
         return failure
 
-    def _close(self, key: _Key, journal: Journal, failure: HandctlError | None = None) -> HandctlError | None:
+    def _close(self, key: Hashable, journal: Journal, failure: HandctlError | None = None) -> HandctlError | None:
         connection = self._open.pop(key)
         if connection.hold is not None:
             connection.hold.finish()
         return connection.close(failure, journal)
-
-
-def _key(run: Run) -> _Key:
-    assert run.family is not None
-    settings = run.settings
-    in_use = settings.fake and run.in_use
-    return _Key(run.family.kind, run.link_name(), settings.baud, settings.trace, settings.verbose, in_use)
 
 
 def _discard(link: Link) -> None:

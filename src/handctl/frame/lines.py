@@ -1,29 +1,45 @@
-"""Command lines as they are typed behind `handctl`: taken apart, planned without a device, and run in a session."""
+"""Command lines as they are typed behind `handctl`: taken apart, planned without a device, and run in a session.
+
+`batch` runs a script of them: all of it is understood, planned and confirmed before it begins. `shell` is a prompt, on links that
+stay open: a port that was lost is opened again by the next line.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import contextlib
+import io
+import shlex
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import click
 
-from handctl.errors import HandctlError, UsageError
-from handctl.frame.clikit import TAKEN, Command, root
-from handctl.frame.envelope import from_click
-from handctl.frame.options import COMMAND_LINE, GIVEN, SOURCES, words_of
-from handctl.frame.premises import check_before
-from handctl.frame.run import SESSION, Run, plan_table
-from handctl.frame.usage import BARE, NoCommand
+from handctl.ending import asked, end_on_signals
+from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError, joined
+from handctl.families import COMMANDS, FAMILIES
+from handctl.files import atomic_write, read_text, state_path
+from handctl.frame.clikit import ALONE, Command, root
+from handctl.frame.connection import Session
+from handctl.frame.console import print_message
+from handctl.frame.family import load, map_of
+from handctl.frame.invocation import check_before, unsent
+from handctl.frame.options import COMMAND_LINE, said, words_of
+from handctl.frame.outcome import from_click
+from handctl.frame.run import NO_TERMINAL, UNANSWERED, Run, plan_table
+from handctl.frame.usage import NoCommand
 from handctl.model.guide import Guide
+from handctl.model.result import Table
+from handctl.sentence import plural
+from handctl.system import terminal
 
 if TYPE_CHECKING:
-    from handctl.frame.connection import Session
     from handctl.frame.family import Family
     from handctl.frame.options import Settings
     from handctl.link import Link
     from handctl.model.param import Step
-    from handctl.model.result import Table
+    from handctl.model.result import Journal
 
 HERE = ("stop",)
 """Commands without a family that use the links of a session."""
@@ -58,12 +74,15 @@ class Line(NamedTuple):
 
     def confirmed(self) -> Line:
         """The same line with a yes."""
-        self.context.meta[SOURCES] = {**self.context.meta.get(SOURCES, {}), "yes": COMMAND_LINE}
+        told = said(self.context)
+        told.sources = {**told.sources, "yes": COMMAND_LINE}
         return self._replace(settings=self.settings._replace(yes=True))
 
-    def run(self, session: Session) -> None:
+    def run(self, session: Session, journal: Journal) -> None:
         """Carry it out and show its result. Raises HandctlError."""
-        self.context.meta[SESSION] = session
+        if not self.shared:
+            session.release(journal)  # it may want the port for itself
+        said(self.context).session = session
         self.leaf.carry_out(self.context, Run(self.context, self.settings, self.leaf.family))
 
 
@@ -73,21 +92,21 @@ def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Lin
     Raises UsageError, click's Exit where the line only asked for help.
     """
     context = click.Context(root, info_name="handctl", **root.context_settings)
-    context.meta[GIVEN] = {key: value for key, value in given.items() if not key.endswith("@")}
-    context.meta[BARE] = not any(word.startswith("-") for word in words)
+    told = said(context)
+    told.given = {key: value for key, value in given.items() if not key.endswith("@")}
+    told.bare = not any(word.startswith("-") for word in words)
     found: list[click.Context] = []
-    context.meta[TAKEN] = found.append
+    told.taken = found.append
     try:
         with context.scope(cleanup=False):
             root.parse_args(context, list(words))
             root.invoke(context)
         (leaf,) = found
         assert isinstance(leaf.command, Command)
-        said = leaf.meta[GIVEN]
         for key in {"dry_run", "assume_identity"} & leaf.command.refused():
-            if f"{key}@" not in said:
-                said.pop(key, None)
-        del leaf.meta[TAKEN]
+            if f"{key}@" not in told.given:
+                told.given.pop(key, None)
+        told.taken = None
         command = " ".join(words_of(leaf))
         return Line(number, command, leaf, leaf.command, leaf.command.settings(leaf))
     except NoCommand as exc:
@@ -100,7 +119,7 @@ def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Lin
 
 def defaults(context: click.Context) -> dict[str, Any]:
     """The common options of a command that runs others, as far as each of these takes them over."""
-    given = {key: value for key, value in context.meta.get(GIVEN, {}).items() if not key.endswith("@")}
+    given = {key: value for key, value in said(context).given.items() if not key.endswith("@")}
     given.pop("output", None)
     if given.get("format") == "json":
         given["format"] = "ndjson"
@@ -169,3 +188,328 @@ class Planning(Run):
 
     def offer(self, question: str) -> bool:
         return False
+
+
+# -- a script of them, on one open link -----------------------------------------------------------------------------
+
+
+MOST_BYTES = 4_000_000
+LONGEST = 20_000
+"""Characters of a line."""
+SHOWN = 20
+"""Steps of one line that the question shows."""
+
+
+def batch(run: Run, context: click.Context, file: str, *, keep_going: bool) -> Table | None:
+    """Run the lines of `file`, or of stdin for "-". The failure of the whole is that of the first line that failed."""
+    text = _script(file)
+    with _no_stdin():
+        lines = list(_lines(text, context))
+        if not lines:
+            raise UsageError("the script has no command", hint="write one command a line, without `handctl`")
+        plans = list(_plans(lines))
+    lines = _confirmed(run, lines, plans)
+    if path := run.settings.output:  # the last line of JSON goes there too, behind all others
+        run.outlet.enter_context(_one_file(path))
+        run.settings = run.settings._replace(output=None)
+    with _no_stdin():
+        return _run(run, lines, keep_going=keep_going)
+
+
+def _script(file: str) -> str:
+    if file != "-":
+        return read_text(file, "a script", MOST_BYTES)
+    if sys.stdin.isatty():
+        raise UsageError("no script given", hint="name a file, or send the lines on stdin. `handctl shell` is a prompt")
+    try:
+        text = sys.stdin.read(MOST_BYTES + 1)
+    except (OSError, UnicodeDecodeError) as exc:
+        raise UsageError(f"stdin: the script cannot be read: {exc}", hint="send text in UTF-8") from exc
+    if len(text) > MOST_BYTES:
+        raise UsageError(f"stdin: larger than {MOST_BYTES // 1_000_000} MB: not a script", hint="send fewer lines")
+    return text
+
+
+@contextlib.contextmanager
+def _no_stdin() -> Iterator[None]:
+    """No line reads what the script came from, and none asks: that was done before."""
+    before, sys.stdin = sys.stdin, io.StringIO()
+    try:
+        yield
+    finally:
+        sys.stdin = before
+
+
+def _lines(text: str, context: click.Context) -> Iterator[Line]:
+    """The commands of a script. Raises UsageError with the number of the line."""
+    import shlex
+
+    given = defaults(context)
+    known: dict[str, Line] = {}  # a line that occurs again is the same
+    for number, raw in enumerate(text.splitlines(), 1):
+        if not (typed := raw.strip()):
+            continue
+        if len(typed) > LONGEST:
+            raise UsageError(
+                f"line {number} has {plural(len(typed), 'character')}: not a command", hint="write one command a line"
+            )
+        try:
+            if typed in known:
+                yield known[typed]._replace(number=number)
+                continue
+            words = shlex.split(typed, comments=True)
+            if words[:1] == ["handctl"]:
+                raise UsageError(
+                    "leave out the word handctl in a script", hint="start with the device, such as `exo get id`"
+                )
+            if words:
+                with contextlib.redirect_stdout(io.StringIO()):  # of a line that asks for help
+                    known[typed] = line(words, given, number)
+                yield known[typed]
+        except ValueError as exc:
+            raise UsageError(f"line {number}: {exc}: {typed}", hint="close the quote") from exc
+        except click.exceptions.Exit as exc:
+            raise UsageError(f"line {number} asks for help: {typed}", hint="remove that line") from exc
+        except HandctlError as exc:
+            raise exc.retold(f"line {number} ({typed}): {exc.text}") from exc
+
+
+def _plans(lines: Sequence[Line]) -> Iterator[Plan]:
+    """The plan of each. Raises UsageError."""
+    known: dict[int, Plan] = {}
+    for one in lines:
+        key = id(one.context)
+        if key not in known:
+            known[key] = _planned(one)
+        yield known[key]
+
+
+def _planned(one: Line) -> Plan:
+    try:
+        return one.plan()
+    except click.UsageError as exc:
+        raise placed(UsageError(exc.format_message(), hint="correct that line. Nothing was sent."), one) from exc
+    except HandctlError as exc:
+        raise placed(exc, one) from exc
+
+
+def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Plan]) -> list[Line]:
+    """The lines, with a yes where they ask for one: one question for all, behind the plan. Raises NotConfirmed."""
+    open_ = [
+        (one, plan)
+        for one, plan in zip(lines, plans, strict=True)
+        if plan.question and not one.settings.yes and not one.settings.dry_run
+    ]
+    if not open_:
+        return list(lines)
+    for one, plan in open_:
+        run.guide.say(f"line {one.number}: {one.command}: {plan.question}")
+        for step in plan.steps[:SHOWN]:
+            run.guide.say(f"  {step.meaning}: {step.wire}")
+        if len(plan.steps) > SHOWN:
+            run.guide.say(f"  and {plural(len(plan.steps) - SHOWN, 'more step')}. -n shows them")
+    first, plan = open_[0]
+    if not run.guide.interactive:
+        where = f"line {first.number} ({first.command}): {plan.question}"
+        raise NotConfirmed(f"{where}. {NO_TERMINAL}", hint=joined(UNANSWERED, unsent(run.journal)))
+    words = dict.fromkeys(plan.word for _, plan in open_ if plan.word)
+    count = f"{len(open_)} of {len(lines)} lines ask" if len(open_) > 1 else "One line asks"
+    if not run.guide.ask(f"{count} for confirmation", " ".join(words)):
+        raise NotConfirmed("not confirmed: nothing was sent", hint="run the command again to confirm it")
+    asking = {one.number for one, _ in open_}
+    answered = [one.confirmed() if one.number in asking else one for one in lines]
+    for one in answered:
+        if one.number in asking:
+            _planned(one)  # a yes without a person may need more words, such as who it was
+    return answered
+
+
+@contextlib.contextmanager
+def _one_file(path: str) -> Iterator[None]:
+    """What would go to stdout goes to a file, which appears whole. Raises OutputError."""
+    try:
+        with atomic_write(path) as file, contextlib.redirect_stdout(file):
+            yield
+    except OSError as exc:
+        raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}") from exc
+
+
+def _run(run: Run, lines: Sequence[Line], *, keep_going: bool) -> Table | None:
+    dry = run.settings.dry_run
+    session = Session(run.command, writes=any(one.leaf.writes and not one.settings.dry_run for one in lines))
+    failed: list[tuple[Line, HandctlError]] = []
+    done = 0
+    try:
+        for one in lines:
+            if dry and not one.leaf.writes and not one.leaf.offline:
+                run.journal.info("left-out", f"line {one.number} ({one.command}) only reads: skipped in a dry run")
+                continue
+            done += 1
+            session.place = {"line": one.number, "command": one.command}
+            error = _carried_out(one, session, run)
+            if error is not None:
+                failed.append((one, error))
+            if error is not None and not (keep_going and error.exit_code != Interrupted.exit_code):
+                break
+    finally:
+        error = session.close(run.journal)
+    failure = _failure(failed, done) if failed else error
+    if run.settings.format in ("json", "ndjson"):
+        return Table(extra={"lines": done, "failed": len(failed)}, failure=failure)
+    if failure is not None:
+        raise failure
+    return None
+
+
+def _carried_out(one: Line, session: Session, run: Run) -> HandctlError | None:
+    """Run one line; the error with which it ended."""
+    try:
+        one.run(session, run.journal)
+    except HandctlError as exc:
+        if exc.text != "interrupted":
+            told = placed(exc, one)
+            print_message("error", told.text, told.hint)
+        return exc
+    return Interrupted("interrupted") if asked() else None
+
+
+def _failure(failed: Sequence[tuple[Line, HandctlError]], done: int) -> HandctlError:
+    """The failure of the whole: it ends as the first line that failed."""
+    one, first = failed[0]
+    if first.exit_code == Interrupted.exit_code:
+        return Interrupted("interrupted")
+    text = f"{len(failed)} of {plural(done, 'line')} failed, the first is line {one.number} ({one.command})"
+    failure = HandctlError(text, hint=f"see the message of line {one.number}", code="line-failed")
+    failure.exit_code = first.exit_code
+    return failure
+
+
+# -- a prompt for them ----------------------------------------------------------------------------------------------
+
+
+ENDS = ("exit", "quit")
+HISTORY = 1000
+"""Lines that are kept."""
+NAMING = ("get", "watch", "set", "describe")
+"""Commands whose words are quantities."""
+
+
+class Shell:
+    """One session at a prompt.
+
+    family  that a line may leave out, "" = each line has its own
+    given   the common options that hold for every line
+    """
+
+    def __init__(self, run: Run, context: click.Context, family: str, read_line: Callable[[str], str]) -> None:
+        self._run = run
+        self._read_line = read_line
+        self._given = defaults(context)
+        self.family = family or run.settings.kind or ""
+        self._session = Session(run.command, writes=True)
+
+    @property
+    def prompt(self) -> str:
+        """Device and link."""
+        settings = self._run.settings
+        link = settings.port or ("simulated" if settings.fake else "")
+        return f"{' '.join(filter(None, (settings.device or self.family, link))) or 'handctl'}> "
+
+    def run(self) -> None:
+        """Take lines until Ctrl-D or `exit`."""
+        run = self._run
+        path = state_path("shell-history")
+        with contextlib.suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+        editing = terminal.edit_lines(str(path), HISTORY, self.candidates)
+        run.guide.say("Lines are commands without `handctl`. TAB completes them. Ctrl-D or `exit` ends.")
+        try:
+            while self._one():
+                pass
+        finally:
+            if editing:
+                terminal.keep_history(str(path))
+            failure = self._session.close(run.journal)
+        if failure is not None:
+            raise failure
+
+    def _one(self) -> bool:
+        """Take a line and carry it out; False at the end."""
+        end_on_signals(suspend=False)
+        try:
+            typed = self._read_line(self.prompt)
+        except EOFError:
+            self._run.out("")
+            return False
+        except KeyboardInterrupt:
+            stopped = self._session.stopped(self._run.journal)
+            print_message("note", stopped.text if stopped is not None else "Ctrl-D ends the shell", "")
+            return True
+        try:
+            words = shlex.split(typed, comments=True)
+        except ValueError as exc:
+            print_message("error", str(exc), "close the quote")
+            return True
+        if words[:1] == ["handctl"]:
+            del words[0]
+        if words[:1] and words[0] in ENDS:
+            return False
+        if words:
+            self.carry_out(words)
+        return True
+
+    def carry_out(self, words: Sequence[str]) -> None:
+        """One line; what goes wrong is told, and the shell goes on."""
+        try:
+            line(self._whole(words), self._given).run(self._session, self._run.journal)
+        except click.exceptions.Exit:
+            return  # it asked for help
+        except HandctlError as exc:
+            if exc.text != "interrupted":
+                print_message("error", exc.text, exc.hint)
+        except click.ClickException as exc:
+            print_message("error", exc.format_message(), "")
+
+    def _whole(self, words: Sequence[str]) -> list[str]:
+        """The line with its family, where the shell knows that and the line leaves it out."""
+        first = next((word for word in words if not word.startswith("-")), "")
+        leave = not self.family or (first in COMMANDS and first != "stop") or first in FAMILIES
+        return list(words) if leave else [self.family, *words]
+
+    # -- completion --
+
+    def candidates(self, before: str, word: str) -> list[str]:
+        """What fits at the cursor: commands, then their quantities."""
+        words = before[: len(before) - len(word)].split()
+        with contextlib.suppress(HandctlError, click.ClickException):
+            return [f"{name} " for name in sorted(set(self._fitting(words))) if name.startswith(word)]
+        return []
+
+    def _fitting(self, words: Sequence[str]) -> Iterator[str]:
+        words = [name for name in words if not name.startswith("-")]
+        if not words:
+            yield from (name for name in COMMANDS if name not in ALONE)
+            yield from ENDS
+        if self.family and (not words or words[0] not in COMMANDS):
+            words = [self.family, *words]
+        if not words or words[0] not in FAMILIES:
+            return
+        node: Any = load(words[0], "cli").cli
+        rest = list(words[1:])
+        while rest and isinstance(node, click.Group):
+            node = node.commands.get(rest.pop(0))
+        if isinstance(node, click.Group):
+            yield from node.commands
+        elif node is not None and node.name in NAMING and (params := map_of(words[0])) is not None:
+            for param in params:
+                yield param.name
+                yield from (f"{param.name}.{part}" for part in param.elements)
+
+
+def shell(run: Run, context: click.Context, family: str) -> None:
+    """Open the prompt. Raises UsageError where nobody can type."""
+    if not run.guide.interactive:
+        raise UsageError("the shell needs a terminal", hint="send the lines to `handctl batch`", code="no-terminal")
+    if run.settings.output:
+        raise UsageError("the shell writes to the terminal", hint="give -o in a line of it")
+    Shell(run, context, family, input).run()

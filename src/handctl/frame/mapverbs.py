@@ -18,10 +18,8 @@ from handctl.families import COMMANDS
 from handctl.frame import stored, verbs
 from handctl.frame.clikit import Group, log_options, reads_option, scan_options, stream_options
 from handctl.frame.console import is_terminal
-from handctl.frame.envelope import INCLUDE_IDS
-from handctl.frame.filetypes import InFile, OutFile
-from handctl.frame.numbers import FiniteRange
 from handctl.frame.run import Run
+from handctl.frame.types import FiniteRange, InFile, OutFile
 from handctl.frame.usage import columns
 from handctl.model.param import COMMAND, ParamMap
 from handctl.model.result import Table
@@ -71,13 +69,13 @@ def add_map_verbs(
     @with_ids
     def status(run: Run, check: bool, include_ids: bool = False) -> Table:
         """Show a health summary: values of each finger or motor, with errors decoded."""
-        run.meta[INCLUDE_IDS] = include_ids
+        run.said.include_ids = include_ids
         return run.device().status(check)  # type: ignore[no-any-return]
 
     @with_ids
     def dump(run: Run, include_ids: bool = False) -> Table:
         """Read every documented quantity."""
-        run.meta[INCLUDE_IDS] = include_ids
+        run.said.include_ids = include_ids
         return run.device().dump()  # type: ignore[no-any-return]
 
     @click.argument("names", nargs=-1, required=True, metavar=f"{named}...")
@@ -171,7 +169,7 @@ def add_map_verbs(
         """
         from handctl import report as pages
 
-        run.meta[INCLUDE_IDS] = include_ids
+        run.said.include_ids = include_ids
         return pages.report(run, mapped(run), file, pages.Wishes(watch, include_ids, force), checks=checks)
 
     @reads_option

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from handctl.families import COMMANDS, FAMILIES
-from handctl.frame.options import GIVEN
+from handctl.frame.options import said
 from handctl.sentence import near, slips
 
 SAME = (
@@ -109,7 +109,7 @@ def top(words: Sequence[str]) -> str:
 
 def device_in(ctx: click.Context, later: Sequence[str]) -> str | None:
     """The name that -d gives, before the first command or among the words that come `later`."""
-    found = ctx.meta.get(GIVEN, {}).get("device")
+    found = said(ctx).given.get("device")
     for word, following in zip(later, (*later[1:], ""), strict=True):
         if word == "--":
             break

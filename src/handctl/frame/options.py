@@ -15,25 +15,14 @@ import click
 
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, WIRES, OwnOption
-from handctl.frame.filetypes import OutFile
-from handctl.frame.numbers import Seconds, WholeRange
+from handctl.frame.types import OutFile, Seconds, WholeRange
 
 if TYPE_CHECKING:
     from handctl.frame.config import Check, Config
 
 FORMATS = ("table", "plain", "json", "ndjson", "csv", "openmetrics")
-GIVEN = "handctl.given"
-"""Key in click's shared meta: the options given so far; a later (deeper) level overwrites an earlier one."""
-SOURCES = "handctl.sources"
-"""Key in click's shared meta: setting -> Source, for every setting that is not the default."""
-
-
-STOPPING = "handctl.stopping"
-"""Key in click's shared meta: whether this may be a command that nothing holds up, as far as its line was read."""
-UNFIT = "handctl.unfit"
-"""Key in click's shared meta: errors of options in such a line, for whoever knows which command it is."""
-PASSED_OVER = "handctl.passed-over"
-"""Key in click's shared meta: errors of the line, the environment and the file that did not hold up an urgent command."""
+META = "handctl"
+"""Key in click's shared meta: the `Said` of a command line."""
 
 
 class Settings(NamedTuple):
@@ -74,6 +63,40 @@ class Source(NamedTuple):
     where: str = ""
 
 
+class Said:
+    """What a command line has said so far, and who runs it: what all levels of click's contexts share.
+
+    given        settings by key; a deeper level overwrites an earlier one, and stands at "key@"
+    own          the same of options that only some commands of one family have
+    sources      setting -> Source, for every setting that is not the default
+    stopping     whether this may be a command that nothing holds up, as far as its line was read
+    unfit        errors of options in such a line, for whoever knows which command it is
+    passed_over  errors of the line, the environment and the file that did not hold up an urgent command
+    bare         no word that is parsed is an option, so that none need be looked for
+    include_ids  the result may hold what tells one device from another
+    taken        who takes a line that is parsed and not run
+    session      the `connection.Session` that a command belongs to, None for one that stands alone
+    """
+
+    def __init__(self) -> None:
+        self.given: dict[str, Any] = {}
+        self.own: dict[str, Any] = {}
+        self.sources: dict[str, Source] = {}
+        self.stopping = False
+        self.unfit: list[click.UsageError | UsageError] = []
+        self.passed_over: list[UsageError] = []
+        self.bare = False
+        self.include_ids = False
+        self.taken: Callable[[click.Context], object] | None = None
+        self.session: Any = None
+
+
+def said(ctx: click.Context) -> Said:
+    """Of the command line of this context."""
+    found: Said = ctx.meta.setdefault(META, Said())
+    return found
+
+
 COMMAND_LINE = Source("command line")
 ENVIRONMENT, NAMED, FILE = "environment", "named device", "configuration file"
 CONNECTION, OUTPUT, WRITING = "Connection", "Output", "Writing"
@@ -92,7 +115,7 @@ def words_of(ctx: click.Context) -> list[str]:
 
 
 class SharedOption(click.Option):
-    """An option that means the same at root, group and leaf. It writes `settings key = value` into the shared meta.
+    """An option that means the same at root, group and leaf. It writes `settings key = value` into `Said.given`.
 
     One that must be `typed` has neither a variable nor a key in the configuration file. `family`: not every family has it.
     """
@@ -124,16 +147,16 @@ class SharedOption(click.Option):
         try:
             return super().handle_parse_result(ctx, opts, args)
         except (click.UsageError, UsageError) as exc:
-            if not ctx.meta.get(STOPPING) or self.key in ("port", "fake"):
+            if not said(ctx).stopping or self.key in ("port", "fake"):
                 raise
-            ctx.meta.setdefault(UNFIT, []).append(exc)
+            said(ctx).unfit.append(exc)
             return None, args
 
     def _remember(self, ctx: click.Context, param: click.Parameter, value: Any) -> None:
         source = ctx.get_parameter_source(param.name or "")
         if source is not click.core.ParameterSource.COMMANDLINE or (not value and isinstance(value, bool)):
             return
-        given: dict[str, Any] = ctx.meta.setdefault(GIVEN, {})
+        given = said(ctx).given
         level = len(words_of(ctx))
         if self.key in ("port", "fake"):
             other = "fake" if self.key == "port" else "port"
@@ -274,10 +297,6 @@ def _checked(option: click.Parameter, value: Any) -> Any:
 # -- options that only some commands of one family have -------------------------------------------------------------
 
 
-OWN = "handctl.own"
-"""Key in click's shared meta: the values of such options by the name that they have in `settings.own`."""
-
-
 class Own(click.Option):
     """`@click.option("--operator", cls=Own, of="ekso")`. `check` raises UsageError for a value that makes no sense."""
 
@@ -298,4 +317,4 @@ class Own(click.Option):
             return
         if self._check is not None:
             self._check(value)
-        ctx.meta.setdefault(OWN, {})[param.name] = value
+        said(ctx).own[param.name or ""] = value

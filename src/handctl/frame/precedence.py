@@ -16,12 +16,7 @@ from handctl.frame.options import (
     COMMAND_LINE,
     ENVIRONMENT,
     FILE,
-    GIVEN,
     NAMED,
-    OWN,
-    PASSED_OVER,
-    SOURCES,
-    UNFIT,
     WITHOUT_DEVICE,
     WITHOUT_FILE,
     Settings,
@@ -31,21 +26,22 @@ from handctl.frame.options import (
     lasting_options,
     own_options,
     read_config,
+    said,
     words_of,
 )
 
 
 def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "", *, urgent: bool = False) -> Settings:
     """The settings of this command; with `device`, as `-d` with that name would have them. Where each comes from is
-    kept in the context's meta under SOURCES.
+    kept in its `Said`.
 
     Raises UsageError for an environment variable or a configuration file that cannot be understood. With `urgent` they
-    are passed over, each with its error in the meta under PASSED_OVER, as long as it is said which device it is.
+    are passed over, each with its error in `Said.passed_over`, as long as it is said which device it is.
     """
-    unfit: list[click.UsageError | UsageError] = ctx.meta.pop(UNFIT, [])
+    told = said(ctx)
+    given, unfit, told.unfit = told.given, told.unfit, []
     if unfit and not urgent:
         raise unfit[0]
-    given: dict[str, Any] = ctx.meta.get(GIVEN, {})
     chosen = _Chosen()
     for key in (*Settings._fields, *(option.key for option in own_options())):
         if key in given:
@@ -53,7 +49,7 @@ def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "", *, 
     if device:
         chosen.values["device"], chosen.sources["device"] = device, COMMAND_LINE
     options = lasting_options(wires)
-    passed: list[UsageError] = ctx.meta.setdefault(PASSED_OVER, [])
+    passed = told.passed_over
     passed += [exc if isinstance(exc, UsageError) else UsageError(exc.format_message()) for exc in unfit]
     _take_environment(ctx, chosen, options, passed if urgent else None)
     command = " ".join(words_of(ctx))
@@ -66,10 +62,10 @@ def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "", *, 
             passed.append(exc)
     if urgent:
         _no_catch(chosen, passed)
-    ctx.meta[SOURCES] = chosen.sources
+    told.sources = chosen.sources
     shared = {key: value for key, value in chosen.values.items() if key in Settings._fields}
     own = {key: value for key, value in chosen.values.items() if key not in shared}
-    return Settings(**shared, own={**own, **ctx.meta.get(OWN, {})})
+    return Settings(**shared, own={**own, **told.own})
 
 
 def _no_catch(chosen: _Chosen, passed: list[UsageError]) -> None:

@@ -9,82 +9,46 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any, TextIO
+from copy import copy
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from handctl.ending import end_on_signals, finish_on_signals, gave_up, served
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
-from handctl.frame.connection import Connection, beside
-from handctl.frame.console import TerminalGuide, print_message, print_writes
-from handctl.frame.envelope import as_told, device_row, from_click, interrupted, judged, make_envelope, weightier
-from handctl.frame.family import Family, implied, in_words, load
-from handctl.frame.filetypes import files_of
-from handctl.frame.options import SOURCES, Settings, Source, words_of
-from handctl.frame.premises import check_before, link_name, refuse_other_family, tell_unasked, unsent
+from handctl.frame.connection import Connection
+from handctl.frame.console import print_message, print_writes
+from handctl.frame.family import Family, implied
+from handctl.frame.invocation import Invocation, check_before, tell_unasked, unsent
+from handctl.frame.options import Settings
+from handctl.frame.outcome import as_told, device_row, from_click, interrupted, judged, make_envelope, weightier
 from handctl.model.result import Column, Table
 from handctl.screen.filter import text_shown
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
-    from handctl.frame.connection import Session
     from handctl.link import Link
-    from handctl.model.guide import Guide
-    from handctl.model.ledger import Ledger
     from handctl.model.param import Step
     from handctl.model.result import Message
     from handctl.stop.holding import Hold
 
-SESSION = "handctl.session"
-"""Key in click's shared meta: the session that a command belongs to."""
 NO_TERMINAL = "Confirmation needed, but this is not an interactive terminal"
 UNANSWERED = "add --yes to confirm, or --dry-run to see the bytes"
 
 
-class Run:
+class Run(Invocation):
     """One run of one command."""
 
     def __init__(self, ctx: click.Context, settings: Settings, family: Family | None) -> None:
-        from handctl.model.result import Journal
-
-        self.settings = settings
-        self.family = family
-        self.command = " ".join(words_of(ctx))
-        self.guide = self.person()
-        self.journal = Journal(self._show_message, self.guide.progress)
         self.live = False
-        self.listens = True
-        """Whether another process may ask this one to stop the device, by a signal."""
-        self.streams = bool(getattr(ctx.command, "streams", False))
-        self.sources: dict[str, Source] = ctx.meta.get(SOURCES, {})
-        self.meta = ctx.meta
-        self.writes = bool(getattr(ctx.command, "writes", False))
-        self.stops = bool(getattr(ctx.command, "stops", False))
         self._held: list[Message] = []
-        self.session: Session | None = ctx.meta.get(SESSION)
-        """The commands of which this is one, and what they have in common; None for one that stands alone."""
-        self.link: Link | None = None
-        self.in_use = self.streams
-        """Whether the simulated device of plain --fake is shown in use."""
+        super().__init__(ctx, settings, family)
         self.connection = Connection()
-        self.end: float | None = None
-        """When --deadline is over, by the clock of the link."""
-        self.opened: Any = None
         self.others: list[Run] = []
         """The same command at further LINKs, see `device_at`."""
-        self.inputs, self.outputs = files_of(ctx)
         self.outlet = ExitStack()
         """What is closed behind the last byte of output: the file of a command that runs others."""
-
-    def person(self) -> Guide:
-        """Who is talked with."""
-        return TerminalGuide(self.settings.quiet)
-
-    @property
-    def typed(self) -> TextIO:
-        """Where lines come from that a body reads beside its arguments."""
-        return sys.stdin
 
     def device(self) -> Any:
         """The device behind the link; opens it on first use. Raises UsageError, LinkError."""
@@ -98,23 +62,22 @@ class Run:
 
     def device_at(self, link: str, **settings: Any) -> Any:
         """A further device of this family, at another LINK, let go of with the first. Raises UsageError, LinkError."""
-        other = beside(self, link, settings)
+        from handctl.model.profile import Profile
+
+        other = copy(self)  # it says, counts and writes in the same place, but has a link, a lock and a line of its own
+        own = {**self.settings.own, **settings.pop("own", {})}
+        if self.end is not None and self.link is not None:
+            settings["deadline"] = max(self.end - self.link.now(), 0.001)
+        other.settings = self.settings._replace(
+            port=link, fake=False, wire=None, device=None, kind=None, own=own, **settings
+        )
+        other.connection = Connection(self.connection.trace)
+        other.link = other.opened = other.end = None
+        other.others = []
+        other.journal = copy(self.journal)
+        other.journal.line = Profile()
         self.others.append(other)
         return other.device()
-
-    def only_reads(self) -> None:
-        """This form of a command that may write or move does neither: it may do what reading commands may."""
-        self.writes = False
-
-    def planner(self) -> Any:
-        """The device without a link: can check and plan writes, cannot send."""
-        from handctl.link import NoFrames, NoLink, is_can
-
-        assert self.family is not None
-        refuse_other_family(self)
-        port = self.settings.port
-        can = self.settings.wire == "can" if port is None else is_can(port)
-        return self.family.open(NoFrames() if can else NoLink(), self.settings, self.journal)
 
     def open_link(self, *, again: bool = False, baud: int | None = None) -> Link:
         """The link the user asked for, tapped when --trace or -v is given; `again` where it was lost."""
@@ -150,43 +113,6 @@ class Run:
         from handctl.stop.holding import stop_key
 
         return stop_key(self.hold)
-
-    def link_name(self) -> str:
-        """The LINK: --port, or the simulator for --fake. Raises UsageError when neither is given; never picks one."""
-        return link_name(self)
-
-    @property
-    def keeps(self) -> bool:
-        """Whether what this command does to a simulated device is kept for the next one."""
-        return self.settings.fake and self.may_write and not self.settings.dry_run
-
-    @property
-    def owner(self) -> str:
-        """The command in whose name the device is held and recorded: this one, or that of its session."""
-        return self.command if self.session is None else self.session.command
-
-    @property
-    def may_write(self) -> bool:
-        """Whether something may be written while the link is open: by this command, or by another one of its session."""
-        return self.writes if self.session is None else self.session.writes
-
-    @property
-    def place(self) -> str:
-        """Where the LINK leads, the same for all names of one port."""
-        from handctl.link.lock import canonical
-
-        return canonical(self.link_name(), self.family.tcp_port if self.family is not None else None)
-
-    @property
-    def ledger(self) -> Ledger:
-        """What this command means to write and what came of it."""
-        ledger = self.journal.ledger
-        if self.writes and ledger.words is None and self.family is not None:
-            from functools import partial
-
-            ledger.words = load(self.family.kind, "writes").words()
-            ledger.explain = partial(in_words, self.family.kind)
-        return ledger
 
     def planned(self, steps: Sequence[Step]) -> Table | None:
         """Note in the ledger what is going to be written; the plan as a Table where --dry-run wants nothing more."""
@@ -361,8 +287,8 @@ class Run:
         """Let go of the link, unless the next command of a session can use it."""
         for other in self.others:
             failure = other.close(failure)
-        if self.session is not None and self.session.keeps(self, failure):
-            return failure or self.connection.trace_failure
+        if self.session is not None and self.session.keeps(self.connection, failure, self.journal):
+            return failure or self.connection.trace.failure
         return self.connection.close(failure, self.journal)
 
     def closing(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -372,7 +298,7 @@ class Run:
 
     def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]:
         """The JSON envelope without rows (cli contract, section 4)."""
-        failure = self.stopped or failure or self.connection.trace_failure
+        failure = self.stopped or failure or self.connection.trace.failure
         writes = {"writes": self.ledger.rows()} if self.writes and self.family is not None else {}
         more = {**(extra or {}), **writes, "line": self.journal.line.as_row()}
         counters = self.journal.counters.as_row()
@@ -383,7 +309,7 @@ class Run:
         """Whether a simulator answered."""
         return self.link is not None and self.link.fake
 
-    def _show_message(self, message: Message) -> None:
+    def heard(self, message: Message) -> None:
         if self.live:
             self._print_message(message)
         else:

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from typing import Any
 
 import click
 
 from handctl.errors import HandctlError, Interrupted, UsageError, joined
 from handctl.frame.call import Call
-from handctl.frame.filetypes import OutFile
 from handctl.frame.lines import Line, line
 from handctl.frame.options import config_path, read_config
 from handctl.frame.run import Run
+from handctl.frame.types import OutFile
 from handctl.model.result import Column, Grid, Row, Sample, Table
 from handctl.screen.render import default_view
 from handctl.sentence import plural
@@ -72,51 +72,45 @@ class Each:
     def __init__(self, name: str, one: Line) -> None:
         self.name = name
         self.line = one
-        self.run: Call | None = None
-        self.table: Table | None = None
+        self.run = Call(one.context, one.settings, one.leaf.family)
+        self.table = Table()
+        """Without columns until its body has returned one."""
         self.failure: HandctlError | None = None
-        self.thread: threading.Thread | None = None
 
     def work(self, take: Callable[[str, list[Row]], object]) -> None:
         """Carry it out, in a thread; samples of a stream are taken as they come. Never raises."""
-        one = self.line
-        self.run = run = Call(one.context, one.settings, one.leaf.family)
-        failure: HandctlError | None = None
+        one, run = self.line, self.run
         try:
-            self.table, failure = run.carried_out(one.leaf.body(one.context, run))
-            if failure is None and self.table is not None and self.table.samples is not None:
+            table, failure = run.carried_out(one.leaf.body(one.context, run))
+            self.table = table or self.table
+            if failure is None and self.table.samples is not None:
                 for rows in run.samples(self.table):
                     take(self.name, rows)
-                failure = run.failure
+                self.failure = run.failure
             else:
-                _, failure = run.ended(self.table, failure)
+                _, self.failure = run.ended(table, failure)
         except HandctlError as exc:
-            failure = exc
+            self.failure = exc
         except KeyboardInterrupt:
-            failure = Interrupted("interrupted")
+            self.failure = Interrupted("interrupted")
         except Exception as exc:  # noqa: BLE001 - a bug of ours must not hide the other devices
-            failure = HandctlError(f"internal error: {type(exc).__name__}: {exc}", code="internal")
+            self.failure = HandctlError(f"internal error: {type(exc).__name__}: {exc}", code="internal")
             run.close(None)
-        self.failure = failure
 
     def silence(self) -> None:
         """Its link sends nothing more: what reads ends soon. A stop goes on."""
-        if self.run is not None and self.run.link is not None and not self.line.leaf.stops:
+        if self.run.link is not None and not self.run.stops:
             self.run.link.fall_silent()
 
     @property
     def rows(self) -> list[Row]:
         """Its rows, with its name."""
-        return [{"device": self.name, **row} for row in self.table.rows] if self.table is not None else []
+        return [{"device": self.name, **row} for row in self.table.rows]
 
     def result(self, *, with_rows: bool) -> dict[str, Any]:
         """Its envelope."""
-        assert self.run is not None
-        extra = self.run.extra or (self.table.extra if self.table is not None else {})
-        envelope = {"name": self.name, **self.run.envelope(self.failure, extra)}
-        if with_rows:
-            envelope["rows"] = self.table.rows if self.table is not None else []
-        return envelope
+        envelope = {"name": self.name, **self.run.envelope(self.failure, self.run.extra or self.table.extra)}
+        return {**envelope, "rows": self.table.rows} if with_rows else envelope
 
 
 class Several(Run):
@@ -126,7 +120,7 @@ class Several(Run):
 
     @property
     def simulated(self) -> bool:
-        return bool(self.every) and all(each.run is not None and each.run.simulated for each in self.every)
+        return bool(self.every) and all(each.run.simulated for each in self.every)
 
 
 def run(words: Sequence[str], found: tuple[int, str, tuple[str, ...]]) -> None:
@@ -159,7 +153,7 @@ def _check(words: Sequence[str], every: Sequence[Each]) -> None:
     settings = every[0].line.settings
     if leaf.stops:  # no file and no format holds it up
         for each in every:
-            each.line = each.line._replace(settings=each.line.settings._replace(trace=None, wide=None))
+            each.run.settings = each.run.settings._replace(trace=None, wide=None)
         return
     if settings.format == "openmetrics" or settings.wide:
         what = "--wide" if settings.wide else "--format openmetrics"
@@ -186,18 +180,18 @@ def _together(whole: Several, every: Sequence[Each]) -> Table:
         each.work(lambda name, rows: came.put((name, rows)))
         came.put(None)
 
-    for each in every:
-        each.thread = threading.Thread(target=work, args=(each,), daemon=True)
-        each.thread.start()
+    threads = [threading.Thread(target=work, args=(each,), daemon=True) for each in every]
+    for thread in threads:
+        thread.start()
     if whole.streams:
-        while any(each.table is None and each.thread is not None and each.thread.is_alive() for each in every):
+        while any(not each.table.columns and thread.is_alive() for each, thread in zip(every, threads, strict=True)):
             clock.sleep(OPENING_SECONDS)
         columns = (DEVICE, *_columns(every))
         table = Table(columns=columns, live=False)
-        table.samples = _samples(whole, table, every, came)
+        table.samples = _samples(whole, table, every, _arrivals(every, threads, came))
         table.summary = lambda: {"results": [each.result(with_rows=False) for each in every]}
         return table
-    for _ in _arrivals(every, came):
+    for _ in _arrivals(every, threads, came):
         pass
     _tell(whole, every)
     return _merged(whole, every)
@@ -206,11 +200,13 @@ def _together(whole: Several, every: Sequence[Each]) -> Table:
 def _tell(whole: Several, every: Sequence[Each]) -> None:
     """What each device had to say; JSON has it where it belongs."""
     for each in every if whole.settings.format not in ("json", "ndjson") else ():
-        for message in each.run.journal.messages if each.run is not None else ():
+        for message in each.run.journal.messages:
             whole.journal.note(message.level, message.code, f"{each.name}: {message.text}", message.hint)
 
 
-def _arrivals(every: Sequence[Each], came: queue.SimpleQueue[Any]) -> Generator[tuple[str, list[Row]], None, None]:
+def _arrivals(
+    every: Sequence[Each], threads: Sequence[threading.Thread], came: queue.SimpleQueue[Any]
+) -> Generator[tuple[str, list[Row]], None, None]:
     """What the devices send, until all have ended. Left early, they end soon."""
     left = len(every)
     try:
@@ -227,13 +223,14 @@ def _arrivals(every: Sequence[Each], came: queue.SimpleQueue[Any]) -> Generator[
         if left:
             for each in every:
                 each.silence()
-            for each in every:
-                if each.thread is not None:
-                    each.thread.join(LEAVE_SECONDS)
+            for thread in threads:
+                thread.join(LEAVE_SECONDS)
 
 
-def _samples(whole: Several, table: Table, every: Sequence[Each], came: queue.SimpleQueue[Any]) -> Iterator[Sample]:
-    for name, rows in _arrivals(every, came):
+def _samples(
+    whole: Several, table: Table, every: Sequence[Each], arrivals: Iterable[tuple[str, list[Row]]]
+) -> Iterator[Sample]:
+    for name, rows in arrivals:
         yield Sample(rows[0].get("t", 0.0) if rows else 0.0, tuple({"device": name, **row} for row in rows))
     _tell(whole, every)
     table.failure = _failure(every)
@@ -243,7 +240,7 @@ def _columns(every: Sequence[Each]) -> tuple[Column, ...]:
     """The columns of all tables, those of one family as they are."""
     found: dict[str, Column] = {}
     for each in every:
-        for column in each.table.columns if each.table is not None else ():
+        for column in each.table.columns:
             found.setdefault(column.key, column)
     return tuple(found.values())
 
@@ -251,8 +248,7 @@ def _columns(every: Sequence[Each]) -> tuple[Column, ...]:
 def _merged(whole: Several, every: Sequence[Each]) -> Table:
     in_json = whole.settings.format in ("json", "ndjson")
     rows = whole.settings.format == "json"
-    tables = [each.table for each in every if each.table is not None]
-    plain = tables[0].plain if tables else ()
+    plain = next((each.table.plain for each in every if each.table.columns), ())
     return Table(
         rows=[] if rows else [row for each in every for row in each.rows],
         columns=(DEVICE, *_columns(every)),
@@ -268,7 +264,7 @@ def _grids(every: Sequence[Each]) -> list[Grid]:
     merged: dict[tuple[str, ...], Grid] = {}
     for each in every:
         table = each.table
-        if table is None or not table.rows:
+        if not table.rows:
             continue
         for grid in table.view(table.rows) if table.view is not None else default_view(table):
             lines = tuple((each.name, *cells) for cells in grid.lines)

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 from handctl import __version__
 from handctl.errors import CheckFailed, OutputError, UsageError, joined
 from handctl.files import atomic_write, read_text, why_unwritable
+from handctl.model.device import question, released
 from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Element, Number, ParamMap, Step, elements_of
-from handctl.model.pending import question, released
 from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:

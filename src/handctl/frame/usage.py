@@ -18,14 +18,12 @@ import click
 
 from handctl.families import FAMILIES
 from handctl.frame.family import Family
-from handctl.frame.options import CONNECTION, OUTPUT, WRITING, SharedOption, own_options, shared_options, words_of
+from handctl.frame.options import CONNECTION, OUTPUT, WRITING, SharedOption, own_options, said, shared_options, words_of
 
 MOST = 1000
 """Characters of a first sentence: all of it."""
 HEADINGS = ("Look", "Move", "Settings", "Service", "Files")
 """What a technician wants to do: the commands of a family are listed below these, in this order."""
-BARE = "handctl.bare"
-"""Key in click's shared meta: no word that is parsed is an option, so that none need be looked for."""
 USUAL = ("status", "dump", "get", "watch", "describe", "stop", "set", "report", "doctor", "snapshot", "diff", "restore")
 """What every device has stands first below its heading, in this order."""
 
@@ -58,12 +56,13 @@ class NoCommand(click.UsageError):
 @contextmanager
 def bare(ctx: click.Context, words: Sequence[str]) -> Iterator[None]:
     """While these words are parsed: where none of them is an option, none is looked for."""
-    before = ctx.meta.get(BARE, False)
-    ctx.meta[BARE] = before or not (ctx.resilient_parsing or any(word.startswith("-") for word in words))
+    told = said(ctx)
+    before = told.bare
+    told.bare = before or not (ctx.resilient_parsing or any(word.startswith("-") for word in words))
     try:
         yield
     finally:
-        ctx.meta[BARE] = before
+        told.bare = before
 
 
 def need_command(ctx: click.Context, args: Sequence[str]) -> None:
@@ -119,7 +118,7 @@ class Described(click.Command):
     def refused(self) -> frozenset[str]:
         """Common options that this command cannot use, by key; "" stands for all that concern a link.
 
-        Who gives one all the same is told why (`frame.premises`, `clikit.Command`).
+        Who gives one all the same is told why (`frame.invocation`, `clikit.Command`).
         """
         keys = set() if self.writes else {"dry_run", "yes"}
         if not self.writes and self.family is None:
@@ -132,7 +131,7 @@ class Described(click.Command):
         return frozenset(keys)
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        if ctx.meta.get(BARE):
+        if said(ctx).bare:
             return super().get_params(ctx)
         if self._shared is None:
             family = self.family

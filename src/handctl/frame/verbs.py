@@ -9,8 +9,8 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError, joined
+from handctl.model.device import question, released
 from handctl.model.param import PUSHES, Element, Number, Param, ParamMap, Reading, Step
-from handctl.model.pending import question, released
 from handctl.model.result import Column, Row, Sample, Table
 
 if TYPE_CHECKING:

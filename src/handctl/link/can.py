@@ -76,7 +76,6 @@ def _opening(interface: str, channel: str, bitrate: int) -> str:
 
 
 NO_ACK_HINT = "check the hand's power, CAN high and low, the termination (120 ohm at both ends) and the bitrate"
-LOST_HINT = "check the adapter's cable, then run the command again"
 ENOUGH = 20
 """Frames that show a bitrate to be right."""
 
@@ -182,11 +181,7 @@ class CanLink(FrameLink):
             try:
                 message = self._next(min(POLL_SECONDS, deadline.remaining))
             except (can.CanError, OSError, ValueError, IndexError) as exc:
-                raise LinkError(
-                    f"{self.name}: the bus is lost: {exc}",
-                    hint=LOST_HINT,
-                    code="lost",
-                ) from exc
+                raise self._lost(exc) from exc
             if self._slcan is not None:
                 self._count(self._slcan)
             if message is not None and message.is_error_frame:
@@ -202,6 +197,13 @@ class CanLink(FrameLink):
                 return CanFrame(message.arbitration_id, bytes(message.data))
             if deadline.expired:
                 return None
+
+    def _lost(self, exc: Exception) -> LinkError:
+        return LinkError(
+            f"{self.name}: the bus is lost: {exc}",
+            hint="check the adapter's cable, then run the command again",
+            code="lost",
+        )
 
     def _next(self, seconds: float) -> can.Message | None:
         """The next frame. python-can's own `recv` looks at the time of day: it goes on waiting when that is set back."""
@@ -222,7 +224,7 @@ class CanLink(FrameLink):
             try:
                 return self._asked(self._slcan, self.error_frames > before)
             except (can.CanError, OSError, ValueError) as exc:
-                raise LinkError(f"{self.name}: the bus is lost: {exc}", hint=LOST_HINT, code="lost") from exc
+                raise self._lost(exc) from exc
         with contextlib.suppress(can.CanError, OSError, ValueError, NotImplementedError):
             self._left = self._left or self._bus.state is can.BusState.ERROR
         return Trouble("bus-off", "The interface reports it") if self._left else super().trouble(before)
@@ -265,7 +267,7 @@ class CanLink(FrameLink):
         except ValueError:
             return 0, False  # this adapter has not that bitrate
         except (can.CanError, OSError) as exc:
-            raise LinkError(f"{self.name}: the bus is lost: {exc}", hint=LOST_HINT, code="lost") from exc
+            raise self._lost(exc) from exc
 
     def resume(self) -> None:
         if self._slcan is not None:

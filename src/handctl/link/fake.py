@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from handctl.digits import number_in
@@ -103,15 +103,20 @@ class _Simulated(Link):
         else:
             clock.sleep(max(0.0, moment - clock.now()))
 
-    def _exchange(self) -> None:
-        """Something is sent: time may not stand still for ever."""
-        if self._virtual is None:
-            return
-        since, count = self._stands
-        self._stands = self._virtual, count + 1 if since == self._virtual else 1
-        if count >= STANDSTILL:
-            self._virtual += EXCHANGE
-            self._stands = self._virtual, count
+    def _say(self, feed: Callable[..., object], *what: Any) -> None:
+        """Send this. Time may not stand still for ever meanwhile."""
+        if self._virtual is not None:
+            since, count = self._stands
+            self._stands = self._virtual, count + 1 if since == self._virtual else 1
+            if count >= STANDSTILL:
+                self._virtual += EXCHANGE
+                self._stands = self._virtual, count
+        self._line.advance(self.now())
+        self._check()
+        try:
+            feed(*what)
+        except OSError as exc:
+            raise self._state_lost(exc) from exc
 
     def _wait(self, deadline: Deadline) -> bool:
         """Sleep until the simulator may have something, or until `deadline`; False when that has passed."""
@@ -161,13 +166,7 @@ class FakeLink(_Simulated, ByteLink):
         self._line.client_baud = baud
 
     def write(self, data: bytes, deadline: Deadline) -> None:
-        self._exchange()
-        self._line.advance(self.now())
-        self._check()
-        try:
-            self._line.feed(data)
-        except OSError as exc:
-            raise self._state_lost(exc) from exc
+        self._say(self._line.feed, data)
 
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:
         while True:
@@ -207,13 +206,7 @@ class FakeFrames(_Simulated, FrameLink):
         self._arrived: list[tuple[int, bytes]] = []
 
     def send(self, frame: CanFrame, deadline: Deadline) -> None:
-        self._exchange()
-        self._line.advance(self.now())
-        self._check()
-        try:
-            self._line.feed_frame(frame.can_id, frame.data)
-        except OSError as exc:
-            raise self._state_lost(exc) from exc
+        self._say(self._line.feed_frame, frame.can_id, frame.data)
         if not self._line.acknowledged:
             self.error_frames += 1
 

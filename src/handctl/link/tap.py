@@ -226,11 +226,12 @@ READER_SECONDS = 0.3
 """How long a line waits for who reads along. No longer: a motor may turn meanwhile."""
 
 
-class TraceFile:
+class TraceFile(Tap):
     """A transcript that is being written. `failure` says why it ends early; what is on the line goes on all the same."""
 
     def __init__(self, path: str | None, header: str, verbose: bool) -> None:
         """Begin with a line of comment. Raises OutputError: nothing has been sent yet."""
+        super().__init__(self.write)
         self.failure: OutputError | None = None
         self._path = path
         self._verbose = verbose

@@ -11,11 +11,10 @@ from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, S
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Protocol, TypedDict, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypedDict, TypeVar
 
 from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, NotIdentified, ProtocolError, joined
 from handctl.model.param import Element, Number, ParamMap, Reading, elements_of
-from handctl.model.pending import Course, Release
 from handctl.model.result import Column, Grid, Journal, Row, Table
 from handctl.model.stopping import (
     Aim,
@@ -137,10 +136,12 @@ class Line:
 
         Where --deadline has cut that short it tells so, and the seconds that were really waited.
         """
-        waited = f"within {allowed:g} s"
-        if self.over and (seconds := self.link.now() - since) < allowed:
-            waited = f"before --deadline was over, after {round(seconds, 2):g} s"
-        return NoAnswer(f"{self.where}: no answer to {request} {waited}", hint=hint)
+        seconds = self.link.now() - since
+        bounded = self.over and seconds < allowed
+        waited = f"before --deadline was over, after {round(seconds, 2):g} s" if bounded else f"within {allowed:g} s"
+        error = NoAnswer(f"{self.where}: no answer to {request} {waited}", hint=hint)
+        error.bounded = bounded
+        return error
 
 
 class Device(ABC):
@@ -154,7 +155,7 @@ class Device(ABC):
     beside       what a person at the live view sees too, where no quantity was named; `slowly` once a second
     scales       ends of the live view's bars where no range is documented: ours, and wider as soon as more is seen
     worn         a person may wear it: what moves it is asked for first
-    courses      set-points and where they lead, `releases` the writes that let an axis go there (`model.pending`)
+    courses      set-points and where they lead, `releases` the writes that let an axis go there (`Course`, `Release`)
     not_covered  what a snapshot cannot hold, told by `restore`
 
     A family writes `read`, `named`, `valued` and `view`; `plan` and `write` where values can be set by name; and overrides
@@ -432,3 +433,96 @@ class Gate:
         if not any(message.code == "identity-assumed" for message in journal.messages):
             text = "the device's identity was not checked, because of --assume-identity"
             journal.warn("identity-assumed", text)
+
+
+# -- what a write would let go --------------------------------------------------------------------------------------
+
+
+class Course(NamedTuple):
+    """Names of a set-point and of what shows where the axis is; `near` counts as there.
+
+    closing  1 or -1: whether the axis closes as the number grows or falls; 0 = not known
+    """
+
+    target: str
+    actual: str
+    near: Number
+    closing: int = 0
+
+    def closes(self, here: Number, target: Number) -> bool:
+        """Whether going from here to there closes, as far as that is known."""
+        return self.closing == 0 or (target - here) * self.closing > 0
+
+
+class Release(NamedTuple):
+    """Writing the quantity `by` may let an axis go.
+
+    held   what shows whether it is held by that now
+    frees  (the number it holds now, the number that is written) -> whether it is let go
+    closing  only axes that would close are held by it
+    """
+
+    by: str
+    held: str
+    frees: Callable[[Number, Number], bool]
+    closing: bool = False
+
+
+class Pending(NamedTuple):
+    """An axis that would move."""
+
+    part: str
+    target: str
+    here: Number
+    there: Number
+
+    def __str__(self) -> str:
+        return f"{self.part} from {self.here} to {self.there} ({self.target})"
+
+
+def released(device: Device, changes: Sequence[tuple[Element, Number]]) -> list[Pending]:
+    """The axes that these writes would let go, from what the device tells now. Raises what kept it from being read."""
+    freed: dict[tuple[str, bool], None] = {}
+    for release in device.releases:
+        written = {element.part: value for element, value in changes if element.param.name == release.by}
+        if not written:
+            continue
+        whole = None in written  # a trigger concerns all axes
+        parts = [one for one in elements_of(device.map[release.held]) if whole or one.part in written]
+        for element, old in zip(parts, _values(device, parts), strict=True):
+            if release.frees(old, written[None if whole else element.part]):
+                freed[element.part or "", release.closing] = None
+    if not freed:
+        return []
+    found: dict[Pending, None] = {}
+    for course in device.courses:
+        wanted = {part for part, _ in freed}
+        targets = [one for one in elements_of(device.map[course.target]) if one.part in wanted]
+        places = [one for one in elements_of(device.map[course.actual]) if one.part in wanted]
+        values = _values(device, [*targets, *places])
+        at = dict(zip((one.full_name for one in (*targets, *places)), values, strict=True))
+        for element in targets:
+            part = element.part or ""
+            there, here = at[element.full_name], at.get(f"{course.actual}.{part}")
+            if here is None or there in element.param.special or abs(there - here) <= course.near:
+                continue
+            if (part, False) in freed or course.closes(here, there):
+                found[Pending(part, course.target, here, there)] = None
+    return list(found)
+
+
+def _values(device: Device, elements: Sequence[Element]) -> list[Number]:
+    values = []
+    for reading in device.read(elements):
+        if reading.error is not None:
+            raise reading.error
+        assert reading.value is not None
+        values.append(reading.value)
+    return values
+
+
+def question(waiting: Sequence[Pending]) -> str:
+    """What is asked before such a write."""
+    text = f"This moves {', '.join(map(str, waiting))}: targets that are set and were not reached"
+    twice = len({one.part for one in waiting}) < len(waiting)
+    return f"{text}. Of two targets of a finger, the one that was set last counts" if twice else text

@@ -15,9 +15,10 @@ have another master.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from itertools import groupby
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar
 
 from handctl.errors import DeviceRefused, HandctlError, Interrupted, Left, LinkError, NoAnswer, ProtocolError
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from handctl.link import ByteLink, Deadline, FrameLink, Link
     from handctl.model.guide import Guide
     from handctl.model.ledger import Ledger
-    from handctl.model.result import Counters
 
 WRITE_SECONDS = 1.0
 EACH, WITHIN = 0.15, 1.0
@@ -375,17 +375,17 @@ def _frames(link: FrameLink, say: Say, pieces: Pieces, went: Callable[[], None])
                 return
 
 
+def runs(sent: Iterable[Sent]) -> Iterator[tuple[Sent, int]]:
+    """The steps, each with how often it went out running; of its answers the last."""
+    for _, group in groupby(sent, key=lambda one: one.step):
+        alike = list(group)
+        yield alike[0]._replace(came=next((one.came for one in reversed(alike) if one.came), b"")), len(alike)
+
+
 def shown(sent: Sequence[Sent]) -> str:
     """What went out, without what only asked: ``03, 54 0D``; the same step several times running is counted."""
-    runs: list[tuple[Step, int]] = []
-    for one in sent:
-        if one.reads:
-            continue
-        if runs and runs[-1][0] == one.step:
-            runs[-1] = (one.step, runs[-1][1] + 1)
-        else:
-            runs.append((one.step, 1))
-    return ", ".join(step.wire + (f" ({count} times)" if count > 1 else "") for step, count in runs)
+    found = runs(one for one in sent if not one.reads)
+    return ", ".join(one.step.wire + (f" ({times} times)" if times > 1 else "") for one, times in found)
 
 
 # -- what is left behind when something ends in the middle ----------------------------------------------------------
@@ -396,11 +396,17 @@ AGAIN = Stopped(
 )
 
 
+class Counted(Protocol):
+    """The counters of a journal."""
+
+    writes: int
+
+
 @contextmanager
 def leaving(
     left: Left,
     *,
-    since: Counters | None = None,
+    since: Counted | None = None,
     by: type[HandctlError] = LinkError,
     interrupt: bool = True,
 ) -> Iterator[None]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from handctl import errors
 from handctl.errors import DeviceRefused, HandctlError, LinkError, UsageError
-from handctl.frame.options import COMMAND_LINE, NAMED, PASSED_OVER
+from handctl.frame.options import COMMAND_LINE, NAMED
 from handctl.link import Deadline
 from handctl.link.lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock
 from handctl.model.result import Column, Table
@@ -46,7 +46,7 @@ def stop(run: Run, talk: Callable[[Aim], Talk] | None = None, otherwise: Callabl
         return run.dry_run(_plan(run, talk))
     name = run.link_name()
     until = None if run.settings.deadline is None else Deadline(clock.now, began + run.settings.deadline)
-    for problem in run.meta.get(PASSED_OVER, ()):
+    for problem in run.said.passed_over:
         run.journal.warn("passed-over", problem.text, problem.hint)
     if run.session is not None and not run.session.has(run):
         run.session = None  # only what a session has open it stops itself

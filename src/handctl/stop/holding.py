@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from handctl.errors import HandctlError, Interrupted, LinkError
 
 if TYPE_CHECKING:
-    from handctl.frame.run import Run
+    from handctl.frame.invocation import Invocation
     from handctl.link import Deadline, Link
     from handctl.link.lock import Lock
     from handctl.model.stopping import Aim, Sent, Stopped, Talk
@@ -31,7 +31,7 @@ LONG = 60
 """Characters of sent bytes that fit into a message."""
 
 
-def lock_for(run: Run, name: str, patience: float | None = None) -> Lock | None:
+def lock_for(run: Invocation, name: str, patience: float | None = None) -> Lock | None:
     """The lock of the LINK `name`, None where nobody else can reach it. Raises InUse, LinkError.
 
     `patience`: seconds for the last stop of a holder that died, None as long as one takes, but 0 in a command that stops.
@@ -63,7 +63,7 @@ class Hold:
     link   the open link, None before it is
     """
 
-    def __init__(self, run: Run, lock: Lock | None) -> None:
+    def __init__(self, run: Invocation, lock: Lock | None) -> None:
         """Others are heard from now on, but by a command that stops itself."""
         self.stopped: HandctlError | None = None
         self.link: Link | None = None
@@ -103,7 +103,7 @@ class Hold:
         self.link = link
         return link
 
-    def serve(self, run: Run) -> None:
+    def serve(self, run: Invocation) -> None:
         """The next command of a session has the device from now on."""
         self._run = run
 
@@ -161,6 +161,11 @@ class Hold:
     def _answer(self) -> dict[str, Any]:
         return self.stop("stopped at the request of another handctl command")
 
+    def pressed(self, frame: Any) -> None:
+        """The stop key of a live view."""
+        self.stop("stopped by the key s")
+        self.end(frame)
+
     def end(self, frame: Any) -> None:
         """The way of Ctrl-C, whatever that is just now. Where it only counts, the next write ends the command."""
         from handctl.system import signals
@@ -170,7 +175,7 @@ class Hold:
 
 
 def stopped_at(
-    run: Run,
+    run: Invocation,
     link: Link,
     sent: list[Sent],
     talk: Callable[[Aim], Talk] | None = None,
@@ -202,34 +207,36 @@ def report(stopped: Stopped | None, sent: Sequence[Sent], *, refused: bool = Fal
 
 def rows(sent: Sequence[Sent]) -> list[dict[str, Any]]:
     """What went out and what came back, a row a step; what was sent several times running is one row."""
-    found: list[dict[str, Any]] = []
-    last = None
-    for one in sent:
-        came = _short(one.came)
-        if last is not None and one.step == last:
-            found[-1]["times"] += 1
-            found[-1]["answer"] = came or found[-1]["answer"]
-            continue
-        last = one.step
-        step = {"step": len(found) + 1, "bytes": one.step.wire, "meaning": one.step.meaning}
-        found.append({**step, "reads": one.reads, "times": 1, "answer": came})
-    return found
+    from handctl.model.stopping import runs
+
+    return [
+        {
+            "step": at,
+            "bytes": step.wire,
+            "meaning": step.meaning,
+            "reads": reads,
+            "times": times,
+            "answer": _short(came),
+        }
+        for at, ((step, reads, came), times) in enumerate(runs(sent), 1)
+    ]
 
 
 def wire(sent: Sequence[Sent]) -> list[dict[str, Any]]:
     """What passed on the wire, for the ledger of who asked: a step as often as it went out, and what came back last."""
-    found: list[dict[str, Any]] = []
-    last = None
-    for one in sent:
-        came = one.came[:MOST_CAME].hex()
-        if one.step == last:
-            found[-1]["times"] += 1
-            found[-1]["came"] = came or found[-1]["came"]
-        elif not one.reads:
-            step = {"data": one.step.data.hex(), "can_id": one.step.can_id, "meaning": one.step.meaning}
-            found.append({**step, "times": 1, "came": came})
-        last = None if one.reads else one.step
-    return found
+    from handctl.model.stopping import runs
+
+    return [
+        {
+            "data": step.data.hex(),
+            "can_id": step.can_id,
+            "meaning": step.meaning,
+            "times": times,
+            "came": came[:MOST_CAME].hex(),
+        }
+        for (step, reads, came), times in runs(sent)
+        if not reads
+    ]
 
 
 def _short(data: bytes) -> str | None:
@@ -243,7 +250,7 @@ def stop_key(hold: Hold | None) -> Iterator[bool]:
     """While it lasts the key s on the terminal stops the device; whether there is such a key."""
     from handctl.stop.wish import StopKey
 
-    key = StopKey.on_terminal(hold) if hold is not None else None
+    key = StopKey.on_terminal(hold.pressed) if hold is not None else None
     try:
         yield key is not None
     finally:

@@ -13,13 +13,10 @@ import os
 import sys
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from handctl.frame.console import is_terminal
 from handctl.system import clock, local, signals, terminal
-
-if TYPE_CHECKING:
-    from handctl.stop.holding import Hold
 
 HEARD_SECONDS = 0.3
 """A holder that does not answer within this is asleep, or blocked."""
@@ -132,22 +129,21 @@ KEY = b"s"
 class StopKey:
     """Waits for the key until it is closed; then the terminal is as it was."""
 
-    def __init__(self, hold: Hold, descriptor: int) -> None:
-        """Raises `terminal.TROUBLE` where it cannot be."""
-        self._hold = hold
+    def __init__(self, pressed: Callable[[Any], None], descriptor: int) -> None:
+        """`pressed` is called with the frame. Raises `terminal.TROUBLE` where it cannot be."""
         self._keys = terminal.Listener(descriptor)
-        self._bell = signals.Bell(self._pressed)
+        self._bell = signals.Bell(pressed)
         self._thread = threading.Thread(target=self._wait, daemon=True)
         self._thread.start()
 
     @classmethod
-    def on_terminal(cls, hold: Hold) -> StopKey | None:
+    def on_terminal(cls, pressed: Callable[[Any], None]) -> StopKey | None:
         """The key, where a person can press one: stdin is a terminal, this is the job in front, and its main thread."""
         if not is_terminal(sys.stdin) or threading.current_thread() is not threading.main_thread():
             return None
         descriptor = sys.stdin.fileno()
         try:
-            return cls(hold, descriptor) if terminal.in_front(descriptor) else None
+            return cls(pressed, descriptor) if terminal.in_front(descriptor) else None
         except terminal.TROUBLE:
             return None
 
@@ -163,7 +159,3 @@ class StopKey:
             if KEY in came.lower():
                 self._bell.ring()
                 return
-
-    def _pressed(self, frame: Any) -> None:
-        self._hold.stop("stopped by the key s")
-        self._hold.end(frame)

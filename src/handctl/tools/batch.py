@@ -5,8 +5,8 @@ from __future__ import annotations
 import click
 
 from handctl.frame.clikit import Command
-from handctl.frame.filetypes import InFile
 from handctl.frame.run import Run
+from handctl.frame.types import InFile
 from handctl.model.result import Table
 
 
@@ -25,7 +25,7 @@ def cli(context: click.Context, file: str, keep_going: bool) -> Table | None:
     apply to every line that does not set its own. handctl checks all lines before it sends anything. If some lines
     need confirmation, it lists them and asks once. The exit code is that of the first line that failed.
     """
-    from handctl.frame.batch import batch
+    from handctl.frame.lines import batch
 
     run: Run = context.obj
     return batch(run, context, file, keep_going=keep_going)

@@ -20,19 +20,19 @@ from handctl.files import read_text
 from handctl.frame.clikit import Group
 from handctl.frame.devicefile import stable_name
 from handctl.frame.family import Family, refuse_missing, refuse_serial
-from handctl.frame.filetypes import InFile
 from handctl.frame.options import (
     COMMAND_LINE,
-    SOURCES,
     Settings,
     Source,
     checks,
     config_path,
     own_options,
     read_config,
+    said,
 )
 from handctl.frame.precedence import resolve
 from handctl.frame.run import Run
+from handctl.frame.types import InFile
 from handctl.link.base import SCHEMES
 from handctl.model.result import Column, Row, Table
 from handctl.tools.probes import family_of
@@ -171,7 +171,7 @@ def show(run: Run, name: str | None) -> Table:
     """
     ctx = click.get_current_context()
     settings = resolve(ctx, WIRES, name or "")
-    sources: dict[str, Source] = ctx.meta[SOURCES]
+    sources = said(ctx).sources
     own = {option.key: False if option.flag else None for option in own_options()}
     values = {key: getattr(settings, key) for key in Settings._fields if key != "own"}
     values |= {key: settings.own.get(key, own[key]) for key in sorted(own)}

@@ -19,7 +19,7 @@ def cli(context: click.Context, family: str | None) -> None:
     quantities, and the history is kept. If the port was lost, the next line opens it again. Ctrl-C stops a movement,
     Ctrl-D ends the shell.
     """
-    from handctl.frame.shell import shell
+    from handctl.frame.lines import shell
 
     run: Run = context.obj
     shell(run, context, family or "")

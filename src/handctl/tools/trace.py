@@ -14,8 +14,8 @@ import click
 from handctl.errors import CheckFailed, HandctlError, UsageError
 from handctl.families import FAMILIES
 from handctl.frame.clikit import Group
-from handctl.frame.filetypes import InFile
 from handctl.frame.run import Run
+from handctl.frame.types import InFile
 from handctl.model.piece import DEVICE, HOST
 
 if TYPE_CHECKING:

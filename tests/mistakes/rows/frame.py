@@ -2,14 +2,14 @@
 
 from tests.mistakes.table import mistake
 
-BATCH = "handctl.frame.batch"
+BATCH = "handctl.frame.lines"
 SESSION = "handctl.frame.connection"
 
 ROWS = (
     mistake(
         "frame-full-disk-hides-the-device",
         "wrong exit code",
-        "handctl.frame.envelope",
+        "handctl.frame.outcome",
         "weightier",
         "if error is None or isinstance(error, OutputError):",
         "if error is not lost:",
@@ -65,7 +65,7 @@ ROWS = (
         "two locks",
         SESSION,
         "Session.connection",
-        "for other in [other for other in self._open if other.link == key.link]:",
+        "for other in [other for other, one in self._open.items() if one.name == name]:",
         "for other in ():",
         "tests/kernel/test_batch.py::test_one_place_is_open_once",
     ),

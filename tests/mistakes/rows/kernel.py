@@ -381,7 +381,7 @@ ROWS = (
     mistake(
         "vector-name-of-a-neighbour",
         "finger swapped",
-        "handctl.model.vectors",
+        "handctl.model.param",
         "_pairs",
         "found[index] = value",
         "found[max(index - 1, 0)] = value",

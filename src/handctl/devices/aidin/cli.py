@@ -17,8 +17,8 @@ from handctl.frame.clikit import Group, stream_options, suspendable
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.numbers import NEGATIVE_NUMBERS, FiniteRange
 from handctl.frame.run import Run
+from handctl.frame.types import NEGATIVE_NUMBERS, FiniteRange
 from handctl.model.device import Gate, limits_of
 from handctl.model.param import Step
 from handctl.model.result import Table

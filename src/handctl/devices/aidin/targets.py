@@ -12,8 +12,7 @@ from math import ceil, degrees, isfinite, radians
 from handctl.devices.aidin.map import CURRENTS, AidinParam, Target, both_ranges, some
 from handctl.errors import CheckFailed, UsageError
 from handctl.model import moving
-from handctl.model.param import Number
-from handctl.model.vectors import given
+from handctl.model.param import Number, given
 
 SLACK = 0.01
 """Share of a range by which a measured value that is kept may be outside: it is held at the limit then."""

@@ -33,10 +33,9 @@ from handctl.frame import stored, verbs
 from handctl.frame.clikit import Group
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
-from handctl.frame.filetypes import InFile
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.numbers import WholeRange
 from handctl.frame.run import Run
+from handctl.frame.types import InFile, WholeRange
 from handctl.model.device import limits_of
 from handctl.model.param import Element, Number, Step
 from handctl.model.result import Column, Table

@@ -19,11 +19,10 @@ from handctl.errors import UsageError
 from handctl.frame import stored, verbs
 from handctl.frame.clikit import Command, Group, log_options
 from handctl.frame.family import Family
-from handctl.frame.filetypes import InFile, OutFile
 from handctl.frame.mapverbs import NAMES, add_map_verbs
-from handctl.frame.numbers import FiniteRange, WholeRange
 from handctl.frame.options import Own
 from handctl.frame.run import Run
+from handctl.frame.types import FiniteRange, InFile, OutFile, WholeRange
 from handctl.model.device import Gate, limits_of
 from handctl.model.result import Column, Table
 

@@ -14,9 +14,8 @@ import click
 from handctl.devices.inspire.map import address_in
 from handctl.errors import HandctlError, UsageError
 from handctl.frame import stored, verbs
-from handctl.frame.filetypes import OutFile
-from handctl.frame.numbers import Seconds
 from handctl.frame.run import Run
+from handctl.frame.types import OutFile, Seconds
 from handctl.model.param import Element, ParamMap, Step
 from handctl.model.result import Table
 

@@ -7,8 +7,8 @@ import click
 from handctl.devices.barrett.gcl.language import motor_prefix
 from handctl.errors import UsageError
 from handctl.frame.clikit import Group, stream_options
-from handctl.frame.numbers import WholeRange
 from handctl.frame.run import Run
+from handctl.frame.types import WholeRange
 from handctl.model.result import Column, Table
 
 PROCEDURE_NAMES = ("lubrication", "fasteners", "pretension", "strain", "firmware")

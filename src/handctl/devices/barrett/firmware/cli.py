@@ -10,9 +10,8 @@ from handctl.devices.barrett.views import CHECKED, LABEL, MOTOR, NAME
 from handctl.errors import CheckFailed, UsageError
 from handctl.files import read
 from handctl.frame.clikit import Group
-from handctl.frame.filetypes import InFile
-from handctl.frame.numbers import WholeRange
 from handctl.frame.run import Run
+from handctl.frame.types import InFile, WholeRange
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.sentence import plural
 

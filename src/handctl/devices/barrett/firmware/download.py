@@ -172,13 +172,15 @@ class Loader:
         self._guide.done()
         came = f", received {heard[:48].hex(' ').upper()}" if heard else ""
         bound = " (--deadline)" if seconds < READY_SECONDS else ""
-        raise NoAnswer(
+        error = NoAnswer(
             f"{link.name}: no boot monitor (:) within {seconds:.0f} s{bound}{came}",
             hint=f"{MISSED} Nothing was loaded."
             if missed
             else "check the cable and the port, then switch the power supply off for 5 seconds and on again. Nothing was loaded.",
             code="no-monitor",
         )
+        error.bounded = bool(bound)
+        raise error
 
     # -- sending -------------------------------------------------------------------------------------------------
 

@@ -11,9 +11,8 @@ from handctl.devices.barrett.gcl.language import encode
 from handctl.devices.barrett.views import DOUBT, MOTOR, NAME, UNIT, VALUE
 from handctl.errors import UsageError
 from handctl.frame.clikit import Group, streaming, suspendable
-from handctl.frame.filetypes import InFile
-from handctl.frame.numbers import WholeRange
 from handctl.frame.run import Run
+from handctl.frame.types import InFile, WholeRange
 from handctl.model.param import Step
 from handctl.model.result import Column, Table
 

@@ -17,8 +17,8 @@ from handctl.frame.clikit import Group
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.numbers import NEGATIVE_NUMBERS, Seconds
 from handctl.frame.run import Run
+from handctl.frame.types import NEGATIVE_NUMBERS, Seconds
 from handctl.model.device import limits_of
 from handctl.model.result import Table
 

@@ -18,13 +18,12 @@ from handctl.devices.inspire.identity import identify_alone
 from handctl.devices.inspire.map import ALONE, BAUD_RATES, EXO, FINGERS, OVER_TEMPERATURE, pushes
 from handctl.devices.inspire.registers import may_still_move
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.model.device import Course, Release
 from handctl.model.guide import Guide
 from handctl.model.moving import REACHED, Goal, Seen, Stillness
-from handctl.model.param import Element, Number, Reading, Step, elements_of
-from handctl.model.pending import Course, Release
+from handctl.model.param import Element, Number, Reading, Step, elements_of, given
 from handctl.model.result import Cell, Grid, Row, Table
 from handctl.model.stopping import stopped_by_ctrl_c
-from handctl.model.vectors import given
 
 LIVE = ("position_actual", "force_actual", "current", "error", "temperature")
 """What changes by itself: the default of `watch`."""

@@ -33,14 +33,13 @@ from handctl.frame.clikit import Group, streaming
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.numbers import NEGATIVE_NUMBERS, Seconds
 from handctl.frame.run import Run
+from handctl.frame.types import NEGATIVE_NUMBERS, Seconds
 from handctl.frame.verbs import ask_released
 from handctl.link import FrameLink
 from handctl.model.device import limits_of
-from handctl.model.param import COMMAND, Element, Number, Step
+from handctl.model.param import COMMAND, Element, Number, Step, given
 from handctl.model.result import Table
-from handctl.model.vectors import given
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.registers import RegisterBus

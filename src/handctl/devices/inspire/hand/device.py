@@ -33,8 +33,8 @@ from handctl.devices.inspire.hand.map import (
 from handctl.devices.inspire.identity import BYTE_HAND, UNHEARD, naming_twins, stranger
 from handctl.devices.inspire.registers import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.model.device import Course, Release
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
-from handctl.model.pending import Course, Release
 from handctl.model.result import Cell, Grid, Row, Table
 from handctl.model.stopping import Aim, Known
 

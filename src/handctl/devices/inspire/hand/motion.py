@@ -19,7 +19,7 @@ from handctl.devices.inspire.hand.map import BLOCKED, BYTE_MAP, HOT, UNMEASURED
 from handctl.devices.inspire.map import ALONE, pushes
 from handctl.devices.inspire.procedures import outcome, wait_for_calibration
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Left
-from handctl.model import pending
+from handctl.model import device
 from handctl.model.guide import Guide
 from handctl.model.moving import REACHED, Goal, Seen, Stillness, Watch
 from handctl.model.param import Element, Number, Reading, elements_of
@@ -110,8 +110,8 @@ def question(hand: Hand, changes: Sequence[tuple[Element, Number]], before: Befo
 def also(hand: Hand, changes: Sequence[tuple[Element, Number]]) -> str:
     """Further fingers that the same write lets go, in words; "" = none."""
     commanded = {element.part for element, _ in changes if element.param.name in MOVED}
-    waiting = [one for one in pending.released(hand, changes) if one.part not in commanded]
-    return pending.question(waiting) if waiting else ""
+    waiting = [one for one in device.released(hand, changes) if one.part not in commanded]
+    return device.question(waiting) if waiting else ""
 
 
 def tell_no_speed(hand: Hand, changes: Sequence[tuple[Element, Number]], before: Before) -> None:

@@ -15,8 +15,8 @@ from handctl.frame.clikit import Group
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.numbers import Seconds
 from handctl.frame.run import Run
+from handctl.frame.types import Seconds
 from handctl.link import FrameLink
 from handctl.model.device import limits_of
 from handctl.model.result import Table

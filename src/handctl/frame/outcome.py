@@ -1,4 +1,4 @@
-"""The JSON envelope of a command, without its rows (cli contract, section 4)."""
+"""What came of a command: the JSON envelope without rows (cli contract, section 4), and why it failed, in the words that help most."""
 
 from __future__ import annotations
 
@@ -19,15 +19,12 @@ from handctl.screen.filter import utf8_stdout
 from handctl.sentence import sentence, utc
 
 if TYPE_CHECKING:
-    from handctl.frame.run import Run
+    from handctl.frame.invocation import Invocation
     from handctl.link import Link
     from handctl.model.result import Message
 
-INCLUDE_IDS = "handctl.include-ids"
-"""Key in click's shared meta: the result may hold what tells one device from another."""
 
-
-def device_row(run: Run) -> dict[str, Any] | None:
+def device_row(run: Invocation) -> dict[str, Any] | None:
     """`device` of the envelope; None where a command has no device."""
     if run.family is None:
         return None
@@ -43,7 +40,7 @@ def device_row(run: Run) -> dict[str, Any] | None:
     row = {"kind": run.family.kind, "link": name, "fake": fake, "id": number}
     facts = getattr(run.opened, "about", {})
     row |= {key: facts[key] for key in ("model", "firmware", "serial") if facts.get(key)}
-    if not run.meta.get(INCLUDE_IDS):
+    if not run.said.include_ids:
         row.pop("serial", None)
     return {**row, "identity": "assumed"} if run.settings.assume_identity else row
 
@@ -123,7 +120,7 @@ def late_envelope(args: Sequence[str], error: HandctlError, streams: bool, comma
 # -- why a command failed -------------------------------------------------------------------------------------------
 
 
-def as_told(run: Run, error: HandctlError) -> HandctlError:
+def as_told(run: Invocation, error: HandctlError) -> HandctlError:
     """The error as it is told: whose bytes came, or why nobody answered, as far as the family knows."""
     error = _renamed(run, error)
     explain_silence = run.family.explain_silence if run.family is not None else None
@@ -136,7 +133,7 @@ def as_told(run: Run, error: HandctlError) -> HandctlError:
         return error
 
 
-def _renamed(run: Run, error: HandctlError) -> HandctlError:
+def _renamed(run: Invocation, error: HandctlError) -> HandctlError:
     """The error, or whose bytes came instead of an answer, or the command that finds out who is there."""
     if run.family is None or error.exit_code not in (4, 5):
         return error
@@ -148,7 +145,7 @@ def _renamed(run: Run, error: HandctlError) -> HandctlError:
     return pointed(error, port) if nobody and port and not port.startswith(("fake:", "replay:")) else error
 
 
-def interrupted(run: Run) -> HandctlError:
+def interrupted(run: Invocation) -> HandctlError:
     """Ctrl-C where nobody inside answers to it. What this command has set going, and watches no more, is stopped."""
     stop = run.journal.still_moving()
     if stop is None:
@@ -158,12 +155,12 @@ def interrupted(run: Run) -> HandctlError:
     return stopped(stop, run.guide)
 
 
-def judged(run: Run, error: HandctlError | None) -> HandctlError | None:
+def judged(run: Invocation, error: HandctlError | None) -> HandctlError | None:
     """What is shown of an error: whose bytes came, and what held a command up that --deadline ended."""
     return None if error is None else _renamed(run, _with_cause(run, error))
 
 
-def _with_cause(run: Run, error: HandctlError) -> HandctlError:
+def _with_cause(run: Invocation, error: HandctlError) -> HandctlError:
     """The error; where --deadline was over, why it had not got on: bytes that came tell more than the end of the time."""
     late = run.end is not None and run.link is not None and run.link.now() >= run.end - 1e-6
     if not late or error.exit_code not in (4, 5):
@@ -171,7 +168,7 @@ def _with_cause(run: Run, error: HandctlError) -> HandctlError:
     cause = run.journal.blamed if error.exit_code == 4 else error
     if cause is None:
         return error
-    if "--deadline" not in cause.text:
+    if not cause.bounded and cause.code != "deadline":
         cause.text = joined(cause.text, "--deadline was over before a valid answer came")
     return cause
 
