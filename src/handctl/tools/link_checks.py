@@ -67,8 +67,7 @@ BUS = {
 class Wire:
     """What passed on a byte link since `forget`, and the speeds that were set, in order. See `link.tap.Observer`."""
 
-    def __init__(self, link: Link) -> None:
-        self._link = link
+    def __init__(self) -> None:
         self.written = self.came = b""
         self.speeds: list[str] = []
 
@@ -89,8 +88,6 @@ class Wire:
         event, _, speed = text.partition(" ")
         if event == "baud":
             self.speeds.append(speed)
-        elif event not in ("disconnect", "reconnect", "power-cycle"):  # those have been told by the link itself
-            self._link.event(text)
 
 
 @dataclass(slots=True)
@@ -134,7 +131,7 @@ class LinkChecks:
         bound: Deadline,
         journal: Journal,
     ) -> None:
-        self.wire = Wire(link) if isinstance(link, ByteLink) else None
+        self.wire = Wire() if isinstance(link, ByteLink) else None
         self.link: Any = observed(link, self.wire) if self.wire is not None else link
         self.known = probe is not None
         if probe is not None:
