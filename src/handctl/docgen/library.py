@@ -136,14 +136,16 @@ def _default(argument: Argument) -> str:
 
 def _opening(function: str, kind: str) -> str:
     """One overload of `connect` or `simulate`."""
-    own = "".join(f"    {option.key}: {_own(option)} | None = None,\n" for option in FAMILIES[kind].options)
-    host = "    timeout: Number | None = None,\n    deadline: Number | None = None,\n    retries: int | None = None,\n"
-    host += "    trace: Path | None = None,\n    assume_identity: bool = False,\n"
     assert HOST == ("timeout", "deadline", "retries", "trace", "assume_identity") and SHARED == ("id", "baud")
+    host = ["timeout: Number | None = None", "deadline: Number | None = None", "retries: int | None = None"]
+    host += ["trace: Path | None = None", "assume_identity: bool = False"]
     if function == "simulate":
-        return f'@overload\ndef simulate(\n    family: Literal["{kind}"],\n    *,\n{host}    **options: object,\n) -> {kind.capitalize()}: ...\n'
-    ids = "    id: int | None = None,\n    baud: int | None = None,\n"
-    return f'@overload\ndef connect(\n    family: Literal["{kind}"],\n    link: Path,\n    *,\n{ids}{host}{own}) -> {kind.capitalize()}: ...\n'
+        words = ["*", *host, "**options: object"]
+    else:
+        own = [f"{option.key}: {_own(option)} | None = None" for option in FAMILIES[kind].options]
+        words = ["link: Path", "*", "id: int | None = None", "baud: int | None = None", *host, *own]
+    said = "".join(f"    {word},\n" for word in (f'family: Literal["{kind}"]', *words))
+    return f"@overload\ndef {function}(\n{said}) -> {kind.capitalize()}: ...\n"
 
 
 def _own(option: OwnOption) -> str:

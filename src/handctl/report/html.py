@@ -100,21 +100,18 @@ def _header(report: Report) -> str:
 def _problems(report: Report) -> str:
     if not report.problems:
         return ""
-    items = "".join(
-        f"<li><strong>{escape(section)}</strong>: {escape(sentence(error.text))} [<code>{escape(error.code)}</code>]{_hint(error.hint)}</li>"
-        for section, error in report.problems
-    )
+    items = "".join(_item(f"<strong>{escape(section)}</strong>:", error) for section, error in report.problems)
     return f'<div class="problems"><p class="error">Incomplete: parts of the device could not be read</p><ul>{items}</ul></div>\n'
 
 
-def _hint(text: str) -> str:
-    return f'<br><span class="note">Next: {escape(sentence(text))}</span>' if text else ""
+def _item(head: str, said: HandctlError | Message) -> str:
+    hint = f'<br><span class="note">Next: {escape(sentence(said.hint))}</span>' if said.hint else ""
+    return f"<li>{head} {escape(sentence(said.text))} [<code>{escape(said.code)}</code>]{hint}</li>"
 
 
 def _findings(report: Report) -> str:
     items = "".join(
-        f'<li><span class="{escape(found.level)}">{LEVELS.get(found.level, "Note")}:</span> {escape(sentence(found.text))} '
-        f"[<code>{escape(found.code)}</code>]{_hint(found.hint)}</li>"
+        _item(f'<span class="{escape(found.level)}">{LEVELS.get(found.level, "Note")}:</span>', found)
         for found in report.findings
     )
     if not items and "Findings" in report.missing:

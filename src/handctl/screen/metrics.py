@@ -15,6 +15,7 @@ from handctl.errors import HandctlError, UsageError
 from handctl.model.param import BASES, scale_of
 from handctl.model.result import Row, Sample
 from handctl.screen.filter import shown
+from handctl.screen.sheet import PARTS
 
 if TYPE_CHECKING:
     from handctl.screen.render import Context
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 
 VERBS = ("status", "dump", "watch")
 """The commands that show what a device is like now."""
-PARTS = ("finger", "motor", "element")
-"""Keys of a row that become labels: which part of its quantity it is."""
 
 
 class Metric(NamedTuple):

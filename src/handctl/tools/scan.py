@@ -23,6 +23,7 @@ and no device was found, this speed is asked a second time with more patience.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import click
 
@@ -114,7 +115,7 @@ def _scanned(run: Run, wanted: Sequence[str], names: list[str], ids: str | None,
     names = names or free_ports(Machine(), run.journal)
     trace = TraceFile(settings.trace, f"handctl {__version__} {run.command}", settings.verbose)
     tap = trace if settings.trace or settings.verbose else None
-    scan = Scan(run, wanted, ids, find_all, tap)
+    scan = Scan(run, wanted, ids, find_all, tap, settings.deadline)
     searches: list[Search] = []
     try:
         for name in names:
@@ -157,17 +158,16 @@ def free_ports(machine: Machine, journal: Journal) -> list[str]:
     return names
 
 
+@dataclass(slots=True)
 class Scan:
-    """Looks at one link after the other."""
+    """Looks at one link after the other; `left` seconds are what --deadline leaves, by the clocks of those before."""
 
-    def __init__(self, run: Run, families: Sequence[str], ids: str | None, find_all: bool, tap: Tap | None) -> None:
-        self._run = run
-        self._families = families
-        self._ids = ids
-        self._all = find_all
-        self._tap = tap
-        self._left = run.settings.deadline
-        """Seconds that --deadline leaves for the links to come, by the clocks of those before."""
+    _run: Run
+    _families: Sequence[str]
+    _ids: str | None
+    _all: bool
+    _tap: Tap | None
+    _left: float | None
 
     def look(self, name: str) -> Search:
         """All probes on one link until a device answers. What ends it early is in the Search."""
@@ -183,14 +183,13 @@ class Scan:
             return search
         lock: Lock | None = None
         link: Link | None = None
-        started, opened = clock.now(), 0.0
+        started, spent, opened = clock.now(), 0.0, 0.0
         try:
             lock = hold(name, f"handctl {self._run.command}", port)
             link = open_link(name, baud=self._run.settings.baud or 115200, tap=self._tap, tcp_port=port)
-            self._spend(clock.now() - started)
-            opened = link.now()
+            spent, opened = clock.now() - started, link.now()
             chosen = chosen_ids(self._run, self._families, wire, self._ids)
-            bound = link.deadline(LONG if self._left is None else self._left)
+            bound = link.deadline(LONG if self._left is None else self._left - spent)
             looking = Looking(self._run, link, search, chosen, self._all, bound)
             looking.at(wire, self._families)
         except LinkError as exc:
@@ -199,15 +198,10 @@ class Scan:
             search.error = Interrupted("interrupted")
         finally:
             self._run.guide.done()
+            spent += link.now() - opened if link is not None else clock.now() - started
+            self._left = self._left - spent if self._left is not None else None
             if link is not None:
-                self._spend(link.now() - opened)
                 link.close()
-            else:
-                self._spend(clock.now() - started)
             if lock is not None:
                 lock.release()
         return search
-
-    def _spend(self, seconds: float) -> None:
-        if self._left is not None:
-            self._left -= seconds

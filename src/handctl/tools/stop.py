@@ -5,6 +5,7 @@ Nothing that is asked to find that out writes to a device or moves it: they are 
 
 from __future__ import annotations
 
+from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -127,16 +128,11 @@ def _answering(run: Run, link: str) -> str:
         return ""
     wire = wire_of(link)
     try:
-        lock = hold(link, f"handctl {run.command}", patience=0.0)
-        try:
-            opened = open_link(link, exclusive=False)
-            try:
-                row = _asked(opened, wire, run.settings.id, run.journal)
-            finally:
-                opened.close()
-        finally:
-            if lock is not None:
-                lock.release()
+        with ExitStack() as held:
+            if (lock := hold(link, f"handctl {run.command}", patience=0.0)) is not None:
+                held.callback(lock.release)
+            opened = held.enter_context(closing(open_link(link, exclusive=False)))
+            row = _asked(opened, wire, run.settings.id, run.journal)
     except HandctlError:
         return ""  # the stop itself says what is wrong with the link
     if row is None:
