@@ -10,6 +10,7 @@ import shlex
 import shutil
 import subprocess
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import click
@@ -30,12 +31,29 @@ from tests.support.each_row import each_row
 from tests.support.leaves import taken
 from tests.support.places import PROJECT
 
-GENERATED = generate()
-PAGES = {Path(name).stem: text for name, text in GENERATED.items() if name.startswith("man/man1/")}
-GUIDES = {Path(name).stem: text for name, text in GENERATED.items() if name.startswith("man/man7/")}
-SECTION_OF = dict.fromkeys(PAGES, 1) | dict.fromkeys(GUIDES, 7)
 MACROS = {".TH", ".SH", ".SS", ".PP", ".TP", ".IP", ".RS", ".RE", ".nf", ".fi", ".nh", ".ad"}
 SECTIONS = ("NAME", "SYNOPSIS", "DESCRIPTION", "OPTIONS", "EXIT STATUS", "EXAMPLES", "SEE ALSO")
+
+
+@cache
+def generated() -> dict[str, str]:
+    """What is generated, by its file: when it is wanted first, not when tests are collected."""
+    return generate()
+
+
+@cache
+def pages() -> dict[str, str]:
+    return {Path(name).stem: text for name, text in generated().items() if name.startswith("man/man1/")}
+
+
+@cache
+def manual_guides() -> dict[str, str]:
+    return {Path(name).stem: text for name, text in generated().items() if name.startswith("man/man7/")}
+
+
+@cache
+def section_of() -> dict[str, int]:
+    return dict.fromkeys(pages(), 1) | dict.fromkeys(manual_guides(), 7)
 
 
 def plain(page: str) -> str:
@@ -77,21 +95,21 @@ def top(name: str) -> click.Command:
 # -- committed ----------------------------------------------------------------------------------------------------
 
 
-@each_row("name", GENERATED)
+@each_row("name", generated)
 def test_regenerated_is_committed(name: str) -> None:
-    assert (PROJECT / name).read_text(encoding="utf-8") == GENERATED[name], "run `python -m handctl.docgen`"
+    assert (PROJECT / name).read_text(encoding="utf-8") == generated()[name], "run `python -m handctl.docgen`"
 
 
 def test_nothing_else_is_committed() -> None:
     present = {
         str(path.relative_to(PROJECT)) for top in ("man", "completions") for path in (PROJECT / top).rglob("*.*")
     }
-    assert {name for name in present if "__pycache__" not in name} <= set(GENERATED)
+    assert {name for name in present if "__pycache__" not in name} <= set(generated())
 
 
 def test_generating_tells_nothing_of_the_machine_and_is_repeatable(tmp_path: Path) -> None:
-    assert generate() == GENERATED
-    for name, text in GENERATED.items():
+    assert generate() == generated()
+    for name, text in generated().items():
         assert str(Path.home()) not in text and str(PROJECT) not in text, name
 
 
@@ -99,7 +117,7 @@ def test_docgen_writes_what_differs_and_removes_what_is_gone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert program.main([str(tmp_path)]) == 0
-    assert capsys.readouterr().out.count("wrote ") == len(GENERATED)
+    assert capsys.readouterr().out.count("wrote ") == len(generated())
     (tmp_path / "man/man7" / "handctl-gone.7").touch()
     (tmp_path / "man/handctl-gone.1").touch()
     (tmp_path / "man/man1" / "handctl.1").write_text("old")
@@ -108,7 +126,7 @@ def test_docgen_writes_what_differs_and_removes_what_is_gone(
         f"wrote {tmp_path}/man/man1/handctl.1\nremoved {tmp_path}/man/handctl-gone.1\n"
         f"removed {tmp_path}/man/man7/handctl-gone.7\n"
     )
-    assert {str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file()} == set(GENERATED)
+    assert {str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file()} == set(generated())
     assert program.main(["--what"]) == 2
 
 
@@ -116,29 +134,29 @@ def test_docgen_writes_what_differs_and_removes_what_is_gone(
 
 
 def test_there_is_a_page_for_every_command() -> None:
-    assert set(PAGES) == {"handctl", *(f"handctl-{name}" for name in COMMANDS)}
+    assert set(pages()) == {"handctl", *(f"handctl-{name}" for name in COMMANDS)}
     for name in COMMANDS:
-        assert f"handctl-{name}(1)" in plain(section(PAGES["handctl"], "COMMANDS"))
-    for name in GUIDES:
-        assert f"{name}(7)" in plain(section(PAGES["handctl"], "GUIDES"))
+        assert f"handctl-{name}(1)" in plain(section(pages()["handctl"], "COMMANDS"))
+    for name in manual_guides():
+        assert f"{name}(7)" in plain(section(pages()["handctl"], "GUIDES"))
 
 
-@each_row("name", PAGES)
+@each_row("name", pages)
 def test_every_page_has_its_sections_in_order(name: str) -> None:
-    titles = re.findall(r"^\.SH (.*)$", PAGES[name], re.MULTILINE)
+    titles = re.findall(r"^\.SH (.*)$", pages()[name], re.MULTILINE)
     assert [title for title in titles if title in SECTIONS] == list(SECTIONS)
-    assert all(section(PAGES[name], title).strip() for title in titles)
+    assert all(section(pages()[name], title).strip() for title in titles)
     head = rf'\.TH {name.upper()} 1 \d{{4}}-\d\d-\d\d "handctl {re.escape(__version__)}" "handctl manual"'
-    assert re.fullmatch(head, PAGES[name].replace("\\-", "-").splitlines()[0])
-    assert plain(section(PAGES[name], "NAME")).startswith(f"{name} - ")
-    others = plain(section(PAGES[name], "SEE ALSO"))
-    assert others == ", ".join(f"{other}({number})" for other, number in SECTION_OF.items() if other != name)
+    assert re.fullmatch(head, pages()[name].replace("\\-", "-").splitlines()[0])
+    assert plain(section(pages()[name], "NAME")).startswith(f"{name} - ")
+    others = plain(section(pages()[name], "SEE ALSO"))
+    assert others == ", ".join(f"{other}({number})" for other, number in section_of().items() if other != name)
 
 
-@each_row("name", GUIDES)
+@each_row("name", manual_guides)
 def test_every_guide_is_a_page_of_section_7(name: str) -> None:
     """With all of its source's words, in order."""
-    page = GUIDES[name]
+    page = manual_guides()[name]
     stem = next(stem for stem in guides.names() if guides.title(guides.source(stem))[0] == name)
     head = rf'\.TH {name.upper()} 7 \d{{4}}-\d\d-\d\d "handctl {re.escape(__version__)}" "handctl manual"'
     assert re.fullmatch(head, page.replace("\\-", "-").splitlines()[0])
@@ -147,7 +165,7 @@ def test_every_guide_is_a_page_of_section_7(name: str) -> None:
         [
             "handctl(1)",
             *([f"handctl-{stem}(1)"] if stem in FAMILIES else []),
-            *(f"{other}(7)" for other in GUIDES if other != name),
+            *(f"{other}(7)" for other in manual_guides() if other != name),
         ]
     )
     words, place = plain(page), 0
@@ -165,7 +183,7 @@ def test_every_guide_is_a_page_of_section_7(name: str) -> None:
 
 @each_row("name", COMMANDS)
 def test_every_command_option_and_help_text_is_in_its_page(name: str) -> None:
-    page = PAGES[f"handctl-{name}"]
+    page = pages()[f"handctl-{name}"]
     words, synopsis = plain(page), plain(section(page, "SYNOPSIS"))
     for path, command, ctx in leaves(top(name), (name,)):
         assert f"handctl {' '.join(path)} [OPTIONS]" in synopsis, path
@@ -181,15 +199,15 @@ def test_every_command_option_and_help_text_is_in_its_page(name: str) -> None:
 
 @pytest.mark.parametrize("name", FAMILIES)
 def test_every_quantity_is_in_its_page(name: str) -> None:
-    text = plain(section(PAGES[f"handctl-{name}"], "QUANTITIES"))
+    text = plain(section(pages()[f"handctl-{name}"], "QUANTITIES"))
     for param in map_of(name) or ():
         assert f"{param.name}" in text and param.source in text and param.doc[1:] in text, param.name
         assert param.range_text in text, param.name
 
 
-@each_row("name", PAGES)
+@each_row("name", pages)
 def test_exit_status_is_that_of_the_error_tree(name: str) -> None:
-    text = section(PAGES[name], "EXIT STATUS")
+    text = section(pages()[name], "EXIT STATUS")
     kinds = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, errors.HandctlError)]
     codes = {0, *(kind.exit_code for kind in kinds)}
     assert [int(code) for code in re.findall(r"^\.TP\n\\fB(\d+)\\fR$", text, re.MULTILINE)] == sorted(codes)
@@ -200,29 +218,29 @@ def test_every_file_that_is_kept_for_the_user_is_named() -> None:
     sources = [path.read_text("utf-8") for path in Path(handctl.__file__).parent.rglob("*.py")]
     kept = {name for text in sources for name in re.findall(r'state_path\("(.+)"\)', text)} | {upkeep.FILE}
     assert len(kept) > 3
-    text = plain(section(PAGES["handctl"], "FILES"))
+    text = plain(section(pages()["handctl"], "FILES"))
     assert not {name for name in kept if name not in text}
 
 
 def test_every_shared_option_has_its_variable() -> None:
-    text = plain(section(PAGES["handctl"], "ENVIRONMENT"))
+    text = plain(section(pages()["handctl"], "ENVIRONMENT"))
     shared = [param for param in root.get_params(click.Context(root)) if isinstance(param, SharedOption)]
     assert len(shared) > 15
     for option in shared:
         assert (f"HANDCTL_{str(option.name).upper()} " in text) is not option.typed
     assert "NO_COLOR" in text
     assert "HANDCTL_CONFIG" in text
-    wrist = plain(section(PAGES["handctl-wrist"], "ENVIRONMENT"))
+    wrist = plain(section(pages()["handctl-wrist"], "ENVIRONMENT"))
     assert "HANDCTL_CAN 1 is the same as --can." in wrist
 
 
 # -- lint ---------------------------------------------------------------------------------------------------------
 
 
-@each_row("name", SECTION_OF)
+@each_row("name", section_of)
 def test_the_roff_is_sound(name: str) -> None:
     """What mandoc and groff would complain of, also where neither is installed."""
-    page = {**PAGES, **GUIDES}[name]
+    page = {**pages(), **manual_guides()}[name]
     assert page.isascii() and page.endswith("\n") and "\n\n" not in page and "\t" not in page
     depth = 0
     for number, line in enumerate(page.splitlines(), 1):
@@ -247,14 +265,14 @@ def test_the_roff_is_sound(name: str) -> None:
 def test_the_linters_of_this_machine_find_nothing(linter: list[str], tmp_path: Path) -> None:
     if not shutil.which(linter[0]):
         pytest.skip(f"no {linter[0]}")
-    paths = [tmp_path / f"{name}.{number}" for name, number in SECTION_OF.items()]
+    paths = [tmp_path / f"{name}.{number}" for name, number in section_of().items()]
     for path in paths:
-        path.write_text({**PAGES, **GUIDES}[path.stem], encoding="ascii")
+        path.write_text({**pages(), **manual_guides()}[path.stem], encoding="ascii")
     done = subprocess.run([*linter, *paths], capture_output=True, text=True, check=False)
     said = done.stdout + done.stderr
     assert done.returncode == 0, said
     if linter == ["lexgrog"]:
-        assert said.count("\n") == len(paths) and all(said.count(f'"{name} - ') == 1 for name in SECTION_OF), said
+        assert said.count("\n") == len(paths) and all(said.count(f'"{name} - ') == 1 for name in section_of()), said
     else:
         assert said == ""
 
@@ -281,16 +299,17 @@ def lines_of(page: str) -> list[str]:
     return [plain(tag) for tag in re.findall(r"^\.TP\n(.*)$", section(page, "EXAMPLES"), re.MULTILINE)]
 
 
-EXAMPLES = list(dict.fromkeys(line for page in PAGES.values() for line in lines_of(page)))
+def all_examples() -> list[str]:
+    return list(dict.fromkeys(line for page in pages().values() for line in lines_of(page)))
 
 
-@each_row("name", PAGES)
+@each_row("name", pages)
 def test_every_page_has_examples_of_its_own(name: str) -> None:
-    lines = lines_of(PAGES[name])
+    lines = lines_of(pages()[name])
     assert lines and all(f"{line} ".startswith(name.replace("-", " ", 1) + " ") for line in lines)
 
 
-@each_row("line", EXAMPLES)
+@each_row("line", all_examples)
 def test_every_example_is_a_line_that_handctl_takes(line: str) -> None:
     program_name, *words = shlex.split(line)
     assert program_name == "handctl"
@@ -299,7 +318,7 @@ def test_every_example_is_a_line_that_handctl_takes(line: str) -> None:
 
 def test_the_examples_that_need_no_device_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    runnable = [line for line in EXAMPLES if "--fake" in line or " -n " in line]
+    runnable = [line for line in all_examples() if "--fake" in line or " -n " in line]
     assert {word for line in runnable for word in line.split()} >= set(FAMILIES)
     for line in runnable:
         words = shlex.split(line)[1:]

@@ -9,7 +9,7 @@ import pytest
 from tests.support.telling import LARGE
 
 DICE = Random(1)
-ONE, OTHER = ("\n".join("".join(DICE.choices("ab c", k=80)) for _ in range(2000)) for _ in range(2))
+ONE, OTHER = ("\n".join(f"{DICE.getrandbits(320):080x}" for _ in range(2000)) for _ in range(2))
 
 
 @pytest.mark.parametrize("turned", [str, str.encode, str.splitlines, lambda text: {"rows": text.splitlines()}])

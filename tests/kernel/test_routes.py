@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -102,16 +103,23 @@ def other_value(param: Param, now: object) -> float:
 
 KINDS = ("exo", "wrist", "barrett")
 """Those whose maps are written by `set` and ask by their rules; an ekso asks before every setting (test_cli_ekso)."""
-BEFORE = {kind: power_on(kind) for kind in KINDS}
-CASES = [
-    (kind, route, element, value)
-    for kind in KINDS
-    for param in map_of(kind) or ()
-    if param.writable and not param.optional
-    for element in elements_of(param)[:1]
-    for value in (other_value(param, BEFORE[kind][element.full_name]),)
-    for route in routes(kind, element, value)
-]
+
+
+@cache
+def before(kind: str) -> dict[str, object]:
+    return power_on(kind)
+
+
+@cache
+def cases(kind: str) -> list[tuple[Route, Element, float]]:
+    return [
+        (route, element, value)
+        for param in map_of(kind) or ()
+        if param.writable and not param.optional
+        for element in elements_of(param)[:1]
+        for value in (other_value(param, before(kind)[element.full_name]),)
+        for route in routes(kind, element, value)
+    ]
 
 
 def words(route: Route, kind: str, folder: Path) -> list[str]:
@@ -127,7 +135,7 @@ def words(route: Route, kind: str, folder: Path) -> list[str]:
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_route_to_a_quantity_asks_as_set_does(tmp_path: Path, kind: str) -> None:
     where = ("-p", link(kind, tmp_path))
-    for route, element, value in (case[1:] for case in CASES if case[0] == kind):
+    for route, element, value in cases(kind):
         told = f"{element.full_name} by {route.name}"
         (tmp_path / "state.json").unlink(missing_ok=True)
         refused = run(*words(route, kind, tmp_path), *where)
@@ -136,7 +144,7 @@ def test_every_route_to_a_quantity_asks_as_set_does(tmp_path: Path, kind: str) -
             assert refused.code == 0, (told, refused)
             (tmp_path / "state.json").unlink()
         else:
-            assert held(kind, tmp_path) == BEFORE[kind], f"{told}: unconfirmed, nothing is written"
+            assert held(kind, tmp_path) == before(kind), f"{told}: unconfirmed, nothing is written"
         expected = element.param.strands or (kind == "exo" and element.param.moves)
         assert asks == (expected or (kind, route.name) in MORE), (told, refused)
         done = run(*words(route, kind, tmp_path), "-y", *where)
@@ -145,7 +153,7 @@ def test_every_route_to_a_quantity_asks_as_set_does(tmp_path: Path, kind: str) -
 
 
 def test_what_is_declared_is_in_use() -> None:
-    assert {(kind, route.name) for kind, route, _, _ in CASES} >= set(MORE)
+    assert {(kind, route.name) for kind in KINDS for route, _, _ in cases(kind)} >= set(MORE)
 
 
 # -- the speed and the EEPROM of a BarrettHand ------------------------------------------------------------------------------

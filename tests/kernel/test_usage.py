@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import click
 import pytest
@@ -14,8 +15,13 @@ from handctl.frame.options import CONNECTION, SharedOption
 from tests.support.cli import run
 from tests.support.each_row import each_row
 
-LEAVES = [node for node in read_tree().walk() if not node.children and node.path[0] != "sim"]
-IDS = [node.name for node in LEAVES]
+
+def leaves() -> list[Any]:
+    return [
+        pytest.param(node, id=node.name) for node in read_tree().walk() if not node.children and node.path[0] != "sim"
+    ]
+
+
 WRITING = ("--dry-run", "--yes")
 WITHOUT_A_LINK = ("ports", "completion", "trace show", "trace diff", "trace decode", "devices list", "exo describe",
                   "barrett errors", "ekso policy", "barrett firmware check")  # fmt: skip
@@ -27,14 +33,14 @@ def help_of(*path: str) -> str:
     return done.out
 
 
-@each_row("node", LEAVES, ids=IDS)
+@each_row("node", leaves)
 def test_a_command_shows_examples_of_its_own(node) -> None:  # type: ignore[no-untyped-def]
     text = help_of(*node.path)
     found = re.findall(rf"^  handctl {node.name}( .*)?\n      \S", text.partition("\nExamples:\n")[2], re.MULTILINE)
     assert 1 <= len(found) <= 3
 
 
-@each_row("node", LEAVES, ids=IDS)
+@each_row("node", leaves)
 def test_the_common_options_are_those_that_a_command_accepts(node) -> None:  # type: ignore[no-untyped-def]
     text = help_of(*node.path)
     common = set(re.findall(r"--[\w-]+", text.partition("\nCommon options, ")[2]))

@@ -11,7 +11,10 @@ import contextlib
 import gc
 import importlib
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,11 +22,23 @@ TESTS = Path(__file__).parents[1]
 SOURCES = TESTS.parent / "src"
 
 
+def _worth_telling(send: Callable[..., None], name: str, **what: Any) -> None:
+    report = what.get("data", {}) if name == "testreport" else {}
+    if name != "logstart" and (report.get("when", "call") == "call" or report["outcome"] != "passed"):
+        send(name, **what)
+
+
 class Collecting:
     """A plugin; it changes what collecting costs and nothing else. `kept` is whether bytecode is written afterwards."""
 
     def __init__(self, kept: bool) -> None:
         self.kept = kept
+
+    def pytest_sessionstart(self, session: pytest.Session) -> None:
+        """A worker tells how a test ended, and not that it began, was set up and was torn down: nobody reads that."""
+        for plugin in session.config.pluginmanager.get_plugins():
+            if type(plugin).__name__ == "WorkerInteractor":
+                plugin.sendevent = partial(_worth_telling, plugin.sendevent)
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_collection(self, session: pytest.Session) -> None:

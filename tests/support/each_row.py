@@ -12,13 +12,20 @@ import pytest
 from tests.support import own_state
 
 
-def each_row(names: str | Sequence[str], table: Iterable[Any], ids: Any = None) -> Callable[[Any], Any]:
+def each_row(
+    names: str | Sequence[str], table: Iterable[Any] | Callable[[], Iterable[Any]], ids: Any = None
+) -> Callable[[Any], Any]:
     """Like `pytest.mark.parametrize`, but one test: for tables of more than a dozen rows.
 
+    A table that takes time to make is a function, and made when the test runs: collecting waits for none.
     `tmp_path` is a folder for each row, `monkeypatch` is undone behind each. Other fixtures are the same for all rows.
     """
     keys = [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)
-    cases = [_case(keys, row, number, ids) for number, row in enumerate(table)]
+
+    def made() -> list[tuple[str, dict[str, Any]]]:
+        return [_case(keys, row, number, ids) for number, row in enumerate(table() if callable(table) else table)]
+
+    ready = None if callable(table) else made()
 
     def decorate(test: Any) -> Any:
         signature = inspect.signature(test)
@@ -26,6 +33,7 @@ def each_row(names: str | Sequence[str], table: Iterable[Any], ids: Any = None) 
         @functools.wraps(test)
         def looped(**fixtures: Any) -> None:
             failed: list[tuple[str, BaseException]] = []
+            cases = made() if ready is None else ready
             for number, (label, values) in enumerate(cases):
                 try:
                     _one(test, number, {**fixtures, **values})
