@@ -32,6 +32,7 @@ from handctl.frame.outcome import (
 )
 from handctl.model.result import Column, Table
 from handctl.screen.filter import text_shown
+from handctl.sentence import honest
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -253,7 +254,6 @@ class Run(Invocation):
             failure = self.close(failure or Interrupted("interrupted"))
         told = failure or (table.failure if table is not None else None)
         if told is not None and self.journal.ledger.began:
-            honest = self.journal.ledger.honest
             told.text, told.hint = honest(told.text), honest(told.hint)
         return failure, told
 

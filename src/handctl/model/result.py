@@ -9,8 +9,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from handctl.model.ledger import Ledger, honest
+from handctl.model.ledger import Ledger
 from handctl.model.profile import Profile
+from handctl.sentence import honest
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
