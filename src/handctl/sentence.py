@@ -76,3 +76,13 @@ def _slipped(one: str, other: str) -> bool:
         return len(other) == len(one) + 1 and one[place:] == other[place + 1 :]
     swapped = one[place : place + 2] == other[place : place + 2][::-1] and one[place + 2 :] == other[place + 2 :]
     return swapped or (len(one) > 2 and one[place + 1 :] == other[place + 1 :])
+
+
+CLAIM = r"(?:[,\x3b:.]?\s*)\b(?:and )?nothing (?:was|has been) (?:sent|written)(?: to the device)?\b"
+
+
+def honest(text: str) -> str:
+    """The text without a claim that nothing was sent or written: something was."""
+    import re
+
+    return re.sub(CLAIM, "", text, flags=re.IGNORECASE).strip(" ;,:")

@@ -6,8 +6,9 @@ from collections.abc import Hashable, Iterable, Sequence
 
 import pytest
 
-from handctl.model.ledger import Frame, Ledger, honest
+from handctl.model.ledger import Frame, Ledger
 from handctl.model.param import Step
+from handctl.sentence import honest
 
 
 class Words:

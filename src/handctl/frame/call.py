@@ -18,7 +18,7 @@ from handctl.errors import HandctlError, Interrupted, NotConfirmed, UsageError, 
 from handctl.frame.clikit import Command
 from handctl.frame.invocation import unsent
 from handctl.frame.options import COMMAND_LINE, said
-from handctl.frame.outcome import as_told, from_click
+from handctl.frame.outcome import Outcome, as_told, from_click
 from handctl.frame.run import Run, plan_table
 from handctl.model.guide import Guide
 from handctl.model.result import Journal, Row, Table
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from handctl.frame.options import Settings
     from handctl.model.param import Step
     from handctl.model.result import Message
+    from handctl.screen.render import Context
 
 Confirm = bool | Callable[[str, list[Row]], bool]
 """The answer to what asks: True, or who is asked, with the question and the steps that are going to be written."""
@@ -52,6 +53,16 @@ class Caller(Guide):
             yield
 
 
+class Returned(Outcome):
+    """Nothing is shown: it stands in the envelope, and a stream is taken by the caller, sample by sample."""
+
+    def heard(self, message: Message) -> None:
+        pass
+
+    def stream(self, table: Table, context: Context) -> HandctlError | None:
+        return None
+
+
 class Call(Run):
     """One run of one command for a program."""
 
@@ -66,6 +77,9 @@ class Call(Run):
 
     def person(self) -> Guide:
         return Caller(self._confirm)
+
+    def told(self) -> Outcome:
+        return Returned(self)
 
     @property
     def typed(self) -> TextIO:
@@ -87,15 +101,8 @@ class Call(Run):
     def offer(self, question: str) -> bool:
         return False
 
-    def stream(self, table: Table) -> HandctlError | None:
-        """A stream is taken by the caller, sample by sample."""
-        return None
-
     def served(self) -> None:
         """Ctrl-C is the caller's."""
-
-    def heard(self, message: Message) -> None:
-        """Nothing is shown: it stands in the envelope."""
 
     def finish(self, table: Table | None, failure: HandctlError | None) -> list[Row]:
         """The rows of what has ended. Raises what went wrong, with them; KeyboardInterrupt for Ctrl-C."""

@@ -12,7 +12,7 @@ from handctl import ending
 from handctl.errors import HandctlError, OutputError
 from handctl.model.guide import Guide, Presses
 from handctl.screen.filter import short, shown
-from handctl.sentence import sentence
+from handctl.sentence import honest, sentence
 
 if TYPE_CHECKING:
     from handctl.frame.options import Settings
@@ -166,7 +166,7 @@ def print_writes(ledger: Ledger, settings: Settings, failure: HandctlError | Non
     in_json = settings.format in ("json", "ndjson") and not isinstance(failure, OutputError)
     if in_json or settings.dry_run or (settings.quiet and not ledger.unconfirmed):
         return
-    said = failure is not None and ledger.honest(failure.hint) != failure.hint
+    said = failure is not None and honest(failure.hint) != failure.hint
     if lines := ([] if said and not ledger.began else ledger.text()):
         level = "warning" if ledger.unconfirmed else "note"
         print_stderr("\n".join((f"handctl: {level}: {lines[0]}", *map(shown, lines[1:]))))

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from handctl.model.guide import Guide
     from handctl.model.ledger import Ledger
     from handctl.model.param import Step
-    from handctl.model.result import Journal, Message
+    from handctl.model.result import Journal
 
 UNASKED = "yes-unasked"
 """The message that no -q silences."""
@@ -56,7 +56,7 @@ class Invocation:
         self.in_use = self.streams
         self.inputs, self.outputs = files_of(ctx)
         self.guide = self.person()
-        self.journal = Journal(self.heard, self.guide.progress)
+        self.journal = Journal(progress=self.guide.progress)
         self.link: Link | None = None
         self.opened: Any = None
         self.end: float | None = None
@@ -64,9 +64,6 @@ class Invocation:
     def person(self) -> Guide:
         """Who is talked with."""
         return TerminalGuide(self.settings.quiet)
-
-    def heard(self, message: Message) -> None:
-        """A message of the device or of a check."""
 
     @property
     def typed(self) -> TextIO:

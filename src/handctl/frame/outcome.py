@@ -14,6 +14,7 @@ import click
 from handctl import __version__
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError, joined
 from handctl.families import COMMANDS
+from handctl.frame.console import print_message
 from handctl.frame.options import config_path, read_config
 from handctl.screen.filter import utf8_stdout
 from handctl.sentence import sentence, utc
@@ -21,7 +22,63 @@ from handctl.sentence import sentence, utc
 if TYPE_CHECKING:
     from handctl.frame.invocation import Invocation
     from handctl.link import Link
-    from handctl.model.result import Message
+    from handctl.model.result import Message, Table
+    from handctl.screen.render import Context
+
+
+class Outcome:
+    """What a person and a pipe are told of one command: messages behind the result, or as they come once a stream has begun."""
+
+    def __init__(self, asked: Invocation) -> None:
+        self._asked = asked
+        self._held: list[Message] = []
+        self._live = False
+
+    def heard(self, message: Message) -> None:
+        """A message of the device or of a check."""
+        self._held.append(message)
+        if self._live:
+            self.tell()
+
+    def tell(self) -> None:
+        """What has been held back so far."""
+        settings = self._asked.settings
+        for message in () if settings.quiet or settings.format in ("json", "ndjson") else self._held:
+            self._asked.guide.done()
+            _print(message)
+        self._held.clear()
+
+    def stream(self, table: Table, context: Context) -> HandctlError | None:
+        """Show a stream to its end; what went wrong."""
+        from handctl.screen import render, sink
+
+        self.tell()  # of what was met before the first row
+        self._live = True
+        try:
+            with sink.Sink(self._asked.settings) as place:
+                return render.stream(table, place, context)
+        except OutputError as exc:
+            return weightier(table.failure, exc)
+
+    def show(self, table: Table | None, failure: HandctlError | None, context: Context) -> None:
+        """Show a finished result, or what went wrong where a format tells that too. Raises OutputError."""
+        from handctl.screen import render, sink
+
+        if table is not None or render.speaks(self._asked.settings.format, failure):
+            with sink.Sink(self._asked.settings) as place:
+                render.show(table, failure, place, context)
+        self.tell()
+
+    def lost(self, exc: OutputError, failure: HandctlError | None) -> HandctlError:
+        """No result can be shown: what is known of the device goes to stderr, as JSON too, and its own error weighs more."""
+        for message in () if self._asked.settings.quiet else self._held:
+            _print(message)
+        self._held.clear()
+        return weightier(failure, exc)
+
+
+def _print(message: Message) -> None:
+    print_message("note" if message.level == "info" else message.level, message.text, message.hint)
 
 
 def device_row(run: Invocation) -> dict[str, Any] | None:

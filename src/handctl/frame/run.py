@@ -17,20 +17,28 @@ import click
 from handctl.ending import end_on_signals, finish_on_signals, gave_up, served
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
 from handctl.frame.connection import Connection
-from handctl.frame.console import print_message, print_writes
+from handctl.frame.console import print_writes
 from handctl.frame.family import Family, implied
 from handctl.frame.invocation import Invocation, check_before, tell_unasked, unsent
 from handctl.frame.options import Settings
-from handctl.frame.outcome import as_told, device_row, from_click, interrupted, judged, make_envelope, weightier
+from handctl.frame.outcome import (
+    Outcome,
+    as_told,
+    device_row,
+    from_click,
+    interrupted,
+    judged,
+    make_envelope,
+)
 from handctl.model.result import Column, Table
 from handctl.screen.filter import text_shown
+from handctl.sentence import honest
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from handctl.link import Link
     from handctl.model.param import Step
-    from handctl.model.result import Message
     from handctl.stop.holding import Hold
 
 NO_TERMINAL = "Confirmation needed, but this is not an interactive terminal"
@@ -41,14 +49,18 @@ class Run(Invocation):
     """One run of one command."""
 
     def __init__(self, ctx: click.Context, settings: Settings, family: Family | None) -> None:
-        self.live = False
-        self._held: list[Message] = []
         super().__init__(ctx, settings, family)
+        self.outcome = self.told()
+        self.journal.on_message = self.outcome.heard
         self.connection = Connection()
         self.others: list[Run] = []
         """The same command at further LINKs, see `device_at`."""
         self.outlet = ExitStack()
         """What is closed behind the last byte of output: the file of a command that runs others."""
+
+    def told(self) -> Outcome:
+        """Who tells what comes of it."""
+        return Outcome(self)
 
     def device(self) -> Any:
         """The device behind the link; opens it on first use. Raises UsageError, LinkError."""
@@ -131,7 +143,7 @@ class Run(Invocation):
             tell_unasked(self, question, steps)
             return
         self.need_answer(question)
-        self._tell_held()  # who is asked must know of it before answering
+        self.outcome.tell()  # who is asked must know of it before answering
         for step in steps:
             self.guide.say(f"  {step.meaning}: {step.wire}")
         if not self.guide.ask(question, word):
@@ -183,7 +195,7 @@ class Run(Invocation):
                 check_before(self)
                 table = body()
                 if table is not None and table.samples is not None:
-                    failure = self.stream(table)
+                    failure = self.outcome.stream(table, self)
             except HandctlError as exc:
                 failure = exc  # stands, should Ctrl-C come while its cause is looked for
                 failure = as_told(self, exc)
@@ -213,12 +225,12 @@ class Run(Invocation):
         failure, told = self.ended(table, failure)
         if table is None or table.samples is None:
             try:
-                self._show(table, failure)
+                self.outcome.show(table, failure, self)
                 failure = told
             except OutputError as exc:
                 if told is None and not self.journal.ledger.began:
                     raise
-                failure = self._tell_lost(exc, told)
+                failure = self.outcome.lost(exc, told)
         print_writes(self.journal.ledger, self.settings, failure)
         if gave_up():
             failure = failure or Interrupted("interrupted while writing the result: the reader had stopped reading")
@@ -242,44 +254,12 @@ class Run(Invocation):
             failure = self.close(failure or Interrupted("interrupted"))
         told = failure or (table.failure if table is not None else None)
         if told is not None and self.journal.ledger.began:
-            honest = self.journal.ledger.honest
             told.text, told.hint = honest(told.text), honest(told.hint)
         return failure, told
 
-    def stream(self, table: Table) -> HandctlError | None:
-        from handctl.screen import render, sink
-
-        self._tell_held()  # of what was met before the first row
-        self.live = True
-        try:
-            with sink.Sink(self.settings) as place:
-                return render.stream(table, place, self)
-        except OutputError as exc:
-            return weightier(table.failure, exc)
-
-    def _show(self, table: Table | None, failure: HandctlError | None) -> None:
-        from handctl.screen import render, sink
-
-        if table is not None or render.speaks(self.settings.format, failure):
-            with sink.Sink(self.settings) as place:
-                render.show(table, failure, place, self)
-        self._tell_held()
-
-    def _tell_lost(self, exc: OutputError, failure: HandctlError | None) -> HandctlError:
-        """No result can be shown: what is known of the device goes to stderr, as JSON too, and its own error weighs more."""
-        for message in () if self.settings.quiet else self._held:
-            print_message("note" if message.level == "info" else message.level, message.text, message.hint)
-        self._held.clear()
-        return weightier(failure, exc)
-
-    def _tell_held(self) -> None:
-        for message in self._held:
-            self._print_message(message)
-        self._held.clear()
-
     def failed(self, error: HandctlError) -> HandctlError:
         """Show an error that arose before the body could run (as JSON too); returns it to be raised."""
-        self._show(None, error)
+        self.outcome.show(None, error, self)
         error.shown = True
         return error
 
@@ -308,17 +288,6 @@ class Run(Invocation):
     def simulated(self) -> bool:
         """Whether a simulator answered."""
         return self.link is not None and self.link.fake
-
-    def heard(self, message: Message) -> None:
-        if self.live:
-            self._print_message(message)
-        else:
-            self._held.append(message)
-
-    def _print_message(self, message: Message) -> None:
-        if not self.settings.quiet and self.settings.format not in ("json", "ndjson"):
-            self.guide.done()
-            print_message("note" if message.level == "info" else message.level, message.text, message.hint)
 
 
 def plan_table(steps: Sequence[Step]) -> Table:

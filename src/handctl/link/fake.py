@@ -35,16 +35,12 @@ def split_url(link: str) -> tuple[str, dict[str, str]]:
         key, equals, value = item.partition("=")
         if not equals:
             raise UsageError(f"{link}: {item!r} is not KEY=VALUE", hint=_OPTIONS.format(kind=kind.rstrip("/")))
-        options[key] = _unquote(value)
+        if "%" in value:
+            from urllib.parse import unquote
+
+            value = unquote(value)
+        options[key] = value
     return kind.rstrip("/"), options
-
-
-def _unquote(value: str) -> str:
-    if "%" not in value:
-        return value
-    from urllib.parse import unquote
-
-    return unquote(value)
 
 
 def carries_frames(link: str) -> bool:

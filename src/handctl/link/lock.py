@@ -228,20 +228,15 @@ def _family(descriptor: int) -> str:
         return ""
 
 
-def _read(descriptor: int) -> Holder | None:
+def _holder(descriptor: int) -> Holder | None:
+    """Who wrote into the lock file; None when it died, and its stop goes out, or has not written its own line yet."""
     fields = _lines(descriptor)[0].split("\t")
     if len(fields) != 6 or not fields[0].isdecimal() or len(fields[0]) > 10:
         return None
     pid, start, family, kind, link, command = fields
-    return Holder(int(pid), start, family, kind == "writes", link, command)
-
-
-def _holder(descriptor: int) -> Holder | None:
-    """Who wrote into the lock file; None when it died, and its stop goes out, or has not written its own line yet."""
-    holder = _read(descriptor)
-    if holder is None or not processes.lives(holder.pid):
+    if not processes.lives(int(pid)) or start not in ("", processes.began(int(pid))):
         return None
-    return holder if holder.start in ("", processes.began(holder.pid)) else None
+    return Holder(int(pid), start, family, kind == "writes", link, command)
 
 
 def _way_out(link: str, holder: Holder | None, family: str) -> str:

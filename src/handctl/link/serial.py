@@ -6,6 +6,7 @@ Opens exclusively, names the cause when it cannot, and reads without pyserial's 
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 from pathlib import Path
@@ -177,7 +178,9 @@ class SerialLink(ByteLink):
         if self._outlet is not None and self.can_set_baud:
             self._outlet.baud = baud
         if self._fd is not None and not device.startswith("/dev/pts/"):
-            _low_latency(self._port)
+            # An FTDI chip then waits 1 ms instead of 16 for more bytes.
+            with contextlib.suppress(OSError, ValueError, NotImplementedError, AttributeError):
+                self._port.set_low_latency_mode(True)
 
     def _descriptor(self) -> int | None:
         return None if "://" in self._device else ports.descriptor(self._port)
@@ -281,10 +284,8 @@ class SerialLink(ByteLink):
         )
 
     def close(self) -> None:
-        try:
+        with contextlib.suppress(serial.SerialException, OSError):  # it went away before us: nothing is left to release
             self._port.close()
-        except (serial.SerialException, OSError):
-            return  # the port went away before us: nothing is left to release
 
 
 def outlet_of(port: Any, device: str) -> Outlet | None:
@@ -294,14 +295,6 @@ def outlet_of(port: Any, device: str) -> Outlet | None:
     if found is None:
         return None
     return Outlet(found, lambda data, can_id: data.replace(b"\xff", b"\xff\xff")) if telnet else Outlet(found)
-
-
-def _low_latency(port: Any) -> None:
-    """Ask the driver for low latency (an FTDI chip then waits 1 ms instead of 16 for more bytes); best effort."""
-    try:
-        port.set_low_latency_mode(True)
-    except (OSError, ValueError, NotImplementedError, AttributeError):
-        return
 
 
 def _cannot_open(link: str, device: str, exc: Exception) -> LinkError | UsageError:

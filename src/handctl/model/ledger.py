@@ -23,8 +23,6 @@ IN_WORDS = {NOT_SENT: "not sent", SENT: "sent, unconfirmed", CONFIRMED: "confirm
 SHOWN_BYTES = 24
 """Bytes of a long frame that the text block shows; JSON has them all."""
 
-CLAIM = r"(?:[,\x3b:.]?\s*)\b(?:and )?nothing (?:was|has been) (?:sent|written)(?: to the device)?\b"
-
 
 F = TypeVar("F")
 
@@ -157,11 +155,6 @@ class Ledger:
         self._asked: set[Hashable] = set()  # what of the plan went out
 
     # -- what is meant -------------------------------------------------------------------------------------------
-
-    @staticmethod
-    def honest(text: str) -> str:
-        """As the function below, for whoever has a ledger: `-h` does not load this module for it."""
-        return honest(text)
 
     def plan(self, steps: Sequence[Step]) -> None:
         """What the command is going to write, in order. Steps that it has named before are not counted twice."""
@@ -348,10 +341,3 @@ def shown(data: bytes, can_id: int | None) -> str:
     """Bytes as a plan shows them (`param.Step.wire`)."""
     text = data.hex(" ").upper()
     return text if can_id is None else f"{can_id:08X} [{len(data)}] {text}".rstrip()
-
-
-def honest(text: str) -> str:
-    """The text without a claim that nothing was sent or written: something was."""
-    import re
-
-    return re.sub(CLAIM, "", text, flags=re.IGNORECASE).strip(" ;,:")

@@ -9,8 +9,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from handctl.model.ledger import Ledger, honest
+from handctl.model.ledger import Ledger
 from handctl.model.profile import Profile
+from handctl.sentence import honest
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
@@ -185,7 +186,7 @@ class Journal:
         self.kept: Table | None = None
         self._blamed: tuple[HandctlError, int] | None = None
         self._moving: tuple[Callable[[], Stopped], int] | None = None
-        self._on_message = on_message
+        self.on_message = on_message
 
     def keep(self, table: Table) -> None:
         """Keep what was read so far: it is shown when the command ends here. Of several the fullest stays."""
@@ -221,8 +222,8 @@ class Journal:
         if message in self.messages:
             return
         self.messages.append(message)
-        if self._on_message is not None:
-            self._on_message(message)
+        if self.on_message is not None:
+            self.on_message(message)
 
     def info(self, code: str, text: str, hint: str = "") -> None:
         """Record something worth knowing."""

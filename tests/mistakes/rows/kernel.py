@@ -104,7 +104,7 @@ ROWS = (
     mistake(
         "ledger-claims-nothing-was-sent",
         "ledger lies",
-        LEDGER,
+        "handctl.sentence",
         "honest",
         'return re.sub(CLAIM, "", text, flags=re.IGNORECASE).strip(" ;,:")',
         "return text",

@@ -83,8 +83,8 @@ ROWS = (
         "evidence believed",
         LOCK,
         "_holder",
-        'return holder if holder.start in ("", processes.began(holder.pid)) else None',
-        "return holder",
+        'if not processes.lives(int(pid)) or start not in ("", processes.began(int(pid))):',
+        "if not processes.lives(int(pid)):",
         "tests/link/test_holder.py::test_another_program_with_the_number_of_the_holder_is_not_named",
     ),
     mistake(
