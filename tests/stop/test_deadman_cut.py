@@ -100,7 +100,7 @@ def test_a_command_of_the_exoskeleton_hand_that_was_cut_off(cut: int) -> None:
     link.write(POSITION[:cut], Deadline(link.now, link.now() + 1))
     die(link, told_of(hand))
     link.sleep(1.0)
-    memory = device_of(link).memory
+    memory = device_of(link).space.memory
     assert memory[1498:1508] == bytes(10)
     assert memory[1486:1496] == memory[1546:1556] != b"\xe8\x03" * 5, "it stands where it was then"
 
