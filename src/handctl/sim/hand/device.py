@@ -89,16 +89,17 @@ class Device(Serial, Front):
             return self._burst
         return bytearray() if self.now - self._heard >= self.given["silence"] else self._burst
 
-    def _handle(self, request: bytes) -> None:
+    def _handle(self, request: bytes) -> frozenset[str]:
         """The result of a save and the end of a calibration come later (dossier V9, V10)."""
-        super()._handle(request)
+        hits = super()._handle(request)
         for event, when in self.hand.events:
             if event == "saved":
                 own = self.given["result-address"] == "own"
-                self.tell_saved(when, self.hand.space.place("save") // self.unit if own else 1005, self._hits)
+                self.tell_saved(when, self.hand.space.place("save") // self.unit if own else 1005, hits)
             else:
-                self.tell_calibrated(when, self._hits)
+                self.tell_calibrated(when, hits)
         self.hand.events.clear()
+        return hits
 
     # -- Modbus RTU ---------------------------------------------------------------------------------------------------------
 

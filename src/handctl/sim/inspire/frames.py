@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 
-from handctl.sim.engine.model import NOTHING, Model, Reply
+from handctl.sim.engine.model import Model, Reply
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -124,7 +124,6 @@ class Serial(Asked):
         super().__init__(*made)
         self._inbox = bytearray()
         self._heard = -1.0
-        self._hits = NOTHING  # that befall the present request
 
     def advance(self, now: float) -> None:
         super().advance(now)
@@ -159,10 +158,11 @@ class Serial(Asked):
         """Whether it hears nothing just now."""
         return False
 
-    def _handle(self, request: bytes) -> None:
-        self._hits = hits = self.judge()
+    def _handle(self, request: bytes) -> frozenset[str]:
+        """Answers it; the faults that befall it."""
+        hits = self.judge()
         if "deaf" in hits or self.busy:
-            return
+            return hits
         flag, sender, before = request[4], self.id, len(self._replies)
         answer = self.answer(flag, request[5:-1], hits)
         if answer is not None:
@@ -170,6 +170,7 @@ class Serial(Asked):
             # Ahead of what the request itself set off, a late frame that may be due at once.
             number = sender if self.given["ack-id"] == "old" else self.id
             self._replies.insert(before, Reply(self.now, frame(number, flag, answer), hits))
+        return hits
 
     def answer(self, flag: int, body: bytes, hits: frozenset[str]) -> bytes | None:
         """The body of the answer, None: silence. An ack ends in 01; 00 is taken to mean refused (open)."""
