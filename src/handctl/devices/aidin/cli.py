@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.devices.aidin.device import AidinHand
+from handctl.devices.aidin.device import AidinHand, object_of, step_of
 from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.map import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, Mode, Target
 from handctl.devices.aidin.way import way_of
@@ -25,7 +25,6 @@ from handctl.model.result import Table
 from handctl.model.stopping import BEAT
 
 if TYPE_CHECKING:
-    from handctl.devices.aidin.targets import Goal
     from handctl.frame.options import Settings
     from handctl.link import ByteLink
     from handctl.model.result import Journal
@@ -67,8 +66,6 @@ def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, dura
 
 
 def _step(run: Run, meaning: str, mode: Mode, **data: int) -> Step:
-    from handctl.devices.aidin.device import object_of, step_of
-
     return step_of(meaning, object_of(mode, **data), way_of(run.settings).end)
 
 
@@ -142,13 +139,6 @@ def _values(body: Callable[..., Any]) -> Callable[..., Any]:
     return click.argument("values", nargs=-1, required=True, metavar="VALUES | FINGER.ELEMENT=VALUE...")(body)
 
 
-def _plan(run: Run, goal: Goal) -> list[Step]:
-    """The last object of the ramp. What is kept is taken from a hand that tells it unasked; nothing is sent."""
-    from handctl.devices.aidin import motion
-
-    return motion.plan(None if goal.names_all else run.device(), goal, way_of(run.settings).end)
-
-
 def _move(
     run: Run, target: Target, values: tuple[str, ...], assume_homed: bool, expect: str | None, *, rad: bool = False
 ) -> Table:
@@ -157,7 +147,7 @@ def _move(
 
     goal = parse(target, values, rad=rad)
     if run.settings.dry_run:
-        return run.dry_run(_plan(run, goal))
+        return run.dry_run(motion.plan(run.device, goal, way_of(run.settings).end))
     return motion.move(run.device(), goal, run.guide, assume_homed=assume_homed, expect=expected(expect))
 
 
@@ -238,7 +228,7 @@ def currents(
     first = _step(run, "maximum torque 1000, every 20 ms for 0.2 s", Mode.MAXTORQUE, maxtorque=1000)
     last = _step(run, "stop, sent 3 times", Mode.STOP)
     if run.settings.dry_run:
-        return run.dry_run([first, *_plan(run, goal), last])
+        return run.dry_run([first, *motion.plan(run.device, goal, way_of(run.settings).end), last])
     if not any(goal.named.values()) and goal.names_all:
         raise UsageError(
             "all currents are 0, so there is nothing to do", hint="to switch the motors off, use `handctl aidin stop`"

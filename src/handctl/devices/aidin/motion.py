@@ -7,7 +7,7 @@ they go to 0 and the stop mode is sent.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import degrees
 
 from handctl.devices.aidin.device import (
@@ -69,10 +69,12 @@ def measured(hand: AidinHand, target: Target) -> list[Number]:
     return values_of(target.feedback, wire)
 
 
-def plan(hand: AidinHand | None, goal: Goal, end: bytes) -> list[Step]:
-    """The object that ends a movement, for --dry-run, with its terminator; `hand` is only listened to, where elements are kept."""
+def plan(device: Callable[[], AidinHand], goal: Goal, end: bytes) -> list[Step]:
+    """The object that ends a movement, for --dry-run, with its terminator. What is kept is taken from a hand that tells it
+    unasked: it is only listened to."""
     here = None
-    if hand is not None:
+    if not goal.names_all:
+        hand = device()
         hand.talk.connect(silent=True)
         here = measured(hand, goal.target)
     return [last_step(goal, goal.complete(here), end)]

@@ -6,12 +6,13 @@ sent every 20 ms for as long as it is to hold.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Hashable, Iterable, Sequence
 
 from handctl.devices.aidin.map import Mode
 from handctl.model.ledger import Frame
 
-MODE = b'"hand_mode"'
+MODE = re.compile(rb'"hand_mode"[ :]*(\d{0,2})')
 BLANKS = b" \t\r\n\0"
 NEXT: dict[int, str] = {
     Mode.MAXTORQUE: "send it again, because the maximum torque cannot be read back",
@@ -25,10 +26,8 @@ class AidinWrites:
 
     def sent(self, data: bytes, can_id: int | None) -> Sequence[Frame]:
         """See WriteWords."""
-        place = data.find(MODE)
-        if place < 0:
-            return ()
-        return (Frame(data, None, data.rstrip(BLANKS), group=f"mode {_mode(data, place)}"),)
+        found = MODE.search(data)
+        return (Frame(data, None, data.rstrip(BLANKS), group=f"mode {found[1].decode()}"),) if found else ()
 
     def came(self, data: bytes, can_id: int | None) -> Iterable[tuple[Hashable, bool]]:
         """See WriteWords."""
@@ -36,18 +35,12 @@ class AidinWrites:
 
     def planned(self, data: bytes, can_id: int | None) -> Hashable:
         """See WriteWords: the terminator is no part of the command."""
-        return data.rstrip(BLANKS) if MODE in data else None
+        return data.rstrip(BLANKS) if MODE.search(data) else None
 
     def next(self, data: bytes, can_id: int | None) -> str:
         """See WriteWords."""
-        return NEXT.get(_mode(data, data.find(MODE)), "`handctl aidin status`")
-
-
-def _mode(data: bytes, place: int) -> int:
-    """The number of the mode; -1 where none stands."""
-    digits = data[place + len(MODE) :].lstrip(b" :")[:2]
-    number = bytes(byte for byte in digits if 48 <= byte < 58)
-    return int(number) if number else -1
+        found = MODE.search(data)
+        return NEXT.get(int(found[1] or -1) if found else -1, "`handctl aidin status`")
 
 
 words = AidinWrites

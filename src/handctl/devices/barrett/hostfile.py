@@ -9,13 +9,15 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from handctl import files
 from handctl.devices.barrett.map import SPEEDS
 from handctl.errors import OutputError, UsageError
 from handctl.link import ByteLink
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 MOST_BYTES = 4_000_000
 NAME = "barrett-speeds.json"

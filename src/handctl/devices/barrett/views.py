@@ -16,7 +16,6 @@ from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Number
 from handctl.model.result import Cell, Column, Grid, Journal, Row, Table
-from handctl.model.sampling import Sampler
 
 NAME, GCL, MOTOR = Column("name", "Name"), Column("parameter", "GCL"), Column("motor", "Motor")
 VALUE, UNIT, LABEL = Column("value", "Value", right=True), Column("unit", "Unit"), Column("label", "Meaning")
@@ -224,6 +223,8 @@ def live(
     hand: Device, read: Callable[[], list[Row]], *, rate: float, count: int | None, duration: float | None, **shown: Any
 ) -> Table:
     """`read` again and again; a moment without a valid answer repeats the last rows with the error as value."""
+    from handctl.model.sampling import Sampler
+
     rows: list[Row] = []
 
     def moment() -> tuple[list[Row], HandctlError | None]:

@@ -149,7 +149,7 @@ def settings(values: Mapping[tuple[str, str | None], int]) -> list[Finding]:
 def _setting(param: GclParam, motor: str | None, index: int, value: int) -> Finding | None:
     name = f"{param.mnemonic}.{motor}" if motor else param.mnemonic
     default = param.default_of(index)
-    back = f"`handctl barrett set {name}={default}`"
+    back = _back(motor, param.mnemonic)
     if param.mnemonic == "BAUD":
         back = "`handctl barrett baud 9600`, with --save when it was saved"
     source = param.source
