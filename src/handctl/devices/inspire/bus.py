@@ -241,34 +241,41 @@ class Bus(ByteBus):
         if _begins_request(self.drain()) or self._disturbed:
             self._let_speak()
         started = self.link.now()
-        deadline = self._reply_deadline(len(request), reply_size)
-        last = self.deadline(self.wire_seconds(len(request) + reply_size) + PATIENCE * self.timeout)
+        wire = self.wire_seconds(len(request) + reply_size)
+        deadline, last = self.deadline(wire + self.timeout), self.deadline(wire + PATIENCE * self.timeout)
         first = self._ahead(request)
         self.send(request, deadline)
         decoder = Decoder(prefixes)
+        frame, received, pieces = self._heard(decoder, deadline, last)
+        came = received.removeprefix(first)
+        if frame is None:
+            self.journal.counters.stray_bytes += decoder.pending
+            self._disturbed = _begins_request(came.removeprefix(request))
+            raise self._failure(request, came, started)
+        self._rest, self._disturbed = decoder.rest(), False
+        self.round_trip = self.link.now() - started
+        self._learn(request, came, decoder.skipped, pieces)
+        return frame
+
+    def _heard(self, decoder: Decoder, deadline: Deadline, last: Deadline) -> tuple[Frame | None, bytes, list[int]]:
+        """The first frame that comes, None for none until the `deadline`; all that came, and the sizes of its pieces.
+
+        Part of an answer, with no more junk ahead of it, may go on coming until `last`.
+        """
         received, pieces, junk = bytearray(), list[int](), 0
-        while True:
-            frame = self._next(decoder)
-            if frame is not None:
-                self.journal.counters.received += 1
-                self.journal.counters.stray_bytes += decoder.skipped
-                self._rest = decoder.rest()
-                self._disturbed = False
-                self.round_trip = self.link.now() - started
-                self._learn(request, bytes(received).removeprefix(first), decoder.skipped, pieces)
-                return frame
+        while (frame := next(frames_in(decoder, self.count_damaged), None)) is None:
             chunk = b"" if received and deadline.expired else self.link.read(deadline)
             if not chunk:
-                self.journal.counters.stray_bytes += decoder.skipped + decoder.pending
-                came = bytes(received).removeprefix(first)
-                self._disturbed = _begins_request(came.removeprefix(request))
-                raise self._failure(request, came, started)
+                break
             received += chunk
             pieces.append(len(chunk))
             decoder.feed(chunk)
             trickles, junk = decoder.pending and decoder.skipped == junk, decoder.skipped
-            if trickles and deadline.remaining < self.timeout:  # part of an answer, with no more junk ahead of it
+            if trickles and deadline.remaining < self.timeout:
                 deadline = self.link.deadline(self.timeout).earlier(last)
+        self.journal.counters.received += frame is not None
+        self.journal.counters.stray_bytes += decoder.skipped
+        return frame, bytes(received), pieces
 
     def _let_speak(self) -> None:
         """Wait until nobody speaks: on two wires a request into somebody's frame destroys both."""
@@ -293,7 +300,7 @@ class Bus(ByteBus):
         self.pass_gate(request)
         self.count(request)
         data = self._ahead(request) + request
-        self.link.write(data, deadline or self._reply_deadline(len(data), 0))
+        self.link.write(data, deadline or self.deadline(self.wire_seconds(len(data)) + self.timeout))
 
     def _ahead(self, request: bytes) -> bytes:
         """What goes ahead of a question as long as nobody has answered: a stranger may hear it at another speed."""
@@ -327,19 +334,9 @@ class Bus(ByteBus):
 
         May be called again: the part of a frame that has come is kept.
         """
-        deadline = self.deadline(seconds)
-        decoder = Decoder(prefixes)
+        deadline, decoder = self.deadline(seconds), Decoder(prefixes)
         decoder.feed(self._rest)
-        while True:
-            frame = self._next(decoder)
-            if frame is not None:
-                self.journal.counters.received += 1
-                break
-            chunk = b"" if deadline.expired else self.link.read(deadline)
-            if not chunk:
-                break
-            decoder.feed(chunk)
-        self.journal.counters.stray_bytes += decoder.skipped
+        frame, _, _ = self._heard(decoder, deadline, deadline)
         self._rest = decoder.rest()
         return frame
 
@@ -357,12 +354,6 @@ class Bus(ByteBus):
     def reopened(self) -> None:
         self._met.clear()
         self._rest, self._disturbed = b"", False
-
-    def _next(self, decoder: Decoder) -> Frame | None:
-        return next(frames_in(decoder, self.count_damaged), None)
-
-    def _reply_deadline(self, sent: int, expected: int) -> Deadline:
-        return self.deadline(self.wire_seconds(sent + expected) + self.timeout)
 
     @property
     def where(self) -> str:

@@ -64,7 +64,7 @@ class Bench(Protocol):
     def elsewhere(self, link: str) -> Hand:
         """A hand behind another LINK. Raises UsageError, LinkError."""
 
-    def confirm(self, question: str, steps: Sequence[Step], word: str = "") -> None:
+    def confirm(self, question: str, steps: Sequence[Step], *, word: str = "") -> None:
         """Ask before something that moves or strands. Raises NotConfirmed."""
 
 

@@ -128,7 +128,7 @@ class _Bench:
 
     def __init__(self, run: Run) -> None:
         self._run = run
-        self.guide = run.guide
+        self.guide, self.elsewhere, self.confirm = run.guide, run.device_at, run.confirm
 
     def hand(self, number: int | None = None) -> Hand:
         run = self._run
@@ -142,13 +142,6 @@ class _Bench:
     def again(self) -> Hand:
         self._run.open_link(again=True)
         return self.hand()
-
-    def elsewhere(self, link: str) -> Hand:
-        hand: Hand = self._run.device_at(link)
-        return hand
-
-    def confirm(self, question: str, steps: Sequence[Step], word: str = "") -> None:
-        self._run.confirm(question, steps, word=word)
 
 
 # -- names --------------------------------------------------------------------------------------------------------------
