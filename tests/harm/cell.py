@@ -133,8 +133,10 @@ def fingerprint(line: Any) -> dict[str, Any]:
     """Every field of the device by its place, readings as they would be told now."""
     device = line.device
     device.random._state = 1  # readings may have noise: both devices have the same now
-    if hasattr(device, "publish"):
-        device.publish()
+    for body in (getattr(device, "hand", None), device):
+        if hasattr(body, "publish"):
+            body.publish()
+            break
     found: dict[str, Any] = {}
     _fields(device, "", found, set())
     return found
