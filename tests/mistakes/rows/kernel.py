@@ -226,8 +226,8 @@ ROWS = (
         "JSON not UTF-8",
         RENDER,
         "dumps",
-        'if not text.isascii() and any("\\ud800" <= letter <= "\\udfff" for letter in text):',
-        "if not text:",
+        'return text if text.isascii() else _HALF.sub(lambda found: f"\\\\u{ord(found[0]):04x}", text)',
+        "return text",
         "tests/kernel/test_filter.py::test_json_is_utf8_and_lossless",
     ),
     mistake(
