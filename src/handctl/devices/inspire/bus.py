@@ -241,8 +241,8 @@ class Bus(ByteBus):
         if _begins_request(self.drain()) or self._disturbed:
             self._let_speak()
         started = self.link.now()
-        deadline = self._reply_deadline(len(request), reply_size)
-        last = self.deadline(self.wire_seconds(len(request) + reply_size) + PATIENCE * self.timeout)
+        wire = self.wire_seconds(len(request) + reply_size)
+        deadline, last = self.deadline(wire + self.timeout), self.deadline(wire + PATIENCE * self.timeout)
         first = self._ahead(request)
         self.send(request, deadline)
         decoder = Decoder(prefixes)
@@ -300,7 +300,7 @@ class Bus(ByteBus):
         self.pass_gate(request)
         self.count(request)
         data = self._ahead(request) + request
-        self.link.write(data, deadline or self._reply_deadline(len(data), 0))
+        self.link.write(data, deadline or self.deadline(self.wire_seconds(len(data)) + self.timeout))
 
     def _ahead(self, request: bytes) -> bytes:
         """What goes ahead of a question as long as nobody has answered: a stranger may hear it at another speed."""
@@ -354,9 +354,6 @@ class Bus(ByteBus):
     def reopened(self) -> None:
         self._met.clear()
         self._rest, self._disturbed = b"", False
-
-    def _reply_deadline(self, sent: int, expected: int) -> Deadline:
-        return self.deadline(self.wire_seconds(sent + expected) + self.timeout)
 
     @property
     def where(self) -> str:

@@ -145,11 +145,6 @@ F1_HAND = Kind("hand", "an RH56F1 hand (word addresses)", "handctl hand", ("eb90
 DG2_HAND = Kind("hand", "an RH5DG2 hand (word addresses)", "handctl hand", ("eb90", "rtu"))
 
 
-def kind_of(family: str) -> Kind:
-    """The kind that a family's command is for."""
-    return {kind.family: kind for kind in (EXO, WRIST, BYTE_HAND)}[family]
-
-
 TABLE = (
     Sign("wrist", (ITS_CURRENT,), is_wrist, WRIST),
     Sign("hand", (STATES,), is_six_wide, BYTE_HAND),

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from handctl.devices.inspire import identity
 from handctl.devices.inspire import verbs_cli as verbs
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.exo import device
 from handctl.devices.inspire.exo.device import ExoHand, parse_command
-from handctl.devices.inspire.identity import FamilyGate, kind_of
 from handctl.devices.inspire.map import BAUD_RATES, EXO, address_in
 from handctl.errors import UsageError
 from handctl.frame.clikit import Group
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 def open_exo(link: ByteLink, settings: Settings, journal: Journal) -> ExoHand:
     """An EH55BF1 behind `link` with the options the user gave."""
     bus = Bus(link, settings.id if settings.id is not None else 1, journal, **limits_of(settings, link))
-    bus.gate = FamilyGate(kind_of("exo"), settings.assume_identity)
+    bus.gate = identity.FamilyGate(identity.EXO, settings.assume_identity)
     return ExoHand(bus)
 
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handctl.devices.inspire import identity
 from handctl.devices.inspire import verbs_cli as verbs
 from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.identity import FamilyGate, kind_of
 from handctl.devices.inspire.map import BAUD_RATES, WRIST, address_in
 from handctl.devices.inspire.wrist.device import Wrist
 from handctl.frame.clikit import Group
@@ -38,7 +38,7 @@ def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal)
         bus = CanBus(link, number, journal, **limits)
     else:
         bus = Bus(link, number, journal, family="wrist", **limits)
-    bus.gate = FamilyGate(kind_of("wrist"), settings.assume_identity)
+    bus.gate = identity.FamilyGate(identity.WRIST, settings.assume_identity)
     return Wrist(bus)
 
 
