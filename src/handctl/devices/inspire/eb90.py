@@ -29,6 +29,8 @@ READ, WRITE = 0x11, 0x12
 WRIST_READ, WRIST_WRITE = 0x30, 0x31
 """The wrist's own registers (wrist §2.2); 31 is the exo's force command in a longer frame."""
 FORCE_COMMAND, POSITION_COMMAND = 0x31, 0x32
+COMMANDS = {FORCE_COMMAND: "force", POSITION_COMMAND: "position"}
+"""What the five values of such a frame are (exo §2.2.1, §2.2.2)."""
 ACCEPTED = 0x01
 CALIBRATION_END = 2
 """Address field of the frame that tells the end of a calibration (RH56 ch. 3 ex. 5)."""

@@ -15,7 +15,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from handctl.devices.inspire import canreg, eb90, modbus
-from handctl.devices.inspire.eb90 import FORCE_COMMAND, POSITION_COMMAND, READ, WRIST_READ, WRIST_WRITE, WRITE, Frame
+from handctl.devices.inspire.eb90 import FORCE_COMMAND, READ, WRIST_READ, WRIST_WRITE, WRITE, Frame
 from handctl.devices.inspire.identity import At, within
 from handctl.devices.inspire.map import EXO, FINGERS, WRIST, Register
 from handctl.devices.inspire.modbus import RTU, TCP, mode_of, pdu_of
@@ -377,7 +377,7 @@ class InspireExplainer(Cutter):
         return words, "", key, "", values
 
     def _commands(self, frame: Frame) -> bool:
-        return self.params is EXO and frame.flag in (FORCE_COMMAND, POSITION_COMMAND) and frame.address is None
+        return self.params is EXO and frame.flag in eb90.COMMANDS and frame.address is None
 
     def _words(self, frame: Frame) -> tuple[str, Sequence[Value]]:
         """A frame in words, and its values."""
@@ -416,7 +416,7 @@ class InspireExplainer(Cutter):
     def _command(self, frame: Frame) -> tuple[str, Sequence[Value]]:
         """Force and position commands: five set values out; actual positions (six) or forces (five) back."""
         numbers = eb90.unpack_s16(frame.payload)
-        kind = "force" if frame.flag == FORCE_COMMAND else "position"
+        kind = eb90.COMMANDS[frame.flag]
         name = f"{kind}_set" if not frame.from_device else ("position_actual" if kind == "force" else "force_actual")
         parts = EXO[name].elements
         values = tuple(Value(f"{name}.{part}", number) for part, number in zip(parts, numbers, strict=False))
@@ -464,7 +464,7 @@ class InspireExplainer(Cutter):
 
     def _flag_name(self, frame: Frame) -> str:
         if self._commands(frame):
-            return "force command" if frame.flag == FORCE_COMMAND else "position command"
+            return f"{eb90.COMMANDS[frame.flag]} command"
         names = {READ: "read, hand", WRITE: "write, hand", WRIST_READ: "read, wrist", WRIST_WRITE: "write, wrist"}
         return names.get(frame.flag, "not in the manual")
 
@@ -685,7 +685,6 @@ def _inner(buffer: bytearray, end: int) -> tuple[int, int]:
 
 # -- what writes, and what acknowledges it (see model.ledger) ---------------------------------------------------------
 
-COMMANDS = {eb90.FORCE_COMMAND: "force_set", eb90.POSITION_COMMAND: "position_set"}
 SHORTEST = 7
 """Bytes of a request up to its address."""
 
@@ -746,8 +745,8 @@ class InspireWrites:
         if mode := mode_of(data):
             return self._read(int.from_bytes(pdu_of(data, mode)[1:3], "big"), 2)
         flag = data[4] if len(data) > 4 else 0
-        if params is EXO and flag in COMMANDS:
-            return f"`handctl exo get {COMMANDS[flag]} position_actual`"
+        if params is EXO and flag in eb90.COMMANDS:
+            return f"`handctl exo get {eb90.COMMANDS[flag]}_set position_actual`"
         if flag not in (eb90.WRITE, eb90.WRIST_WRITE) or len(data) <= SHORTEST + 1:
             return f"`handctl {params.kind} dump`"
         address = int.from_bytes(data[5:7], "little")

@@ -101,11 +101,8 @@ class _State:
         self.unpacked = unpacked
         self.transaction = 0
         self.counts: bool | None = None
-        self._owed: dict[int, Owed] = {}
-
-    def owed_by(self, unit: int) -> Owed:
-        """The questions to a unit that were given up."""
-        return self._owed.setdefault(unit, Owed())
+        self.owed: dict[int, Owed] = {}
+        """Unit -> its questions that were given up."""
 
 
 class ModbusBus(ByteBus):
@@ -222,7 +219,7 @@ class ModbusBus(ByteBus):
 
     @property
     def _owed(self) -> Owed:
-        return self._state.owed_by(0 if self.tcp else self.id)
+        return self._state.owed.setdefault(0 if self.tcp else self.id, Owed())
 
     def _exchange(self, pdu: bytes) -> Answer:
         transaction = self._state.transaction = self._state.transaction % 0xFFFF + 1

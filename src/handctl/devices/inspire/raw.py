@@ -19,7 +19,6 @@ from handctl.model.param import Element, Number, ParamMap, Reading, Step, elemen
 from handctl.model.piece import DEVICE, HOST, Piece
 from handctl.model.result import Column, Row, Table, hex_bytes
 
-COMMANDS = {eb90.FORCE_COMMAND: "force", eb90.POSITION_COMMAND: "position"}
 FORCED = "Add --force-ambiguous to send it anyway."
 
 
@@ -187,7 +186,7 @@ def plan_raw(data: bytes, force_ambiguous: bool) -> Step:
 
 def _check_frame(frame: eb90.Frame) -> None:
     """Refuse a write or a command that no such hand, or another device, is meant to get. Raises UsageError."""
-    if frame.flag not in (eb90.WRITE, *COMMANDS):
+    if frame.flag not in (eb90.WRITE, *eb90.COMMANDS):
         return
     with forceable(code="out-of-range"):
         eb90.check_id(frame.id)  # what the hands on the line make of another one is unknown
@@ -199,7 +198,7 @@ def _check_frame(frame: eb90.Frame) -> None:
             what = f"a write of 8 bytes at {values[0]}"
             raise refused(f"a wrist module takes this frame for {what}, this hand for a force command")
         with forceable():
-            check_command(COMMANDS[frame.flag], values)
+            check_command(eb90.COMMANDS[frame.flag], values)
 
 
 def refused(text: str, hint: str = "", code: str = "ambiguous") -> UsageError:

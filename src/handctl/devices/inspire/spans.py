@@ -11,11 +11,6 @@ from handctl.model.param import Element, ParamMap
 from handctl.model.piece import Part, Value
 
 
-def element_at(params: ParamMap[Register], address: int) -> tuple[Register, int] | None:
-    """The element that begins at `address`: (register, index)."""
-    return _places(params).get(address)
-
-
 @cache
 def _places(params: ParamMap[Register]) -> dict[int, tuple[Register, int]]:
     """Every element of a map by its address: a long recording asks often."""
@@ -41,7 +36,7 @@ def _layout(
     found: list[tuple[Register | None, int, int, int]] = []
     place = start = 0
     while place < count:
-        here = element_at(params, address + place) if params is not None else None
+        here = _places(params).get(address + place) if params is not None else None
         if here is None or place + here[0].size > count or not (here[0].readable or here[0].size == count):
             place += 1
             continue

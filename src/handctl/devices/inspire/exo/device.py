@@ -31,7 +31,7 @@ LIVE = ("position_actual", "force_actual", "current", "error", "temperature")
 NEAR = 20
 """Of 1000: so near the target a finger has arrived; the RH56 hands of the same maker stop as far from it (rh56 §6)."""
 LEFT_ALONE = ". -1 leaves a finger as it is"
-COMMAND_FLAGS = {"force": eb90.FORCE_COMMAND, "position": eb90.POSITION_COMMAND}
+COMMAND_FLAGS = {name: flag for flag, name in eb90.COMMANDS.items()}
 
 
 class ExoHand(RegisterDevice):
@@ -57,16 +57,12 @@ class ExoHand(RegisterDevice):
         """One line per register, fingers side by side."""
         return registers_view(rows)
 
-    def command_step(self, which: str, values: Sequence[int]) -> Step:
-        """The frame of a force or position command."""
-        request = eb90.command_request(self.bus.id, COMMAND_FLAGS[which], values)
-        return Step(f"{which} command, little to thumb: {' '.join(map(str, values))}", request, moves=True)
-
     def command_steps(self, which: str, values: Mapping[int, int]) -> list[Step]:
         """The frames that command these fingers: one command for all five, writes to the registers of some."""
-        if len(values) == len(FINGERS):
-            return [self.command_step(which, list(values.values()))]
-        return self.plan(changes_of(which, values))
+        if len(values) != len(FINGERS):
+            return self.plan(changes_of(which, values))
+        request = eb90.command_request(self.bus.id, COMMAND_FLAGS[which], list(values.values()))
+        return [Step(f"{which} command, little to thumb: {' '.join(map(str, values.values()))}", request, moves=True)]
 
     def command_some(self, which: str, values: Mapping[int, int]) -> Table:
         """The same by index of the finger. For some of them their registers are written, and read back.

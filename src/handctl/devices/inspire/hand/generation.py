@@ -218,18 +218,13 @@ def _of_bytes(bus: RegisterBus, asked: Look) -> tuple[str | None, str]:
 def _df_or_tp(asked: Look, *, due: bool) -> tuple[str | None, str]:
     """Which of the two shows itself; `due`: asked with patience, since silence may be a late answer."""
     address = asked.ask("hand", IP, due=due)
-    if address is not None and _unicast(address):
+    if address is not None and 1 <= address[0] <= 223 and address[0] != 127 and address[3] not in (0, 255):
         return TP, f"an IP address at {IP[0]} ({'.'.join(map(str, address))})"
     volts, limits = asked.ask("hand", VOLTAGE, due=due), eb90.unpack_s16(asked.ask("hand", LIMITS, due=due) or b"")
     counts = int.from_bytes(volts, "little") if volts is not None else 0
     if counts in VOLTS and any(limits) and all(0 <= limit <= 1500 for limit in limits):
         return DF, f"a supply of 24 V at {VOLTAGE[0]} ({counts}) and current limits at {LIMITS[0]}"
     return None, ""
-
-
-def _unicast(address: bytes) -> bool:
-    """Whether four bytes can be the address of one device."""
-    return 1 <= address[0] <= 223 and address[0] != 127 and address[3] not in (0, 255)
 
 
 class ModelGate(FamilyGate):

@@ -42,14 +42,8 @@ MOVING = frozenset({0, 1})
 FORCE_REACHED = 3
 
 
-class Before(NamedTuple):
-    """A hand before a movement: readings by full name."""
-
-    values: dict[str, Number | None]
-
-    def of(self, name: str, fingers: Sequence[str]) -> str:
-        """The values of a group for `fingers`, in words."""
-        return " ".join(str(self.values.get(f"{name}.{finger}", "?")) for finger in fingers)
+Before = dict[str, "Number | None"]
+"""A hand before a movement: readings by full name."""
 
 
 def fit_to_move(hand: Hand) -> Before:
@@ -67,7 +61,7 @@ def fit_to_move(hand: Hand) -> Before:
             hint="run `handctl hand clear-errors`, free the finger or let it cool down. Nothing was written.",
             code="not-fit",
         )
-    return Before({reading.element.full_name: reading.value for reading in readings})
+    return {reading.element.full_name: reading.value for reading in readings}
 
 
 def _against(reading: Reading) -> str:
@@ -84,14 +78,14 @@ def _against(reading: Reading) -> str:
 
 def question(hand: Hand, changes: Sequence[tuple[Element, Number]], before: Before) -> str:
     """What is asked before a movement: fingers, from, to, speed and force limit that are set (rh56 §9)."""
-    held = before.values | {element.full_name: value for element, value in changes}
+    held = before | {element.full_name: value for element, value in changes}
     parts, others, speeds = [], [], []
     for element, value in changes:
         name, finger = element.param.name, element.part or ""
         if name not in MOVED:
             others.append(f"{element.full_name} = {value}")
             continue
-        here = before.values.get(f"{MOVED[name]}.{finger}")
+        here = before.get(f"{MOVED[name]}.{finger}")
         speed, limit = held.get(f"speed_set.{finger}"), held.get(f"force_limit.{finger}")
         parts.append(f"{finger} {here} to {value} (speed {speed}, force limit {limit} g)")
         speeds.append(speed)
@@ -116,7 +110,7 @@ def also(hand: Hand, changes: Sequence[tuple[Element, Number]]) -> str:
 
 def tell_no_speed(hand: Hand, changes: Sequence[tuple[Element, Number]], before: Before) -> None:
     """Tell which fingers keep their place, since their speed is 0: the target waits for the next speed."""
-    held = before.values | {element.full_name: value for element, value in changes}
+    held = before | {element.full_name: value for element, value in changes}
     still = [e.part or "" for e, _ in changes if e.param.name in MOVED and held.get(f"speed_set.{e.part}") == 0]
     if still:
         hand.journal.warn(
@@ -159,7 +153,7 @@ def move(
 
 
 def _goal(group: str, part: str, target: Number, before: Before | None) -> Goal:
-    speed = before.values.get(f"speed_set.{part}") if before is not None else None
+    speed = before.get(f"speed_set.{part}") if before is not None else None
     return Goal(part, target, NEAR[group], speed, SLOWEST_CHANGE / speed if speed and speed > 0 else 0.0)
 
 
@@ -204,7 +198,7 @@ def plan_nudge(hand: Hand) -> Nudge:
             code="not-on-model",
         )
     speed, angle = (hand.map.find(f"{name}.{NUDGED}")[1][0] for name in ("speed_set", "angle_set"))
-    was, here = (before.values[f"{name}.{NUDGED}"] for name in ("speed_set", "angle_actual"))
+    was, here = (before[f"{name}.{NUDGED}"] for name in ("speed_set", "angle_actual"))
     assert was is not None and here is not None
     back = min(1000, max(0, here))
     away = back + NUDGE if back + NUDGE <= 1000 else back - NUDGE

@@ -12,7 +12,6 @@ from handctl.devices.inspire import raw as by_number
 from handctl.devices.inspire.explain import InspireExplainer
 from handctl.devices.inspire.hand.map import BYTE_MAP
 from handctl.devices.inspire.modbus import RTU, TCP, mode_of, only_reads, pdu_of
-from handctl.devices.inspire.registers import RegisterBus
 from handctl.errors import UsageError
 from handctl.model.param import Step
 from handctl.model.piece import DEVICE, HOST
@@ -110,11 +109,6 @@ def _refuse(hand: Hand, frame: bytes) -> None:
     by_number.check_values(hand.map, address * unit, data)
 
 
-def _addressed(bus: RegisterBus, data: bytes) -> RegisterBus:
-    """The same wire to the hand that a frame of RTU names."""
-    return bus.at(device_id=data[0]) if mode_of(data) == RTU and 1 <= data[0] <= 254 else bus
-
-
 def exchange(hand: Hand, data: bytes, wait: float) -> Table:
     """Send the bytes once, listen until `wait` seconds have brought nothing more, show every frame that came."""
     from handctl.link import ByteLink
@@ -123,7 +117,8 @@ def exchange(hand: Hand, data: bytes, wait: float) -> Table:
     if not isinstance(link, ByteLink):
         raise UsageError("`raw` does not support CAN frames here", hint="use `handctl hand read` and `write` over CAN")
     if not (mode_of(data) and only_reads(pdu_of(data, mode_of(data)))):
-        _addressed(bus, data).pass_gate(data)
+        names_id = mode_of(data) == RTU and 1 <= data[0] <= 254
+        (bus.at(device_id=data[0]) if names_id else bus).pass_gate(data)
     bus.check_bound(hex_bytes(data))
     since, received = link.now(), b""
     bus.count(data)

@@ -12,7 +12,7 @@ from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.canbus import CanBus, related
 from handctl.devices.inspire.explain import CAN_MISPRINTS, MISPRINTS, InspireExplainer
 from handctl.devices.inspire.identity import identify_alone
-from handctl.devices.inspire.map import EXO, WRIST, Register
+from handctl.devices.inspire.map import EXO, WRIST
 from handctl.devices.inspire.raw import RAW_COLUMNS, changes_of, check_values, judge_read_back, refused
 from handctl.devices.inspire.wrist.device import Wrist
 from handctl.errors import Left, NoAnswer, ProtocolError, UsageError
@@ -39,11 +39,6 @@ def explained(step: Step) -> bool:
     return step.meaning in MISPRINTS.values() or step.meaning in CAN_MISPRINTS.values()
 
 
-def register_at(address: int) -> Register | None:
-    """The register that begins at `address`."""
-    return next((register for register in WRIST if register.address == address), None)
-
-
 def touches_shared(address: int, count: int) -> bool:
     return address < SHARED.stop and SHARED.start < address + count
 
@@ -63,7 +58,7 @@ def plan_write(wrist: Wrist, address: int, data: bytes) -> Step:
         )
     texts = []
     for offset in range(0, len(data), 2):
-        register = register_at(address + offset)
+        register = next((one for one in WRIST if one.address == address + offset), None)
         if register is None or not register.writable:
             what = f"{register.name}, which is read-only" if register is not None else "not a documented register"
             raise UsageError(
