@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.inspire import procedures
+from handctl.devices.inspire.exo.writes import words
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer
 from handctl.model.guide import Guide
 from tests.support.each_row import each_row
@@ -244,3 +245,13 @@ def test_a_reset_that_nobody_answers_after_is_no_success() -> None:
     assert table.failure is not None
     assert (table.failure.exit_code, table.failure.code) == (4, "gone")
     assert table.failure.code == "gone" and "id 1" in table.failure.text
+
+
+def test_the_ledger_takes_neither_an_echo_nor_the_acknowledgement_of_a_save_for_its_result() -> None:
+    """dossier 4.3: two frames answer, and the second says whether it is saved."""
+    for result, saved in (("00 06", True), ("FF 05", False)):
+        ledger = words()
+        (frame,) = ledger.sent(unhex("EB 90 01 04 12 ED 03 01 08"), None)
+        assert list(ledger.came(unhex("EB 90 01 04 12 ED 03 01 08"), None)) == []
+        assert list(ledger.came(unhex("90 EB 01 04 12 ED 03 01 08"), None)) == []
+        assert list(ledger.came(unhex(f"90 EB 01 04 11 ED 03 {result}"), None)) == [(frame.key, saved)]

@@ -715,13 +715,13 @@ class InspireWrites:
     def came(self, data: bytes, can_id: int | None) -> Iterable[tuple[Hashable, bool]]:
         """See WriteWords."""
         for piece in self._shown.feed(DEVICE, data, can_id):
-            if can_id is not None and data == self._can.get(can_id):
+            if piece.problem not in ("", "refused") or (can_id is not None and data == self._can.get(can_id)):
                 continue  # what may be our own write coming back: who asked knows whether it is
-            if self._save and piece.answers == self._save and not piece.problem:
+            key, save = piece.answers, self._save
+            if save and key == save and not piece.problem:
                 continue
-            key = piece.answers
-            if self._save and not key and piece.fields.get("address") == self._shown.places["save"]:
-                key = self._save  # its result
+            if save and not key and piece.fields.get("address") == self._shown.places["save"]:
+                key = save  # its result
             if key:
                 yield key, not piece.problem
 

@@ -63,11 +63,11 @@ def explain_silence(device: RegisterDevice, error: HandctlError) -> HandctlError
     return procedures.explain_silence(device, error)
 
 
-def looks_only(run: Run, name: str) -> None:
+def looks_only(run: Run) -> None:
     """A command without the value that it could write. Raises UsageError in a dry run."""
     if run.settings.dry_run:
         raise UsageError(
-            f"`handctl {run.family.kind if run.family else ''} {name}` without a value only reads",
+            f"`handctl {run.command}` without a value only reads",
             hint="run it without -n: it does not change anything",
         )
     run.only_reads()
@@ -108,7 +108,7 @@ def send_raw(run: Run, step: Step, question: str, exchange: Callable[[Any], Tabl
 def change_id(run: Run, params: ParamMap[Any], new: int | None) -> Table:
     """Show the id, or give the hand a new one."""
     if new is None:
-        looks_only(run, "id")
+        looks_only(run)
         return verbs.get(run, params, ["id"])
     params["id"].check(new, "id")
     steps = run.planner().plan([(Element(params["id"], 0), new)])
@@ -121,7 +121,7 @@ def change_baud(run: Run, rate: int | None, question: str, *, save: bool, verify
     from handctl.devices.inspire import procedures
 
     if rate is None:
-        looks_only(run, "baud")
+        looks_only(run)
         device: RegisterDevice = run.device()
         device.know()
         return device.show_speed()

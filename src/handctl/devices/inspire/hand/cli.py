@@ -398,7 +398,7 @@ def network(run: Run, address: str | None) -> Table:
     from handctl.devices.inspire.hand import place
 
     if address is None:
-        verbs.looks_only(run, "network")
+        verbs.looks_only(run)
         return place.show_network(run.device())
     octets = place.octets_of(address)
     planner = run.planner()
