@@ -596,7 +596,7 @@ def test_no_test_is_imported() -> None:
 # -- what keeps the house plain ---------------------------------------------------------------------------------------
 
 
-BUDGET = {"": 1014, "frame": 4133, "link": 2270, "model": 2050, "record": 681, "stop": 522}
+BUDGET = {"": 1014, "frame": 4133, "link": 2271, "model": 2050, "record": 681, "stop": 522}
 """Room -> lines of code, without docstrings, comments and blanks. Lower a number with the code; who raises it says why in the commit."""
 CIRCLES = {
     "screen.live", "screen.render", "devices.barrett.gcl.meet", "devices.inspire.identity", "devices.inspire.twins",
