@@ -179,8 +179,9 @@ class SerialLink(ByteLink):
             self._outlet.baud = baud
         if self._fd is not None and not device.startswith("/dev/pts/"):
             # An FTDI chip then waits 1 ms instead of 16 for more bytes.
+            port: Any = self._port
             with contextlib.suppress(OSError, ValueError, NotImplementedError, AttributeError):
-                self._port.set_low_latency_mode(True)
+                port.set_low_latency_mode(True)
 
     def _descriptor(self) -> int | None:
         return None if "://" in self._device else ports.descriptor(self._port)
