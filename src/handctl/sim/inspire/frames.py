@@ -81,9 +81,8 @@ class Asked(Model):
 
     spaces: dict[str, Space]
 
-    def publish(self, space: str) -> None:
-        """Puts the readings of this moment into memory."""
-        raise NotImplementedError
+    def publish(self, space: str = "") -> None:
+        """Puts the readings of this moment into memory, of a device that does not do so from time to time."""
 
     def stored(self, accepted: Sequence[Element], hits: frozenset[str]) -> None:
         """Carries out what a write may set."""
