@@ -598,6 +598,7 @@ KERNEL = {"", "frame", "link", "model", "record", "stop"}
 CIRCLES = {
     "screen.live", "screen.render", "devices.barrett.gcl.meet", "devices.inspire.identity", "devices.inspire.twins",
     "devices.ekso.status", "devices.barrett.realtime.rows",
+    "devices.inspire.hand.device", "devices.inspire.procedures",
 }  # fmt: skip
 """Without these no modules import each other, for types or otherwise. Only names may go from here."""
 
