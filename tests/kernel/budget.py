@@ -20,9 +20,12 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+import handctl
 from tests.support.places import PROJECT
 
 SRC = PROJECT / "src/handctl"
+RUN = Path(handctl.__file__).parent
+"""The package that runs: it may be installed."""
 KEPT = Path(__file__).with_name("budget.json")
 GUIDE = SRC / "guides/development.md"
 SECTION = re.compile(r"(<!-- life: [^>]*-->\n).*?(<!-- end -->)", re.DOTALL)
@@ -93,8 +96,8 @@ class Life:
     def _file(frame: FrameType) -> str:
         """The file of handctl that a frame belongs to; empty for others, and for a simulator."""
         name = frame.f_code.co_filename
-        inside = name.startswith(str(SRC)) and "/sim/" not in name
-        return Path(name).relative_to(SRC).as_posix() if inside else ""
+        inside = name.startswith(str(RUN)) and "/sim/" not in name
+        return Path(name).relative_to(RUN).as_posix() if inside else ""
 
     @property
     def figures(self) -> dict[str, int]:
