@@ -165,7 +165,7 @@ FAULTS = {
 def test_a_fault_of_the_adapters_from_the_file_and_by_hand(tmp_path: Path, fault: str) -> None:
     file = file_of(tmp_path, WRISTS, wire="can", fault=fault)
     with Loop("bus", file, "--slcan-tcp", "127.0.0.1:0", "--control", "control") as loop:
-        words = ["wrist", "get", "pitch_actual", "--json", "--timeout", "2", "-p", loop.link]
+        words = ["wrist", "get", "pitch_actual", "--json", "--timeout", "0.2", "-p", loop.link]
         told = run(*words)
         assert (told.code, told.error["code"]) == FAULTS[fault], told
         assert loop.tell("fault none").startswith("ok ")
