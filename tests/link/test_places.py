@@ -158,7 +158,7 @@ def test_the_link_alone_says_how_a_bus_is_opened(
         "interface": "virtual", "channel": "here", "bitrate": 500000, "receive_own_messages": False, "ignore_config": True,
     }  # fmt: skip
     done = run(
-        "wrist", "get", "pitch_actual", "-p", "can:virtual:here", "--timeout", "0.05", "--retries", "0", "--json"
+        "wrist", "get", "pitch_actual", "-p", "can:virtual:here", "--timeout", "0.01", "--retries", "0", "--json"
     )
     assert done.code == 4 and "internal" not in done.codes(), done
 
