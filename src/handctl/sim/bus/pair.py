@@ -128,12 +128,11 @@ class Ear:
         if self._speed is not None and self._speed <= 0:
             return None  # a speed that no line has
         free = self._free
-        own = [burst for burst in self.pair.bursts if burst.sender is self.owner and not self.echo and burst.end > free]
+        ahead = [burst for burst in self.pair.bursts if burst.end > free]
+        own = [] if self.echo else [burst for burst in ahead if burst.sender is self.owner]
         while True:
             heard = [
-                burst
-                for burst in self.pair.bursts
-                if burst.end > free + EDGE and (self.echo or burst.sender is not self.owner)
+                burst for burst in ahead if burst.end > free + EDGE and (self.echo or burst.sender is not self.owner)
             ]
             if not heard:
                 return None

@@ -11,6 +11,7 @@ marked so here; nothing seen here is evidence about a real device.
 from __future__ import annotations
 
 import struct
+from functools import lru_cache
 from math import ceil, floor
 
 from handctl.sim.ekso import tables
@@ -423,6 +424,7 @@ def _raw(value: float, scale: int) -> int:
 # -- messages ----------------------------------------------------------------------------------------------------------
 
 
+@lru_cache(1024)
 def crc(data: bytes) -> int:
     """CRC-CCITT: polynomial x^16 + x^12 + x^5 + 1, start FFFF, not reflected, no final XOR (manual §6, CRC table)."""
     register = 65535

@@ -264,6 +264,8 @@ class Cable(Switched):
 
     def _hits(self, number: int) -> frozenset[str]:
         """The faults that befall the request with this number, counted from 1."""
+        if not self._faults:
+            return NOTHING
         beyond = number - self.given["after"]
         return self._faults if beyond > 0 and beyond % self.given["every"] == 0 else NOTHING
 
@@ -349,7 +351,7 @@ class Line(Cable):
     @property
     def away(self) -> bool:
         """Whether the port is gone."""
-        return self._plug.out(self._present()) or self.device.absent
+        return self.device.absent or self._plug.out(self._present())
 
     def reconnect(self) -> None:
         super().reconnect()
@@ -379,14 +381,15 @@ class Line(Cable):
 
     def _pass(self, now: float) -> None:
         self._now = max(now, self._present())
-        self._listen()
+        if self._rx:
+            self._listen()
         self.device.advance(self._now)
         self._collect()
         self._look()
 
     def _look(self) -> None:
         """With the port goes what was on the wire."""
-        if self.away and not self.pulled:
+        if not self.pulled and self.away:
             self.pulled = self.hung_up = True
             self._drop()
 
@@ -434,7 +437,7 @@ class Line(Cable):
                 self._send(end, self._random.junk(self._random.between(3, 12), self.device.HEADER), NOTHING)
                 self._dispatch(now)
             return
-        if sum(len(segment.data) - segment.sent for segment in self._rx) + len(data) > BACKLOG:
+        if sum([len(segment.data) - segment.sent for segment in self._rx]) + len(data) > BACKLOG:
             return
         self._rx.append(incoming)
         self._rx_free = end
@@ -508,11 +511,13 @@ class Line(Cable):
 
     def _collect(self) -> None:
         """Takes the replies of the device and puts those that are due on the wire."""
-        for reply in sorted(self.device.take(), key=lambda reply: reply.due):
-            self._transmit(reply)
+        if replies := self.device.take():
+            for reply in sorted(replies, key=lambda reply: reply.due):
+                self._transmit(reply)
         if self._out:
             self._dispatch(self._present())
-        self._persist()
+        if self.device.dirty:
+            self._persist()
 
     def _transmit(self, reply: Reply) -> None:
         """Applies the faults of the line to one reply."""

@@ -265,8 +265,11 @@ class Body:
 
     def next_event(self) -> float | None:
         """When a command reaches its motor, or the next pose of a calibration begins."""
-        waiting = [finger.waiting[0][0] for finger in self.fingers if finger.waiting]
-        return min([*waiting, *(when for when, _ in self.course[:1])], default=None)
+        first = self.course[0][0] if self.course else None
+        for finger in self.fingers:
+            if finger.waiting and (first is None or finger.waiting[0][0] < first):
+                first = finger.waiting[0][0]
+        return first
 
     # -- commands -------------------------------------------------------------------------------------------------------
 
