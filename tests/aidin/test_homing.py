@@ -100,10 +100,11 @@ def test_a_motor_that_disagrees_with_its_neighbours_is_named(options: dict[str, 
     assert doubted(result) == {"ring.m1": verdict}
 
 
-@pytest.mark.parametrize(("seed", "fault"), [("1", "held"), ("2", "stall"), ("3", "held"), ("4", "stall")])
+@pytest.mark.parametrize("seed", ["1", "2", "3", "4"])
 @pytest.mark.parametrize("start", ["used", "homed", "cold"])
-def test_no_motor_that_is_held_on_its_way_is_homed(seed: str, fault: str, start: str) -> None:
-    assert home(start=start, fault=fault, seed=seed).code == 7
+def test_no_motor_that_is_held_on_its_way_is_homed(seed: str, start: str) -> None:
+    for fault in ("held", "stall"):
+        assert home(start=start, fault=fault, seed=seed).code == 7
 
 
 def _travel(*places: tuple[float, int]) -> Verdict:

@@ -122,7 +122,7 @@ COMMANDS = (
     *(("scan", "--ids", ids) for ids in ("1-2", "1-8")),
     *((family, "scan", "--ids", ids) for family in ("exo", "wrist", "hand") for ids in ("1-2", "1-20")),
     ("exo", "scan", "--ids", "3,13"),
-    *((family, "scan") for family in FAMILIES if probe_of(family).WIRES == ("serial",) and family != "exo"),
+    *((family, "scan") for family in FAMILIES if "serial" in probe_of(family).WIRES),
     *((family, command) for family in ("exo", "hand") for command in ("id", "baud")),
     *((family, "status", "--baud", str(speed)) for family in ("exo", "wrist") for speed in (115200, 57600, 19200)),
     *(("hand", "status", "--baud", str(speed)) for speed in HAND_SPEEDS),

@@ -86,7 +86,7 @@ def test_a_line_that_writes_sends_what_it_sends_alone(family: str, name: str, sc
     assert [(step["bytes"], step["state"]) for step in ends[1]["end"]["writes"]] == known
 
 
-@pytest.mark.parametrize(("family", "name"), WRITING[::3])
+@pytest.mark.parametrize(("family", "name"), WRITING)
 def test_what_asks_alone_holds_up_a_batch_before_its_first_line(family: str, name: str, scratch: Path) -> None:
     words, link = words_of(family, name, scratch), facts_of(family).link(family, name)
     first = alone(words, scratch, "-p", link)

@@ -76,7 +76,7 @@ def test_a_stranger_is_never_shown_as_a_table(mine: str, other: str, verb: str, 
     group = load(mine, "cli").cli
     if verb not in group.commands or (mine, other) in SAME:
         return
-    for device in devices(other) if verb in READING[:2] else devices(other)[:1]:
+    for device in devices(other):
         result = asked(mine, verb, device, tmp_path)
         if (mine, other) in UNDERSTOOD:
             assert (result.code, code_of(result)) == (6, "other-device"), (device, result)

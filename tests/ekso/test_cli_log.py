@@ -137,9 +137,9 @@ def pulls(seed: int, count: int = 10) -> list[tuple[float, float]]:
     return found
 
 
-def test_ten_unplugs_at_random_in_one_log(tmp_path: Path) -> None:
-    """At 50 Hz; a search takes other seeds, and the rate of the line."""
-    unplugged(tmp_path, 50, 0)
+@pytest.mark.parametrize("rate", [0, 50])
+def test_ten_unplugs_at_random_in_one_log(tmp_path: Path, rate: int) -> None:
+    unplugged(tmp_path, rate, 0)
 
 
 def unplugged(tmp_path: Path, rate: int, seed: int) -> None:

@@ -84,7 +84,7 @@ def test_the_types_are_these() -> None:
 @pytest.mark.parametrize("param", TYPES.values(), ids=TYPES)
 def test_every_raw_value_there_and_back(param: Word) -> None:
     scale = Decimal(10) ** param.decimals
-    for word in {*range(0, 0x10000, 7), 0x7FFF, 0x8000, 0xFFFF}:
+    for word in range(0x10000):
         raw = word - 0x10000 if param.signed and word >= 0x8000 else word
         value = param.value_of(word)
         assert Decimal(repr(value)) * scale == raw

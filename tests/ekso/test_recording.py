@@ -85,12 +85,11 @@ def test_the_row_of_the_dossiers_example(tmp_path: Path) -> None:
 @pytest.mark.parametrize("param", {(q.signed, q.decimals): q for q in DATA}.values(), ids=lambda q: q.name)
 def test_every_word_of_every_type_comes_back_from_its_text(param: Any) -> None:
     seen = set()
-    words = {*range(0, 0x10000, 7), 0x7FFF, 0x8000, 0xFFFF}
-    for word in words:
+    for word in range(0x10000):
         text = text_of(param, param.raw_of(word))
         assert parse(param, text) & 0xFFFF == word
         seen.add(text)
-    assert len(seen) == len(words)
+    assert len(seen) == 0x10000
 
 
 @each_row(

@@ -423,10 +423,10 @@ class AidinMachine(RuleBasedStateMachine):
 
 
 MACHINES: dict[str, tuple[type[RuleBasedStateMachine], int, int]] = {
-    "exo": (ExoMachine, 12, 12),
-    "wrist": (WristMachine, 8, 10),
-    "hand": (HandMachine, 8, 10),
-    "barrett": (BarrettMachine, 8, 12),
+    "exo": (ExoMachine, 30, 15),
+    "wrist": (WristMachine, 15, 10),
+    "hand": (HandMachine, 15, 10),
+    "barrett": (BarrettMachine, 20, 12),
     "ekso": (EksoMachine, 3, 8),
     "aidin": (AidinMachine, 2, 8),
 }

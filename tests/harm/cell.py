@@ -30,7 +30,7 @@ SECONDS = 20.0
 """Of real time: a command that takes longer hangs."""
 
 EARS = frozenset({
-    "_replies", "_inbox", "_heard", "_hear_since", "_lost", "random", "judge", "dirty", "_line", "_open", "_noisy_echo", "hits", "_hits",
+    "_replies", "_inbox", "_heard", "_hear_since", "_lost", "random", "judge", "dirty", "_line", "_open", "_noisy_echo", "hits",
     "_previous", "faults", "reader", "writer", "_streamed", "_next_feedback", "_unwritten", "_merged", "ignored",
     "_event_at", "_asked", "_frozen_boot", "reported", "_switches", "_fidgets", "fidgets", "device",
 })  # fmt: skip

@@ -52,8 +52,9 @@ GRID = [
     Line(*each) for each in product(KINDS, (0, 20, 62, 120, 250, 500), (0, 20, 60), (1, 3, 100, 254), SPEEDS)
 ]  # fmt: skip
 SHARE = [
-    Line("clean", 0, 0, 100, 19200), Line("clean", 500, 60, 3, 115200), Line("half-duplex", 20, 60, 3, 57600),
-    Line("traffic", 0, 0, 100, 115200), Line("bluetooth", 62, 20, 100, 57600),
+    Line("clean", 0, 0, 254, 19200), Line("clean", 120, 0, 1, 57600), Line("clean", 500, 60, 100, 115200),
+    Line("half-duplex", 0, 0, 100, 115200), Line("half-duplex", 20, 60, 3, 57600), Line("traffic", 0, 0, 100, 115200),
+    Line("bluetooth", 62, 20, 1, 57600), Line("bluetooth", 500, 60, 254, 115200), Line("bluetooth", 120, 0, 3, 19200),
 ]  # fmt: skip
 
 

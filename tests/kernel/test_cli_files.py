@@ -151,7 +151,7 @@ def test_restore_changes_the_id_last(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("fault", "step"), [("disconnect", 2), ("silent", 5), ("deaf", 2), ("bad-checksum", 5), ("truncate", 7)]
+    ("fault", "step"), [("disconnect", 1), ("silent", 3), ("deaf", 1), ("bad-checksum", 3), ("truncate", 3)]
 )
 def test_restore_interrupted_anywhere_can_be_run_again(tmp_path: Path, fault: str, step: int) -> None:
     """The same command line finishes the work, also when the id has changed already."""

@@ -15,7 +15,7 @@ COMMANDS = {
     "ekso": ("dump", "status"), "aidin": ("dump", "get motor_pos"),
 }  # fmt: skip
 FAULTS = ("noise", "truncate", "bad-checksum", "wrong-id", "twin-id", "echo", "garble", "dribble", "stray", "swap")
-DEADLINES = ("0.1", "0.35", "1")
+DEADLINES = ("0.1", "0.2", "0.35", "0.6", "1", "2.5")
 
 
 def once(family: str, command: str, fault: str, *more: str) -> Result:

@@ -31,7 +31,7 @@ def test_a_topic_is_plain_text(topic: str) -> None:
     assert len(done.lines) > 20
     assert not re.search(r"\\f[BIR]|\\\((?:aq|ga|ha|ti|bu)|^\.[A-Z]{2}", done.out, re.MULTILINE)
     if topic in COMMANDS:
-        assert topic not in list(COMMANDS)[::8] or run("help", f"handctl-{topic}").out == done.out
+        assert run("help", f"handctl-{topic}").out == done.out
         assert f"handctl {topic}" in done.out and "EXAMPLES" in done.out
 
 

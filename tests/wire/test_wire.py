@@ -1,5 +1,4 @@
-"""The part of the golden wire that is in the gate: of each command its run, one more cell in turn, and its death; on the
-first wire of its family and on one of the others in turn.
+"""The part of the golden wire that is in the gate: of each command its run, one more cell in turn, and its death.
 
 Which is the one in turn is a matter of places in golden.txt, never of a draw. `python -m tests.wire` replays all.
 """
@@ -42,7 +41,7 @@ def replay(tmp_path_factory: pytest.TempPathFactory) -> Replay:
         """The cells that are not as they are written down, each with what shows it, and messages that are not."""
         found = replayed(recorder, [key for key in keys if key in known], noted)
         lines = [
-            f"{key}: {parts}\n  repeat: python -m tests.wire --diff '{key}'" for key, parts in differing(found, known)
+            f"{key}: {parts}\n  repeat: python -m tests.wire --only '{key}'" for key, parts in differing(found, known)
         ]
         lines += [
             f"not in {messages.GOLDEN.name} (python -m tests.messages --cells --write):\n{one}" for one in unwritten
@@ -56,15 +55,10 @@ def replay(tmp_path_factory: pytest.TempPathFactory) -> Replay:
 @cache
 def commands(owner: str) -> list[list[str]]:
     """The cells of each command of a family, or of the tools."""
-    wires: dict[str, list[list[str]]] = {}
-    for group in groups(list(cells())):
-        name, _, deed = group[0].rpartition(" | ")
-        if deed == "run" and (name.split()[0] if name.split()[0] in FAMILIES else TOOLS) == owner:
-            wires.setdefault(name.partition(" on ")[0], []).append(group)
     return [
         group
-        for number, (first, *others) in enumerate(wires.values())
-        for group in (first, *others[number % len(others or [0]) :][:1])
+        for group in groups(list(cells()))
+        if group[0].endswith(" | run") and (group[0].split()[0] if group[0].split()[0] in FAMILIES else TOOLS) == owner
     ]
 
 
