@@ -137,9 +137,20 @@ def test_set_asks(answer: str, code: int) -> None:
     with spying() as spy:
         seen = person("exo", "set", "position_set.index=300", "-p", fake(), answers=[answer])
     assert seen.code == code
-    assert [line.device.space.memory[1492:1494] for line in spy.lines] == ([s16(300)] if code == 0 else [])
+    assert [line.device.space.memory[1492:1494] for line in spy.lines] == [s16(300) if code == 0 else s16(454)]
     asked = " ".join(seen.text.partition("[y/N]")[0].split())
-    assert "moves" in asked and WRITE.hex(" ").upper() in asked
+    assert "Setting From To position_set.index 440 300 This moves" in asked and "EB 90" not in asked
+
+
+def test_a_question_shows_bytes_with_v_alone() -> None:
+    seen = person("exo", "set", "position_set.index=300", "-v", "-p", fake(), answers=["n"])
+    assert f"position_set.index = 300 (address 1492): {WRITE.hex(' ').upper()}" in " ".join(seen.text.split())
+
+
+def test_a_command_of_fingers_asks_with_a_table() -> None:
+    seen = person("exo", "position", "ring=900", "index=100", "-p", fake(), answers=["n"])
+    assert seen.code == 8
+    assert "  Finger  From   To\n  ring     220  900\n  index    440  100\n" in seen.text.replace("\r", "")
 
 
 def test_stdin_that_is_no_terminal_is_not_asked() -> None:
