@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from handctl.errors import HandctlError, Interrupted, NotConfirmed, UsageError, joined
+from handctl.errors import STOPPED, HandctlError, Interrupted, NotConfirmed, UsageError, joined
 from handctl.frame.clikit import Command
 from handctl.frame.invocation import told, unsent
 from handctl.frame.options import COMMAND_LINE, said
@@ -35,8 +35,6 @@ Confirm = bool | Callable[[str, list[Row]], bool]
 """The answer to what asks: True, or who is asked, with the question and the steps that are going to be written."""
 MOST_PARSED = 1000
 """Calls whose values are kept as click has understood them."""
-STOPPED = "stopped"
-"""Code of what another process has stopped: no Ctrl-C."""
 
 
 class Caller(Guide):

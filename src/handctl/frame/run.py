@@ -120,11 +120,15 @@ class Run(Invocation):
         holds = (run.hold for run in (self, *self.others))
         return next((hold.stopped for hold in holds if hold is not None and hold.stopped is not None), None)
 
-    def stop_key(self) -> AbstractContextManager[bool]:
-        """While it lasts a key on the terminal stops the device; whether there is one."""
-        from handctl.stop.holding import stop_key
+    def keyboard(self, pressed: Callable[[str], bool]) -> AbstractContextManager[bool]:
+        """While it lasts each key on the terminal goes to `pressed`, which says whether the command ends; whether there are keys."""
+        from handctl.stop.holding import keyboard
 
-        return stop_key(self.hold)
+        return keyboard(self.hold, pressed)
+
+    def behind_view(self) -> AbstractContextManager[None]:
+        """While it lasts messages wait: a view has the terminal."""
+        return self.outcome.held_back()
 
     def planned(self, steps: Sequence[Step]) -> Table | None:
         """Note in the ledger what is going to be written; the plan as a Table where --dry-run wants nothing more."""

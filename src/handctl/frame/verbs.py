@@ -5,7 +5,7 @@ snapshot, diff and restore are in `stored`. What they need of a device is `model
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError, joined
@@ -241,6 +241,18 @@ def watch(
         decimals={e.param.name: e.param.decimals for e in (*elements, *more, *slowly) if e.param.decimals},
         flags=frozenset(element.param.name for element in elements if element.param.bits),
     )
+
+
+def bounded(
+    run: Run, params: ParamMap[Any], read: Callable[[], Table], limits: Sequence[str], until: Sequence[str] = ()
+) -> Table:
+    """What `read` returns, compared with the bounds that --limit and --until give. Raises UsageError before anything is read."""
+    if not (limits or until):
+        return read()
+    from handctl.model.bound import bounds_in, within
+
+    kept = bounds_in(limits, params, "--limit"), bounds_in(until, params, "--until")
+    return within(read(), *kept, run.link_name(), run.journal)
 
 
 def _all_read(samples: Iterator[Sample], unread: dict[str, HandctlError | None]) -> Iterator[Sample]:

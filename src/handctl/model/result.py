@@ -15,6 +15,7 @@ from handctl.sentence import honest
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
+    from handctl.model.param import Bound
     from handctl.model.stopping import Stopped
 
 SCHEMA = "handctl/1"
@@ -92,6 +93,7 @@ class Table:
     samples   a stream; `summary` is called when it ends and goes into the closing envelope
     ranges    documented (low, high) per quantity name, for the bars of the live view
     decimals  decimals of a quantity's values, for the live view
+    bounds    what a person set for readings: the live view marks what passes it
     flags     names of quantities that are bits: the live view shows their words, of all others the numbers
     wide      in CSV a stream is usually a row a sample
     live      a person at a terminal sees a live view of the stream; else its rows
@@ -111,6 +113,7 @@ class Table:
     summary: Callable[[], dict[str, Any]] | None = None
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     decimals: dict[str, int] = field(default_factory=dict)
+    bounds: tuple[Bound, ...] = ()
     flags: frozenset[str] = frozenset()
     wide: bool = False
     live: bool = True
