@@ -14,7 +14,7 @@ function __handctl_lookup([string]$word, $table) { # the content of WORD=CONTENT
 function __handctl_node([string]$path) { # what stands below PATH
     $found = @{ cmds = ''; opts = ''; takes = ''; args = ''; lacks = '' }
     switch -CaseSensitive -Exact ($path) {
-        '' { $found.cmds = 'exo wrist barrett ekso aidin hand ports scan doctor stop shell batch devices completion sim trace help'; $found.opts = '-V --version -h --help' }
+        '' { $found.cmds = 'exo wrist barrett ekso aidin hand ports scan top doctor stop shell batch devices completion sim trace help'; $found.opts = '-V --version -h --help' }
         'exo' { $found.cmds = 'status dump get watch describe stop position force set id baud save factory-reset report doctor clear-errors calibrate scan read write raw snapshot diff restore log'; $found.opts = '-h --help' }
         'exo status' { $found.opts = '--check --limit -h --help'; $found.takes = '--limit=none'; $found.lacks = '-n --dry-run -y --yes' }
         'exo dump' { $found.opts = '--limit -h --help'; $found.takes = '--limit=none'; $found.lacks = '-n --dry-run -y --yes' }
@@ -179,6 +179,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'hand log' { $found.opts = '--rate --count --duration --mark --silence --force -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--rate=none --count=none --duration=none --mark=none --silence=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'file read:hand*'; $found.lacks = '-n --dry-run -y --yes' }
         'ports' { $found.opts = '-h --help'; $found.lacks = '-p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity' }
         'scan' { $found.opts = '-p --port --family --ids --all -h --help'; $found.takes = '-p=link --port=link --family=choice:exo,wrist,barrett,ekso,aidin,hand --ids=none'; $found.lacks = '-p --port -n --dry-run -y --yes --assume-identity' }
+        'top' { $found.opts = '--rate --count --duration --limit -h --help'; $found.takes = '--rate=none --count=none --duration=none --limit=none'; $found.args = 'none*'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
         'doctor' { $found.opts = '--family --count -h --help'; $found.takes = '--family=choice:exo,wrist,barrett,ekso,aidin,hand --count=none'; $found.lacks = '-n --dry-run -y --yes --assume-identity' }
         'stop' { $found.opts = '-h --help' }
         'shell' { $found.opts = '-h --help'; $found.args = 'choice:exo,wrist,barrett,ekso,aidin,hand' }

@@ -126,6 +126,11 @@ class Run(Invocation):
 
         return keyboard(self.hold, pressed)
 
+    @property
+    def stoppable(self) -> bool:
+        """Whether the stop key has a device to stop."""
+        return self.hold is not None
+
     def behind_view(self) -> AbstractContextManager[None]:
         """While it lasts messages wait: a view has the terminal."""
         return self.outcome.held_back()

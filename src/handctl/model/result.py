@@ -5,7 +5,7 @@ Knows no terminal, no device and no file; imports only the standard library. Row
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -97,6 +97,7 @@ class Table:
     flags     names of quantities that are bits: the live view shows their words, of all others the numbers
     wide      in CSV a stream is usually a row a sample
     live      a person at a terminal sees a live view of the stream; else its rows
+    cards     device -> what makes its own table, where rows are of several devices: the live view draws each as a card
     pictures  rows -> grids that the live view draws in place of a line for each row; the first that fits the window
     extra     further keys of the JSON envelope, e.g. the raw blocks of a dump
     spool     the rows as JSON in place of `rows`, where there may be more of them than memory holds
@@ -117,6 +118,7 @@ class Table:
     flags: frozenset[str] = frozenset()
     wide: bool = False
     live: bool = True
+    cards: Mapping[str, Callable[[], Table]] = field(default_factory=dict)
     pictures: tuple[Callable[[list[Row]], list[Grid]], ...] = ()
     extra: dict[str, Any] = field(default_factory=dict)
     spool: Callable[[], Iterable[str]] | None = None

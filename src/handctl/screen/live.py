@@ -11,6 +11,7 @@ import contextlib
 import sys
 from collections import deque
 from collections.abc import Generator, Sequence
+from dataclasses import replace
 from datetime import datetime
 from typing import IO, TYPE_CHECKING, NamedTuple
 
@@ -48,12 +49,13 @@ LEAST = 15
 """Room that bar and sparkline need at least, with the ends of the bar; without it the line is that of a narrow window."""
 BAR = 12
 """Cells of the shortest bar in a grid, with its ends."""
+STOPS = "S"
 KEYS = (
     ("q", "quit", "quit (Esc too). The device stays as it is"),
     ("space", "freeze", "freeze the picture, and go on with the next press. A recording goes on"),
     ("r", "record", "record to a new CSV file, and end the recording with the next press"),
     ("+ -", "history", "show a longer or a shorter time"),
-    ("S", "stop", "stop the device at once: the capital letter, no question"),
+    (STOPS, "stop", "stop the device at once: the capital letter, no question"),
     ("?", "help", "show or hide this help"),
 )
 """Key, its word for the last line, what it does."""
@@ -197,7 +199,7 @@ class View:
         self._bounds = table.bounds
         self._rows: list[Row] = []
         self._context = context
-        self._link = text_shown(context.settings.device or context.link_name()).partition("?")[0]
+        self._link = "" if table.cards else text_shown(context.settings.device or context.link_name()).partition("?")[0]
         self._series: dict[Key, Series] = {}
         self._count = self._lost = 0
         self._seconds = 0.0
@@ -243,11 +245,15 @@ class View:
         blank = [Text("")] * (room - len(body)) if self.keyed else []  # the keys are the last line of the window
         yield from (*header, *body, *blank, *footer)
 
-    @staticmethod
-    def _help(width: int) -> list[Text]:
+    @property
+    def keys(self) -> tuple[tuple[str, str, str], ...]:
+        """Those that do something here."""
+        return tuple(row for row in KEYS if row[0] != STOPS or self._context.stoppable)
+
+    def _help(self, width: int) -> list[Text]:
         return [
             line
-            for key, _, text in KEYS
+            for key, _, text in self.keys
             for line in flowing([Text(word) for word in text.split()], width, head=f"{key:<7}")
         ]
 
@@ -417,6 +423,9 @@ class View:
         wide = width >= NARROW and name + part + value + span + LEAST <= width
         return Widths(width, name, part, value, span if wide else 0)
 
+    def next(self) -> None:
+        """Show the next device, where there are several."""
+
     def _header(self, width: int) -> list[Text]:
         rate = (self._count - 1) / self._seconds if self._count > 1 and self._seconds > 0 else 0.0
         items = [
@@ -451,8 +460,40 @@ class View:
             if items
             for line in flowing(items, width, gap=gap)
         ]
-        keys = [Text.assemble((key, "bold"), f" {word}") for key, word, _ in KEYS if self.keyed]
+        keys = [Text.assemble((key, "bold"), f" {word}") for key, word, _ in self.keys if self.keyed]
         return [*told, *flowing([*keys, *([] if keys else [Text("Ctrl-C ends", style="dim")])], width, gap=2)]
+
+    @property
+    def state(self) -> int:
+        """2 = a value is past its limit, was not read, or an error is set; 1 = one is near its limit; 0 = neither."""
+        return 2 if self.wrong() else max((one.state for one in self._series.values()), default=0)
+
+    def wrong(self) -> list[Text]:
+        """What needs a person, each as one piece: errors by finger, failed reads, what is past its limit."""
+        groups: dict[tuple[str, str], list[str]] = {}
+        for one in self._series.values():
+            if one.value is None or (one.name in self._flags and one.label != "ok"):
+                word = "not read" if one.value is None else one.label
+                groups.setdefault((one.name, word), []).append(part_name(one))
+        said = [f"{' '.join((name, ', '.join(parts))).strip()}: {word}" for (name, word), parts in groups.items()]
+        return [Text(text, style="bold red") for text in (*said, *self._past())]
+
+    def spans(self) -> list[Text]:
+        """Each quantity with its lowest and highest value of now, as one piece."""
+        groups: dict[str, list[Series]] = {}
+        for one in self._series.values():
+            if one.value is not None and one.name not in self._flags and not one.doubtful:
+                groups.setdefault(one.name, []).append(one)
+        pieces = []
+        for name, group in groups.items():
+            if self._worded(group):
+                pieces.append(Text(f"{name} {', '.join(dict.fromkeys(one.label for one in group))}"))
+                continue
+            low, high = min(group, key=lambda one: one.value or 0.0), max(group, key=lambda one: one.value or 0.0)
+            both = low.text(low.value) if low is high else f"{low.text(low.value)}..{high.text(high.value)}"
+            worst, unit = max(one.state for one in group), f" {group[0].unit}" if group[0].unit else ""
+            pieces.append(Text.assemble(f"{name} ", (f"{both}{unit}", TONES[worst] if worst else "bold")))
+        return pieces
 
     def _past(self) -> list[str]:
         """What is past its limit, the farthest first."""
@@ -550,6 +591,78 @@ class View:
         return lines
 
 
+class Cards(View):
+    """Several devices, each as a card of some lines, the one that needs a person first; or one of them whole."""
+
+    def __init__(self, table: Table, context: Context) -> None:
+        super().__init__(table, context)
+        self._tables = table.cards
+        self._views: dict[str, View] = {}
+        self._silent: dict[str, tuple[float, str]] = {}
+        self._shown = ""
+        """The device that is seen whole; "" = all of them, as cards."""
+
+    @property
+    def keys(self) -> tuple[tuple[str, str, str], ...]:
+        """With Tab among them."""
+        head, *rest = super().keys
+        return (head, ("Tab", "device", "show one device after the other, then all again"), *rest)
+
+    def next(self) -> None:
+        """Show the next device whole; behind the last one all of them."""
+        names = ["", *self._views]
+        self._shown = names[(names.index(self._shown) + 1) % len(names)]
+
+    def zoom(self, step: int) -> None:
+        """Show a longer time (1) or a shorter one (-1)."""
+        super().zoom(step)
+        for view in self._views.values():
+            view.zoom(step)
+
+    def add(self, sample: Sample) -> None:
+        """Take a sample of one device, or why there is none."""
+        self._count += 1
+        if self.frozen:
+            return
+        self._seconds = sample.t
+        name = str(sample.rows[0].get("device")) if sample.rows else ""
+        if all(row.get("error") and "name" not in row for row in sample.rows):
+            began = self._silent.get(name, (sample.t, ""))[0]
+            self._silent[name] = began, text_shown(str(sample.rows[0]["error"]))
+            return
+        self._silent.pop(name, None)
+        if name not in self._views:
+            self._views[name] = View(replace(self._tables[name](), cards=self._tables), self._context)
+        self._views[name].add(sample)
+
+    def _body(self, width: int, height: int) -> list[Text]:
+        if self._shown and self._shown not in self._silent:
+            return [Text(self._shown, style="bold"), *self._views[self._shown]._body(width, height - 1)]
+        long = max(map(len, self._tables)) + 2
+        names = sorted(self._tables, key=lambda name: -self._rank(name))
+        cards = [self._card(name, long, width) for name in names]
+        lines = [line for card in cards for line in card]
+        return lines if len(lines) <= height else [card[0] for card in cards]
+
+    def _rank(self, name: str) -> int:
+        """3 = something is wrong, 2 = silent, 1 = near a limit, 0 = neither."""
+        view = self._views.get(name)
+        return 2 if name in self._silent or view is None else (0, 1, 3)[view.state]
+
+    def _card(self, name: str, long: int, width: int) -> list[Text]:
+        """What is wrong in the first line, or that nothing is; then where its quantities are."""
+        head = f"{name:<{long}}"
+        if name in self._silent:
+            began, why = self._silent[name]
+            words = f"silent for {self._seconds - began:.0f} s: {why}".split()
+            return flowing([Text(word, style="bold red") for word in words], width, head=head)
+        view = self._views.get(name)
+        if view is None:
+            return flowing([Text("connecting", style="dim")], width, head=head)
+        first = flowing(view.wrong() or [Text("ok", style="green")], width, head=head, gap=2)
+        return [*first, *flowing(view.spans(), width, head=" " * long, gap=2)]
+
+
 TONES = ("cyan", "bold yellow", "bold red")
 """Styles of a bar, by the state of its value."""
 
@@ -630,7 +743,7 @@ class Tape:
 def watched(table: Table, samples: Generator[Sample, None, None], context: Context) -> Generator[Sample, None, None]:
     """The samples, drawn as they pass on a screen of their own, which is given back at the end."""
     console = console_on(sys.stdout, context.settings.color)
-    view = View(table, context)
+    view = View(table, context) if not table.cards else Cards(table, context)
     tape = Tape(view, context.command.split()[0])
     drawn, quit_, busy = 0.0, False, False
     live = Live(
@@ -657,6 +770,8 @@ def watched(table: Table, samples: Generator[Sample, None, None], context: Conte
             tape.switch()
         elif key in ("+", "=", "-"):
             view.zoom(-1 if key == "-" else 1)
+        elif key == "\t":
+            view.next()
         elif key == "?":
             view.helps = not view.helps
         else:
