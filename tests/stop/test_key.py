@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -81,3 +82,25 @@ def test_keys_record_freeze_and_help(tmp_path: Path, monkeypatch: pytest.MonkeyP
     lines = made.read_text().splitlines()
     assert lines[0].startswith("t_s,position_actual.little,") and len(lines) > 1
     assert f"Recorded {len(lines) - 1} rows to {made.name}" in " ".join(terminal.text.split())
+
+
+@pytest.mark.parametrize("how", ["ctrl-c", "term", "lost", "resized"])
+def test_the_terminal_is_given_back_however_a_view_ends(how: str) -> None:
+    with Simulator("--pty") as simulator, Terminal("exo", "watch", "--rate", "50", "-p", simulator.link) as terminal:
+        terminal.until_samples(3)
+        if how == "resized":
+            for columns in (*range(30, 160, 7), 80):
+                terminal.process.setwinsize(10 + columns % 30, columns)
+                terminal.run_for(0.01)
+            terminal.process.setwinsize(24, 80)
+            terminal.send("q")
+        elif how == "ctrl-c":
+            terminal.send("\x03")
+        elif how == "term":
+            terminal.process.kill(signal.SIGTERM)
+        else:
+            simulator.stop()
+        assert terminal.finish() == {"ctrl-c": 130, "term": 130, "lost": 3, "resized": 0}[how]
+        assert terminal.data.rindex(b"\x1b[?1049l") > terminal.data.rindex(b"\x1b[?1049h")
+        assert terminal.data.rindex(b"\x1b[?25h") > terminal.data.rindex(b"\x1b[?25l")
+        assert "Traceback" not in terminal.text
