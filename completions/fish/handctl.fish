@@ -9,24 +9,27 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
     set args
     switch "$argv[1]"
         case ''
-            set cmds 'exo	Inspire EH55BF1 exoskeleton hand (RS-232, Bluetooth serial)' 'wrist	Inspire wrist module of the dexterous hand (RS-232, RS-485, CAN)' 'barrett	BarrettHand BH8 series (RS-232)' 'ekso	EksoNR DataPort (serial over USB)' 'aidin	AIDIN-hand (TCP, JSON)' 'hand	Inspire RH56 dexterous hands (RS-232, RS-485, CAN, Modbus RTU, Modbus TCP)' 'ports	list serial ports and CAN interfaces, and the programs that use them' 'scan	detect the device on a port: family, baud rate, id' 'doctor	check this computer and the link, with a remedy for each problem' 'stop	stop a device at once, even while another handctl command is using it' 'shell	type commands at a prompt, on one open link' 'batch	run many commands on one open link, from a script or stdin' 'devices	name devices in the configuration file: list, add, remove, show' 'completion	print or install the shell completion: bash, zsh, fish, PowerShell' 'sim	serve a simulated device to any client: pty, TCP, slcan' 'trace	show, decode or compare recorded transcripts' 'help	show the manual, a guide, a command or the common options'
+            set cmds 'exo	Inspire EH55BF1 exoskeleton hand (RS-232, Bluetooth serial)' 'wrist	Inspire wrist module of the dexterous hand (RS-232, RS-485, CAN)' 'barrett	BarrettHand BH8 series (RS-232)' 'ekso	EksoNR DataPort (serial over USB)' 'aidin	AIDIN-hand (TCP, JSON)' 'hand	Inspire RH56 dexterous hands (RS-232, RS-485, CAN, Modbus RTU, Modbus TCP)' 'ports	list serial ports and CAN interfaces, and the programs that use them' 'scan	detect the device on a port: family, baud rate, id' 'top	all named devices as cards, the one that needs you first' 'doctor	check this computer and the link, with a remedy for each problem' 'stop	stop a device at once, even while another handctl command is using it' 'shell	type commands at a prompt, on one open link' 'batch	run many commands on one open link, from a script or stdin' 'devices	name devices in the configuration file: list, add, remove, show' 'completion	print or install the shell completion: bash, zsh, fish, PowerShell' 'sim	serve a simulated device to any client: pty, TCP, slcan' 'trace	show, decode or compare recorded transcripts' 'help	show the manual, a guide, a command or the common options'
             set opts '-V	Show the version.' '--version	Show the version.' '-h	Show this help.' '--help	Show this help.'
         case 'exo'
             set cmds 'status	Show a health summary: values of each finger or motor, with errors decoded.' 'dump	Read every documented quantity.' 'get	Read quantities by name, such as position_actual.index temperature.' 'watch	Show values as they change.' 'describe	List every quantity with address, type, range, access and manual section.' 'stop	Stop the device at once, even while another handctl command is using it.' 'position	Command positions from 0 (bent) to 1000 (open). Asks first.' 'force	Command forces from -1000 (closes the hand) to 1000 (opens it). Asks first.' 'set	Write quantities by name and read them back. For example position_set.index=300 force_set=0,0,0,0,0.' 'id	Show the id, or give the hand a NEW one (1 to 254).' 'baud	Show the baud rate code, or set a new RATE: 115200, 57600 or 19200 bit/s.' 'save	Save the present settings to flash and wait for the result (about 1 s).' 'factory-reset	Restore the factory defaults, after a snapshot of the present settings.' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'doctor	Check this computer, the link and the device.' 'clear-errors	Clear actuator errors and show which remain. Asks first if a finger may move.' 'calibrate	Calibrate forces and positions, guided step by step.' 'scan	Search for devices of this family: baud rate and id.' 'read	Read COUNT bytes (1 to 252) from any ADDRESS. Registers from the manual are decoded.' 'write	Write bytes to ADDRESS, low byte first, and read them back. Asks first.' 'raw	Send exactly these bytes and show the decoded reply. Everything except a read asks first.' 'snapshot	Save the settings and set points of the device to FILE.' 'diff	Compare the settings of two snapshots, or of snapshot A with the device.' 'restore	Write the settings that differ from a snapshot, and read them back.' 'log	Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.'
             set opts '-h	Show this help.' '--help	Show this help.'
         case 'exo status'
-            set opts '--check	Exit with code 7 if anything is unhealthy.' '-h	Show this help.' '--help	Show this help.'
+            set opts '--check	Exit with code 7 if anything is unhealthy.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.'
+            set takes --limit=none
             set lacks -n --dry-run -y --yes
         case 'exo dump'
-            set opts '-h	Show this help.' '--help	Show this help.'
+            set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.'
+            set takes --limit=none
             set lacks -n --dry-run -y --yes
         case 'exo get'
-            set opts '-h	Show this help.' '--help	Show this help.'
+            set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.'
+            set takes --limit=none
             set args 'read:exo*'
             set lacks -n --dry-run -y --yes
         case 'exo watch'
-            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.'
-            set takes --rate=none --count=none --duration=none
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.'
+            set takes --rate=none --count=none --duration=none --limit=none --until=none
             set args 'read:exo*'
             set lacks -n --dry-run -y --yes
         case 'exo describe'
@@ -104,18 +107,21 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set cmds 'status	Show a health summary: values of each finger or motor, with errors decoded.' 'dump	Read every documented quantity.' 'get	Read quantities by name, such as pitch_actual yaw_actual.' 'watch	Show values as they change.' 'describe	List every quantity with address, type, range, access and manual section.' 'stop	Stop the device at once, even while another handctl command is using it.' 'move	Move to angles in degrees and wait until the wrist has stopped moving.' 'center	Move both axes to 0 degrees and wait until they have stopped moving.' 'set	Write quantities by name and read them back. For example yaw_set=10 pitch_set=-10 move_time=1000.' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'doctor	Check this computer, the link and the device.' 'scan	Search for devices of this family: baud rate and id.' 'read	Read COUNT bytes (1 to 252) from ADDRESS in the wrist. Registers from the manual are decoded.' 'hand-read	Read COUNT bytes (1 to 252) from ADDRESS in the wrist\'s hand, undecoded.' 'write	Write 2, 4 or 6 bytes to addresses 1038 to 1043 and read them back.' 'hand-write	Write bytes to registers of the wrist\'s hand. Asks first.' 'raw	Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show the decoded reply.' 'snapshot	Save the settings and set points of the device to FILE.' 'diff	Compare the settings of two snapshots, or of snapshot A with the device.' 'restore	Write the settings that differ from a snapshot, and read them back.' 'log	Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
         case 'wrist status'
-            set opts '--check	Exit with code 7 if anything is unhealthy.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
+            set opts '--check	Exit with code 7 if anything is unhealthy.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
+            set takes --limit=none
             set lacks -n --dry-run -y --yes
         case 'wrist dump'
-            set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
+            set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
+            set takes --limit=none
             set lacks -n --dry-run -y --yes
         case 'wrist get'
-            set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
+            set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
+            set takes --limit=none
             set args 'read:wrist*'
             set lacks -n --dry-run -y --yes
         case 'wrist watch'
-            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
-            set takes --rate=none --count=none --duration=none
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
+            set takes --rate=none --count=none --duration=none --limit=none --until=none
             set args 'read:wrist*'
             set lacks -n --dry-run -y --yes
         case 'wrist describe'
@@ -185,18 +191,21 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set lacks --id
         case 'barrett status'
-            set opts '--check	Exit with code 7 if anything is unhealthy.' '--include-ids	Include the serial number in device of the JSON.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
+            set opts '--check	Exit with code 7 if anything is unhealthy.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--include-ids	Include the serial number in device of the JSON.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
+            set takes --limit=none
             set lacks --id -n --dry-run -y --yes
         case 'barrett dump'
-            set opts '--include-ids	Include the serial number in device of the JSON.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
+            set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--include-ids	Include the serial number in device of the JSON.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
+            set takes --limit=none
             set lacks --id -n --dry-run -y --yes
         case 'barrett get'
-            set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
+            set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
+            set takes --limit=none
             set args 'read:barrett*'
             set lacks --id -n --dry-run -y --yes
         case 'barrett watch'
-            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
-            set takes --rate=none --count=none --duration=none
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
+            set takes --rate=none --count=none --duration=none --limit=none --until=none
             set args 'read:barrett*'
             set lacks --id -n --dry-run -y --yes
         case 'barrett describe'
@@ -354,21 +363,21 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '-h	Show this help.' '--help	Show this help.'
             set lacks --id
         case 'ekso status'
-            set opts '--check	Exit with code 7 if anything is unhealthy.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
-            set takes --length-mode=none
+            set opts '--check	Exit with code 7 if anything is unhealthy.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
+            set takes --limit=none --length-mode=none
             set lacks --id -n --dry-run -y --yes
         case 'ekso dump'
-            set opts '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
-            set takes --length-mode=none
+            set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
+            set takes --limit=none --length-mode=none
             set lacks --id -n --dry-run -y --yes
         case 'ekso get'
-            set opts '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
-            set takes --length-mode=none
+            set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
+            set takes --limit=none --length-mode=none
             set args 'read:ekso*'
             set lacks --id -n --dry-run -y --yes
         case 'ekso watch'
-            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
-            set takes --rate=none --count=none --duration=none --length-mode=none
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
+            set takes --rate=none --count=none --duration=none --limit=none --until=none --length-mode=none
             set args 'read:ekso*'
             set lacks --id -n --dry-run -y --yes
         case 'ekso describe'
@@ -456,16 +465,16 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set lacks --id --baud
         case 'aidin status'
-            set opts '--check	Exit with code 7 if anything is unhealthy.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
-            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set opts '--check	Exit with code 7 if anything is unhealthy.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
+            set takes --limit=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set lacks --id --baud -n --dry-run -y --yes
         case 'aidin dump'
-            set opts '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
-            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
+            set takes --limit=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set lacks --id --baud -n --dry-run -y --yes
         case 'aidin get'
-            set opts '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
-            set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
+            set takes --limit=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'read:aidin*'
             set lacks --id --baud -n --dry-run -y --yes
         case 'aidin watch'
@@ -541,21 +550,21 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
         case 'hand status'
-            set opts '--check	Exit with code 7 if anything is unhealthy.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
-            set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
+            set opts '--check	Exit with code 7 if anything is unhealthy.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
+            set takes --limit=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set lacks -n --dry-run -y --yes
         case 'hand dump'
-            set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
-            set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
+            set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
+            set takes --limit=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set lacks -n --dry-run -y --yes
         case 'hand get'
-            set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
-            set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
+            set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
+            set takes --limit=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'read:hand*'
             set lacks -n --dry-run -y --yes
         case 'hand watch'
-            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
-            set takes --rate=none --count=none --duration=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
+            set takes --rate=none --count=none --duration=none --limit=none --until=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'read:hand*'
             set lacks -n --dry-run -y --yes
         case 'hand describe'
@@ -670,6 +679,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '-p	The link to search (default: all serial ports that are free and accessible). Can be repeated.' '--port	The link to search (default: all serial ports that are free and accessible). Can be repeated.' '--family	Search for this family only. Can be repeated.' '--ids	Ids to try, such as 1-20 (default: --id, or all, the usual one first).' '--all	Keep searching after the first device, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.'
             set takes -p=link --port=link --family=choice:exo,wrist,barrett,ekso,aidin,hand --ids=none
             set lacks -p --port -n --dry-run -y --yes --assume-identity
+        case 'top'
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 5.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.'
+            set takes --rate=none --count=none --duration=none --limit=none
+            set args 'none*'
+            set lacks -n --dry-run -y --yes --assume-identity
         case 'doctor'
             set opts '--family	The family of the device on the link. Without it, and without -d NAME, handctl detects the device.' '--count	Read the device N times to measure the error rate. Default: 100.' '-h	Show this help.' '--help	Show this help.'
             set takes --family=choice:exo,wrist,barrett,ekso,aidin,hand --count=none

@@ -184,6 +184,10 @@ class NotConfirmed(HandctlError):
     default_code = "not-confirmed"
 
 
+STOPPED = "stopped"
+"""Code of what another process, or the stop key, has stopped: no Ctrl-C."""
+
+
 class Interrupted(HandctlError):
     """Ctrl-C. Exit code 130."""
 

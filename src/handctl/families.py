@@ -191,6 +191,7 @@ TOOLS: dict[str, dict[str, tuple[str, str]]] = {
     "Find and diagnose": {
         "ports": ("handctl.tools.ports", "list serial ports and CAN interfaces, and the programs that use them"),
         "scan": ("handctl.tools.scan", "detect the device on a port: family, baud rate, id"),
+        "top": ("handctl.tools.top", "all named devices as cards, the one that needs you first"),
         "doctor": ("handctl.tools.doctor", "check this computer and the link, with a remedy for each problem"),
     },
     "Act": {

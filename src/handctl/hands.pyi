@@ -36,11 +36,11 @@ class Exo(Device):
         """Search for devices of this family: baud rate and id."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Stop the device at once, even while another handctl command is using it."""
-    def status(self, *, check: bool = False) -> list[Row]:
+    def status(self, *, check: bool = False, limit: Sequence[str] = ()) -> list[Row]:
         """Show a health summary: values of each finger or motor, with errors decoded."""
-    def dump(self) -> list[Row]:
+    def dump(self, *, limit: Sequence[str] = ()) -> list[Row]:
         """Read every documented quantity."""
-    def get(self, *names: str) -> list[Row]:
+    def get(self, *names: str, limit: Sequence[str] = ()) -> list[Row]:
         """Read quantities by name, such as `position_actual.index temperature`."""
     def set(
         self,
@@ -58,6 +58,8 @@ class Exo(Device):
         rate: Number = 10.0,
         count: int | None = None,
         duration: Number | None = None,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
     ) -> Iterator[list[Row]]:
         """Show values as they change."""
     def log(
@@ -175,11 +177,11 @@ class Wrist(Device):
         """Search for devices of this family: baud rate and id."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Stop the device at once, even while another handctl command is using it."""
-    def status(self, *, check: bool = False) -> list[Row]:
+    def status(self, *, check: bool = False, limit: Sequence[str] = ()) -> list[Row]:
         """Show a health summary: values of each finger or motor, with errors decoded."""
-    def dump(self) -> list[Row]:
+    def dump(self, *, limit: Sequence[str] = ()) -> list[Row]:
         """Read every documented quantity."""
-    def get(self, *names: str) -> list[Row]:
+    def get(self, *names: str, limit: Sequence[str] = ()) -> list[Row]:
         """Read quantities by name, such as `pitch_actual yaw_actual`."""
     def set(
         self,
@@ -197,6 +199,8 @@ class Wrist(Device):
         rate: Number = 10.0,
         count: int | None = None,
         duration: Number | None = None,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
     ) -> Iterator[list[Row]]:
         """Show values as they change."""
     def log(
@@ -289,11 +293,11 @@ class Barrett(Device):
         """Search for devices of this family: baud rate and id."""
     def stop(self, *, motors: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Stop the hand immediately, even while another handctl is using it."""
-    def status(self, *, check: bool = False, include_ids: bool = False) -> list[Row]:
+    def status(self, *, check: bool = False, limit: Sequence[str] = (), include_ids: bool = False) -> list[Row]:
         """Show a health summary: values of each finger or motor, with errors decoded."""
-    def dump(self, *, include_ids: bool = False) -> list[Row]:
+    def dump(self, *, limit: Sequence[str] = (), include_ids: bool = False) -> list[Row]:
         """Read every documented quantity."""
-    def get(self, *names: str) -> list[Row]:
+    def get(self, *names: str, limit: Sequence[str] = ()) -> list[Row]:
         """Read quantities by name, such as `P SG.F1 temperature`."""
     def watch(
         self,
@@ -301,6 +305,8 @@ class Barrett(Device):
         rate: Number = 10.0,
         count: int | None = None,
         duration: Number | None = None,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
     ) -> Iterator[list[Row]]:
         """Show values as they change."""
     def log(
@@ -572,11 +578,17 @@ class Ekso(Device):
         """Search for devices of this family: baud rate and id."""
     def stop(self, *, length_mode: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Stop the device at once, even while another handctl command is using it."""
-    def status(self, *, check: bool = False, length_mode: str | None = None) -> list[Row]:
+    def status(
+        self,
+        *,
+        check: bool = False,
+        limit: Sequence[str] = (),
+        length_mode: str | None = None,
+    ) -> list[Row]:
         """Show a health summary: values of each finger or motor, with errors decoded."""
-    def dump(self, *, length_mode: str | None = None) -> list[Row]:
+    def dump(self, *, limit: Sequence[str] = (), length_mode: str | None = None) -> list[Row]:
         """Read every documented quantity."""
-    def get(self, *names: str, length_mode: str | None = None) -> list[Row]:
+    def get(self, *names: str, limit: Sequence[str] = (), length_mode: str | None = None) -> list[Row]:
         """Read quantities by name, such as `step_length left_knee_angle 216`."""
     def watch(
         self,
@@ -584,6 +596,8 @@ class Ekso(Device):
         rate: Number = 10.0,
         count: int | None = None,
         duration: Number | None = None,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
         length_mode: str | None = None,
     ) -> Iterator[list[Row]]:
         """Show values as they change."""
@@ -686,11 +700,11 @@ class Aidin(Device):
         """Search for devices of this family: baud rate and id."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Stop the device at once, even while another handctl command is using it."""
-    def status(self, *, check: bool = False) -> list[Row]:
+    def status(self, *, check: bool = False, limit: Sequence[str] = ()) -> list[Row]:
         """Show a health summary: values of each finger or motor, with errors decoded."""
-    def dump(self) -> list[Row]:
+    def dump(self, *, limit: Sequence[str] = ()) -> list[Row]:
         """Read every documented quantity."""
-    def get(self, *names: str) -> list[Row]:
+    def get(self, *names: str, limit: Sequence[str] = ()) -> list[Row]:
         """Read quantities by name, such as `joint_pos.index sensor_state.fz`."""
     def describe(self, *names: str) -> list[Row]:
         """List every quantity with address, type, range, access and manual section."""
@@ -780,11 +794,11 @@ class Hand(Device):
         """Search for devices of this family: baud rate and id."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Stop the device at once, even while another handctl command is using it."""
-    def status(self, *, check: bool = False) -> list[Row]:
+    def status(self, *, check: bool = False, limit: Sequence[str] = ()) -> list[Row]:
         """Show a health summary: values of each finger or motor, with errors decoded."""
-    def dump(self) -> list[Row]:
+    def dump(self, *, limit: Sequence[str] = ()) -> list[Row]:
         """Read every documented quantity."""
-    def get(self, *names: str) -> list[Row]:
+    def get(self, *names: str, limit: Sequence[str] = ()) -> list[Row]:
         """Read quantities by name, such as `angle_actual.index temperature`."""
     def describe(self, *names: str) -> list[Row]:
         """List every quantity with address, type, range, access and manual section."""
@@ -794,6 +808,8 @@ class Hand(Device):
         rate: Number = 10.0,
         count: int | None = None,
         duration: Number | None = None,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
     ) -> Iterator[list[Row]]:
         """Show values as they change."""
     def log(

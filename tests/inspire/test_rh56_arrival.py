@@ -92,7 +92,7 @@ def test_a_speed_that_lets_a_finger_go_on_is_asked_for(tmp_path: Path, words: tu
     at = stopped(tmp_path / "hand.json")
     asked = hand(*words, at=at, yes=False)
     assert (asked.code, asked.json["writes"][0]["state"]) == (8, "not-sent")
-    assert "index from 440 to 1000 (angle_set)" in asked.error["text"]
+    assert "index (angle_set) 440 to 1000" in asked.error["text"]
     assert hand(*words, at=at).code == 0
 
 
@@ -130,7 +130,7 @@ def test_the_library_asks_too() -> None:
             "index=300",
             confirm=lambda question, steps: bool(said.append(question)) or all(step["moves"] for step in steps),
         )
-        assert "index from 440 to 1000 (angle_set)" in said[0]
+        assert "index (angle_set) 440 to 1000" in said[0]
 
 
 @each_row("family", ["exo", "hand"])

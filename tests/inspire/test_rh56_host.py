@@ -180,7 +180,8 @@ def test_a_finger_moves_to_its_angle_and_only_that(model: str, wire: str) -> Non
     hand = hand_on(model, wire)
     changes = [(hand.map.find("angle_set.index")[1][0], 300)]
     before = motion.fit_to_move(hand)
-    assert "index 440 to 300 (speed 604, force limit 404 g)" in motion.question(hand, changes, before)
+    question, shown = motion.question(hand, changes, before)
+    assert shown.told(question).endswith("index 440 to 300 (speed 604, force limit 404 g)")
     rows = {row["name"]: row["value"] for row in motion.move(hand, "angle_set", changes, Guide(), wait=3.0).rows}
     assert rows == {"angle_actual": 300, "status": 2}
     others = hand.read(elements_of(hand.map["angle_set"]))

@@ -98,11 +98,11 @@ def test_a_function_is_asked_with_the_steps(exo: hands.Exo) -> None:
         asked.append((question, steps))
         return len(asked) > 1
 
-    with pytest.raises(NotConfirmed, match="nothing was sent"):
+    with pytest.raises(NotConfirmed, match="nothing was written"):
         exo.set(SET, confirm=answer)
-    assert exo.envelope["counters"]["sent"] == 0
+    assert exo.envelope["counters"]["sent"] == 3  # its identity, and where it is
     assert exo.set(SET, confirm=answer)[0]["value"] == 300
-    assert "position_set.index=300" in asked[0][0] and asked[0][1][0]["bytes"].startswith("EB 90")
+    assert "position_set.index 440 to 300" in asked[0][0] and asked[0][1][0]["bytes"].startswith("EB 90")
     with pytest.raises(NotConfirmed) as error:
         exo.set(SET)
     assert error.value.exit_code == 8 and "confirm=True" in error.value.hint

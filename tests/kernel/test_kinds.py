@@ -213,6 +213,7 @@ def test_forces_have_a_question_of_their_own(tmp_path: Path, monkeypatch: pytest
     from handctl.frame.console import TerminalGuide
 
     asked: list[str] = []
+    said: list[str] = []
     answers: list[bool] = []
 
     def ask(_self: TerminalGuide, question: str, _word: str) -> bool:
@@ -220,6 +221,7 @@ def test_forces_have_a_question_of_their_own(tmp_path: Path, monkeypatch: pytest
         return answers.pop(0)
 
     monkeypatch.setattr(TerminalGuide, "ask", ask)
+    monkeypatch.setattr(TerminalGuide, "say", lambda _self, text: said.append(text))
     monkeypatch.setattr("handctl.frame.console.is_terminal", lambda _file: True)
     path = snapshot_of(tmp_path, force_set__index=-5, position_set__thumb=-1)
     trace = tmp_path / "t.txt"
@@ -230,7 +232,8 @@ def test_forces_have_a_question_of_their_own(tmp_path: Path, monkeypatch: pytest
             result = run("exo", "restore", path, "--setpoints", "-p", fake(), "--trace", trace)
         assert (result.code, answers) == (code, []), result
         assert "MOVES the device: position_set.thumb" in asked[0] and "force" not in asked[0]
-        assert asked[1:] == [] or "PUSHES with a force until another is commanded: force_set.index 64 -> -5" in asked[1]
+        assert asked[1:] == [] or "PUSHES with a force until another is commanded" in asked[1]
+        assert asked[1:] == [] or "force_set.index    64  -5" in said[-1]
         assert len(writes(trace)) == (2 if code == 0 else 0)
     asked.clear()
     assert run("exo", "restore", path, "--setpoints", "-y", "-p", fake()).code == 0

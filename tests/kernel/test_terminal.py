@@ -76,31 +76,40 @@ def test_live_view_at_80x24() -> None:
     assert "simulated" in head and "exo watch" in head
     (rate,) = re.findall(r"([0-9.]+) Hz", head)
     assert 0 < float(rate) <= 21
-    (samples,) = re.findall(r"(\d+) samples", head)
-    (foot,) = [line for line in lines if line.startswith("sent ")]
-    for key in ("sent", "received", "retries", "bad_frames", "stray_bytes"):
-        assert re.search(rf"\b{key} \d+", foot), foot
-    assert abs(int(samples) - int(re.findall(r"sent (\d+)", foot)[0])) <= 3
-    for name in ("position_actual", "force_actual", "current"):
-        first = next(index for index, line in enumerate(lines) if line.startswith(name))
-        bars = []
-        for index, (value, finger) in enumerate(zip(POWER_ON[name][2], FINGERS, strict=False)):
-            line = lines[first + index]
-            assert finger in line
-            numbers = line.partition("▏")[2] if line.count("▏") == 1 else line[line.rindex("▏") :]
-            assert re.search(rf"(?<![0-9-]){value} ", numbers), line
-            assert f"{value}..{value}" in line
-            assert any(spark in numbers for spark in SPARKS), line
-            bars.append(line[line.index("▕") : line.rindex("▏")].count("█"))
-        if name == "position_actual":
-            assert bars == sorted(bars) and bars[0] < bars[-1]
+    assert lines[-1].split() == [
+        "q",
+        "quit",
+        "space",
+        "freeze",
+        "r",
+        "record",
+        "+",
+        "-",
+        "history",
+        "S",
+        "stop",
+        "?",
+        "help",
+    ]
+    first = next(index for index, line in enumerate(lines) if line.startswith("little"))
+    course = lines.index("position_actual") + 1
+    assert lines[first - 1].split() == ["actual", "actual", "[mA]", "[°C]"]
+    bars = []
+    for index, finger in enumerate(FINGERS):
+        values = [POWER_ON[name][2][index] for name in ("position_actual", "force_actual", "current", "temperature")]
+        line = lines[first + index]
+        assert [word for word in line.split() if word.lstrip("-").isdigit()] == [str(value) for value in values], line
+        bars.append(line[line.index("▕") : line.index("▏")].count("█"))
+        below = lines[course + index]
+        assert below.startswith(finger) and f"{values[0]}..{values[0]}" in below, below
+        assert any(spark in below for spark in SPARKS), below
+    assert bars == sorted(bars) and bars[0] < bars[-1]
     assert any(line.startswith("error") and "ok" in line for line in lines)
-    assert any(re.search(r"little 31 .*thumb 35 .*°C", line) for line in lines)
     assert "Traceback" not in after
 
 
 def test_live_view_shows_minimum_and_maximum_of_a_motion() -> None:
-    seen = screen("exo", "watch", "position_actual", "force_actual", "--count", "20", "-p", fake(jitter=1))
+    seen = screen("exo", "watch", "position_actual", "force_actual", "--count", "20", "-p", fake(jitter=1), rows=40)
     spans = re.findall(r"(-?\d+)\.\.(-?\d+)", "\n".join(seen.display))
     assert any(int(low) < int(high) for low, high in spans), seen.display
 
@@ -111,7 +120,8 @@ def test_live_view_of_errors_and_failures() -> None:
     assert "over_temperature" in text and "locked_rotor" in text
     silent = screen("exo", "watch", "-p", fake(fault="silent", after=20), "--retries", "0")
     assert silent.code == 4 and "no answer" in silent.err
-    assert silent.data.endswith("\x1b[?25h"), "the cursor is back"
+    assert silent.data.rindex("\x1b[?1049l") > silent.data.rindex("\x1b[?1049h"), "the screen is given back"
+    assert silent.data.rindex("\x1b[?25h") > silent.data.rindex("\x1b[?25l"), "so is the cursor"
 
 
 # -- questions --------------------------------------------------------------------------------------------------------
@@ -137,9 +147,20 @@ def test_set_asks(answer: str, code: int) -> None:
     with spying() as spy:
         seen = person("exo", "set", "position_set.index=300", "-p", fake(), answers=[answer])
     assert seen.code == code
-    assert [line.device.space.memory[1492:1494] for line in spy.lines] == ([s16(300)] if code == 0 else [])
+    assert [line.device.space.memory[1492:1494] for line in spy.lines] == [s16(300) if code == 0 else s16(454)]
     asked = " ".join(seen.text.partition("[y/N]")[0].split())
-    assert "moves" in asked and WRITE.hex(" ").upper() in asked
+    assert "Setting From To position_set.index 440 300 This moves" in asked and "EB 90" not in asked
+
+
+def test_a_question_shows_bytes_with_v_alone() -> None:
+    seen = person("exo", "set", "position_set.index=300", "-v", "-p", fake(), answers=["n"])
+    assert f"position_set.index = 300 (address 1492): {WRITE.hex(' ').upper()}" in " ".join(seen.text.split())
+
+
+def test_a_command_of_fingers_asks_with_a_table() -> None:
+    seen = person("exo", "position", "ring=900", "index=100", "-p", fake(), answers=["n"])
+    assert seen.code == 8
+    assert "  Finger  From   To\n  ring     220  900\n  index    440  100\n" in seen.text.replace("\r", "")
 
 
 def test_stdin_that_is_no_terminal_is_not_asked() -> None:

@@ -79,16 +79,17 @@ def draw(name: str) -> str:
         highlight=False, markup=False, emoji=False, legacy_windows=False, file=io.StringIO(),
     )  # fmt: skip
 
-    def draw_last(table: Table, samples: Iterator[Sample], _sink: Any, context: Any) -> None:
+    def draw_last(table: Table, samples: Iterator[Sample], context: Any) -> Iterator[Sample]:
         view = live.View(table, context)
         for sample in samples:
             view.add(sample)
+            yield sample
         recorder.print(view)
 
     with (
         tempfile.TemporaryDirectory() as folder,
         mock.patch("handctl.screen.terminal.console_for", lambda _sink: recorder),
-        mock.patch("handctl.screen.live.show_live", draw_last),
+        mock.patch("handctl.screen.live.watched", draw_last),
     ):
         link = f"fake://exo?seed=7&clock=virtual&jitter=1&state={folder}/state.json"
         if "@" in command:

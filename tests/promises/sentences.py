@@ -37,6 +37,11 @@ def sentences() -> list[str]:
 
 
 COVERED: Mapping[str, tuple[str, str]] = {
+    "`--until` ends it instead": ("kernel/test_bound.py", "test_until_ends_a_stream"),
+    "A limit for a quantity that was never read": (
+        "kernel/test_bound.py",
+        "test_a_limit_that_nothing_was_compared_with",
+    ),
     "If the device still moves or has a new target": ("stop/test_talk.py", "test_"),
     "If the device turns out to be a different one, nothing is written": ("stop/test_whose.py", "test_"),
     "That command sends the stop ahead of everything else": ("stop/test_stop.py", "test_"),

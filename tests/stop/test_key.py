@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -18,11 +19,11 @@ def test_the_key_stops_the_device(family: str, tmp_path: Path) -> None:
     place = Stand(family, tmp_path)
     try:
         with Terminal(family, "watch", "--rate", "20", "-p", place.link) as terminal:
-            terminal.until("s stops the device")
+            terminal.until("S stop")
             place.heard()
-            terminal.send("s")
+            terminal.send("S")
             assert terminal.finish() == 130
-            assert "Stopped by the key s" in terminal.text
+            assert "Stopped by the key S" in terminal.text
             assert not terminal.screen.cursor.hidden
         place.reached(0.0)
     finally:
@@ -31,9 +32,75 @@ def test_the_key_stops_the_device(family: str, tmp_path: Path) -> None:
 
 def test_other_keys_do_nothing_and_ctrl_c_ends() -> None:
     with Simulator("--pty") as simulator, Terminal("exo", "watch", "-p", simulator.link) as terminal:
-        terminal.until("s stops the device")
-        terminal.send("xyz q\r")
+        terminal.until("S stop")
+        terminal.send("xsyz\r\x1b[A")  # a small s, too, and an arrow, which begins with ESC
         terminal.until_number(r"(\d+) samples", above=terminal.until_number(r"(\d+) samples", above=0))
         terminal.send("\x03")
         assert terminal.finish() == 130
         assert "Stopped by the key" not in terminal.text
+
+
+@pytest.mark.parametrize("key", ["q", "\x1b"])
+def test_a_view_ends_without_touching_the_device_and_gives_the_terminal_back(key: str) -> None:
+    with Simulator("--pty") as simulator, Terminal("exo", "watch", "-p", simulator.link) as terminal:
+        terminal.until_samples(3)
+        terminal.send(key)
+        assert terminal.finish() == 0
+        assert "true rate" in terminal.text and "Stopped" not in terminal.text
+        assert terminal.data.rindex(b"\x1b[?1049l") > terminal.data.rindex(b"\x1b[?1049h")
+        assert not terminal.screen.cursor.hidden
+
+
+def test_what_was_typed_before_the_view_began_does_nothing() -> None:
+    with Simulator("--pty") as simulator, Terminal("exo", "watch", "-p", simulator.link) as terminal:
+        terminal.send("Sq")
+        terminal.until("S stop")
+        terminal.until_number(r"(\d+) samples", above=2)
+        terminal.send("q")
+        assert terminal.finish() == 0
+
+
+def test_keys_record_freeze_and_help(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with Simulator("--pty") as simulator, Terminal("exo", "watch", "--rate", "50", "-p", simulator.link) as terminal:
+        terminal.until("S stop")
+        for key, shown in (
+            ("?", "no question"),
+            ("?", "position_"),
+            ("+", "-60 s"),
+            ("r", "recording to"),
+            (" ", "frozen"),
+        ):
+            terminal.send(key)
+            terminal.until(shown)
+        at = terminal.until_number(r"(\d+) samples", above=0)
+        terminal.send(" ")
+        terminal.until_number(r"(\d+) samples", above=at)  # read on meanwhile
+        terminal.send("q")
+        assert terminal.finish() == 0
+    (made,) = tmp_path.glob("exo-*.csv")
+    lines = made.read_text().splitlines()
+    assert lines[0].startswith("t_s,position_actual.little,") and len(lines) > 1
+    assert f"Recorded {len(lines) - 1} rows to {made.name}" in " ".join(terminal.text.split())
+
+
+@pytest.mark.parametrize("how", ["ctrl-c", "term", "lost", "resized"])
+def test_the_terminal_is_given_back_however_a_view_ends(how: str) -> None:
+    with Simulator("--pty") as simulator, Terminal("exo", "watch", "--rate", "50", "-p", simulator.link) as terminal:
+        terminal.until_samples(3)
+        if how == "resized":
+            for columns in (*range(30, 160, 7), 80):
+                terminal.process.setwinsize(10 + columns % 30, columns)
+                terminal.run_for(0.01)
+            terminal.process.setwinsize(24, 80)
+            terminal.send("q")
+        elif how == "ctrl-c":
+            terminal.send("\x03")
+        elif how == "term":
+            terminal.process.kill(signal.SIGTERM)
+        else:
+            simulator.stop()
+        assert terminal.finish() == {"ctrl-c": 130, "term": 130, "lost": 3, "resized": 0}[how]
+        assert terminal.data.rindex(b"\x1b[?1049l") > terminal.data.rindex(b"\x1b[?1049h")
+        assert terminal.data.rindex(b"\x1b[?25h") > terminal.data.rindex(b"\x1b[?25l")
+        assert "Traceback" not in terminal.text

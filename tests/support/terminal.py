@@ -85,7 +85,7 @@ class Terminal:
 
         def fits(lines: list[str]) -> bool:
             samples = re.findall(r"(\d+) samples", lines[0]) if lines else []
-            return bool(samples) and int(samples[0]) >= count and lines[-1].startswith("sent ")
+            return bool(samples) and int(samples[0]) >= count and lines[-1].startswith("q quit")
 
         return self.until_screen(fits)
 

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from handctl.errors import HandctlError, Interrupted, NotConfirmed, UsageError, joined
+from handctl.errors import STOPPED, HandctlError, Interrupted, NotConfirmed, UsageError, joined
 from handctl.frame.clikit import Command
-from handctl.frame.invocation import unsent
+from handctl.frame.invocation import told, unsent
 from handctl.frame.options import COMMAND_LINE, said
 from handctl.frame.outcome import Outcome, as_told, from_click
 from handctl.frame.run import Run, plan_table
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from handctl.frame.connection import Session
     from handctl.frame.family import Family
     from handctl.frame.options import Settings
-    from handctl.model.param import Step
+    from handctl.model.param import Changes, Step
     from handctl.model.result import Message
     from handctl.screen.render import Context
 
@@ -35,8 +35,6 @@ Confirm = bool | Callable[[str, list[Row]], bool]
 """The answer to what asks: True, or who is asked, with the question and the steps that are going to be written."""
 MOST_PARSED = 1000
 """Calls whose values are kept as click has understood them."""
-STOPPED = "stopped"
-"""Code of what another process has stopped: no Ctrl-C."""
 
 
 class Caller(Guide):
@@ -90,7 +88,10 @@ class Call(Run):
             hint = "give confirm=True, or a function that answers. dry_run=True returns the bytes"
             raise NotConfirmed(f"{question}. Confirmation needed", hint=joined(hint, unsent(self.journal)))
 
-    def confirm(self, question: str, steps: Sequence[Step] = (), *, word: str = "") -> None:
+    def confirm(
+        self, question: str, steps: Sequence[Step] = (), *, word: str = "", changes: Changes | None = None
+    ) -> None:
+        question = told(question, changes)
         self.ledger.plan(steps)
         if self.settings.yes:
             return

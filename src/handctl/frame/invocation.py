@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from handctl.link import Link
     from handctl.model.guide import Guide
     from handctl.model.ledger import Ledger
-    from handctl.model.param import Step
+    from handctl.model.param import Changes, Step
     from handctl.model.result import Journal
 
 UNASKED = "yes-unasked"
@@ -243,6 +243,21 @@ def refuse_other_family(run: Invocation) -> None:
 def unsent(journal: Journal) -> str:
     """What is certain where the answer to a question was no: some questions are made of what was read."""
     return "nothing was written" if journal.counters.sent else "nothing was sent"
+
+
+def told(question: str, changes: Changes | None) -> str:
+    """The question for who sees no table."""
+    return question if changes is None else changes.told(question)
+
+
+def shown_steps(steps: Sequence[Step], settings: Settings, changes: Changes | None = None) -> list[str]:
+    """What is going to be written, a line a step, for who is asked; with the bytes where -v shows those of all other frames.
+
+    Without -v a single step is left out, since the question says what it does, and so are all that the table has.
+    """
+    if settings.verbose:
+        return [f"  {step.meaning}: {step.wire}" for step in steps]
+    return [] if changes or len(steps) == 1 else [f"  {step.meaning}" for step in steps]
 
 
 def tell_unasked(run: Invocation, question: str, steps: Sequence[Step]) -> None:

@@ -24,7 +24,7 @@ from handctl.frame.clikit import ALONE, Command, root
 from handctl.frame.connection import Session
 from handctl.frame.console import print_message
 from handctl.frame.family import load, map_of
-from handctl.frame.invocation import check_before, unsent
+from handctl.frame.invocation import check_before, shown_steps, told, unsent
 from handctl.frame.options import COMMAND_LINE, said, words_of
 from handctl.frame.outcome import from_click
 from handctl.frame.run import NO_TERMINAL, UNANSWERED, Run, plan_table
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from handctl.frame.family import Family
     from handctl.frame.options import Settings
     from handctl.link import Link
-    from handctl.model.param import Step
+    from handctl.model.param import Changes, Step
     from handctl.model.result import Journal
 
 HERE = ("stop",)
@@ -179,8 +179,10 @@ class Planning(Run):
         self._plan = self._plan._replace(steps=tuple(steps))
         return plan_table(steps) if self.settings.dry_run else None
 
-    def confirm(self, question: str, steps: Sequence[Step] = (), *, word: str = "") -> None:
-        self._plan = Plan(question, word, tuple(steps) or self._plan.steps)
+    def confirm(
+        self, question: str, steps: Sequence[Step] = (), *, word: str = "", changes: Changes | None = None
+    ) -> None:
+        self._plan = Plan(told(question, changes), word, tuple(steps) or self._plan.steps)
         raise _UsesDeviceError
 
     def need_answer(self, question: str) -> None:
@@ -304,8 +306,8 @@ def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Plan]) -> list[L
         return list(lines)
     for one, plan in open_:
         run.guide.say(f"line {one.number}: {one.command}: {plan.question}")
-        for step in plan.steps[:SHOWN]:
-            run.guide.say(f"  {step.meaning}: {step.wire}")
+        for text in shown_steps(plan.steps[:SHOWN], run.settings):
+            run.guide.say(text)
         if len(plan.steps) > SHOWN:
             run.guide.say(f"  and {plural(len(plan.steps) - SHOWN, 'more step')}. -n shows them")
     first, plan = open_[0]

@@ -33,6 +33,20 @@ SETPOINTS = click.option(
 """Offered where a map has quantities whose writing commands something."""
 IDS = click.option("--include-ids", is_flag=True, help="Include the serial number in `device` of the JSON.")
 """Offered where a device reports one."""
+LIMIT = click.option(
+    "--limit",
+    "limits",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.",
+)
+UNTIL = click.option(
+    "--until",
+    "until",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.",
+)
 
 
 def add_map_verbs(
@@ -66,21 +80,24 @@ def add_map_verbs(
         return IDS(body) if any(param.tells == "serial" for param in params) else body
 
     @click.option("--check", is_flag=True, help="Exit with code 7 if anything is unhealthy.")
+    @LIMIT
     @with_ids
-    def status(run: Run, check: bool, include_ids: bool = False) -> Table:
+    def status(run: Run, check: bool, limits: tuple[str, ...] = (), include_ids: bool = False) -> Table:
         """Show a health summary: values of each finger or motor, with errors decoded."""
         run.said.include_ids = include_ids
-        return run.device().status(check)  # type: ignore[no-any-return]
+        return verbs.bounded(run, mapped(run), lambda: run.device().status(check), limits)
 
+    @LIMIT
     @with_ids
-    def dump(run: Run, include_ids: bool = False) -> Table:
+    def dump(run: Run, limits: tuple[str, ...] = (), include_ids: bool = False) -> Table:
         """Read every documented quantity."""
         run.said.include_ids = include_ids
-        return run.device().dump()  # type: ignore[no-any-return]
+        return verbs.bounded(run, mapped(run), lambda: run.device().dump(), limits)
 
     @click.argument("names", nargs=-1, required=True, metavar=f"{named}...")
-    def get(run: Run, names: tuple[str, ...]) -> Table:
-        return verbs.get(run, mapped(run), names)
+    @LIMIT
+    def get(run: Run, names: tuple[str, ...], limits: tuple[str, ...] = ()) -> Table:
+        return verbs.bounded(run, mapped(run), lambda: verbs.get(run, mapped(run), names), limits)
 
     get.__doc__ = f"Read quantities by name{shown}."
 
@@ -100,14 +117,28 @@ def add_map_verbs(
 
     @click.argument("names", nargs=-1, metavar=NAMES)
     @stream_options
-    def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None) -> Table:
+    @LIMIT
+    @UNTIL
+    def watch(
+        run: Run,
+        names: tuple[str, ...],
+        rate: float,
+        count: int | None,
+        duration: float | None,
+        limits: tuple[str, ...] = (),
+        until: tuple[str, ...] = (),
+    ) -> Table:
         """Show values as they change.
 
-        A live view on a terminal, otherwise a stream of rows. Without names: everything that changes by itself.
+        A live view on a terminal (press ? for its keys), otherwise a stream of rows. Without names: everything that changes by itself.
         """
         seen = run.settings.format == "table" and not run.settings.output and is_terminal(sys.stdout)
         seen = seen and columns() >= verbs.BESIDE_COLUMNS
-        return verbs.watch(run, mapped(run), names, rate=rate, count=count, duration=duration, seen=seen)
+
+        def watched() -> Table:
+            return verbs.watch(run, mapped(run), names, rate=rate, count=count, duration=duration, seen=seen)
+
+        return verbs.bounded(run, mapped(run), watched, limits, until)
 
     @log_options
     @click.argument("names", nargs=-1, metavar=NAMES)

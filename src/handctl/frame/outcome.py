@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -47,6 +48,16 @@ class Outcome:
             self._asked.guide.done()
             _print(message)
         self._held.clear()
+
+    @contextlib.contextmanager
+    def held_back(self) -> Iterator[None]:
+        """Messages wait until it is over."""
+        before, self._live = self._live, False
+        try:
+            yield
+        finally:
+            self._live = before
+            self.tell()
 
     def stream(self, table: Table, context: Context) -> HandctlError | None:
         """Show a stream to its end; what went wrong."""

@@ -19,7 +19,7 @@ from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError,
 from handctl.frame.connection import Connection
 from handctl.frame.console import print_writes
 from handctl.frame.family import Family, implied
-from handctl.frame.invocation import Invocation, check_before, tell_unasked, unsent
+from handctl.frame.invocation import Invocation, check_before, shown_steps, tell_unasked, told, unsent
 from handctl.frame.options import Settings
 from handctl.frame.outcome import (
     Outcome,
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from handctl.link import Link
-    from handctl.model.param import Step
+    from handctl.model.param import Changes, Step
     from handctl.stop.holding import Hold
 
 NO_TERMINAL = "Confirmation needed, but this is not an interactive terminal"
@@ -120,11 +120,20 @@ class Run(Invocation):
         holds = (run.hold for run in (self, *self.others))
         return next((hold.stopped for hold in holds if hold is not None and hold.stopped is not None), None)
 
-    def stop_key(self) -> AbstractContextManager[bool]:
-        """While it lasts a key on the terminal stops the device; whether there is one."""
-        from handctl.stop.holding import stop_key
+    def keyboard(self, pressed: Callable[[str], bool]) -> AbstractContextManager[bool]:
+        """While it lasts each key on the terminal goes to `pressed`, which says whether the command ends; whether there are keys."""
+        from handctl.stop.holding import keyboard
 
-        return stop_key(self.hold)
+        return keyboard(self.hold, pressed)
+
+    @property
+    def stoppable(self) -> bool:
+        """Whether the stop key has a device to stop."""
+        return self.hold is not None
+
+    def behind_view(self) -> AbstractContextManager[None]:
+        """While it lasts messages wait: a view has the terminal."""
+        return self.outcome.held_back()
 
     def planned(self, steps: Sequence[Step]) -> Table | None:
         """Note in the ledger what is going to be written; the plan as a Table where --dry-run wants nothing more."""
@@ -133,19 +142,22 @@ class Run(Invocation):
         self.ledger.plan(steps)
         return None
 
-    def confirm(self, question: str, steps: Sequence[Step] = (), *, word: str = "") -> None:
+    def confirm(
+        self, question: str, steps: Sequence[Step] = (), *, word: str = "", changes: Changes | None = None
+    ) -> None:
         """Ask before something that moves, persists or strands; --yes answers. Raises NotConfirmed.
 
-        With `word` the user must type it. `steps` is what is going to be written.
+        With `word` the user must type it. `steps` is what is going to be written: -v and --dry-run show its bytes.
+        `changes` is the table above the question.
         """
         self.ledger.plan(steps)
         if self.settings.yes:
-            tell_unasked(self, question, steps)
+            tell_unasked(self, told(question, changes), steps)
             return
-        self.need_answer(question)
+        self.need_answer(told(question, changes))
         self.outcome.tell()  # who is asked must know of it before answering
-        for step in steps:
-            self.guide.say(f"  {step.meaning}: {step.wire}")
+        for line in (*shown_steps(steps, self.settings, changes), *(changes.lines() if changes else ())):
+            self.guide.say(line)
         if not self.guide.ask(question, word):
             raise NotConfirmed(f"not confirmed: {unsent(self.journal)}", hint="run the command again to confirm it")
 
@@ -154,9 +166,14 @@ class Run(Invocation):
         if not (self.settings.yes or self.settings.dry_run or self.guide.interactive):
             raise NotConfirmed(f"{question}. {NO_TERMINAL}", hint=joined(UNANSWERED, unsent(self.journal)))
 
+    @property
+    def asks(self) -> bool:
+        """Whether somebody is there whose answer is needed."""
+        return self.guide.interactive and not self.settings.yes
+
     def offer(self, question: str) -> bool:
         """Ask for an optional further step; no terminal or --yes means no."""
-        return self.guide.interactive and not self.settings.yes and self.guide.ask(question, "")
+        return self.asks and self.guide.ask(question, "")
 
     def out(self, text: str) -> None:
         """A line of data of an interactive session, at once."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import click
@@ -26,6 +27,8 @@ from handctl.system import clock
 
 TAKES = ("status", "dump", "get", "watch", "snapshot", "diff", "report", "stop")
 """The commands that take several devices."""
+BY_THEMSELVES = ("top",)
+"""Those that take names and see to all of them."""
 NAME = "{name}"
 """Stands in a file name for the name of the device."""
 DEVICE = Column("device", "Device")
@@ -126,6 +129,11 @@ class Several(Run):
 def run(words: Sequence[str], found: tuple[int, str, tuple[str, ...]]) -> None:
     """Run the command line `words` on each of the devices that it names. Raises HandctlError."""
     place, start, names = found
+    if any(word in BY_THEMSELVES for word in words):
+        begin = place if start else place - 1
+        one = line([*words[:begin], *words[place + 1 :], *names], {})
+        one.leaf.carry_out(one.context, Run(one.context, one.settings, None))
+        return
     every = []
     for name in names:
         own = [word.replace(NAME, name) for word in words]
@@ -187,7 +195,7 @@ def _together(whole: Several, every: Sequence[Each]) -> Table:
         while any(not each.table.columns and thread.is_alive() for each, thread in zip(every, threads, strict=True)):
             clock.sleep(OPENING_SECONDS)
         columns = (DEVICE, *_columns(every))
-        table = Table(columns=columns, live=False)
+        table = Table(columns=columns, cards={each.name: partial(getattr, each, "table") for each in every})
         table.samples = _samples(whole, table, every, _arrivals(every, threads, came))
         table.summary = lambda: {"results": [each.result(with_rows=False) for each in every]}
         return table

@@ -20,7 +20,19 @@ from handctl import __version__
 from handctl.errors import CheckFailed, OutputError, UsageError, joined
 from handctl.files import atomic_write, read_text, why_unwritable
 from handctl.model.device import question, released
-from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Element, Number, ParamMap, Step, elements_of
+from handctl.model.param import (
+    COMMAND,
+    MOVES,
+    PUSHES,
+    SETTING,
+    Changes,
+    Element,
+    FromTo,
+    Number,
+    ParamMap,
+    Step,
+    elements_of,
+)
 from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:
@@ -250,10 +262,16 @@ def _ask(run: Run, params: ParamMap[Any], device: Device, differing: Sequence[Ch
     others = [change for change in differing if change not in forces]
     waiting = released(device, differing)
     if others:
-        run.confirm(joined(_restoring(params, others), question(waiting) if waiting else ""), _steps(device, others))
+        asked = joined(_restoring(params, others), question(waiting) if waiting else "")
+        rows = [*_from_to(others, live), *(one.row() for one in waiting)]
+        run.confirm(asked, _steps(device, others), changes=Changes("Setting", rows=rows))
     if forces:
-        shown = ", ".join(f"{element.full_name} {live.get(element.full_name)} -> {value}" for element, value in forces)
-        run.confirm(f"This {ACTING[PUSHES]}: {shown}", _steps(device, forces))
+        changes = Changes("Setting", rows=_from_to(forces, live))
+        run.confirm(f"This {ACTING[PUSHES]}", _steps(device, forces), changes=changes)
+
+
+def _from_to(changes: Sequence[Change], live: dict[str, Number]) -> list[FromTo]:
+    return [FromTo(element.full_name, live.get(element.full_name), value) for element, value in changes]
 
 
 def _restoring(params: ParamMap[Any], changes: Sequence[Change]) -> str:

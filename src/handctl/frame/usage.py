@@ -245,6 +245,10 @@ EXAMPLES: dict[str, Examples] = {
         ("handctl doctor", "Check this computer."),
         ("handctl doctor -p /dev/ttyUSB0", "Check this computer, the link, and the device on it."),
     ),
+    "top": (
+        ("handctl top", "All named devices, live."),
+        ("handctl top left --limit temperature=60 --duration 60 --csv", "Record one minute, and exit with 7 above 60 °C."),
+    ),
     "devices": (
         ("handctl devices list", "All named devices."),
         ("handctl devices show left", "One device, and the source of each value."),

@@ -5,12 +5,12 @@ snapshot, diff and restore are in `stored`. What they need of a device is `model
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError, joined
-from handctl.model.device import question, released
-from handctl.model.param import PUSHES, Element, Number, Param, ParamMap, Reading, Step
+from handctl.model.device import pending, question, released
+from handctl.model.param import PUSHES, Changes, Element, FromTo, Number, Param, ParamMap, Reading, Step
 from handctl.model.result import Column, Row, Sample, Table
 
 if TYPE_CHECKING:
@@ -72,11 +72,34 @@ def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str]) -> Table:
     steps = planner.plan(changes)
     if (plan := run.planned(steps)) is not None:
         return plan
-    if any(step.strands or (step.moves and planner.worn) for step in steps):
-        run.confirm(f"{_consequence(steps)}: {', '.join(texts)}", steps)
+    asks = any(step.strands or (step.moves and planner.worn) for step in steps)
+    if asks:
+        run.need_answer(f"{_consequence(steps)}: {', '.join(texts)}")
     device: Device = run.device()
+    if asks:
+        run.confirm(_consequence(steps), steps, changes=going(run, device, changes))
     ask_released(run, device, changes, steps)
     return device.table(device.write(changes))
+
+
+def going(run: Run, device: Device, changes: Sequence[tuple[Element, Number]], what: str = "Setting") -> Changes:
+    """The table of a question: what is set, from and to. It is read only where somebody will see it.
+
+    A set point begins where its axis is, as far as the device can tell. With another word than "Setting" a line has the part alone.
+    """
+    now: dict[str, Number | None] = {}
+    if run.asks:
+        device.identify()
+        places = {course.target: device.map[course.actual] for course in device.courses}
+        begins = {one.path: Element(places.get(one.param.name, one.param), one.index) for one, _ in changes}
+        read = device.read([one for one in begins.values() if one.param.readable])
+        found = {reading.element.path: reading.value for reading in read}
+        now = {path: found.get(one.path) for path, one in begins.items()}
+    units = {element.param.unit for element, _ in changes}
+    rows = [
+        FromTo((what != "Setting" and one.part) or one.full_name, now.get(one.path), value) for one, value in changes
+    ]
+    return Changes(what, (len(units) == 1 and units.pop()) or "", rows)
 
 
 def ask_released(run: Run, device: Device, changes: Sequence[tuple[Element, Number]], steps: Sequence[Step]) -> None:
@@ -86,7 +109,8 @@ def ask_released(run: Run, device: Device, changes: Sequence[tuple[Element, Numb
         return
     device.identify()
     if waiting := released(device, changes):
-        run.confirm(question(waiting), [step._replace(moves=True) for step in steps])
+        moving = [step._replace(moves=True) for step in steps]
+        run.confirm(question(waiting), moving, changes=pending(waiting))
         device.will_move()
 
 
@@ -217,6 +241,18 @@ def watch(
         decimals={e.param.name: e.param.decimals for e in (*elements, *more, *slowly) if e.param.decimals},
         flags=frozenset(element.param.name for element in elements if element.param.bits),
     )
+
+
+def bounded(
+    run: Run, params: ParamMap[Any], read: Callable[[], Table], limits: Sequence[str], until: Sequence[str] = ()
+) -> Table:
+    """What `read` returns, compared with the bounds that --limit and --until give. Raises UsageError before anything is read."""
+    if not (limits or until):
+        return read()
+    from handctl.model.bound import bounds_in, within
+
+    kept = bounds_in(limits, params, "--limit"), bounds_in(until, params, "--until")
+    return within(read(), *kept, run.link_name(), run.journal)
 
 
 def _all_read(samples: Iterator[Sample], unread: dict[str, HandctlError | None]) -> Iterator[Sample]:

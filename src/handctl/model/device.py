@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypedDict, TypeVar
 
 from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, NotIdentified, ProtocolError, joined
-from handctl.model.param import Element, Number, ParamMap, Reading, elements_of
+from handctl.model.param import Changes, Element, FromTo, Number, ParamMap, Reading, elements_of
 from handctl.model.result import Column, Grid, Journal, Row, Table
 from handctl.model.stopping import (
     Aim,
@@ -476,8 +476,9 @@ class Pending(NamedTuple):
     here: Number
     there: Number
 
-    def __str__(self) -> str:
-        return f"{self.part} from {self.here} to {self.there} ({self.target})"
+    def row(self, *more: tuple[str, str]) -> FromTo:
+        """Its line of the table that a question shows."""
+        return FromTo(f"{self.part} ({self.target})", self.here, self.there, more)
 
 
 def released(device: Device, changes: Sequence[tuple[Element, Number]]) -> list[Pending]:
@@ -521,8 +522,13 @@ def _values(device: Device, elements: Sequence[Element]) -> list[Number]:
     return values
 
 
+def pending(waiting: Sequence[Pending]) -> Changes:
+    """The table of that question."""
+    return Changes("Axis", rows=[one.row() for one in waiting])
+
+
 def question(waiting: Sequence[Pending]) -> str:
     """What is asked before such a write."""
-    text = f"This moves {', '.join(map(str, waiting))}: targets that are set and were not reached"
+    text = "This moves what has not reached its target yet"
     twice = len({one.part for one in waiting}) < len(waiting)
     return f"{text}. Of two targets of a finger, the one that was set last counts" if twice else text

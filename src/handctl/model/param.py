@@ -368,6 +368,77 @@ class Step(NamedTuple):
         return text if self.can_id is None else f"{self.can_id:08X} [{len(self.data)}] {text}".rstrip()
 
 
+class FromTo(NamedTuple):
+    """A line of the table that a question shows: `what` goes from one value to another.
+
+    now   the value of today, None where it was not read
+    more  heading and text of what else counts, such as the speed
+    """
+
+    what: str
+    now: Number | None
+    new: Number
+    more: tuple[tuple[str, str], ...] = ()
+
+    def __str__(self) -> str:
+        """For a program that is asked, which sees no table."""
+        began = "" if self.now is None else f" {self.now}"
+        more = ", ".join(f"{heading.lower()} {text}" for heading, text in self.more)
+        return f"{self.what}{began} to {self.new}" + (f" ({more})" if more else "")
+
+
+class Changes(NamedTuple):
+    """The table that a question shows: `what` heads its first column, `unit` is that of the values, "" = none."""
+
+    what: str
+    unit: str = ""
+    rows: Sequence[FromTo] = ()
+
+    def lines(self) -> list[str]:
+        """The table as text, aligned."""
+        unit = f" ({self.unit})" if self.unit else ""
+        known = any(row.now is not None for row in self.rows)
+        more = [heading for heading, _ in self.rows[0].more] if self.rows else []
+        cells = [[self.what, *([f"From{unit}"] if known else ()), f"To{unit}", *more]]
+        for row in self.rows:
+            now = () if not known else ("" if row.now is None else str(row.now),)
+            cells.append([row.what, *now, str(row.new), *(text for _, text in row.more)])
+        first, *widths = (max(map(len, column)) for column in zip(*cells, strict=True))
+        return [
+            "  ".join((f"  {line[0]:{first}}", *(f"{c:>{w}}" for c, w in zip(line[1:], widths, strict=True))))
+            for line in cells
+        ]
+
+    def told(self, question: str) -> str:
+        """The question with its table in words."""
+        return f"{question}: {', '.join(map(str, self.rows))}"
+
+
+class Bound(NamedTuple):
+    """The lowest and highest value that some elements may have, in the unit that is shown; None = any.
+
+    paths  of the elements, as `path` in their rows
+    """
+
+    name: str
+    paths: frozenset[str]
+    low: float | None
+    high: float | None
+
+    def beyond(self, value: float) -> float:
+        """How far outside the value lies; 0 = inside. The ends belong to it."""
+        below = self.low - value if self.low is not None else 0.0
+        above = value - self.high if self.high is not None else 0.0
+        return max(0.0, below, above)
+
+    @property
+    def words(self) -> str:
+        """The bound as a person would say it."""
+        if self.low is None:
+            return f"at most {self.high:g}"
+        return f"at least {self.low:g}" if self.high is None else f"{self.low:g} to {self.high:g}"
+
+
 def ids_in(text: str, check: Callable[[int], object]) -> list[int]:
     """``1-254`` or ``1,2,10-20`` of an option --ids -> ids in that order, each once; `check` refuses what is none.
 

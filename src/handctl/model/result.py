@@ -5,7 +5,7 @@ Knows no terminal, no device and no file; imports only the standard library. Row
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,6 +15,7 @@ from handctl.sentence import honest
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
+    from handctl.model.param import Bound
     from handctl.model.stopping import Stopped
 
 SCHEMA = "handctl/1"
@@ -92,9 +93,11 @@ class Table:
     samples   a stream; `summary` is called when it ends and goes into the closing envelope
     ranges    documented (low, high) per quantity name, for the bars of the live view
     decimals  decimals of a quantity's values, for the live view
+    bounds    what a person set for readings: the live view marks what passes it
     flags     names of quantities that are bits: the live view shows their words, of all others the numbers
     wide      in CSV a stream is usually a row a sample
     live      a person at a terminal sees a live view of the stream; else its rows
+    cards     device -> what makes its own table, where rows are of several devices: the live view draws each as a card
     pictures  rows -> grids that the live view draws in place of a line for each row; the first that fits the window
     extra     further keys of the JSON envelope, e.g. the raw blocks of a dump
     spool     the rows as JSON in place of `rows`, where there may be more of them than memory holds
@@ -111,9 +114,11 @@ class Table:
     summary: Callable[[], dict[str, Any]] | None = None
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     decimals: dict[str, int] = field(default_factory=dict)
+    bounds: tuple[Bound, ...] = ()
     flags: frozenset[str] = frozenset()
     wide: bool = False
     live: bool = True
+    cards: Mapping[str, Callable[[], Table]] = field(default_factory=dict)
     pictures: tuple[Callable[[list[Row]], list[Grid]], ...] = ()
     extra: dict[str, Any] = field(default_factory=dict)
     spool: Callable[[], Iterable[str]] | None = None

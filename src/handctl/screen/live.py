@@ -1,41 +1,64 @@
-"""The live view of a stream on a terminal: bars, sparklines, minimum and maximum, true rate and counters.
+"""The live view of a stream: every quantity by finger or joint, its course over time, what is wrong, and the keys.
 
-Works over any device's rows: a series is a name with an element. When the window is too low, quantities without a
-bar of their own share a line. Rows that have a finger and an element within it are drawn as a table of numbers, the
-fingers side by side. Imported only when a person looks.
+Works over any device's rows: a series is a name with an element. Quantities that fingers or motors share are one grid,
+a row for each of them; all others have a line of their own. What room is left shows the course of the quantities in the
+grid. When the window is too low, courses go first, then bars. Imported only when a person looks.
 """
 
 from __future__ import annotations
 
 import contextlib
+import sys
 from collections import deque
 from collections.abc import Generator, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import replace
+from datetime import datetime
+from typing import IO, TYPE_CHECKING, NamedTuple
 
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.live import Live
 from rich.text import Text
 
+from handctl import ending
+from handctl.errors import STOPPED, Interrupted
 from handctl.model.result import Row, Sample, Table
-from handctl.screen.terminal import console_for, flowing, grid_lines
+from handctl.screen.filter import text_shown
+from handctl.screen.sheet import Wide
+from handctl.screen.terminal import console_on, flowing, grid_lines
+from handctl.sentence import plural
 from handctl.system import clock
 from handctl.system.terminal import FINE
 
 if TYPE_CHECKING:
+    from handctl.model.param import Bound
     from handctl.screen.render import Context
-    from handctl.screen.sink import Sink
 
 SPARKS = "▁▂▃▄▅▆▇█" if FINE else "_.▄█"
 BAR_PARTS = " ▏▎▍▌▋▊▉█" if FINE else "    ▌▌▌▌█"
 ENDS = "▕▏" if FINE else "││"
-HISTORY = 120
+KEPT = 36_000
+"""Values of each series: half an hour at 20 Hz."""
+SPANS = (10, 30, 60, 300, 1800)
+"""Seconds that the courses show, from which + and - choose."""
 FRAMES_PER_SECOND = 12
+NEAR_LIMIT = 0.9
+"""From this share of a highest value on, a reading is near its limit."""
 NARROW = 70
 """Below this width a bar's line has no minimum and maximum, no sparkline, and the name stands above it."""
 LEAST = 15
 """Room that bar and sparkline need at least, with the ends of the bar; without it the line is that of a narrow window."""
-NOTE = 62
-"""About as long is the note after the end: it and the shell's prompt must not push the head out of the window."""
+BAR = 12
+"""Cells of the shortest bar in a grid, with its ends."""
+STOPS = "S"
+KEYS = (
+    ("q", "quit", "quit (Esc too). The device stays as it is"),
+    ("space", "freeze", "freeze the picture, and go on with the next press. A recording goes on"),
+    ("r", "record", "record to a new CSV file, and end the recording with the next press"),
+    ("+ -", "history", "show a longer or a shorter time"),
+    (STOPS, "stop", "stop the device at once: the capital letter, no question"),
+    ("?", "help", "show or hide this help"),
+)
+"""Key, its word for the last line, what it does."""
 
 Key = tuple[str, str, str]
 """Name, part (finger or motor) and element of a series; "" where it has none."""
@@ -57,7 +80,8 @@ class Series:
         self._limits = limits
         self._factor = 1.0  # from the wire's unit to a person's
         self.decimals = decimals
-        self.history: deque[float] = deque(maxlen=HISTORY)
+        self.bounds: list[Bound] = []
+        self.history: deque[tuple[float, float]] = deque(maxlen=KEPT)
         self.low: float | None = None
         self.high: float | None = None
         self.value: float | None = None
@@ -69,17 +93,17 @@ class Series:
         """The bar's documented ends, in the unit that is shown."""
         return None if self._limits is None else (self._limits[0] * self._factor, self._limits[1] * self._factor)
 
-    def add(self, row: Row) -> None:
-        """Take the value of this moment; a failed read leaves a gap."""
+    def add(self, row: Row, t: float) -> None:
+        """Take the value of the moment `t`; a failed read leaves a gap."""
         value = row.get("scaled", row.get("value"))
-        self.label = str(row.get("label") or "")
+        self.label = text_shown(str(row.get("label") or ""))
         self.doubtful = bool(row.get("doubt"))
         if value and row.get("value"):
             self._factor = value / row["value"]
         self.value = value if isinstance(value, int | float) and not isinstance(value, bool) else None
         if self.value is None or self.doubtful:
             return
-        self.history.append(self.value)
+        self.history.append((t, self.value))
         self.low = self.value if self.low is None else min(self.low, self.value)
         self.high = self.value if self.high is None else max(self.high, self.value)
 
@@ -93,6 +117,17 @@ class Series:
     def span(self) -> str:
         """Lowest and highest value so far, "" before the first."""
         return "" if self.low is None else f"{self.text(self.low)}..{self.text(self.high)}"
+
+    @property
+    def state(self) -> int:
+        """2 = past a bound that was set, 1 = near one or outside the documented range, 0 = neither."""
+        if self.value is None or self.doubtful:
+            return 0
+        if any(bound.beyond(self.value) for bound in self.bounds):
+            return 2
+        highs = [bound.high for bound in self.bounds if bound.high is not None and bound.high > 0]
+        low, high = self.limits or (self.value, self.value)
+        return int(any(self.value >= NEAR_LIMIT * end for end in highs) or not low <= self.value <= high)
 
     def scale(self) -> tuple[float, float]:
         """The bar's ends: the documented range, widened by what was seen outside it."""
@@ -118,14 +153,29 @@ def bar(value: float, low: float, high: float, width: int) -> str:
     return ("█" * full + (BAR_PARTS[part] if part else "")).ljust(width)[:width]
 
 
-def spark(history: deque[float], width: int) -> str:
-    """The last `width` values as a sparkline, scaled to what they span."""
-    values = list(history)[-width:]
-    if not values:
-        return " " * width
-    low, high = min(values), max(values)
+def spark(history: Sequence[tuple[float, float]], now: float, span: float, width: int) -> str:
+    """The values of the last `span` seconds as a sparkline of `width` cells, scaled to what they span; a gap is blank."""
+    cells: list[float | None] = [None] * width
+    for t, value in reversed(history):
+        place = width - 1 - int((now - t) / span * width)
+        if place < 0:
+            break
+        if cells[place] is None:
+            cells[place] = value
+    known = [value for value in cells if value is not None]
+    low, high = min(known, default=0.0), max(known, default=0.0)
     step = (high - low) or 1.0
-    return "".join(SPARKS[int((value - low) / step * (len(SPARKS) - 1))] for value in values).rjust(width)
+    return "".join(" " if v is None else SPARKS[int((v - low) / step * (len(SPARKS) - 1))] for v in cells)
+
+
+def axis(span: float, width: int) -> str:
+    """The time axis below sparklines of `width` cells."""
+    whole, half = (f"-{seconds:g} s" if seconds < 120 else f"-{seconds / 60:g} min" for seconds in (span, span / 2))
+    left = max(1, width // 2 - len(whole))
+    last = width - len(whole) - left - len(half)
+    if last < len(" now"):
+        return f"{whole}{'now':>{width - len(whole)}}" if width > len(whole) + len("now") else ""
+    return f"{whole}{' ' * left}{half}{'now':>{last}}"
 
 
 class Widths(NamedTuple):
@@ -146,17 +196,31 @@ class View:
         self._flags = table.flags
         self._decimals = table.decimals
         self._pictures = table.pictures
+        self._bounds = table.bounds
         self._rows: list[Row] = []
         self._context = context
+        self._link = "" if table.cards else text_shown(context.settings.device or context.link_name()).partition("?")[0]
         self._series: dict[Key, Series] = {}
-        self._count = 0
+        self._count = self._lost = 0
         self._seconds = 0.0
         self._failed = ""
         self.keyed = False
+        self.frozen = False
+        self.helps = False
+        self.noted = ""
+        """What the last line but one says of a recording."""
+        self._span = SPANS[1]
+
+    def zoom(self, step: int) -> None:
+        """Show a longer time (1) or a shorter one (-1)."""
+        self._span = SPANS[min(max(0, SPANS.index(self._span) + step), len(SPANS) - 1)]
 
     def add(self, sample: Sample) -> None:
         """Take a sample."""
         self._count += 1
+        self._lost += all(row.get("error") for row in sample.rows)
+        if self.frozen:
+            return
         self._seconds = sample.t
         self._failed = ""
         self._rows = list(sample.rows)
@@ -164,21 +228,34 @@ class View:
             key = key_of(row)
             if key not in self._series:
                 self._series[key] = Series(row, self._ranges.get(key[0]), self._decimals.get(key[0], 0))
-            self._series[key].add(row)
-            self._failed = str(row.get("error") or self._failed)
+                self._series[key].bounds = [bound for bound in self._bounds if row.get("path") in bound.paths]
+            self._series[key].add(row, sample.t)
+            self._failed = text_shown(str(row.get("error") or self._failed))
 
     def __rich_console__(self, _console: Console, options: ConsoleOptions) -> RenderResult:
         width = options.max_width
         header, footer = self._header(width), self._footer(width)
-        below = 1 + -(-NOTE // width)
-        room = max(1, options.max_height - len(header) - len(footer) - below)
-        body = self._body(width, room)
+        room = max(1, options.max_height - len(header) - len(footer))
+        body = self._help(width) if self.helps else self._body(width, room)
         if len(body) > room:
             hidden = len(body) - room + 1
             body[room - 1 :] = flowing(
                 [Text(f"+ {hidden} lines: enlarge the window or name quantities", style="yellow")], width
             )[:1]
-        yield from (*header, *body, *footer)
+        blank = [Text("")] * (room - len(body)) if self.keyed else []  # the keys are the last line of the window
+        yield from (*header, *body, *blank, *footer)
+
+    @property
+    def keys(self) -> tuple[tuple[str, str, str], ...]:
+        """Those that do something here."""
+        return tuple(row for row in KEYS if row[0] != STOPS or self._context.stoppable)
+
+    def _help(self, width: int) -> list[Text]:
+        return [
+            line
+            for key, _, text in self.keys
+            for line in flowing([Text(word) for word in text.split()], width, head=f"{key:<7}")
+        ]
 
     def _body(self, width: int, height: int) -> list[Text]:
         """All quantities. What does not fit loses its bar, the last one first; single values without a bar then share lines."""
@@ -187,6 +264,111 @@ class View:
         groups: dict[str, list[Series]] = {}
         for series in self._series.values():
             groups.setdefault(series.name, []).append(series)
+        grid, courses = self._grid(groups, width)
+        inside = {name for name in groups if grid and self._in_grid(groups[name])}
+        words = [line for name, group in groups.items() if grid and name not in inside and self._spoken(group)
+                 for line in self._by_word(group, width)]  # fmt: skip
+        rest = {n: group for n, group in groups.items() if n not in inside and not (grid and self._spoken(group))}
+        below = self._lines(rest, width, max(1, height - len(grid) - len(words))) if rest else []
+        spare = 0 if grid else self._sparks(groups, width)
+        if (below_sparks := axis(self._span, spare)) and len(below) < height:
+            return [*below, Text(f"{'':{width - spare}}{below_sparks}", style="dim")]
+        if grid and len(grid) + len(words) + len(below) > height:  # too low for a grid
+            return self._lines(groups, width, height)
+        body = [*grid, *words, *below]
+        for course in courses:
+            if len(body) + len(course) + 1 > height - 1:
+                break
+            body += [Text(""), *course]
+        return [*body, Text(" " * self._left + axis(self._span, width - self._left), style="dim")] if (
+            len(body) > len(grid) + len(words) + len(below)
+        ) else body  # fmt: skip
+
+    _left = 0
+    """Cells in front of the courses."""
+
+    def _in_grid(self, group: Sequence[Series]) -> bool:
+        """Whether a quantity is a column of the grid: one number for each of several fingers or motors."""
+        return len(group) > 1 and all(one.part and not one.element for one in group) and not self._spoken(group)
+
+    def _spoken(self, group: Sequence[Series]) -> bool:
+        """Whether a quantity is told in words, a word for each of several fingers or motors."""
+        return len(group) > 1 and not group[0].element and self._worded(group)
+
+    def _grid(self, groups: dict[str, list[Series]], width: int) -> tuple[list[Text], list[list[Text]]]:
+        """Fingers or motors below each other, their quantities side by side, as many with a bar as there is room for.
+
+        With the courses of these quantities, as blocks of lines. Nothing where the window is too narrow, or there is one quantity.
+        """
+        shared = [group for group in groups.values() if self._in_grid(group)]
+        parts = list(dict.fromkeys(one.part for group in shared for one in group))
+        label = max(map(len, parts), default=0) + 1
+        heads = [_stacked(heading(group[0])) for group in shared]
+        cells = [
+            max(*map(len, head), *(len(one.text(one.value)) for one in group), *(len(one.span) and 6 for one in group))
+            for group, head in zip(shared, heads, strict=True)
+        ]
+        room = width - label - sum(cells) - len(cells)
+        if len(shared) < 2 or room < 0:
+            return [], []
+        ranged = [number for number, group in enumerate(shared) if group[0].limits is not None]
+        ranged = ranged[: room // (BAR + 1)]
+        bars = dict.fromkeys(ranged, room // len(ranged) - 1) if ranged else {}
+        lines = [Text(" " * label), Text(" " * label), *(Text(f"{part:<{label}}") for part in parts)]
+        for number, group in enumerate(shared):
+            by = {one.part: one for one in group}
+            long = bars.get(number, 0)
+            for line, word in zip(lines, heads[number], strict=False):
+                line.append(f" {word:>{cells[number] + (long + 1 if long else 0)}}", style="dim")
+            for line, part in zip(lines[2:], parts, strict=True):
+                self._cell(line, by.get(part), cells[number], long)
+        span = max((len(one.span) for group in shared for one in group), default=0) + 1 if width >= NARROW else 0
+        self._left = label + 7 + span
+        return lines, [self._course(group, parts, label, span, width) for group in shared]
+
+    def _course(self, group: Sequence[Series], parts: Sequence[str], label: int, span: int, width: int) -> list[Text]:
+        """How a quantity of each part went: the value, lowest and highest so far, the values of the last seconds."""
+        lines = [Text(heading(group[0]), style="dim")]
+        by = {one.part: one for one in group}
+        for part in parts:
+            if (one := by.get(part)) is not None and one.low is not None:
+                lines.append(Text(f"{part:<{label}}{one.text(one.value):>6} "))
+                lines[-1].append(f"{one.span:<{span}}" if span else "", style="dim")
+                drawn = spark(one.history, self._seconds, self._span, width - self._left)
+                lines[-1].append(drawn, style=TONES[one.state])
+        return lines
+
+    @staticmethod
+    def _cell(line: Text, one: Series | None, width: int, long: int) -> None:
+        """A value in the grid, behind its bar."""
+        if one is None:
+            line.append(" " * (width + 1 + (long + 1 if long else 0)))
+            return
+        sound = one.value is not None and not one.doubtful
+        if long:
+            drawn = bar(one.value, *one.scale(), long - 2) if sound and one.value is not None else ""
+            said = drawn or one.label[: long - 2].ljust(long - 2)
+            line.append(f" {ENDS[0]}{said}{ENDS[1]}", style=TONES[one.state] if sound else "dim")
+        line.append(f" {one.text(one.value):>{width}}", style=tone_of(one))
+
+    def _by_word(self, group: Sequence[Series], width: int) -> list[Text]:
+        """What several fingers say, a piece for each word: those that something is wrong with come first."""
+        said: dict[str, list[str]] = {}
+        for one in group:
+            said.setdefault(one.label if one.value is not None else "?", []).append(one.part)
+        alarming = group[0].name in self._flags
+        if alarming and list(said) == ["ok"]:
+            return flowing([Text("ok", style="green")], width, head=f"{group[0].name} ")
+        if alarming:
+            said.pop("ok", None)
+        items = [
+            Text.assemble((f"{', '.join(parts)}: ", ""), (word, "bold red" if alarming or word == "?" else "bold"))
+            for word, parts in said.items()
+        ]
+        return flowing(items, width, head=f"{group[0].name} ", gap=2)
+
+    def _lines(self, groups: dict[str, list[Series]], width: int, height: int) -> list[Text]:
+        """Quantities that are in no grid. What does not fit loses its bar, the last one first; single values then share lines."""
         widths = self._widths(groups, width)
         folded = {name: self._values(group, widths) for name, group in groups.items()}
         bars = {name: self._bars(group, widths) for name, group in groups.items()}
@@ -241,38 +423,94 @@ class View:
         wide = width >= NARROW and name + part + value + span + LEAST <= width
         return Widths(width, name, part, value, span if wide else 0)
 
+    def next(self) -> None:
+        """Show the next device, where there are several."""
+
     def _header(self, width: int) -> list[Text]:
         rate = (self._count - 1) / self._seconds if self._count > 1 and self._seconds > 0 else 0.0
         items = [
             f"handctl {self._context.command}",
             f"{self._seconds:.1f} s",
             f"{rate:.1f} Hz",
-            f"{self._count} samples",
+            plural(self._count, "sample"),
         ]
         texts = [Text(item) for item in items]
-        if self.keyed:
-            texts.append(Text("s stops the device", style="bold"))
+        if self.frozen:
+            texts.append(Text("frozen", style="bold yellow"))
         if self._context.simulated:
             texts.append(Text("simulated", style="reverse"))
-        return flowing(texts, width, gap=2)
+        lost = [Text(f"{self._lost} lost", style="bold red" if self._lost else "")]
+        link = [Text(self._link)]
+        lines: list[Text] = []
+        for place, spare in ((link, lost), ([], lost), ([], [] if not self._lost else lost)):
+            lines = flowing([texts[0], *place, *texts[1:4], *spare, *texts[4:]], width, gap=2)
+            if len(lines) == 1:
+                break
+        return lines
 
     def _footer(self, width: int) -> list[Text]:
-        if self._failed:
-            words = self._failed.split(";")[0].split()
-            return flowing([Text(word, style="bold red") for word in words], width)
-        counted = self._context.journal.counters
-        nothing = {
-            key for key, value in counted.quality().items() if not value
-        }  # of these 0 says no more than their absence
-        shown = {key: value for key, value in counted.as_row().items() if isinstance(value, int) and key not in nothing}
-        items = [Text(f"{key} {value}", style="dim") for key, value in shown.items()]
-        lines = flowing(items, width, gap=2)
-        reminded = flowing([*items, Text("Ctrl-C ends", style="dim")], width, gap=2)
-        return reminded if len(reminded) == len(lines) else lines
+        said = [Text(word, style="bold red") for word in self._failed.split(";")[0].split()]
+        past = [Text(text, style="bold red") for text in self._past()]
+        counted = self._context.journal.counters.quality()
+        counts = [Text(f"{key} {n}", style="dim") for key, n in counted.items() if n]
+        noted = [Text(word, style="yellow") for word in self.noted.split()]
+        told = [
+            line
+            for items, gap in ((said, 1), (past, 2), (counts, 2), (noted, 1))
+            if items
+            for line in flowing(items, width, gap=gap)
+        ]
+        keys = [Text.assemble((key, "bold"), f" {word}") for key, word, _ in self.keys if self.keyed]
+        return [*told, *flowing([*keys, *([] if keys else [Text("Ctrl-C ends", style="dim")])], width, gap=2)]
 
-    @staticmethod
-    def _bars(group: Sequence[Series], widths: Widths) -> list[Text]:
+    @property
+    def state(self) -> int:
+        """2 = a value is past its limit, was not read, or an error is set; 1 = one is near its limit; 0 = neither."""
+        return 2 if self.wrong() else max((one.state for one in self._series.values()), default=0)
+
+    def wrong(self) -> list[Text]:
+        """What needs a person, each as one piece: errors by finger, failed reads, what is past its limit."""
+        groups: dict[tuple[str, str], list[str]] = {}
+        for one in self._series.values():
+            if one.value is None or (one.name in self._flags and one.label != "ok"):
+                word = "not read" if one.value is None else one.label
+                groups.setdefault((one.name, word), []).append(part_name(one))
+        said = [f"{' '.join((name, ', '.join(parts))).strip()}: {word}" for (name, word), parts in groups.items()]
+        return [Text(text, style="bold red") for text in (*said, *self._past())]
+
+    def spans(self) -> list[Text]:
+        """Each quantity with its lowest and highest value of now, as one piece."""
+        groups: dict[str, list[Series]] = {}
+        for one in self._series.values():
+            if one.value is not None and one.name not in self._flags and not one.doubtful:
+                groups.setdefault(one.name, []).append(one)
+        pieces = []
+        for name, group in groups.items():
+            if self._worded(group):
+                pieces.append(Text(f"{name} {', '.join(dict.fromkeys(one.label for one in group))}"))
+                continue
+            low, high = min(group, key=lambda one: one.value or 0.0), max(group, key=lambda one: one.value or 0.0)
+            both = low.text(low.value) if low is high else f"{low.text(low.value)}..{high.text(high.value)}"
+            worst, unit = max(one.state for one in group), f" {group[0].unit}" if group[0].unit else ""
+            pieces.append(Text.assemble(f"{name} ", (f"{both}{unit}", TONES[worst] if worst else "bold")))
+        return pieces
+
+    def _past(self) -> list[str]:
+        """What is past its limit, the farthest first."""
+        far = [
+            (bound.beyond(one.value) / (abs(bound.high or bound.low or 0) or 1), one, bound)
+            for one in self._series.values()
+            for bound in one.bounds
+            if one.value is not None and bound.beyond(one.value)
+        ]
+        return [
+            f"{one.name}{f'.{one.part}' if one.part else ''} {one.text(one.value)} {one.unit} (limit: {bound.words})"
+            for _, one, bound in sorted(far, key=lambda item: -item[0])
+        ]
+
+    def _bars(self, group: Sequence[Series], widths: Widths) -> list[Text]:
         """A quantity with a bar per element."""
+        now, span = self._seconds, self._span
         lines = []
         long = widths.name + widths.part + widths.value + 3 + LEAST // 2 > widths.window
         above = not widths.span and (long or any(part_name(series) for series in group))
@@ -289,14 +527,22 @@ class View:
             sound = series.value is not None and not series.doubtful
             drawn = bar(series.value, low, high, bar_width) if sound and series.value is not None else ""
             empty = series.label[:bar_width] if series.doubtful else ""
-            text.append(f"{ENDS[0]}{drawn or empty.ljust(bar_width)}{ENDS[1]}", style="cyan" if sound else "dim")
+            tone = TONES[series.state] if sound else "dim"
+            text.append(f"{ENDS[0]}{drawn or empty.ljust(bar_width)}{ENDS[1]}", style=tone)
             value = f"{series.text(series.value):>{widths.value}} "
-            text.append(value, style="bold red" if series.value is None else "bold")
+            text.append(value, style=tone_of(series))
             if widths.span:
                 text.append(f"{series.span:<{widths.span}}", style="dim")
-                text.append(spark(series.history, room - bar_width), style="green")
+                text.append(spark(series.history, now, span, room - bar_width), style="green")
             lines.append(text)
         return lines
+
+    def _sparks(self, groups: dict[str, list[Series]], width: int) -> int:
+        """Cells of the sparklines behind the bars; 0 = there are none."""
+        widths = self._widths(groups, width)
+        drawn = any(group[0].limits is not None and not self._worded(group) for group in groups.values())
+        room = widths.window - widths.name - widths.part - widths.value - 3 - widths.span
+        return room - room * 3 // 5 if widths.span and drawn else 0
 
     def _values(self, group: Sequence[Series], widths: Widths) -> list[Text]:
         """A quantity as values one after the other, a line per finger where fingers have several; as many as needed."""
@@ -345,9 +591,94 @@ class View:
         return lines
 
 
+class Cards(View):
+    """Several devices, each as a card of some lines, the one that needs a person first; or one of them whole."""
+
+    def __init__(self, table: Table, context: Context) -> None:
+        super().__init__(table, context)
+        self._tables = table.cards
+        self._views: dict[str, View] = {}
+        self._silent: dict[str, tuple[float, str]] = {}
+        self._shown = ""
+        """The device that is seen whole; "" = all of them, as cards."""
+
+    @property
+    def keys(self) -> tuple[tuple[str, str, str], ...]:
+        """With Tab among them."""
+        head, *rest = super().keys
+        return (head, ("Tab", "device", "show one device after the other, then all again"), *rest)
+
+    def next(self) -> None:
+        """Show the next device whole; behind the last one all of them."""
+        names = ["", *self._views]
+        self._shown = names[(names.index(self._shown) + 1) % len(names)]
+
+    def zoom(self, step: int) -> None:
+        """Show a longer time (1) or a shorter one (-1)."""
+        super().zoom(step)
+        for view in self._views.values():
+            view.zoom(step)
+
+    def add(self, sample: Sample) -> None:
+        """Take a sample of one device, or why there is none."""
+        self._count += 1
+        if self.frozen:
+            return
+        self._seconds = sample.t
+        name = str(sample.rows[0].get("device")) if sample.rows else ""
+        if all(row.get("error") and "name" not in row for row in sample.rows):
+            began = self._silent.get(name, (sample.t, ""))[0]
+            self._silent[name] = began, text_shown(str(sample.rows[0]["error"]))
+            return
+        self._silent.pop(name, None)
+        if name not in self._views:
+            self._views[name] = View(replace(self._tables[name](), cards=self._tables), self._context)
+        self._views[name].add(sample)
+
+    def _body(self, width: int, height: int) -> list[Text]:
+        if self._shown and self._shown not in self._silent:
+            return [Text(self._shown, style="bold"), *self._views[self._shown]._body(width, height - 1)]
+        long = max(map(len, self._tables)) + 2
+        names = sorted(self._tables, key=lambda name: -self._rank(name))
+        cards = [self._card(name, long, width) for name in names]
+        lines = [line for card in cards for line in card]
+        return lines if len(lines) <= height else [card[0] for card in cards]
+
+    def _rank(self, name: str) -> int:
+        """3 = something is wrong, 2 = silent, 1 = near a limit, 0 = neither."""
+        view = self._views.get(name)
+        return 2 if name in self._silent or view is None else (0, 1, 3)[view.state]
+
+    def _card(self, name: str, long: int, width: int) -> list[Text]:
+        """What is wrong in the first line, or that nothing is; then where its quantities are."""
+        head = f"{name:<{long}}"
+        if name in self._silent:
+            began, why = self._silent[name]
+            words = f"silent for {self._seconds - began:.0f} s: {why}".split()
+            return flowing([Text(word, style="bold red") for word in words], width, head=head)
+        view = self._views.get(name)
+        if view is None:
+            return flowing([Text("connecting", style="dim")], width, head=head)
+        first = flowing(view.wrong() or [Text("ok", style="green")], width, head=head, gap=2)
+        return [*first, *flowing(view.spans(), width, head=" " * long, gap=2)]
+
+
+TONES = ("cyan", "bold yellow", "bold red")
+"""Styles of a bar, by the state of its value."""
+
+
 def tone_of(series: Series, alarming: bool = False) -> str:
-    """The style of a value: red for a failed read and for bits that are set."""
-    return "bold red" if series.value is None or alarming else "bold"
+    """The style of a value: red for a failed read, for bits that are set, and past a limit; yellow near one."""
+    if series.value is None or alarming:
+        return "bold red"
+    return TONES[series.state] if series.state else "bold"
+
+
+def _stacked(text: str) -> tuple[str, str]:
+    """A heading on two lines, the unit in the second one."""
+    name, _, unit = text.partition(" ")
+    first, dash, last = name.rpartition("_")
+    return (first + dash, f"{last} {unit}".strip()) if dash else (name if unit else "", unit or name)
 
 
 def heading(series: Series) -> str:
@@ -361,24 +692,114 @@ def part_name(series: Series) -> str:
     return f"{series.part} {series.element}".strip()
 
 
-def show_live(table: Table, samples: Generator[Sample, None, None], sink: Sink, context: Context) -> None:
-    """Draw samples until they end; the last state stays on the screen."""
-    console = console_for(sink)
-    view = View(table, context)
-    drawn = 0.0
-    with (
-        context.stop_key() as keyed,
-        Live(
-            view, console=console, auto_refresh=False, transient=False, redirect_stderr=False, redirect_stdout=False
-        ) as live,
-        contextlib.closing(samples),  # the device is left before the last state is drawn: a terminal may take nothing
-    ):
-        view.keyed = keyed
-        for sample in samples:
-            view.add(sample)
-            sink.samples += 1
-            now = clock.now()
-            if now - drawn >= 1 / FRAMES_PER_SECOND:
-                drawn = now
+class Tape:
+    """What the key r records: a CSV file, a row a sample, that did not exist before."""
+
+    def __init__(self, view: View, kind: str) -> None:
+        self._view, self._kind = view, kind
+        self._file: IO[str] | None = None
+        self._sheet: Wide | None = None
+        self._rows = 0
+        self.path = ""
+
+    def switch(self) -> None:
+        """Begin a recording, or end it."""
+        if self._file is not None:
+            self.end()
+            return
+        self.path = f"{self._kind}-{datetime.now().astimezone():%Y%m%d-%H%M%S}.csv"
+        try:
+            self._file = open(self.path, "x", encoding="utf-8", newline="")  # noqa: SIM115 - closed by `end`
+        except OSError as exc:
+            self._view.noted = f"cannot record to {self.path}: {exc.strerror or exc}"
+            return
+        self._sheet, self._rows = None, 0
+        self._view.noted = f"recording to {self.path}"
+
+    def add(self, sample: Sample) -> None:
+        """Take a sample, where a recording goes on."""
+        if self._file is None:
+            return
+        if self._sheet is None:
+            self._sheet = Wide(sample.rows, timed=True)
+        try:
+            self._file.write(self._sheet.line(sample.rows, str, round(sample.t, 6)))
+            self._file.flush()
+            self._rows += 1
+        except OSError as exc:
+            self.end(f": {exc.strerror or exc}")
+
+    def end(self, why: str = "") -> str:
+        """End the recording; what was recorded, "" = nothing."""
+        if self._file is None:
+            return ""
+        with contextlib.suppress(OSError):
+            self._file.close()
+        self._file = None
+        self._view.noted = f"recorded {plural(self._rows, 'row')} to {self.path}{why}"
+        return self._view.noted
+
+
+def watched(table: Table, samples: Generator[Sample, None, None], context: Context) -> Generator[Sample, None, None]:
+    """The samples, drawn as they pass on a screen of their own, which is given back at the end."""
+    console = console_on(sys.stdout, context.settings.color)
+    view = View(table, context) if not table.cards else Cards(table, context)
+    tape = Tape(view, context.command.split()[0])
+    drawn, quit_, busy = 0.0, False, False
+    live = Live(
+        view, console=console, auto_refresh=False, screen=True, redirect_stderr=False, redirect_stdout=False
+    )  # fmt: skip
+
+    def draw() -> None:
+        nonlocal busy
+        if not busy:  # a key may come while a picture is drawn: the next one shows what it did
+            busy = True
+            try:
                 live.refresh()
-        live.refresh()
+            finally:
+                busy = False
+
+    def pressed(key: str) -> bool:
+        nonlocal quit_
+        if key in ("q", "Q", "\x1b"):
+            quit_ = True
+            return True
+        if key == " ":
+            view.frozen = not view.frozen
+        elif key in ("r", "R"):
+            tape.switch()
+        elif key in ("+", "=", "-"):
+            view.zoom(-1 if key == "-" else 1)
+        elif key == "\t":
+            view.next()
+        elif key == "?":
+            view.helps = not view.helps
+        else:
+            return False
+        draw()
+        return False
+
+    try:
+        with (
+            context.behind_view(),
+            context.keyboard(pressed) as view.keyed,
+            live,
+            contextlib.closing(samples),
+        ):
+            try:
+                for sample in samples:
+                    view.add(sample)
+                    tape.add(sample)
+                    yield sample
+                    now = clock.now()
+                    if now - drawn >= 1 / FRAMES_PER_SECOND:
+                        drawn = now
+                        draw()
+                draw()
+            except (KeyboardInterrupt, Interrupted) as exc:
+                if not quit_ or getattr(exc, "code", "") == STOPPED:
+                    raise
+                ending.afresh()
+    finally:
+        if said := tape.end() or (view.noted if tape.path else ""):
+            context.journal.info("recorded", said)

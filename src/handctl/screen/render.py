@@ -10,7 +10,7 @@ import contextlib
 import json
 import re
 import sys
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from handctl import ending
@@ -39,7 +39,11 @@ if TYPE_CHECKING:
         def command(self) -> str: ...
         @property
         def streams(self) -> bool: ...
-        def stop_key(self) -> contextlib.AbstractContextManager[bool]: ...
+        def link_name(self) -> str: ...
+        def keyboard(self, pressed: Callable[[str], bool]) -> contextlib.AbstractContextManager[bool]: ...
+        @property
+        def stoppable(self) -> bool: ...
+        def behind_view(self) -> contextlib.AbstractContextManager[None]: ...
         def judged(self, error: HandctlError | None) -> HandctlError | None: ...
         def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]: ...
         def closing(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]: ...
@@ -94,12 +98,23 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
         _grids(table, sink, context)
 
 
-def _stream(table: Table, samples: Generator[Sample, None, None], how: str, sink: Sink, context: Context) -> None:
-    if how == "table" and sink.terminal and table.live:
-        from handctl.screen.live import show_live
+def is_seen(how: str, sink: Sink, context: Context) -> bool:
+    """Whether a person sees a stream as a live view: on the terminal, also while its rows go to a file."""
+    if sink.terminal:
+        return how == "table"
+    settings = context.settings
+    return bool(settings.output) and not settings.quiet and settings.output != "-" and sys.stdout.isatty()
 
-        show_live(table, samples, sink, context)
-        return
+
+def _stream(table: Table, samples: Generator[Sample, None, None], how: str, sink: Sink, context: Context) -> None:
+    if table.live and is_seen(how, sink, context):
+        from handctl.screen.live import watched
+
+        samples = watched(table, samples, context)
+        if sink.terminal:
+            for _ in samples:
+                sink.samples += 1
+            return
     with contextlib.closing(samples):
         if how == "openmetrics":
             from handctl.screen import metrics

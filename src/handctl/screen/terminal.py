@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from itertools import zip_longest
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -39,12 +39,16 @@ class _Console(Console):
 
 def console_for(sink: Sink) -> Console:
     """A console on the sink that obeys --color (first) and NO_COLOR."""
-    never = sink.color == "never" or (sink.color == "auto" and bool(os.environ.get("NO_COLOR")))
+    return console_on(sink.file, sink.color)
+
+
+def console_on(file: IO[str], color: str) -> Console:
+    """The same on any file."""
     return _Console(
-        file=sink.file,
-        no_color=never,
-        force_terminal=True if sink.color == "always" else None,
-        legacy_windows=None if sink.file.isatty() else False,  # no console to ask: colours that are wanted are codes
+        file=file,
+        no_color=color == "never" or (color == "auto" and bool(os.environ.get("NO_COLOR"))),
+        force_terminal=True if color == "always" else None,
+        legacy_windows=None if file.isatty() else False,  # no console to ask: colours that are wanted are codes
         highlight=False,
         markup=False,
         emoji=False,

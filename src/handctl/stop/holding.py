@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from handctl.errors import HandctlError, Interrupted, LinkError
+from handctl.errors import STOPPED, HandctlError, Interrupted, LinkError
 
 if TYPE_CHECKING:
     from handctl.frame.invocation import Invocation
@@ -154,7 +154,7 @@ class Hold:
         wire = shown(sent)
         text = f"{who}. Sent {wire}: {stopped.text}" if 0 < len(wire) <= LONG else f"{who}: {stopped.text}"
         kind = stopped.error or Interrupted
-        self.stopped = kind(text, hint=stopped.hint, code=NOT_STOPPED if stopped.error else "stopped")
+        self.stopped = kind(text, hint=stopped.hint, code=NOT_STOPPED if stopped.error else STOPPED)
         self._report = report(stopped, sent)
         return self._report
 
@@ -163,7 +163,7 @@ class Hold:
 
     def pressed(self, frame: Any) -> None:
         """The stop key of a live view."""
-        self.stop("stopped by the key s")
+        self.stop(f"stopped by the key {STOP_KEY}")
         self.end(frame)
 
     def end(self, frame: Any) -> None:
@@ -245,14 +245,28 @@ def _short(data: bytes) -> str | None:
     return f"{text} … ({len(data)} bytes)" if len(data) > MOST else text or None
 
 
-@contextlib.contextmanager
-def stop_key(hold: Hold | None) -> Iterator[bool]:
-    """While it lasts the key s on the terminal stops the device; whether there is such a key."""
-    from handctl.stop.wish import StopKey
+STOP_KEY = "S"
+"""A capital: no slip of a finger, and no word that was typed into the wrong window, stops a device."""
 
-    key = StopKey.on_terminal(hold.pressed) if hold is not None else None
+
+@contextlib.contextmanager
+def keyboard(hold: Hold | None, pressed: Callable[[str], bool]) -> Iterator[bool]:
+    """While it lasts each key on the terminal goes to `pressed`, which says whether the command ends; whether there are keys.
+
+    The stop key stops the device first.
+    """
+    from handctl.stop.wish import Keyboard
+    from handctl.system import signals
+
+    def came(key: str, frame: Any) -> None:
+        if hold is not None and key == STOP_KEY:
+            hold.pressed(frame)
+        elif pressed(key):
+            (hold.end if hold is not None else signals.interrupt)(frame)
+
+    keys = Keyboard.on_terminal(came)
     try:
-        yield key is not None
+        yield keys is not None
     finally:
-        if key is not None:
-            key.close()
+        if keys is not None:
+            keys.close()

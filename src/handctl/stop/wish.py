@@ -12,6 +12,7 @@ import contextlib
 import os
 import sys
 import threading
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -123,22 +124,24 @@ def _beside(lock: str) -> str:
     return os.path.join(folder, f"stop-{name}")
 
 
-KEY = b"s"
+class Keyboard:
+    """Hands each key to `pressed` in the main thread until it is closed; then the terminal is as it was.
 
+    What was typed before is thrown away: a key that was meant for something else must not stop a device.
+    """
 
-class StopKey:
-    """Waits for the key until it is closed; then the terminal is as it was."""
-
-    def __init__(self, pressed: Callable[[Any], None], descriptor: int) -> None:
-        """`pressed` is called with the frame. Raises `terminal.TROUBLE` where it cannot be."""
+    def __init__(self, pressed: Callable[[str, Any], None], descriptor: int) -> None:
+        """`pressed` is called with the key and the frame. Raises `terminal.TROUBLE` where it cannot be."""
         self._keys = terminal.Listener(descriptor)
-        self._bell = signals.Bell(pressed)
+        self._pressed = pressed
+        self._waiting: deque[str] = deque()
+        self._bell = signals.Bell(self._hand_over)
         self._thread = threading.Thread(target=self._wait, daemon=True)
         self._thread.start()
 
     @classmethod
-    def on_terminal(cls, pressed: Callable[[Any], None]) -> StopKey | None:
-        """The key, where a person can press one: stdin is a terminal, this is the job in front, and its main thread."""
+    def on_terminal(cls, pressed: Callable[[str, Any], None]) -> Keyboard | None:
+        """The keys, where a person can press them: stdin is a terminal, this is the job in front, and its main thread."""
         if not is_terminal(sys.stdin) or threading.current_thread() is not threading.main_thread():
             return None
         descriptor = sys.stdin.fileno()
@@ -148,7 +151,7 @@ class StopKey:
             return None
 
     def close(self) -> None:
-        """No key any more."""
+        """No keys any more."""
         self._keys.wake()
         self._thread.join()
         self._keys.close()
@@ -156,6 +159,19 @@ class StopKey:
 
     def _wait(self) -> None:
         while came := self._keys.wait():
-            if KEY in came.lower():
+            if keys := keys_in(came):
+                self._waiting.extend(keys)
                 self._bell.ring()
-                return
+
+    def _hand_over(self, frame: Any) -> None:
+        while self._waiting:
+            self._pressed(self._waiting.popleft(), frame)
+
+
+ESCAPE = "\x1b"
+
+
+def keys_in(came: bytes) -> str:
+    """The keys of what a terminal sent at once. An arrow or a function key begins with ESC too, and is none."""
+    text = came.decode("utf-8", "ignore")
+    return text if text == ESCAPE else text.partition(ESCAPE)[0]

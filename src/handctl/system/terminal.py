@@ -53,6 +53,7 @@ if sys.platform == "win32":
             import threading
 
             self._keys = Keys(descriptor)
+            self._keys.pressed()  # what was typed ahead was not meant for this
             self._woken = threading.Event()
 
         def wait(self) -> bytes:
@@ -118,6 +119,7 @@ else:
             self._before = termios.tcgetattr(descriptor)
             self._wake, self._waker = os.pipe()
             tty.setcbreak(descriptor, termios.TCSANOW)  # Ctrl-C and Ctrl-Z work as before
+            termios.tcflush(descriptor, termios.TCIFLUSH)  # what was typed ahead was not meant for this
 
         def wait(self) -> bytes:
             """What was pressed; b"" once it is woken, or the terminal has gone."""

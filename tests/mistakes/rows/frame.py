@@ -7,6 +7,15 @@ SESSION = "handctl.frame.connection"
 
 ROWS = (
     mistake(
+        "question-from-the-set-point",
+        "a question shows where the axis was sent as where it is",
+        "handctl.frame.verbs",
+        "going",
+        "places = {course.target: device.map[course.actual] for course in device.courses}",
+        "places = {course.target: device.map[course.target] for course in device.courses}",
+        "tests/kernel/test_terminal.py::test_a_command_of_fingers_asks_with_a_table",
+    ),
+    mistake(
         "frame-full-disk-hides-the-device",
         "wrong exit code",
         "handctl.frame.outcome",

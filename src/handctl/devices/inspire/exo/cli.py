@@ -19,6 +19,7 @@ from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
 from handctl.frame.run import Run
 from handctl.frame.types import NEGATIVE_NUMBERS, Seconds
+from handctl.frame.verbs import going
 from handctl.model.device import limits_of
 from handctl.model.result import Table
 
@@ -230,8 +231,10 @@ def _command(
     steps = run.planner().command_steps(which, values)
     if (plan := run.planned(steps)) is not None:
         return plan
-    run.confirm(f"This moves a hand that a person may be wearing: {'; '.join(step.meaning for step in steps)}", steps)
+    question = "This moves a hand that a person may be wearing"
+    run.need_answer(f"{question}: {'; '.join(step.meaning for step in steps)}")
     hand = run.device()
+    run.confirm(question, steps, changes=going(run, hand, device.changes_of(which, values), "Finger"))
     if wait is not None:
         return device.move(hand, values, run.guide, wait=wait, expect=ending)
     table = device.command(hand, which, values, run.guide)

@@ -28,7 +28,7 @@ from handctl.devices.inspire.hand.generation import (
 from handctl.devices.inspire.hand.map import BYTE_MAP, DG2, SPEEDS
 from handctl.devices.inspire.hand.pairing_cli import add_pairing
 from handctl.devices.inspire.map import ALONE, address_in
-from handctl.errors import UsageError, joined
+from handctl.errors import UsageError
 from handctl.frame.clikit import Group, streaming
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
@@ -38,7 +38,7 @@ from handctl.frame.types import NEGATIVE_NUMBERS, Seconds
 from handctl.frame.verbs import ask_released
 from handctl.link import FrameLink
 from handctl.model.device import limits_of
-from handctl.model.param import COMMAND, Element, Number, Step, given
+from handctl.model.param import COMMAND, Changes, Element, Number, Step, given
 from handctl.model.result import Table
 
 if TYPE_CHECKING:
@@ -239,8 +239,8 @@ def write_asked(
     before: motion.Before | None = None
     if any(step.moves for step in steps):
         before = motion.fit_to_move(hand)
-        question = joined(motion.question(hand, changes, before), motion.also(hand, changes))
-        run.confirm(question, hand.plan(changes))
+        question, shown = motion.question(hand, changes, before)
+        run.confirm(question, hand.plan(changes), changes=shown)
     elif any(step.strands for step in steps):
         run.confirm(_consequence(steps), hand.plan(changes))
     else:
@@ -355,11 +355,13 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
     hand: Hand = run.device()
     hand.meet()
     changes = by_number.changes_of(hand.map, place, payload)
+    shown: Changes | None
     if step.moves:
-        question = motion.question(hand, changes, motion.fit_to_move(hand))
-    also = motion.also(hand, changes)
-    run.confirm(joined(question, also), [hand_raw.plan_write(hand, place, payload, undocumented)])
-    if also:
+        question, shown = motion.question(hand, changes, motion.fit_to_move(hand))
+    else:
+        question, shown = motion.releasing(hand, changes, question)
+    run.confirm(question, [hand_raw.plan_write(hand, place, payload, undocumented)], changes=shown)
+    if shown is not None:
         hand.will_move()
     return by_number.write(hand, place, payload)
 

@@ -18,11 +18,11 @@ from handctl.devices.inspire.hand.device import COURSES
 from handctl.devices.inspire.hand.map import BLOCKED, BYTE_MAP, HOT, UNMEASURED
 from handctl.devices.inspire.map import ALONE, pushes
 from handctl.devices.inspire.procedures import outcome, wait_for_calibration
-from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Left
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Left, joined
 from handctl.model import device
 from handctl.model.guide import Guide
 from handctl.model.moving import REACHED, Goal, Seen, Stillness, Watch
-from handctl.model.param import Element, Number, Reading, elements_of
+from handctl.model.param import Changes, Element, FromTo, Number, Reading, elements_of
 from handctl.model.result import Table
 from handctl.model.stopping import leaving
 
@@ -76,10 +76,13 @@ def _against(reading: Reading) -> str:
     return ""
 
 
-def question(hand: Hand, changes: Sequence[tuple[Element, Number]], before: Before) -> str:
-    """What is asked before a movement: fingers, from, to, speed and force limit that are set (rh56 §9)."""
+def question(hand: Hand, changes: Sequence[tuple[Element, Number]], before: Before) -> tuple[str, Changes]:
+    """What is asked before a movement, with fingers, from, to, speed and force limit that are set (rh56 §9).
+
+    Further fingers that the same write lets go are in the table as well.
+    """
     held = before | {element.full_name: value for element, value in changes}
-    parts, others, speeds = [], [], []
+    rows, others, speeds = [], [], []
     for element, value in changes:
         name, finger = element.param.name, element.part or ""
         if name not in MOVED:
@@ -87,25 +90,37 @@ def question(hand: Hand, changes: Sequence[tuple[Element, Number]], before: Befo
             continue
         here = before.get(f"{MOVED[name]}.{finger}")
         speed, limit = held.get(f"speed_set.{finger}"), held.get(f"force_limit.{finger}")
-        parts.append(f"{finger} {here} to {value} (speed {speed}, force limit {limit} g)")
+        rows.append(FromTo(finger, here, value, _held_to(speed, limit)))
         speeds.append(speed)
     count = len(hand.map["angle_set"].elements)
     side = f"the {hand.side} hand" if hand.side else "the hand"
-    text = (
-        f"This moves {len(parts)} of {count} fingers of {side}: {', '.join(parts)}" if parts else f"This moves {side}"
-    )
-    still = "" if any(speeds) or not parts else (
+    text = f"This moves {len(rows)} of {count} fingers of {side}" if rows else f"This moves {side}"
+    still = "" if any(speeds) or not rows else (
         ". The speed is 0, so nothing moves until you set one with `handctl hand speed`"
     )  # fmt: skip
-    more = f"{'. Also ' if parts else ': '}{', '.join(others)}" if others else ""
-    return f"{text}{more}{still}"
+    more = f"{'. Also ' if rows else ': '}{', '.join(others)}" if others else ""
+    waiting = _released(hand, changes)
+    rows += [
+        one.row(*_held_to(held.get(f"speed_set.{one.part}"), held.get(f"force_limit.{one.part}"))) for one in waiting
+    ]
+    return joined(f"{text}{more}{still}", device.question(waiting) if waiting else ""), Changes("Finger", rows=rows)
 
 
-def also(hand: Hand, changes: Sequence[tuple[Element, Number]]) -> str:
-    """Further fingers that the same write lets go, in words; "" = none."""
+def _held_to(speed: Number | None, limit: Number | None) -> tuple[tuple[str, str], ...]:
+    """How fast a finger is going to move, and what ends it before."""
+    return (("Speed", f"{speed}"), ("Force limit", f"{limit} g"))
+
+
+def releasing(hand: Hand, changes: Sequence[tuple[Element, Number]], question: str) -> tuple[str, Changes | None]:
+    """The `question` of a write that commands no finger, with those that it lets go; None = none."""
+    waiting = _released(hand, changes)
+    return (joined(question, device.question(waiting)), device.pending(waiting)) if waiting else (question, None)
+
+
+def _released(hand: Hand, changes: Sequence[tuple[Element, Number]]) -> list[device.Pending]:
+    """Further fingers that the same write lets go."""
     commanded = {element.part for element, _ in changes if element.param.name in MOVED}
-    waiting = [one for one in device.released(hand, changes) if one.part not in commanded]
-    return device.question(waiting) if waiting else ""
+    return [one for one in device.released(hand, changes) if one.part not in commanded]
 
 
 def tell_no_speed(hand: Hand, changes: Sequence[tuple[Element, Number]], before: Before) -> None:

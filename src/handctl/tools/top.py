@@ -1,0 +1,137 @@
+"""`handctl top`: all named devices at once, the one that needs a person first. A device that is silent stays, and is tried again."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Iterator, Sequence
+
+import click
+
+from handctl.errors import HandctlError, UsageError
+from handctl.frame.clikit import Command, streaming
+from handctl.frame.lines import line
+from handctl.frame.mapverbs import LIMIT
+from handctl.frame.options import config_path, read_config
+from handctl.frame.run import Run
+from handctl.frame.several import DEVICE, LEAVE_SECONDS, POLL_SECONDS, Each
+from handctl.model.bound import Watchdog, bounds_in
+from handctl.model.param import Bound
+from handctl.model.result import Column, Row, Sample, Table
+from handctl.system import clock
+
+AGAIN_SECONDS = 2.0
+"""After so long a silent device is tried again."""
+COLUMNS = (
+    DEVICE,
+    Column("name", "Name"),
+    Column("finger", "Finger"),
+    Column("value", "Value", right=True),
+    Column("unit", "Unit"),
+    Column("label", "Meaning"),
+    Column("error", "Error"),
+)
+
+
+@click.command("top", cls=Command, streams=True)
+@click.argument("names", nargs=-1, metavar="[DEVICE]...")
+@streaming(5.0)
+@LIMIT
+def cli(
+    names: tuple[str, ...], rate: float, count: int | None, duration: float | None, limits: tuple[str, ...]
+) -> Table:
+    """Show all named devices as cards, the one that needs you first.
+
+    Without DEVICE: every device in the configuration file. Read-only. A silent device keeps its card and is tried again.
+    On a pipe: a stream of rows. `handctl devices add` names a device.
+    """
+    run: Run = click.get_current_context().obj
+    config = read_config(config_path(), None)
+    chosen = list(dict.fromkeys(names or ([run.settings.device] if run.settings.device else config.devices)))
+    if not chosen:
+        raise UsageError("no device has a name", hint="`handctl devices add NAME FAMILY -p LINK` adds one")
+    watched = [_Watched(name, config.find(name).kind, rate) for name in chosen]
+    _set_limits(watched, limits)
+    return _table(watched, count, duration)
+
+
+class _Watched:
+    """One device, in a thread of its own, for as long as anybody looks."""
+
+    def __init__(self, name: str, kind: str, rate: float) -> None:
+        self.name = name
+        self._words = [kind, "watch", "-d", name, "--rate", str(rate)]
+        self.each = self._begun()
+        self.bounds: tuple[Bound, ...] = ()
+        self.table = Table()
+        self.came = 0
+        self.failure: HandctlError | None = None
+
+    def _begun(self) -> Each:
+        return Each(self.name, line(self._words, {}))
+
+    def work(self, take: queue.SimpleQueue[tuple[_Watched, list[Row]]], ended: threading.Event) -> None:
+        """Hand over its samples, and why there are none. Never raises."""
+        while not ended.is_set():
+            self.each.work(lambda _, rows: take.put((self, rows)))
+            if ended.is_set():
+                return
+            self.failure = self.each.failure
+            take.put((self, [{"error": self.failure.text if self.failure is not None else "the stream has ended"}]))
+            ended.wait(AGAIN_SECONDS)
+            self.each = self._begun()
+
+    def own_table(self) -> Table:
+        """What is known of its quantities, with the limits."""
+        self.table = self.each.table
+        self.table.bounds = self.bounds
+        return self.table
+
+
+def _set_limits(watched: Sequence[_Watched], texts: Sequence[str]) -> None:
+    """Each limit for the devices that have such a quantity. Raises UsageError where none has it."""
+    for text in texts:
+        wrong: list[UsageError] = []
+        for one in watched:
+            try:
+                one.bounds += tuple(bounds_in([text], one.each.run.planner().map, "--limit"))
+            except UsageError as exc:
+                wrong.append(exc)
+        if len(wrong) == len(watched):
+            raise wrong[0]
+
+
+def _table(watched: Sequence[_Watched], count: int | None, duration: float | None) -> Table:
+    table = Table(columns=COLUMNS, cards={one.name: one.own_table for one in watched})
+    dogs = {one.name: Watchdog(one.bounds) for one in watched}
+
+    def samples() -> Iterator[Sample]:
+        came: queue.SimpleQueue[tuple[_Watched, list[Row]]] = queue.SimpleQueue()
+        ended = threading.Event()
+        threads = [threading.Thread(target=one.work, args=(came, ended), daemon=True) for one in watched]
+        for thread in threads:
+            thread.start()
+        began = clock.now()
+        try:
+            while (duration is None or clock.now() - began < duration) and (
+                count is None or any(one.came < count for one in watched)
+            ):
+                try:
+                    one, rows = came.get(timeout=POLL_SECONDS)
+                except queue.Empty:
+                    continue
+                one.came += 1
+                t = clock.now() - began
+                dogs[one.name].look(rows, t)
+                yield Sample(t, tuple({"device": one.name, **row, "t": round(t, 6)} for row in rows))
+        finally:
+            ended.set()
+            for one in watched:
+                one.each.silence()
+            for thread in threads:
+                thread.join(LEAVE_SECONDS)
+            failures = [failure for name, dog in dogs.items() if (failure := dog.failure(name)) is not None]
+            table.failure = table.failure or (failures[0] if failures else None)
+
+    table.samples = samples()
+    return table
