@@ -692,6 +692,8 @@ class Ekso(Device):
         dry_run: bool = False,
     ) -> list[Row]:
         """Cancel the running action (CancelAction)."""
+    def gait(self, log: Path, later: Path | None = None, *, steps: Path | None = None) -> list[Row]:
+        """Find the strides in a log: cadence, stance, symmetry, variability. Needs no device."""
 
 class Aidin(Device):
     """AIDIN-hand (TCP, JSON)."""
