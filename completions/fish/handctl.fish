@@ -99,8 +99,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--setpoints	Include set points: commanded positions and forces. Forces need a separate confirmation.' '-h	Show this help.' '--help	Show this help.'
             set args 'file'
         case 'exo log'
-            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.'
-            set takes --rate=none --count=none --duration=none --mark=none --silence=none
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--mark-udp	Each datagram to this UDP port of this computer sets a mark with its text (0: any free port).' '--mark-stdin	Each line on standard input sets a mark with its text.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.'
+            set takes --rate=none --count=none --duration=none --mark=none --mark-udp=link --silence=none
             set args 'file' 'read:exo*'
             set lacks -n --dry-run -y --yes
         case 'wrist'
@@ -182,8 +182,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--setpoints	Include set points: commanded positions and forces. Forces need a separate confirmation.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
             set args 'file'
         case 'wrist log'
-            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
-            set takes --rate=none --count=none --duration=none --mark=none --silence=none
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--mark-udp	Each datagram to this UDP port of this computer sets a mark with its text (0: any free port).' '--mark-stdin	Each line on standard input sets a mark with its text.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
+            set takes --rate=none --count=none --duration=none --mark=none --mark-udp=link --silence=none
             set args 'file' 'read:wrist*'
             set lacks -n --dry-run -y --yes
         case 'barrett'
@@ -354,8 +354,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set args 'file'
             set lacks --id
         case 'barrett log'
-            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
-            set takes --rate=none --count=none --duration=none --mark=none --silence=none
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--mark-udp	Each datagram to this UDP port of this computer sets a mark with its text (0: any free port).' '--mark-stdin	Each line on standard input sets a mark with its text.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
+            set takes --rate=none --count=none --duration=none --mark=none --mark-udp=link --silence=none
             set args 'file' 'read:barrett*'
             set lacks --id -n --dry-run -y --yes
         case 'ekso'
@@ -450,8 +450,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set args 'file'
             set lacks --id
         case 'ekso log'
-            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '--raw	Append the 27 raw words to each row.' '--include-pilot-id	Keep the wearer\'s number in the sidecar.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
-            set takes --rate=none --count=none --duration=none --mark=none --silence=none --length-mode=none
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--mark-udp	Each datagram to this UDP port of this computer sets a mark with its text (0: any free port).' '--mark-stdin	Each line on standard input sets a mark with its text.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '--raw	Append the 27 raw words to each row.' '--include-pilot-id	Keep the wearer\'s number in the sidecar.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
+            set takes --rate=none --count=none --duration=none --mark=none --mark-udp=link --silence=none --length-mode=none
             set args 'file'
             set lacks --id -n --dry-run -y --yes
         case 'ekso export'
@@ -546,8 +546,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes --ids=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set lacks --id --baud -n --dry-run -y --yes
         case 'aidin log'
-            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
-            set takes --rate=none --count=none --duration=none --mark=none --silence=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--mark-udp	Each datagram to this UDP port of this computer sets a mark with its text (0: any free port).' '--mark-stdin	Each line on standard input sets a mark with its text.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
+            set takes --rate=none --count=none --duration=none --mark=none --mark-udp=link --silence=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'file' 'read:aidin*'
             set lacks --id --baud -n --dry-run -y --yes
         case 'hand'
@@ -673,8 +673,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'file'
         case 'hand log'
-            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
-            set takes --rate=none --count=none --duration=none --mark=none --silence=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--mark-udp	Each datagram to this UDP port of this computer sets a mark with its text (0: any free port).' '--mark-stdin	Each line on standard input sets a mark with its text.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
+            set takes --rate=none --count=none --duration=none --mark=none --mark-udp=link --silence=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'file' 'read:hand*'
             set lacks -n --dry-run -y --yes
         case 'ports'

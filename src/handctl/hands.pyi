@@ -70,6 +70,8 @@ class Exo(Device):
         count: int | None = None,
         duration: Number | None = None,
         mark: str = "",
+        mark_udp: int | None = None,
+        mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
     ) -> list[Row]:
@@ -211,6 +213,8 @@ class Wrist(Device):
         count: int | None = None,
         duration: Number | None = None,
         mark: str = "",
+        mark_udp: int | None = None,
+        mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
     ) -> list[Row]:
@@ -317,6 +321,8 @@ class Barrett(Device):
         count: int | None = None,
         duration: Number | None = None,
         mark: str = "",
+        mark_udp: int | None = None,
+        mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
     ) -> list[Row]:
@@ -625,6 +631,8 @@ class Ekso(Device):
         count: int | None = None,
         duration: Number | None = None,
         mark: str = "",
+        mark_udp: int | None = None,
+        mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
         raw: bool = False,
@@ -718,6 +726,8 @@ class Aidin(Device):
         count: int | None = None,
         duration: Number | None = None,
         mark: str = "",
+        mark_udp: int | None = None,
+        mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
     ) -> list[Row]:
@@ -822,6 +832,8 @@ class Hand(Device):
         count: int | None = None,
         duration: Number | None = None,
         mark: str = "",
+        mark_udp: int | None = None,
+        mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
     ) -> list[Row]:
