@@ -5,11 +5,11 @@ from __future__ import annotations
 import queue
 import socket
 import threading
-import time
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TextIO
 
 from handctl.errors import LinkError
+from handctl.system import clock
 
 LONGEST = 200
 """Characters of a mark; the rest is left out."""
@@ -53,7 +53,7 @@ class Marks:
     def hear(self, text: str, by: str) -> None:
         """A mark that comes now."""
         if text := text.strip()[:LONGEST]:
-            self._came.put(Heard(text, round(time.time(), 6), round(time.monotonic(), 6), by))
+            self._came.put(Heard(text, round(clock.wall(), 6), round(clock.now(), 6), by))
 
     def take(self) -> Sequence[Heard]:
         """What has come since the last call."""
