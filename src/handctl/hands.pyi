@@ -70,6 +70,8 @@ class Exo(Device):
         count: int | None = None,
         duration: Number | None = None,
         mark: str = "",
+        mark_udp: int | None = None,
+        mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
     ) -> list[Row]:
@@ -211,6 +213,8 @@ class Wrist(Device):
         count: int | None = None,
         duration: Number | None = None,
         mark: str = "",
+        mark_udp: int | None = None,
+        mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
     ) -> list[Row]:
@@ -317,6 +321,8 @@ class Barrett(Device):
         count: int | None = None,
         duration: Number | None = None,
         mark: str = "",
+        mark_udp: int | None = None,
+        mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
     ) -> list[Row]:
@@ -625,6 +631,8 @@ class Ekso(Device):
         count: int | None = None,
         duration: Number | None = None,
         mark: str = "",
+        mark_udp: int | None = None,
+        mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
         raw: bool = False,
@@ -692,6 +700,8 @@ class Ekso(Device):
         dry_run: bool = False,
     ) -> list[Row]:
         """Cancel the running action (CancelAction)."""
+    def gait(self, log: Path, later: Path | None = None, *, steps: Path | None = None) -> list[Row]:
+        """Find the strides in a log: cadence, stance, symmetry, variability. Needs no device."""
 
 class Aidin(Device):
     """AIDIN-hand (TCP, JSON)."""
@@ -716,6 +726,8 @@ class Aidin(Device):
         count: int | None = None,
         duration: Number | None = None,
         mark: str = "",
+        mark_udp: int | None = None,
+        mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
     ) -> list[Row]:
@@ -820,6 +832,8 @@ class Hand(Device):
         count: int | None = None,
         duration: Number | None = None,
         mark: str = "",
+        mark_udp: int | None = None,
+        mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
     ) -> list[Row]:

@@ -20,6 +20,7 @@ ELSEWHERE = {
     ("barrett", "firmware download"): "needs a power switch",
     ("barrett", "firmware check"): "reaches no device, and takes an image",
     ("hand", "pair"): "needs two hands, and somebody who sees which one moves",
+    ("ekso", "gait"): "reaches no device, and takes logs",
     ("ekso", "export"): "reaches no device, and has formats of its own",
     **{(family, "doctor"): "looks at this computer as well, which is another one each time" for family in FAMILIES},
 }

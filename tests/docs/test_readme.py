@@ -45,7 +45,7 @@ GIVEN = {
 """Files that a reader brings along, or copies from the guide."""
 GIVEN["morning.txt"] = PAGES["library"].partition("# morning.txt\n")[2].partition("```")[0]
 GIVEN["line.toml"] = PAGES["simulators"].partition("```toml\n")[2].partition("```")[0]
-FINDS = {"diagnose", "doctor"}
+FINDS = {"gait", "diagnose", "doctor"}
 """Commands whose exit code 7 is a finding, not a failure of the example."""
 
 

@@ -11,6 +11,7 @@ from handctl.devices.ekso.log import USUAL_MS, FeedbackLine, RowLayout
 from handctl.errors import HandctlError
 from handctl.model.clocks import Moment
 from handctl.model.guide import Guide
+from handctl.record.marks import Heard
 from handctl.record.recording import Limits, Recording, record
 from handctl.record.source import Sample, Source
 from handctl.record.timeline import Place
@@ -124,6 +125,6 @@ def recorded(
 def run(recording: Recording, limits: Limits, mark: Callable[[], str] = str) -> HandctlError | None:
     """The loop of a recording; what ended it."""
     try:
-        return record(recording, limits, mark=mark, guide=Guide())
+        return record(recording, limits, mark=lambda: [Heard(text)] if (text := mark()) else [], guide=Guide())
     finally:
         recording.close()

@@ -18,6 +18,7 @@ from handctl.devices.ekso.export import LogFile, motion, table
 from handctl.devices.ekso.map import DATA
 from handctl.errors import UsageError
 from handctl.model.clocks import Moment
+from handctl.record.marks import Heard
 from handctl.record.source import Sample
 from tests.ekso.recordings import STANDING, Device, opened, words_at
 from tests.support.each_row import each_row
@@ -40,7 +41,7 @@ def make(
         device.clock += (boot - last) / 1000 if boot >= last else 2.0
         last = boot
         row = words_at(boot, words[seq - 1] if words else STANDING)
-        recording.pending = mark if seq == 1 else ""
+        recording.pending = [Heard(mark)] if mark and seq == 1 else []
         recording.add(Sample(Moment(device.clock, device.clock), row, boot), seq)
     recording.close()
     if complete:

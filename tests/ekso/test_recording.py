@@ -382,7 +382,7 @@ def test_what_is_not_on_the_disk_is_not_complete(
     """A disk that fails, or a file system that cannot tell; the sidecar is written all the same."""
     path, fsync, failed = tmp_path / "a.csv", os.fsync, list[int]()
     recording = opened(path, Device(steady(3)))
-    assert record(recording, Limits(rows=3), mark=str, guide=Guide()) is None
+    assert record(recording, Limits(rows=3), mark=list, guide=Guide()) is None
 
     def fails(file: int) -> None:
         if not failed:

@@ -95,7 +95,7 @@ OUTSIDE: list[tuple[str, tuple[str, ...]]] = [
     ("packaging", ("build_zipapp",)),
     ("tomllib", ("frame.config", "sim.bus.file")),
     ("tomli", ("frame.config", "sim.bus.file")),
-    ("socket", ("link.tcp", "sim.*", "system.*", "tools.machine")),
+    ("socket", ("link.tcp", "record.marks", "sim.*", "system.*", "tools.machine")),
     ("_socket", ("system.local",)),
 ]
 

@@ -281,6 +281,13 @@ log_options = together(
     streaming(0.0),
     click.option("--mark", metavar="TEXT", default="", help="Mark the first row with TEXT."),
     click.option(
+        "--mark-udp",
+        type=WholeRange(0, 65535),
+        metavar="PORT",
+        help="Each datagram to this UDP port of this computer sets a mark with its text (0: any free port).",
+    ),
+    click.option("--mark-stdin", is_flag=True, help="Each line on standard input sets a mark with its text."),
+    click.option(
         "--silence",
         type=Seconds(),
         default=60.0,

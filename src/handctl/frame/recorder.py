@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,7 @@ from handctl.frame.verbs import select
 from handctl.model.clocks import Moment
 from handctl.model.param import Element, Reading
 from handctl.model.result import Column, Table
+from handctl.record.marks import Heard, Marks
 from handctl.record.recording import (
     Limits,
     Recording,
@@ -61,6 +63,8 @@ class Wishes:
     count: int | None
     rate: float
     mark: str
+    mark_udp: int | None
+    mark_stdin: bool
     silence: float
     force: bool
 
@@ -84,12 +88,17 @@ def log(run: Run, file: str, wishes: Wishes, source_of: Callable[[Callable[[], b
     }
     recording = Recording(path, link, source, about, rate=wishes.rate, force=wishes.force)
     try:
-        with Keys(run.guide.interactive) as keys:
-            run.guide.say(f"recording into {path}. {'a key sets a mark, ' if keys.heard else ''}Ctrl-C ends")
+        with (
+            Keys(run.guide.interactive) as keys,
+            closing(Marks(keys.pressed, port=wishes.mark_udp, lines=sys.stdin if wishes.mark_stdin else None)) as marks,
+        ):
+            by = ["a key sets a mark"] if keys.heard else []
+            by += [f"a datagram to 127.0.0.1:{marks.port} sets a mark"] if marks.port is not None else []
+            run.guide.say(f"recording into {path}. {''.join(f'{one}, ' for one in by)}Ctrl-C ends")
             failure = record(
                 recording,
                 Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end),
-                mark=_first(wishes.mark, keys.pressed),
+                mark=_first(wishes.mark, marks.take),
                 guide=run.guide,
                 before=before,
             )
@@ -121,10 +130,10 @@ def _reopen(run: Run) -> bool:
     return again
 
 
-def _first(text: str, pressed: Callable[[], str]) -> Callable[[], str]:
-    """Marks: `text` for the first row, then the keys."""
-    waiting = [text]
-    return lambda: "; ".join(filter(None, [waiting.pop() if waiting else "", pressed()]))
+def _first(text: str, came: Callable[[], Sequence[Heard]]) -> Callable[[], Sequence[Heard]]:
+    """Marks: `text` for the first row, then what comes."""
+    waiting = [Heard(text)] if text else []
+    return lambda: [*(waiting.pop() for _ in range(len(waiting))), *came()]
 
 
 def _finish(

@@ -12,13 +12,14 @@ import contextlib
 import errno
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import ceil, inf
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.files import atomic_write
 from handctl.model.guide import Guide
+from handctl.record.marks import Heard
 from handctl.record.source import Stamp, clean
 from handctl.record.timeline import CLOCKS, PORT_LOST, RESTART, Hole, Place, Timeline
 from handctl.system import disk, signals
@@ -63,8 +64,8 @@ class Recording:
         """Requests without a valid answer, after the retries."""
         self.skipped = 0
         """Ticks of the rate without a request: the machine or the device was busy, or the port was gone."""
-        self.pending = ""
-        """The mark that the next row gets."""
+        self.pending: list[Heard] = []
+        """The marks that the next row gets."""
         self._reopened = False
         self._utc_offset = clock.wall() - clock.now()
         self._about = about
@@ -98,7 +99,7 @@ class Recording:
         before = len(self.timeline.segments)
         place = self.timeline.place(sample.device_ms, sample.moment, reopened=self._reopened)
         stamp = Stamp(sample.moment.middle + self._utc_offset, place, seq)
-        mark = clean(self.pending)
+        mark = self._pending_text()
         text = self.source.layout.line(stamp, sample.values, "; ".join([*_notes(place), *([mark] if mark else [])]))
         with undisturbed():
             self._append(text)
@@ -112,12 +113,16 @@ class Recording:
         """The port was lost: the next row is the first of a segment."""
         self._reopened = True
 
+    def _pending_text(self) -> str:
+        return clean("; ".join(mark.text for mark in self.pending))
+
     def _keep_mark(self, row: int | None) -> None:
-        mark, self.pending = clean(self.pending), ""
+        mark, heard, self.pending = self._pending_text(), self.pending, []
         if mark:
             last = self._last.place if self._last else None
             boot, t_ms = (last.boot_ms, last.t_ms / 1000) if last else (None, None)
-            self.marks.append({"row": row, "boot_ms": boot, "t_s": t_ms, "text": mark})
+            timed = {"heard": [one.as_row() for one in heard]} if any(one.by for one in heard) else {}
+            self.marks.append({"row": row, "boot_ms": boot, "t_s": t_ms, "text": mark, **timed})
 
     def end(self) -> None:
         """No more rows: a mark that waits for one is kept by the sidecar alone, without a row; so is a hole."""
@@ -383,7 +388,12 @@ class _Loop:
     """What stays between two polls."""
 
     def __init__(
-        self, recording: Recording, limits: Limits, mark: Callable[[], str], guide: Guide, before: dict[str, Any]
+        self,
+        recording: Recording,
+        limits: Limits,
+        mark: Callable[[], Sequence[Heard]],
+        guide: Guide,
+        before: dict[str, Any],
     ) -> None:
         self._recording, self._limits, self._mark, self._guide = recording, limits, mark, guide
         self._source, self._clock, self._before = recording.source, recording.clock, before
@@ -407,7 +417,7 @@ class _Loop:
         if not self.wanted:
             return
         recording = self._recording
-        recording.pending = "; ".join(filter(None, [recording.pending, self._mark()]))
+        recording.pending += self._mark()
         self._seq += 1
         self._asked = True
         try:
@@ -513,13 +523,13 @@ def record(
     recording: Recording,
     limits: Limits,
     *,
-    mark: Callable[[], str],
+    mark: Callable[[], Sequence[Heard]],
     guide: Guide,
     before: dict[str, Any] | None = None,
 ) -> HandctlError | None:
     """Record until a limit is reached; returns what ended it before that. Raises nothing of its own.
 
-    mark     asked before each request for the text of a mark, "" for none
+    mark     asked before each request for the marks that have come
     before   the settings at the start: those at the first row of a segment are compared with them
     """
     loop = _Loop(recording, limits, mark, guide, before or {})

@@ -34,7 +34,13 @@ FACTS = Facts(
     screens=("status", "dump", "settings", "data", "feedback"),
     broken_from=2,
     computed=frozenset({"boot_ms", "clock_offset"}),
-    lines=(("report", "{dir}/report.html"), ("policy",), ("stop",), ("export", "{dir}/log.csv", "--format", "mot")),
+    lines=(
+        ("report", "{dir}/report.html"),
+        ("policy",),
+        ("stop",),
+        ("export", "{dir}/log.csv", "--format", "mot"),
+        ("gait", "{dir}/log.csv"),
+    ),
     rows_in="tests.ekso.commands",
     states_in="tests.ekso.states",
 )

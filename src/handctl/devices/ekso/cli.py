@@ -14,6 +14,7 @@ from handctl.devices.ekso import gates
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.device import Ekso, one_setting, written_table
 from handctl.devices.ekso.frames import LENGTH_MODES
+from handctl.devices.ekso.gait_cli import add_gait
 from handctl.devices.ekso.map import EKSO
 from handctl.errors import UsageError
 from handctl.frame import stored, verbs
@@ -450,6 +451,7 @@ def add_length_mode(command: Command) -> None:
     command.params.append(Own(["--length-mode"], "ekso", _check_mode))
 
 
+add_gait(cli)
 for _name, _command in cli.commands.items():
-    if _name not in ("describe", "export", "policy") and isinstance(_command, Command):
+    if _name not in ("describe", "export", "gait", "policy") and isinstance(_command, Command):
         add_length_mode(_command)

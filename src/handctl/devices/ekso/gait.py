@@ -1,0 +1,455 @@
+"""Strides in a log: foot pressures say when a foot is on the ground, knee angles are the second witness. Needs no device.
+
+Every threshold comes from the recording: the offset, the gain and the noise of each sensor, followed over time, since they
+drift and the two feet differ (dossier ekso §3). A step that is not counted is kept with its reason. Nothing here is a
+diagnosis, and the State word is not used: its codes for walking were never recorded.
+"""
+
+from __future__ import annotations
+
+import csv
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from math import sqrt
+from typing import NamedTuple
+
+from handctl.devices.ekso.export import LogFile, damaged
+from handctl.files import opened
+from handctl.record.timeline import GAP_PERIODS
+from handctl.sentence import plural
+
+LEFT, RIGHT = "left", "right"
+SIDES = (LEFT, RIGHT)
+SENSORS = ("toe", "heel")
+BLOCK = 3.0
+"""Seconds for which a sensor's offset and gain are taken to be the same."""
+AROUND = 5
+"""Blocks before and after that help to tell them."""
+RISE = 0.10
+"""Part of its gain above its offset at which a sensor is loaded, if its noise allows it; NOISES times that noise else."""
+NOISES = 6.0
+FALL = 0.6
+"""Part of that threshold below which it is no longer loaded."""
+FLAT = 0.25
+"""Part of its usual gain: with less in a stretch the wearer stands, or sits."""
+DEAD = 8.0
+"""Counts: a sensor that never changes by more is dead."""
+BRIEF = 0.08
+"""Seconds: a shorter contact or lift is a bounce."""
+LONG, SHORT = 1.8, 0.5
+"""A stride that takes more or less than so many usual ones is none of the walk."""
+STILL_KNEE = 0.4
+"""Part of the usual range of the knee: with less of it, pressure and knee disagree."""
+DRIFTED = 0.15
+"""Part of its gain by which the offset of a sensor has moved to be told."""
+
+TAKEN = ""
+NO_END = "end of the recording"
+NO_BEGIN = "began before the recording"
+HOLE = "samples are missing"
+STANDING = "standing"
+TOO_LONG, TOO_SHORT = "longer than the others", "shorter than the others"
+ALONE = "no step of the other foot in between"
+KNEE = "the knee hardly bends"
+ONE_SENSOR = "one sensor only"
+
+
+class Stretch(NamedTuple):
+    """One segment of a log: seconds, and for each signal, such as "left_toe", a value a row."""
+
+    number: int
+    t: list[float]
+    signals: dict[str, list[float]]
+
+    def at(self, moment: float) -> int:
+        """The first row that is not before the moment."""
+        return bisect_left(self.t, moment)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One stride of one foot: from this contact to its next one.
+
+    refused  why it is not counted, "" = it is
+    doubt    what speaks against it although it is counted
+    """
+
+    segment: int
+    side: str
+    contact: float
+    off: float
+    end: float
+    stance: float = 0.0
+    peak_toe: float | None = None
+    peak_heel: float | None = None
+    knee: float = 0.0
+    refused: str = TAKEN
+    doubt: str = ""
+
+    @property
+    def duration(self) -> float:
+        """Seconds."""
+        return self.end - self.contact
+
+
+class Figure(NamedTuple):
+    """A figure of a walk: mean, deviation and number of strides.
+
+    fine  what one sample more or less changes: no mean of many strides is more certain than that
+    """
+
+    name: str
+    side: str
+    mean: float
+    deviation: float
+    strides: int
+    unit: str
+    fine: float = 0.0
+
+    @property
+    def error(self) -> float:
+        """Standard error of the mean."""
+        return self.deviation / sqrt(self.strides) if self.strides else 0.0
+
+
+@dataclass
+class Walk:
+    """What a log shows of a walk. `remarks` are what was found about the sensors and the recording."""
+
+    steps: list[Step] = field(default_factory=list)
+    figures: list[Figure] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+    stretches: list[Stretch] = field(default_factory=list)
+
+    @property
+    def taken(self) -> list[Step]:
+        """The steps that count."""
+        return [step for step in self.steps if not step.refused]
+
+
+SIGNALS = tuple(f"{side}_{name}" for side in SIDES for name in (*SENSORS, "knee", "hip"))
+COLUMNS = {
+    name: f"{name}_pressure_raw" if name.endswith(SENSORS) else f"{name}_angle_deg" for name in SIGNALS
+}  # fmt: skip
+
+
+def stretches(log: LogFile) -> list[Stretch]:
+    """The segments of a log. Raises UsageError with the line of a row that is none."""
+    names = log.layout.names
+    places = [names.index(COLUMNS[name]) for name in SIGNALS]
+    segment_at, time_at, width = names.index("segment"), names.index("t_s"), len(names)
+    found: dict[int, Stretch] = {}
+    with opened(log.path, "a log") as raw:
+        reader = csv.reader(line.decode("utf-8", "replace") for line in raw)
+        next(reader)
+        for number, row in enumerate(reader, 2):
+            if len(row) != width:
+                if log.closed:
+                    raise damaged(log.path, number, f"{plural(len(row), 'column')} instead of {width}")
+                break  # the unfinished last row of a log that was cut
+            try:
+                segment = int(row[segment_at])
+                stretch = found.get(segment) or found.setdefault(
+                    segment, Stretch(segment, [], {name: [] for name in SIGNALS})
+                )
+                stretch.t.append(float(row[time_at]))
+                for name, place in zip(SIGNALS, places, strict=True):
+                    stretch.signals[name].append(float(row[place]))
+            except ValueError as exc:
+                raise damaged(log.path, number, str(exc)) from exc
+    return list(found.values())
+
+
+def walk_of(log: LogFile) -> Walk:
+    """What a log shows. Raises UsageError when it cannot be read."""
+    return walk_in(stretches(log))
+
+
+def walk_in(found: Sequence[Stretch]) -> Walk:
+    """What these segments show."""
+    walk = Walk(stretches=list(found))
+    dead = _dead(found, walk.remarks)
+    for side in SIDES:
+        if all(f"{side}_{name}" in dead for name in SENSORS):
+            walk.remarks.append(f"the {side} foot has no working sensor, so its steps are not known")
+    contacts: dict[str, list[Step]] = {side: [] for side in SIDES}
+    gaps: dict[int, list[float]] = {}
+    for stretch in found:
+        if len(stretch.t) < 3:
+            continue
+        gaps[stretch.number] = _gaps(stretch)
+        for side in SIDES:
+            sensors = [f"{side}_{name}" for name in SENSORS if f"{side}_{name}" not in dead]
+            contacts[side] += _contacts(stretch, side, sensors, walk.remarks)
+    for side in SIDES:
+        lone = sum(f"{side}_{name}" in dead for name in SENSORS) == 1
+        contacts[side] = [replace(step, doubt=ONE_SENSOR) for step in contacts[side]] if lone else contacts[side]
+    walk.steps = sorted(_judged(contacts, gaps, found), key=lambda step: (step.segment, step.contact, step.side))
+    walk.figures = list(_figures(walk.taken, _period(found)))
+    return walk
+
+
+# -- sensors ------------------------------------------------------------------------------------------------------
+
+
+def _dead(found: Sequence[Stretch], remarks: list[str]) -> set[str]:
+    """The sensors that never change."""
+    dead = set()
+    for side in SIDES:
+        for name in SENSORS:
+            sensor = f"{side}_{name}"
+            values = sorted(value for stretch in found for value in stretch.signals[sensor])
+            if values and values[-1 - len(values) // 100] - values[len(values) // 100] < DEAD:
+                dead.add(sensor)
+                remarks.append(f"{sensor}_pressure never changes: it is dead, or not connected")
+    return dead
+
+
+class Blocks(NamedTuple):
+    """Offset and gain of a sensor for each BLOCK seconds from the first row of a segment, and its noise."""
+
+    offset: list[float]
+    gain: list[float]
+    noise: float
+
+
+def _blocks(t: Sequence[float], values: Sequence[float]) -> Blocks:
+    count = int((t[-1] - t[0]) / BLOCK) + 1
+    pieces: list[list[float]] = [[] for _ in range(count)]
+    for moment, value in zip(t, values, strict=True):
+        pieces[int((moment - t[0]) / BLOCK)].append(value)
+    known = [(place, sorted(piece)) for place, piece in enumerate(pieces) if piece]
+    low = {place: piece[len(piece) // 20] for place, piece in known}
+    high = {place: piece[-1 - len(piece) // 20] for place, piece in known}
+    offset: list[float] = []
+    gain: list[float] = []
+    for place in range(count):
+        near = [one for one in range(place - AROUND, place + AROUND + 1) if one in low]
+        around = max(high[one] - low[one] for one in near) if near else 0.0
+        walked = place in low and high[place] - low[place] >= around / 2  # both on the ground and in the air
+        offset.append(
+            low[place] if walked else min(low[one] for one in near) if near else offset[-1] if offset else 0.0
+        )
+        gain.append(max(around, max((high[one] for one in near), default=0.0) - offset[-1] if not walked else 0.0))
+    usual = sorted(gain)[count // 2] if gain else 0.0
+    usual = max(usual, max(gain, default=0.0) * FLAT)
+    walks = [place for place in range(count) if gain[place] >= FLAT * usual]
+    for place in range(count) if walks else ():
+        if gain[place] < FLAT * usual:
+            nearest = min(walks, key=lambda one: abs(one - place))
+            offset[place], gain[place] = offset[nearest], gain[nearest]
+    steps = sorted(
+        abs(b - a)
+        for (moment, a), b in zip(zip(t, values, strict=True), values[1:], strict=False)
+        if a < offset[int((moment - t[0]) / BLOCK)] + 0.1 * usual
+    )
+    return Blocks(offset, gain, 1.05 * steps[len(steps) // 2] if steps else 0.0)
+
+
+def _loaded(t: Sequence[float], values: Sequence[float], blocks: Blocks) -> list[int]:
+    """For each row 2 = the sensor is loaded, 1 = it is if it was, 0 = it is not."""
+    states = []
+    levels = []
+    for offset, gain in zip(blocks.offset, blocks.gain, strict=True):
+        rise = max(RISE * gain, NOISES * blocks.noise)
+        levels.append((offset + rise, offset + FALL * rise))
+    begin = t[0]
+    for moment, value in zip(t, values, strict=True):
+        high, low = levels[int((moment - begin) / BLOCK)]
+        states.append(2 if value >= high else 1 if value >= low else 0)
+    return states
+
+
+def _contacts(stretch: Stretch, side: str, sensors: Sequence[str], remarks: list[str]) -> list[Step]:
+    """The contacts of a foot, each up to the next one; `end` of the last is NaN."""
+    if not sensors:
+        return []
+    states = []
+    for sensor in sensors:
+        blocks = _blocks(stretch.t, stretch.signals[sensor])
+        moved, gain = blocks.offset[-1] - blocks.offset[0], max(blocks.gain)
+        if gain and abs(moved) > DRIFTED * gain:
+            remarks.append(f"{sensor}_pressure has drifted by {moved:+.0f} counts, {abs(moved) / gain:.0%} of its gain")
+        states.append(_loaded(stretch.t, stretch.signals[sensor], blocks))
+    down, edges = False, []
+    for moment, *now in zip(stretch.t, *states, strict=True):
+        wanted = max(now) > (0 if down else 1)
+        if wanted != down:
+            edges.append(moment)
+            down = wanted
+    edges = _without_bounces(edges, down_first=max(s[0] for s in states) > 1)
+    began = bool(edges) and max(s[0] for s in states) > 1
+    ons, offs = edges[0::2], edges[1::2]
+    nan = float("nan")
+    steps = []
+    for place, on in enumerate(ons):
+        off = offs[place] if place < len(offs) else nan
+        end = ons[place + 1] if place + 1 < len(ons) else nan
+        refused = NO_BEGIN if place == 0 and began else NO_END if end != end else TAKEN
+        steps.append(Step(stretch.number, side, on, off, end, refused=refused))
+    return steps
+
+
+def _without_bounces(edges: Sequence[float], *, down_first: bool) -> list[float]:
+    """The moments without those of a contact or a lift that is too brief to be one."""
+    kept: list[float] = []
+    for edge in edges:
+        if kept and edge - kept[-1] < BRIEF and not (down_first and len(kept) == 1):
+            kept.pop()
+        else:
+            kept.append(edge)
+    return kept
+
+
+def _period(found: Sequence[Stretch]) -> float:
+    """Seconds between two samples."""
+    return _median(b - a for stretch in found for a, b in pairwise(stretch.t))
+
+
+def _gaps(stretch: Stretch) -> list[float]:
+    """The moments after which samples are missing."""
+    periods = sorted(b - a for a, b in pairwise(stretch.t))
+    longest = GAP_PERIODS * max(periods[len(periods) // 2], 0.005)
+    return [a for a, b in pairwise(stretch.t) if b - a > longest]
+
+
+# -- steps --------------------------------------------------------------------------------------------------------
+
+
+def _judged(contacts: dict[str, list[Step]], gaps: dict[int, list[float]], found: Sequence[Stretch]) -> Iterator[Step]:
+    by_number = {stretch.number: stretch for stretch in found}
+    measured = {side: [_measured(step, by_number[step.segment]) for step in contacts[side]] for side in SIDES}
+    knee = max(_median(step.knee for step in measured[side] if not step.refused) for side in SIDES)
+    for side, other in ((LEFT, RIGHT), (RIGHT, LEFT)):
+        whole = [step for step in contacts[side] if not step.refused]
+        usual, stance = _median(step.duration for step in whole), _median(step.off - step.contact for step in whole)
+        others = {number: [s.contact for s in contacts[other] if s.segment == number] for number in by_number}
+        for step in measured[side]:
+            refused = step.refused or _refusal(step, usual, stance, gaps[step.segment], others[step.segment])
+            stiff = KNEE if not refused and step.knee < STILL_KNEE * knee else ""
+            yield replace(step, refused=refused, doubt=step.doubt or stiff)
+
+
+def _refusal(step: Step, usual: float, stance: float, gaps: Sequence[float], others: Sequence[float]) -> str:
+    if any(step.contact <= gap < step.end for gap in gaps):
+        return HOLE
+    if step.off - step.contact > LONG * stance:
+        return STANDING
+    if step.duration > LONG * usual:
+        return TOO_LONG
+    if step.duration < SHORT * usual:
+        return TOO_SHORT
+    if others and not any(step.contact < moment < step.end for moment in others):
+        return ALONE
+    return TAKEN
+
+
+def _measured(step: Step, stretch: Stretch) -> Step:
+    if step.end != step.end:
+        return step
+    first, last = stretch.at(step.contact), stretch.at(step.end)
+    knee = stretch.signals[f"{step.side}_knee"][first:last] or [0.0]
+    toe, heel = (stretch.signals[f"{step.side}_{name}"][first:last] or [0.0] for name in SENSORS)
+    share = (step.off - step.contact) / step.duration
+    return replace(step, stance=share, peak_toe=max(toe), peak_heel=max(heel), knee=max(knee) - min(knee))
+
+
+def _median(values: Iterable[float]) -> float:
+    found = sorted(value for value in values if value == value)
+    return found[len(found) // 2] if found else 0.0
+
+
+# -- figures ------------------------------------------------------------------------------------------------------
+
+
+def figure(name: str, side: str, values: Sequence[float], unit: str) -> Figure:
+    """Mean and deviation of values."""
+    mean = sum(values) / len(values)
+    spread = sqrt(sum((value - mean) ** 2 for value in values) / (len(values) - 1)) if len(values) > 1 else 0.0
+    return Figure(name, side, mean, spread, len(values), unit)
+
+
+def _figures(taken: Sequence[Step], period: float) -> Iterator[Figure]:
+    both: dict[str, list[Figure]] = {}
+    for side in SIDES:
+        own = [step for step in taken if step.side == side]
+        if not own:
+            continue
+        share = 200 * period / _median(step.duration for step in own)
+        for name, unit, fine, values in (
+            ("stride_time", "s", period, [step.duration for step in own]),
+            ("stance_share", "%", share, [100 * step.stance for step in own]),
+            ("swing_share", "%", share, [100 * (1 - step.stance) for step in own]),
+            ("peak_toe_pressure", "raw counts", 1.0, [step.peak_toe or 0.0 for step in own]),
+            ("peak_heel_pressure", "raw counts", 1.0, [step.peak_heel or 0.0 for step in own]),
+            ("knee_range", "deg", 0.01, [step.knee for step in own]),
+        ):
+            one = figure(name, side, values, unit)._replace(fine=fine)
+            both.setdefault(name, []).append(one)
+            yield one
+    strides = [step.duration for step in taken]
+    if strides:
+        whole = figure("stride_time", "both", strides, "s")
+        part = period / whole.mean
+        cadence = figure("cadence", "both", [120 / stride for stride in strides], "steps/min")
+        yield cadence._replace(fine=part * cadence.mean)
+        yield Figure(
+            "stride_variability", "both", 100 * whole.deviation / whole.mean, 0.0, whole.strides, "%", 100 * part
+        )
+    for name in ("stride_time", "stance_share", "knee_range"):
+        if len(pair := both.get(name, [])) == 2 and (total := pair[0].mean + pair[1].mean):
+            left, right = pair
+            error = 400 * sqrt((right.mean * left.error) ** 2 + (left.mean * right.error) ** 2) / total**2
+            count = min(left.strides, right.strides)
+            value, fine = 200 * (left.mean - right.mean) / total, 400 * left.fine / total
+            yield Figure(f"{name}_asymmetry", "both", value, error * sqrt(count), count, "%", fine)
+
+
+class Difference(NamedTuple):
+    """A figure of two walks. `error` is the half width of the 95 % interval of their difference."""
+
+    before: Figure
+    after: Figure
+    change: float
+    error: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether the interval leaves out 0."""
+        return abs(self.change) > self.error
+
+
+def compared(before: Walk, after: Walk) -> list[Difference]:
+    """The figures that both walks have."""
+    later = {(one.name, one.side): one for one in after.figures}
+    return [
+        Difference(one, two, two.mean - one.mean, 1.96 * sqrt(one.error**2 + two.error**2) + max(one.fine, two.fine))
+        for one in before.figures
+        if (two := later.get((one.name, one.side))) is not None
+    ]
+
+
+def curve(walk: Walk, side: str, signal: str, points: int = 101) -> list[tuple[float, float]]:
+    """Mean and deviation of a signal over the cycle, from contact (0 %) to the next one (100 %); [] without steps."""
+    by_number = {stretch.number: stretch for stretch in walk.stretches}
+    sums, squares, count = [0.0] * points, [0.0] * points, 0
+    for step in walk.taken:
+        if step.side != side:
+            continue
+        stretch = by_number[step.segment]
+        values, t = stretch.signals[f"{side}_{signal}"], stretch.t
+        count += 1
+        for point in range(points):
+            moment = step.contact + step.duration * point / (points - 1)
+            after = min(stretch.at(moment), len(t) - 1)
+            span = t[after] - t[after - 1] if after else 0.0
+            part = (moment - t[after - 1]) / span if span else 1.0
+            value = values[after - 1] + (values[after] - values[after - 1]) * part if after else values[0]
+            sums[point] += value
+            squares[point] += value * value
+    if not count:
+        return []
+    means = [total / count for total in sums]
+    return [(mean, sqrt(max(0.0, square / count - mean * mean))) for mean, square in zip(means, squares, strict=True)]

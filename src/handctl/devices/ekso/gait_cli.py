@@ -1,0 +1,142 @@
+"""`handctl ekso gait`: the strides of a log as figures and as a list, and two logs side by side. What they mean is in `gait`."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections import Counter
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl.errors import CheckFailed, OutputError
+from handctl.files import atomic_write
+from handctl.frame.clikit import Group
+from handctl.frame.run import Run
+from handctl.frame.types import InFile, OutFile
+from handctl.model.result import Column, Row, Table
+
+if TYPE_CHECKING:
+    from handctl.devices.ekso.export import LogFile
+    from handctl.devices.ekso.gait import Figure, Walk
+
+FIGURES = (
+    Column("name", "Figure"),
+    Column("side", "Side"),
+    Column("value", "Mean", right=True),
+    Column("deviation", "SD", right=True),
+    Column("strides", "Steps", right=True),
+    Column("unit", "Unit"),
+)
+CHANGES = (
+    Column("name", "Figure"),
+    Column("side", "Side"),
+    Column("before", "Before", right=True),
+    Column("after", "After", right=True),
+    Column("change", "Change", right=True),
+    Column("interval", "+/- 95 %", right=True),
+    Column("unit", "Unit"),
+    Column("clear", "Clear"),
+)
+STEPS = ("segment", "side", "contact_s", "off_s", "next_contact_s", "duration_s", "stance_percent", "swing_percent",
+         "peak_toe_raw", "peak_heel_raw", "knee_range_deg", "verdict", "doubt")  # fmt: skip
+
+
+def add_gait(group: Group) -> None:
+    """Add the command."""
+
+    @group.verb("gait", "Files", offline=True)
+    @click.argument("log", metavar="LOG", type=InFile(beside=(".json",)))
+    @click.argument("later", metavar="[LATER]", required=False, type=InFile(beside=(".json",)))
+    @click.option("--steps", metavar="FILE", type=OutFile(), help="Write every stride, counted or not, to FILE (CSV).")
+    def gait(run: Run, log: str, later: str | None, steps: str | None) -> Table:
+        """Find the strides in a log: cadence, stance, symmetry, variability. Needs no device.
+
+        With LATER: the differences between two logs, with the settings that differ. The thresholds come from the
+        recording itself. A stride that is not counted is listed with its reason. Not a diagnosis.
+        """
+        from handctl.devices.ekso.export import LogFile
+        from handctl.devices.ekso.gait import compared, walk_of
+
+        source = LogFile(log)
+        walk = walk_of(source)
+        _tell(run, log, source, walk)
+        if steps is not None:
+            _write(steps, walk)
+        if later is None:
+            return Table(rows=[*map(_figure, walk.figures), *_counts(walk)], columns=FIGURES)
+        after = LogFile(later)
+        second = walk_of(after)
+        _tell(run, later, after, second)
+        changed = _settings(source.sidecar, after.sidecar)
+        rows = [
+            {"name": one.before.name, "side": one.before.side, "before": round(one.before.mean, 3),
+             "after": round(one.after.mean, 3), "change": round(one.change, 3), "interval": round(one.error, 3),
+             "unit": one.before.unit, "clear": "yes" if one.clear else "no"}
+            for one in compared(walk, second)
+        ]  # fmt: skip
+        settings = [{"name": f"setting: {name}", "before": old, "after": new} for name, old, new in changed]
+        return Table(rows=[*settings, *rows], columns=CHANGES)
+
+
+def _figure(one: Figure) -> Row:
+    return {"name": one.name, "side": one.side, "value": round(one.mean, 3), "deviation": round(one.deviation, 3),
+            "strides": one.strides, "unit": one.unit}  # fmt: skip
+
+
+def _counts(walk: Walk) -> list[Row]:
+    """How many strides count, how many do not and why, and how many are doubtful."""
+    refused = Counter(step.refused for step in walk.steps if step.refused)
+    doubts = Counter(step.doubt for step in walk.taken if step.doubt)
+    said = [("counted", len(walk.taken)), *((f"not counted: {why}", number) for why, number in refused.items())]
+    said += [(f"doubtful: {why}", number) for why, number in doubts.items()]
+    return [{"name": "strides", "side": "both", "value": number, "unit": what} for what, number in said]
+
+
+def _tell(run: Run, path: str, source: LogFile, walk: Walk) -> None:
+    """What was found beside the figures. Raises CheckFailed where no stride counts."""
+    for remark in walk.remarks:
+        run.journal.warn("sensor", f"{path}: {remark}")
+    counted = ", ".join(f"{row['value']} {row['unit']}" for row in _counts(walk))
+    run.journal.info("strides", f"{path}: strides: {counted}")
+    if source.simulated:
+        run.settings = run.settings._replace(port=None, fake=True)
+        run.journal.info("simulated", f"{path}: this is a recording of a simulator, not of a device")
+    if not walk.taken:
+        raise CheckFailed(
+            f"{path}: no stride was found",
+            hint="record at least ten steps with `handctl ekso log`. --steps lists what was refused, and why",
+            code="no-stride",
+        )
+
+
+def _settings(before: dict[str, Any] | None, after: dict[str, Any] | None) -> list[tuple[str, Any, Any]]:
+    """The settings that differ between two sidecars."""
+    old, new = ((sidecar or {}).get("settings_before") or {} for sidecar in (before, after))
+    return [
+        (name, old[name].get("label") or old[name].get("value"), new[name].get("label") or new[name].get("value"))
+        for name in old
+        if name in new and old[name].get("raw") != new[name].get("raw")
+    ]
+
+
+def _write(path: str, walk: Walk) -> None:
+    """The list of all strides. Raises OutputError."""
+    text = io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow(STEPS)
+    for step in walk.steps:
+        whole = step.end == step.end
+        numbers = (step.contact, step.off, step.end, step.duration)
+        shares = (100 * step.stance, 100 * (1 - step.stance)) if whole else ("", "")
+        writer.writerow([
+            step.segment, step.side, *(f"{value:.3f}" if value == value else "" for value in numbers),
+            *(f"{share:.1f}" if share != "" else "" for share in shares),
+            *("" if peak is None else f"{peak:.0f}" for peak in (step.peak_toe, step.peak_heel)),
+            f"{step.knee:.2f}" if whole else "", step.refused or "counted", step.doubt,
+        ])  # fmt: skip
+    try:
+        with atomic_write(path) as file:
+            file.write(text.getvalue())
+    except OSError as exc:
+        raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}") from exc

@@ -1,0 +1,190 @@
+"""Strides against walks whose every contact is known: each is found or refused rightly, each figure within one sample."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from handctl.devices.ekso.gait import (
+    ALONE,
+    HOLE,
+    KNEE,
+    NO_END,
+    ONE_SENSOR,
+    STANDING,
+    Step,
+    Walk,
+    compared,
+    curve,
+    walk_in,
+)
+from tests.ekso.walks import RATE, Made, Plan, walk
+from tests.support.cli import run
+from tests.support.each_row import each_row
+
+UNEVEN = {"left_toe": 300.0, "left_heel": 350.0, "right_toe": 2700.0, "right_heel": 2500.0}
+DRIFT = {"left_toe": 0.3 * 900, "left_heel": 0.3 * 900, "right_toe": 0.3 * 900, "right_heel": 0.3 * 900}
+LIMP = Plan(stance={"left": 0.70, "right": 0.50}, late=0.40, vary=0.08)
+STANDS = Plan(seconds=50, stands=((10.3, 16.3), (30.1, 38.1)))
+WALKS = {
+    "even": (Plan(), {}),
+    "asymmetric": (Plan(stance={"left": 0.68, "right": 0.56}, late=0.44), {}),
+    "limping": (LIMP, {}),
+    "standing": (STANDS, {STANDING: 4}),
+    "a long stand": (Plan(seconds=90, stands=((15.3, 65.3),)), {STANDING: 2}),
+    "holes": (Plan(holes=((10.0, 10.2), (30.5, 31.5))), {HOLE: 4}),
+    "offsets and gains": (Plan(offset={"left_toe": 180.0, "right_heel": 300.0}, gain=UNEVEN), {}),
+    "a dead sensor": (Plan(dead=("left_toe",)), {}),
+    "noise": (Plan(noise=12.0), {}),
+    "drift by 30 %": (Plan(seconds=60, drift=DRIFT), {}),
+    "a limp that drifts": (Plan(seconds=60, stance={"left": 0.7, "right": 0.5}, late=0.4, drift=DRIFT), {}),
+    "stands that drift": (Plan(seconds=60, stands=((20.3, 40.3),), drift=DRIFT, noise=6.0), {STANDING: 2}),
+}
+
+
+def found(plan: Plan) -> tuple[Made, Walk]:
+    made = walk(plan)
+    return made, walk_in(made.stretches)
+
+
+@each_row("name", WALKS)
+def test_each_stride_is_found_or_refused_rightly(name: str) -> None:
+    plan, refused = WALKS[name]
+    made, seen = found(plan)
+    assert Counter(step.refused for step in seen.steps if step.refused) == {**refused, NO_END: 2}
+    for side, contact, off, end in made.strides:
+        if any(contact < until + 0.1 and begin < end for begin, until in plan.holes):
+            continue
+        step = nearest(seen, side, contact)
+        late = 2 / RATE if plan.noise > 5 else 1.5 / RATE  # one sample, and what a threshold is above nothing
+        assert abs(step.contact - contact) <= late and abs(step.end - end) <= late, (side, contact, step)
+        assert (side == "left" and plan.dead) or abs(step.off - off) <= late, (side, off, step)
+        assert bool(step.refused) is any(contact <= begin < end for begin, _ in plan.stands), step
+
+
+def nearest(seen: Walk, side: str, contact: float) -> Step:
+    return min((step for step in seen.steps if step.side == side), key=lambda step: abs(step.contact - contact))
+
+
+@each_row(("plan", "left", "right"), [(Plan(), 0.62, 0.62), (LIMP, 0.70, 0.50)])
+def test_figures_are_those_of_the_walk(plan: Plan, left: float, right: float) -> None:
+    _, seen = found(plan)
+    by = {(one.name, one.side): one for one in seen.figures}
+    one_sample = 100 * 1.5 / RATE / 1.2
+    assert abs(by["stride_time", "left"].mean - 1.2) < 1 / RATE
+    assert abs(by["stance_share", "left"].mean - 100 * left) < one_sample
+    assert abs(by["stance_share", "right"].mean - 100 * right) < one_sample + 100 * plan.vary
+    assert abs(by["cadence", "both"].mean - 100) < 1.5
+    assert (by["stance_share_asymmetry", "both"].mean > 20) is (left != right)
+    assert (by["stride_variability", "both"].mean > 2) is bool(plan.vary)
+
+
+def test_a_dead_sensor_is_named_and_its_strides_are_doubtful() -> None:
+    _, seen = found(Plan(dead=("left_toe",)))
+    assert seen.remarks == ["left_toe_pressure never changes: it is dead, or not connected"]
+    assert {(step.side, step.doubt) for step in seen.taken} == {("left", ONE_SENSOR), ("right", "")}
+
+
+def test_a_foot_without_sensors_has_no_strides_and_the_other_keeps_its_own() -> None:
+    made, seen = found(Plan(dead=("left_toe", "left_heel")))
+    assert {step.side for step in seen.steps} == {"right"}
+    assert len(seen.taken) == sum(side == "right" for side, *_ in made.strides)
+    assert any("its steps are not known" in remark for remark in seen.remarks)
+
+
+def test_drift_is_told_with_its_size() -> None:
+    _, seen = found(Plan(seconds=120, drift={"right_heel": 300.0}))
+    (remark,) = seen.remarks
+    assert remark.startswith("right_heel_pressure has drifted by +2")
+
+
+def test_a_knee_that_does_not_bend_is_the_second_witness() -> None:
+    _, seen = found(Plan(stiff=("right",)))
+    assert {(step.side, step.doubt) for step in seen.taken} == {("left", ""), ("right", KNEE)}
+
+
+def test_a_foot_that_steps_twice_is_no_stride() -> None:
+    made = walk(Plan(seconds=20))
+    (stretch,) = made.stretches
+    for name in ("left_toe", "left_heel"):  # the left foot stays up for one of its strides
+        for place in range(stretch.at(7.0), stretch.at(9.3)):
+            stretch.signals[name][place] = 20.0
+    refused = {(step.side, step.refused) for step in walk_in(made.stretches).steps if step.refused not in ("", NO_END)}
+    assert ("right", ALONE) in refused
+
+
+def test_nobody_walks() -> None:
+    _, seen = found(Plan(seconds=30, stands=((0.36, 29.0),)))
+    assert seen.taken == []
+
+
+def test_a_curve_begins_and_ends_with_the_contact() -> None:
+    _, seen = found(Plan())
+    knee = curve(seen, "left", "knee")
+    assert len(knee) == 101 and max(range(101), key=lambda point: knee[point][0]) == pytest.approx(
+        81, abs=2
+    )  # mid-swing
+    assert knee[30][0] == pytest.approx(5.0, abs=0.5) and max(deviation for _, deviation in knee) < 5
+
+
+def test_a_difference_is_clear_only_beyond_its_interval() -> None:
+    _, before = found(LIMP)
+    _, again = found(Plan(stance=LIMP.stance, late=LIMP.late, vary=LIMP.vary, seed=5))
+    _, after = found(Plan(stance={"left": 0.62, "right": 0.62}, vary=0.08))
+    assert not any(one.clear for one in compared(before, again) if one.before.name == "stride_time")
+    assert {one.before.side for one in compared(before, after) if one.before.name == "stance_share" and one.clear} == {
+        "left",
+        "right",
+    }
+
+
+# -- as a command -------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    path = tmp_path / "walk.csv"
+    assert run("ekso", "log", path, "--duration", "30", "-p", "fake://ekso?clock=virtual&posture=walking").code == 0
+    return path
+
+
+def test_the_command_lists_every_stride(log: Path) -> None:
+    done = run("ekso", "gait", log, "--steps", log.with_name("steps.csv"), "--json")
+    assert done.code == 0, done
+    rows = {(row["name"], row["side"]): row["value"] for row in done.rows if "not counted" not in row["unit"]}
+    assert rows["stride_time", "left"] == rows["stride_time", "right"] == 3.0 and rows["cadence", "both"] == 40.0
+    steps = list(csv.DictReader(log.with_name("steps.csv").open(encoding="utf-8")))
+    assert Counter(step["verdict"] for step in steps)["counted"] == rows["strides", "both"] == 18
+    assert "simulated" in done.codes()
+
+
+def test_two_logs_show_what_was_set_in_between(log: Path) -> None:
+    sidecar = Path(f"{log}.json")
+    later = log.with_name("later.csv")
+    later.write_bytes(log.read_bytes())
+    content = json.loads(sidecar.read_text())
+    content["settings_before"]["step_length"] |= {"raw": 1600, "value": 16.0}
+    Path(f"{later}.json").write_text(json.dumps({**content, "file": "later.csv"}))
+    done = run("ekso", "gait", log, later, "--json")
+    assert done.code == 0 and done.rows[0] == {"name": "setting: step_length", "before": 14.75, "after": 16.0}
+    assert {row["clear"] for row in done.rows[1:]} == {"no"}
+
+
+@each_row(("content", "code"), [("", 2), ("a,b\n1,2\n", 2), (None, 2)])
+def test_what_is_no_log_is_refused(tmp_path: Path, content: str | None, code: int) -> None:
+    path = tmp_path / "x.csv"
+    if content is not None:
+        path.write_text(content)
+    done = run("ekso", "gait", path)
+    assert done.code == code and "Traceback" not in done.err
+
+
+def test_a_log_without_a_walk_is_exit_7(tmp_path: Path) -> None:
+    path = tmp_path / "still.csv"
+    assert run("ekso", "log", path, "--duration", "5", "-p", "fake://ekso?clock=virtual").code == 0
+    done = run("ekso", "gait", path, "--json")
+    assert (done.code, done.error["code"]) == (7, "no-stride")
