@@ -76,6 +76,7 @@ class Said:
     include_ids  the result may hold what tells one device from another
     taken        who takes a line that is parsed and not run
     session      the `connection.Session` that a command belongs to, None for one that stands alone
+    run          the `Run` of this line in a batch that has carried it out before, None at the first time
     """
 
     def __init__(self) -> None:
@@ -89,11 +90,14 @@ class Said:
         self.include_ids = False
         self.taken: Callable[[click.Context], object] | None = None
         self.session: Any = None
+        self.run: Any = None
 
 
 def said(ctx: click.Context) -> Said:
     """Of the command line of this context."""
-    found: Said = ctx.meta.setdefault(META, Said())
+    found: Said | None = ctx.meta.get(META)
+    if found is None:
+        found = ctx.meta[META] = Said()
     return found
 
 

@@ -114,7 +114,7 @@ class Param:
     @property
     def alarms(self) -> Mapping[int, str]:
         """The bits that stand for an error: mask -> name; {} where none do."""
-        return {1 << bit: name for bit, name in enumerate(self.bits)}
+        return {1 << bit: name for bit, name in enumerate(self.bits)} if self.bits else {}
 
     @property
     def range_text(self) -> str:

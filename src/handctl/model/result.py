@@ -175,12 +175,15 @@ class Journal:
     """Collects messages, counters and writes of one command; devices write into it, the renderer reads it."""
 
     def __init__(
-        self, on_message: Callable[[Message], None] | None = None, progress: Callable[[str], None] | None = None
+        self,
+        on_message: Callable[[Message], None] | None = None,
+        progress: Callable[[str], None] | None = None,
+        line: Profile | None = None,
     ) -> None:
         """`progress` shows a line that the next one replaces, while something takes its time."""
         self.progress = progress or (lambda text: None)
         self.counters = Counters()
-        self.line = Profile()
+        self.line = line or Profile()
         self.ledger = Ledger()
         self.messages: list[Message] = []
         self.kept: Table | None = None

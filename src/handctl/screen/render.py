@@ -221,13 +221,14 @@ def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink)
 # -- data formats -------------------------------------------------------------------------------------------------
 
 
+_ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
 _HALF = re.compile("[\ud800-\udfff]")
 """Half of a character, as Python has a byte that is not UTF-8."""
 
 
 def dumps(value: Any) -> str:
     """JSON that is UTF-8 whatever it holds: a byte of a path that is not UTF-8 becomes an escape, such as ``\\udcff``."""
-    text = json.dumps(value, ensure_ascii=False, allow_nan=False)
+    text = _ENCODER.encode(value)
     return text if text.isascii() else _HALF.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 

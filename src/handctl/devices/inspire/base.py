@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from typing import NamedTuple, TypeVar
 
 from handctl.devices.inspire.eb90 import MAX_COUNT
@@ -50,6 +51,11 @@ class Memory:
 
 def plan(registers: Iterable[Register], limit: int = MAX_COUNT) -> list[Block]:
     """The fewest blocks of at most `limit` bytes that cover all `registers`, gaps included."""
+    return list(_planned(tuple(registers), limit))
+
+
+@lru_cache(256)
+def _planned(registers: tuple[Register, ...], limit: int) -> Sequence[Block]:
     blocks: list[Block] = []
     for register in sorted(registers, key=lambda register: register.address):
         last = blocks[-1] if blocks else None
@@ -72,8 +78,9 @@ class BlockReader:
         memory = Memory() if memory is None else memory
         first: HandctlError | None = None
         blocks = plan(registers, self._bus.max_count)
-        # What a stranger would act upon is not asked first.
-        for block in sorted(blocks, key=lambda block: not self._bus.quiet(block.address, block.size)):
+        if len(blocks) > 1:  # what a stranger would act upon is not asked first
+            blocks = sorted(blocks, key=lambda block: not self._bus.quiet(block.address, block.size))
+        for block in blocks:
             try:
                 if len(block.groups) > 1 and self._across_gaps and self._whole(block, memory):
                     continue

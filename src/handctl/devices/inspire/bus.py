@@ -237,14 +237,16 @@ class Bus(ByteBus):
     def exchange(self, request: bytes, prefixes: Sequence[bytes], *, reply_size: int) -> Frame:
         """Send one request, wait for one frame that begins with one of `prefixes`. One attempt."""
         self.pass_gate(request)
-        self.check_bound(hex_bytes(request))
+        if self.bound is not None:
+            self.check_bound(hex_bytes(request))
         if _begins_request(self.drain()) or self._disturbed:
             self._let_speak()
         started = self.link.now()
         wire = self.wire_seconds(len(request) + reply_size)
         deadline, last = self.deadline(wire + self.timeout), self.deadline(wire + PATIENCE * self.timeout)
         first = self._ahead(request)
-        self.send(request, deadline)
+        self.count(request)
+        self.link.write(first + request, deadline)
         decoder = Decoder(prefixes)
         frame, received, pieces = self._heard(decoder, deadline, last)
         came = received.removeprefix(first)
@@ -263,15 +265,17 @@ class Bus(ByteBus):
         Part of an answer, with no more junk ahead of it, may go on coming until `last`.
         """
         received, pieces, junk = bytearray(), list[int](), 0
-        while (frame := next(frames_in(decoder, self.count_damaged), None)) is None:
+        frame = next(frames_in(decoder, self.count_damaged), None) if decoder.pending else None
+        while frame is None:
             chunk = b"" if received and deadline.expired else self.link.read(deadline)
             if not chunk:
                 break
             received += chunk
             pieces.append(len(chunk))
             decoder.feed(chunk)
-            trickles, junk = decoder.pending and decoder.skipped == junk, decoder.skipped
-            if trickles and deadline.remaining < self.timeout:
+            trickles, junk = decoder.skipped == junk, decoder.skipped
+            frame = next(frames_in(decoder, self.count_damaged), None)
+            if frame is None and trickles and deadline.remaining < self.timeout:
                 deadline = self.link.deadline(self.timeout).earlier(last)
         self.journal.counters.received += frame is not None
         self.journal.counters.stray_bytes += decoder.skipped
