@@ -9,13 +9,14 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, WIRES, OwnOption
 from handctl.frame.types import OutFile, Seconds, WholeRange
+from handctl.light import NamedTuple
 
 if TYPE_CHECKING:
     from handctl.frame.config import Check, Config

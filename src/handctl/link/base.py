@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 from handctl.errors import LinkError
+from handctl.light import NamedTuple
 from handctl.sentence import plural
 from handctl.system import clock
 

@@ -6,9 +6,9 @@ Knows no terminal, no device and no file; imports only the standard library. Row
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
+from handctl.light import NamedTuple, field, light
 from handctl.model.ledger import Ledger
 from handctl.model.profile import Profile
 from handctl.sentence import honest
@@ -79,7 +79,7 @@ class Sample(NamedTuple):
     rows: tuple[Row, ...]
 
 
-@dataclass(slots=True)
+@light()
 class Table:
     """The result of a command.
 
@@ -132,7 +132,7 @@ class Message(NamedTuple):
         return {"level": self.level, "code": self.code, "text": self.text, "hint": self.hint}
 
 
-@dataclass(slots=True)
+@light()
 class Counters:
     """What passed on the wire: frames sent and received, repeated requests, frames rejected, bytes of no frame.
 

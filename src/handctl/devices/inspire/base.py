@@ -11,13 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 from handctl.devices.inspire.eb90 import MAX_COUNT
 from handctl.devices.inspire.identity import refuse_twins, within
 from handctl.devices.inspire.map import BAUD_RATES, Register, register_of
 from handctl.devices.inspire.registers import RegisterBus, may_still_move
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Left, NoAnswer, ProtocolError, UsageError
+from handctl.light import NamedTuple
 from handctl.model.device import Device
 from handctl.model.guide import Guide
 from handctl.model.moving import Arrival, Goal, Seen, Stillness, Watch, judged, marked, watch, with_arrival

@@ -19,9 +19,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import NamedTuple
 
 from handctl.errors import ProtocolError, UsageError
+from handctl.light import NamedTuple
 
 HOST = b"\xeb\x90"
 DEVICE = b"\x90\xeb"
