@@ -1,17 +1,17 @@
 """`dataclass` and `NamedTuple` for what every command needs: the same to their user, and defined in a fraction of the time.
 
-No slots, no order, no `replace`: a class that wants those, or that only some commands use, is a dataclass.
+No slots and no order: a class that wants those, or that only some commands use, is a dataclass.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-__all__ = ("NamedTuple", "field", "light")
+__all__ = ("NamedTuple", "field", "light", "replace")
 
 if TYPE_CHECKING:
     from dataclasses import dataclass as light
-    from dataclasses import field
+    from dataclasses import field, replace
     from typing import NamedTuple
 else:
     from collections import namedtuple
@@ -70,6 +70,10 @@ else:
             return cls
 
         return make
+
+    def replace(one: Any, /, **changes: Any) -> Any:
+        """As of dataclasses."""
+        return type(one)(**{**vars(one), **changes})
 
     def _values(one: Any) -> tuple[Any, ...]:
         return tuple(getattr(one, name) for name in one.__match_args__)
