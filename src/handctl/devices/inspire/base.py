@@ -16,7 +16,7 @@ from typing import TypeVar
 from handctl.devices.inspire.eb90 import MAX_COUNT
 from handctl.devices.inspire.identity import refuse_twins, within
 from handctl.devices.inspire.map import BAUD_RATES, Register, register_of
-from handctl.devices.inspire.registers import RegisterBus, may_still_move
+from handctl.devices.inspire.registers import FLOOD, RegisterBus, may_still_move
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Left, NoAnswer, ProtocolError, UsageError
 from handctl.light import NamedTuple
 from handctl.model.device import Device
@@ -87,7 +87,7 @@ class BlockReader:
                     continue
                 self._groups(block, memory)
             except FAILS as exc:
-                if isinstance(exc, NoAnswer) and not memory.blocks:
+                if (isinstance(exc, NoAnswer) or len(exc.came) > FLOOD) and not memory.blocks:
                     if first is not None:
                         raise first from exc  # what came before tells more than the silence behind it
                     raise  # nobody there: asking for the rest would only take longer

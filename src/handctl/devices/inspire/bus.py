@@ -10,8 +10,8 @@ from typing import ClassVar
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
-from handctl.devices.inspire.registers import FRESH, ByteBus, ahead, question
-from handctl.errors import DeviceRefused, HandctlError, ProtocolError
+from handctl.devices.inspire.registers import FLOOD, FRESH, ByteBus, ahead, question
+from handctl.errors import JUDGED, DeviceRefused, HandctlError, ProtocolError
 from handctl.link import CanFrame, Deadline
 from handctl.model.foreign import harmless
 from handctl.model.frames import frames_in
@@ -65,8 +65,8 @@ def hint_for(code: str, family: str) -> str:
     return OWN_HINTS.get((family, code), HINTS[code]).replace("handctl exo", f"handctl {family}")
 
 
-def mishap(request: bytes, received: bytes) -> tuple[str, str]:
-    """Name what came instead of the answer: (code, text). Codes are the keys of HINTS."""
+def mishap(request: bytes, received: bytes, more: int = 0) -> tuple[str, str]:
+    """Name what came instead of the answer, and `more` bytes behind it: (code, text). Codes are the keys of HINTS."""
     rest = received
     if request in rest:
         rest = rest.replace(request, b"", 1)
@@ -96,8 +96,8 @@ def mishap(request: bytes, received: bytes) -> tuple[str, str]:
         return "stale", "received a valid frame, but it does not answer this request"
     # At a wrong speed 90 EB may come by chance: with the id behind it, or nothing, it is the beginning of an answer.
     if pending >= 2 and (rest.endswith(eb90.DEVICE) or eb90.DEVICE + request[2:3] in rest):
-        return "cut-short", f"the answer was cut off after {plural(len(rest), 'byte')}"
-    return "garbage", f"received {plural(len(rest), 'byte')} instead of a valid frame"
+        return "cut-short", f"the answer was cut off after {plural(len(rest) + more, 'byte')}"
+    return "garbage", f"received {plural(len(rest) + more, 'byte')} instead of a valid frame"
 
 
 def others_speak(request: bytes, received: bytes) -> bool:
@@ -252,7 +252,7 @@ class Bus(ByteBus):
         came = received.removeprefix(first)
         if frame is None:
             self.journal.counters.stray_bytes += decoder.pending
-            self._disturbed = _begins_request(came.removeprefix(request))
+            self._disturbed = _begins_request(came[:JUDGED].removeprefix(request))
             raise self._failure(request, came, started)
         self._rest, self._disturbed = decoder.rest(), False
         self.round_trip = self.link.now() - started
@@ -275,7 +275,7 @@ class Bus(ByteBus):
             decoder.feed(chunk)
             trickles, junk = decoder.skipped == junk, decoder.skipped
             frame = next(frames_in(decoder, self.count_damaged), None)
-            if frame is None and trickles and deadline.remaining < self.timeout:
+            if frame is None and trickles and len(received) < FLOOD and deadline.remaining < self.timeout:
                 deadline = self.link.deadline(self.timeout).earlier(last)
         self.journal.counters.received += frame is not None
         self.journal.counters.stray_bytes += decoder.skipped
@@ -367,8 +367,9 @@ class Bus(ByteBus):
     def _failure(self, request: bytes, received: bytes, since: float) -> HandctlError:
         if not received:
             return self.unanswered(hex_bytes(request), self.timeout, since, SILENCE_HINTS[self.family])
-        code, text = mishap(request, received)
-        if code == "stale" and others_speak(request, received):
+        seen = received[:JUDGED]
+        code, text = mishap(request, seen, len(received) - len(seen))
+        if code == "stale" and others_speak(request, seen):
             self.journal.line.others = True
         return ProtocolError(
             f"{self.where}: {text} (sent {hex_bytes(request)}, received {shorten(received)})",
