@@ -97,7 +97,7 @@ class Table:
     live      a person at a terminal sees a live view of the stream; else its rows
     pictures  rows -> grids that the live view draws in place of a line for each row; the first that fits the window
     extra     further keys of the JSON envelope, e.g. the raw blocks of a dump
-    spool     the rows as JSON in place of `rows`, where there may be more of them than memory holds
+    spool     lines in place of `rows` and `text`, where there may be more of them than memory holds: JSON of rows, else the text
     """
 
     rows: list[Row] = field(default_factory=list)
