@@ -37,7 +37,7 @@ RECORDED = {
 
 def run(*, quick: bool) -> Iterator[Figure]:
     """Yield the figures."""
-    size = SIZE // 4 if quick else SIZE
+    size = SIZE // 8 if quick else SIZE
     for name, (family, *link) in RECORDED.items():
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "run.txt"
