@@ -6,12 +6,14 @@ import inspect
 import json
 import sys
 from collections.abc import Iterator
-from types import ModuleType
 from typing import Any
 
+import click
 import pytest
 
 from handctl import late, light
+from handctl.families import FAMILIES
+from handctl.frame.family import load
 from tests.kernel.budget import over
 from tests.kernel.startup import KEPT, counted, machine
 
@@ -61,12 +63,16 @@ def test_what_is_loaded_already_stays() -> None:
 TEXTS = ("", "one", "  one\n    two\n      three\n\n    four\n", "\n\n  a\n\tb\n", "a\n b\n  c", "a\n\n\n")
 
 
+def helps(command: click.Command) -> Iterator[str]:
+    yield from (text for one in (command, *command.params) if (text := getattr(one, "help", None)))
+    for below in command.commands.values() if isinstance(command, click.Group) else ():
+        yield from helps(below)
+
+
 def test_helps_are_cleaned_as_python_does() -> None:
-    helps: list[str] = [text for module in list(sys.modules.values()) if isinstance(module, ModuleType)
-             and module.__name__.startswith("handctl") for thing in vars(module).values()
-             if (text := getattr(thing, "help", None) or getattr(thing, "__doc__", None)) and isinstance(text, str)]  # fmt: skip
-    assert len(helps) > 100
-    assert [late._cleandoc(text) for text in (*TEXTS, *helps)] == [inspect.cleandoc(text) for text in (*TEXTS, *helps)]
+    texts = [*TEXTS, *(text for family in FAMILIES for text in helps(load(family, "cli").cli))]
+    assert len(texts) > 400
+    assert [late._cleandoc(text) for text in texts] == [inspect.cleandoc(text) for text in texts]
 
 
 # -- classes that are defined in little time ------------------------------------------------------------------------------
