@@ -176,8 +176,11 @@ class Device:
         method, line = found, self._line
 
         def call(*args: Any, confirm: Confirm = False, dry_run: bool = False, **named: Any) -> Any:
+            key = (name, args) if not (named or confirm or dry_run) else None
+            if key is not None and (again := line.again(key)) is not None:
+                return again
             values = method.values(args, named)
-            return line.call(method.command, method.words, values, confirm=confirm, dry_run=dry_run)
+            return line.call(method.command, method.words, values, confirm=confirm, dry_run=dry_run, key=key)
 
         call.__name__, call.__doc__ = name, method.command.help
         self.__dict__[name] = call

@@ -92,20 +92,20 @@ def end_on_signals(*, suspend: bool) -> None:
     from handctl.system import clock, signals, waits  # noqa: F401 - all that the handler needs: it must not import
 
     _state.__init__()  # type: ignore[misc]
-
-    def end(_number: int, _frame: Any) -> None:
-        new = _state.wish()
-        if _state.finishing:
-            _ring_soon()
-        if not new or _state.finishing:
-            return
-        if _state.handing is not None and has_room(_state.handing):
-            _state.kept = True  # raised as soon as that piece is out: a row is written and counted, or neither
-            return
-        raise KeyboardInterrupt
-
-    signals.take(end, signals.numbers(suspend=suspend))
+    signals.take(_end, signals.numbers(suspend=suspend))
     signals.listen(_pressed)
+
+
+def _end(_number: int, _frame: Any) -> None:
+    new = _state.wish()
+    if _state.finishing:
+        _ring_soon()
+    if not new or _state.finishing:
+        return
+    if _state.handing is not None and has_room(_state.handing):
+        _state.kept = True  # raised as soon as that piece is out: a row is written and counted, or neither
+        return
+    raise KeyboardInterrupt
 
 
 def served() -> None:
@@ -123,12 +123,8 @@ def finish_on_signals() -> None:
     """
     from handctl.system import signals
 
-    def end(_number: int, _frame: Any) -> None:
-        _state.wish()
-        _ring_soon()
-
     served()
-    signals.take(end, filter(signals.taken, signals.numbers(suspend=True)))
+    signals.take(_end, filter(signals.taken, signals.numbers(suspend=True)))
     if _state.wishes > 1:
         _ring_soon()
 

@@ -50,6 +50,10 @@ class Left:
         self.moving = moving
 
 
+JUDGED = 4096
+"""Bytes that came in place of an answer, as many as are looked at for what they are."""
+
+
 class HandctlError(Exception):
     """Base of all errors that handctl raises on purpose.
 
@@ -73,7 +77,7 @@ class HandctlError(Exception):
         self, text: str, *, hint: str = "", code: str = "", left: Left | None = None, came: bytes = b""
     ) -> None:
         super().__init__(text)
-        self.came = came
+        self.came = came[:JUDGED]
         self.left = left or Left()
         self._text = text
         self._hint = hint

@@ -10,10 +10,10 @@ import contextlib
 import io
 import os
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import IO, TYPE_CHECKING, Any, BinaryIO, TypeVar
 
-from handctl.errors import UsageError
+from handctl.errors import OutputError, UsageError
 from handctl.system import disk
 
 T = TypeVar("T")
@@ -196,3 +196,33 @@ def state_path(name: str) -> Path:
     from handctl.system.folders import state_folder
 
     return Path(state_folder()) / "handctl" / name
+
+
+# -- text that may be longer than memory ------------------------------------------------------------------------------
+
+
+class Spool:
+    """Takes lines one by one, gives them back in order. Raises OutputError where the disk has no room."""
+
+    def __init__(self) -> None:
+        import tempfile
+
+        self.folder = tempfile.gettempdir()
+        self._file = tempfile.TemporaryFile("w+", encoding="utf-8", errors="surrogatepass", newline="\n")  # noqa: SIM115 - as long as it is used
+
+    def take(self, lines: Iterable[str]) -> None:
+        """Append them; what came before an error stays."""
+        try:
+            for line in lines:
+                self._file.write(line + "\n")
+        except OSError as exc:
+            raise OutputError(
+                f"{self.folder}: cannot be written: {exc.strerror or exc}",
+                hint="make room there, or choose --format ndjson, which needs none",
+            ) from exc
+
+    def lines(self) -> Iterator[str]:
+        """All of them."""
+        self._file.seek(0)
+        for line in self._file:
+            yield line.removesuffix("\n")

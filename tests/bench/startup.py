@@ -11,9 +11,9 @@ from tests.bench.measure import HANDCTL, PASS, Figure, peak_kilobytes, quickest
 
 COMMANDS = [
     ("start-up, --version", ["--version"], 2.5),
-    ("start-up, -h", ["-h"], 6.0),
-    ("start-up, exo dump --fake --json", ["exo", "dump", "--fake", "--json"], 7.0),
-    ("start-up, exo dump --fake, rich table", ["exo", "dump", "--fake", "--color", "always"], 10.0),
+    ("start-up, -h", ["-h"], 4.5),
+    ("start-up, exo dump --fake --json", ["exo", "dump", "--fake", "--json"], 6.0),
+    ("start-up, exo dump --fake, rich table", ["exo", "dump", "--fake", "--color", "always"], 9.0),
 ]
 SINGLE = [("-h", ["-h"]), ("exo dump --fake", ["exo", "dump", "--fake"])]
 

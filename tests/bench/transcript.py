@@ -9,10 +9,12 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.bench.measure import Figure, handctl
+from tests.bench.measure import HANDCTL, Figure, handctl, peak_kilobytes
 
 SIZE = 32_000_000
-GOAL = 25.0
+GOAL = 20.0
+MOST_MEGABYTES = 40.0
+"""Of memory, however long the transcript is."""
 PLAIN = """
 import sys, time
 start, count = time.process_time(), 0
@@ -28,12 +30,14 @@ RECORDED = {
     "wrist": ("wrist", "-p", "fake://wrist"),
     "barrett": ("barrett", "-p", "fake://barrett?initialized=1"),
     "ekso": ("ekso", "-p", "fake://ekso"),
+    "aidin": ("aidin", "-p", "fake://aidin"),
+    "hand": ("hand", "-p", "fake://hand"),
 }
 
 
 def run(*, quick: bool) -> Iterator[Figure]:
     """Yield the figures."""
-    size = SIZE // 4 if quick else SIZE
+    size = SIZE // 8 if quick else SIZE
     for name, (family, *link) in RECORDED.items():
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "run.txt"
@@ -58,3 +62,8 @@ def run(*, quick: bool) -> Iterator[Figure]:
             taken = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
             note = f"{file.stat().st_size / 1e6:.0f} MB; user time of the whole process"
             yield Figure(f"trace show, {name}", taken, plain, "s", GOAL, note, "plain loop")
+            words = [HANDCTL, "trace", "show", str(file), "--json", "-o", str(Path(folder) / "json")]
+            peak = peak_kilobytes(words) / 1024
+            yield Figure(
+                f"trace show --json, {name}, memory", peak, MOST_MEGABYTES, "MiB", 1.0, note.partition(";")[0], "40 MiB"
+            )

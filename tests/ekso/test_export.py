@@ -111,7 +111,7 @@ def test_segments_are_never_mixed(tmp_path: Path) -> None:
 
 def test_rows_at_a_standstill_are_left_out_and_told(tmp_path: Path) -> None:
     path = make(tmp_path / "a.csv", [1001, 1001, 1021])
-    found = motion(LogFile(str(path)), segment=None, knee_sign=1, rate=None, tool="x")
+    found = motion(LogFile(str(path)), segment=None, knee_sign=1, rate=None, tool="x", as_rows=True)
     assert [row["time"] for row in found.rows] == [0.0, 0.02]
     assert found.remarks == ("1 row left out: BootTime did not advance",)
 

@@ -26,9 +26,9 @@ from tests.support.each_row import each_row
 from tests.support.loading import back_ends, heavy, loaded, ours
 
 ROOT = Path(handctl.__file__).parent
-GROUND = ("", "digits", "errors", "families", "files", "ending", "sentence", "system.*")
+GROUND = ("", "digits", "errors", "families", "files", "ending", "light", "sentence", "system.*")
 """What any room may import: they know nothing of handctl, or each other at most."""
-PURE = ("errors", "model.param", "@.pure")
+PURE = ("errors", "light", "model.param", "@.pure")
 
 RULES: list[tuple[str, tuple[str, ...]]] = [
     # room or module, what it may import of handctl (first pattern that fits; `@` is its own family, @.pure what is sans I/O there)
@@ -39,7 +39,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("ending", ("system.*",)),
     ("files", ("errors", "system.*")),
     ("sentence", ("families",)),
-    ("cli", (*GROUND, "frame.clikit", "frame.several", "screen.filter")),
+    ("cli", (*GROUND, "frame.clikit", "frame.several", "late", "screen.filter")),
     ("__main__", ("cli",)),
     ("model.device", (*GROUND, "link.deadman", "model.*")),
     ("model.sampling", (*GROUND, "link", "model.*")),

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -22,6 +23,8 @@ from tests.windows.systems import Linux, Windows
 
 SECONDS, QUICK_SECONDS = 320.0, 70.0
 """After which no command line begins: the whole then ends within 6 minutes, or 90 s."""
+SCENE_SECONDS = 60.0
+"""For one scene."""
 QUICK_SHARE = 12
 FIRST_COM = 200
 """COM ports of the consoles."""
@@ -71,13 +74,36 @@ def others(linux: Linux, windows: Windows, root: Path, share: int) -> Iterator[t
     yield "tests on Windows", f"{len(files)} files", partial(units.passed, windows, root / "units", files)
 
 
-def tried(scenes: Iterator[tuple[str, str, Tried]]) -> list[Scene]:
-    """Each of them, one after the other."""
+def tried(scenes: Iterator[tuple[str, str, Tried]], seconds: float = SCENE_SECONDS) -> list[Scene]:
+    """Each of them, one after the other, for so long at most: a row as it ends."""
     found = []
     for part, name, scene in scenes:
-        seen, wrong = scene()
+        began = time.monotonic()
+        seen, wrong = within(scene, seconds)
         found.append(Scene(part, name, wrong, seen))
+        say(f"{part}, {name}: {f'wrong: {wrong}' if wrong else seen} ({time.monotonic() - began:.0f} s)")
     return found
+
+
+def within(scene: Tried, seconds: float) -> tuple[str, str]:
+    """What a scene saw and what is wrong; also that it did not end."""
+    ended: list[tuple[str, str]] = []
+
+    def run() -> None:
+        try:
+            ended.append(scene())
+        except Exception as exc:  # noqa: BLE001 - whatever it is, the other scenes are tried
+            ended.append(("", f"{type(exc).__name__}: {exc}"))
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    thread.join(seconds)
+    return ended[0] if ended else ("", f"not over after {seconds:.0f} s")
+
+
+def say(text: str) -> None:
+    """A row, at once: whoever ends this run sees what was found until then."""
+    print(text, flush=True)
 
 
 def main() -> int:
@@ -105,7 +131,7 @@ def main() -> int:
                 if asked.only in ("", "scenes") and not asked.line:
                     seen += tried(consoles(windows, root, share))  # alone: the key must meet a movement of 0.7 s
                     waiting.append(beside.submit(tried, others(linux, windows, root, share)))
-                cells = matrix.compare(todo, linux, windows, root, began + seconds)
+                cells = matrix.compare(todo, linux, windows, root, began + seconds, told)
                 seen += [scene for future in waiting for scene in future.result()]
         finally:
             windows.stop()
@@ -114,15 +140,16 @@ def main() -> int:
     return int(any(scene.wrong for scene in seen) or any(cell.verdict == WRONG for cell in cells))
 
 
+def told(cell: matrix.Cell) -> None:
+    """What is wrong with a line, as soon as it has ended."""
+    if cell.verdict == WRONG:
+        say("\n    ".join([f"wrong: handctl {cell.line}", *filter(None, (cell.reason, *cell.difference))]))
+
+
 def tell(scenes: list[Scene], cells: list[matrix.Cell]) -> None:
-    """What is wrong, what may differ, and the table."""
-    for cell in cells:
-        if cell.verdict == WRONG:
-            print(f"wrong: handctl {cell.line}", *filter(None, (cell.reason, *cell.difference)), sep="\n    ")
+    """What may differ, and the table."""
     for reason in dict.fromkeys(cell.reason for cell in cells if cell.verdict == EXCUSED):
         print(f"differs: {reason}", *(f"handctl {cell.line}" for cell in cells if cell.reason == reason), sep="\n    ")
-    for scene in scenes:
-        print(f"{scene.part}, {scene.name}: {f'wrong: {scene.wrong}' if scene.wrong else scene.seen}")
     print(f"\n{'command lines':32}{'equal':>8}{'with a reason':>16}{'wrong':>8}{'not reached':>14}")
     for part, name in lines.PARTS.items():
         count = [

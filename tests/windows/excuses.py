@@ -39,22 +39,42 @@ class Excuse(NamedTuple):
 
     lines    pattern that a line's text must match from its beginning
     reason   why, as the table shows it
+    text     what of the output and the files the reason is about: it is left out on both, and the rest must be equal
     code     the exit code on Windows, None = as on Linux
     """
 
     lines: re.Pattern[str]
     reason: str
+    text: re.Pattern[bytes]
     code: int | None = None
 
 
-NO_SECOND_PROCESS = "no second process can stop a device there when handctl is killed: a warning says so"
+NO_SECOND_PROCESS = (
+    "handctl starts no second process there that stops a device when handctl is killed: a warning says so"
+)
+UNGUARDED = re.compile(
+    rb"handctl: warning: [^\n]*: no second process watches this link[^\n]*\n( +Next: [^\n]*\n)?"
+    rb'|(, )?\{"level": "warning", "code": "unguarded"[^{}]*\}'
+)
+ALL = re.compile(rb"(?s).+")
+"""Nothing of it is the same on two machines."""
 EXCUSES = (
-    Excuse(re.compile(r"(ports|doctor)( |$)(?!-h)"), "it shows the machine that it runs on"),
-    Excuse(re.compile(r"completion bash --install"), "Windows has one folder where Linux has three"),
-    Excuse(re.compile(r"sim exo --pty"), "Windows has no pseudo terminals: it says so", 3),
-    Excuse(re.compile(r"(exo position|wrist move|hand angle|aidin home) .*-p '\{port\}'"), NO_SECOND_PROCESS),
-    Excuse(re.compile(r"scan -p '\{port\}'"), "its table is as wide as the name of the port"),
-    Excuse(re.compile(r"exo status .*--fault disconnect\]"), "the driver says in its own words that the port is gone"),
+    Excuse(re.compile(r"(ports|doctor)( |$)(?!-h)"), "it shows the machine that it runs on", ALL),
+    Excuse(re.compile(r"completion bash --install"), "Windows has one folder where Linux has three", ALL),
+    Excuse(re.compile(r"sim exo --pty"), "Windows has no pseudo terminals: it says so", ALL, 3),
+    Excuse(
+        re.compile(r"(exo position|wrist move|hand angle|aidin home) .*-p '\{port\}'"), NO_SECOND_PROCESS, UNGUARDED
+    ),
+    Excuse(
+        re.compile(r"scan -p '\{port\}'"),
+        "its table is as wide as the name of the port",
+        re.compile(rb"[ \xe2\x94\x80-]{2,}"),
+    ),
+    Excuse(
+        re.compile(r"exo status .*--fault disconnect\]"),
+        "the driver says in its own words that the port is gone",
+        re.compile(rb"(?<=the port is gone): [^\n\"]*"),
+    ),
 )
 
 

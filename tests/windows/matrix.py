@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
@@ -38,8 +38,10 @@ class Cell(NamedTuple):
     difference: tuple[str, ...] = ()
 
 
-def compare(lines: Sequence[Line], linux: Linux, windows: Windows, root: Path, until: float) -> list[Cell]:
-    """All lines; those that begin after `until` (time.monotonic) are not run.
+def compare(
+    lines: Sequence[Line], linux: Linux, windows: Windows, root: Path, until: float, told: Callable[[Cell], None]
+) -> list[Cell]:
+    """All lines, each `told` as it ends; those that begin after `until` (time.monotonic) are not run.
 
     A row for each part, at the same time. Those on simulators in virtual time run in one process, the others as programs of their own.
     """
@@ -65,7 +67,11 @@ def compare(lines: Sequence[Line], linux: Linux, windows: Windows, root: Path, u
         return judged(line, *ended)
 
     def row(numbered: Sequence[tuple[int, Line]]) -> list[tuple[int, Cell]]:
-        return [(number, cell(number, line)) for number, line in numbered]
+        found = []
+        for number, line in numbered:
+            found.append((number, cell(number, line)))
+            told(found[-1][1])
+        return found
 
     numbered = list(enumerate(lines))
     parts = [[one for one in numbered if one[1].part == part] for part in PARTS]  # a busy machine reaches some of each
@@ -114,8 +120,19 @@ def judged(line: Line, linux: Ended, windows: Ended) -> Cell:
         return Cell(line, WRONG, "equal: the written reason is not needed") if excuse else Cell(line, EQUAL)
     shown = tuple(differences(linux, windows))
     if excuse and windows.code == (linux.code if excuse.code is None else excuse.code):
-        return Cell(line, EXCUSED, excuse.reason, shown)
+        rest = tuple(differences(without(linux, excuse.text), without(windows._replace(code=linux.code), excuse.text)))
+        return (
+            Cell(line, WRONG, f"beside what is excused ({excuse.reason})", rest)
+            if rest
+            else Cell(line, EXCUSED, excuse.reason, shown)
+        )
     return Cell(line, WRONG, "", shown)
+
+
+def without(ended: Ended, text: re.Pattern[bytes]) -> Ended:
+    """A run without what a reason is about."""
+    files = {name: text.sub(b"", data) for name, data in ended.files.items()}
+    return Ended(ended.code, text.sub(b"", ended.out), text.sub(b"", ended.err), files)
 
 
 def counted(ended: Ended) -> Ended:

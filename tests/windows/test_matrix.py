@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import ast
+import json
 import re
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 
+from handctl.link.base import NoLink
+from handctl.link.deadman import guarding
 from tests.windows import excuses, lines
+from tests.windows.__main__ import Tried, tried
 from tests.windows.excuses import Excuse, masked
 from tests.windows.lines import Line
 from tests.windows.matrix import EQUAL, EXCUSED, WRONG, judged
@@ -23,7 +28,7 @@ ONE = Ended(0, b"a\nb\n", b"", {"out.txt": b"1\n"})
 
 @pytest.fixture
 def excused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(excuses, "EXCUSES", (Excuse(re.compile("exo"), "because"),))
+    monkeypatch.setattr(excuses, "EXCUSES", (Excuse(re.compile("exo"), "because", re.compile(rb"c\n")),))
 
 
 def test_only_equal_bytes_are_equal() -> None:
@@ -41,8 +46,42 @@ def test_only_equal_bytes_are_equal() -> None:
 
 @pytest.mark.usefixtures("excused")
 def test_a_reason_excuses_words_but_not_another_exit_code() -> None:
-    assert judged(LINE, ONE, ONE._replace(out=b"c\n"))[1:3] == (EXCUSED, "because")
+    assert judged(LINE, ONE, ONE._replace(out=b"a\nb\nc\n"))[1:3] == (EXCUSED, "because")
     assert judged(LINE, ONE, ONE._replace(code=1)).verdict == WRONG
+
+
+@pytest.mark.usefixtures("excused")
+def test_a_reason_excuses_nothing_beside_its_own_words() -> None:
+    cell = judged(LINE, ONE, ONE._replace(out=b"a\nB\nc\n", err=b"Message(text='x')\n"))
+    assert (cell.verdict, cell.difference) == (WRONG, ("stdout: -b", "stdout: +B", "stderr: +Message(text='x')"))
+
+
+def test_the_warning_that_is_excused_is_the_one_that_is_written() -> None:
+    def warned(code: str, text: str, hint: str) -> None:
+        lines = f"a\nhandctl: warning: {text}.\n  Next: {hint}.\nb\n".encode()
+        assert excuses.UNGUARDED.sub(b"", lines) == b"a\nb\n"
+        row = json.dumps([{"level": "warning", "code": code, "text": text, "hint": hint}]).encode()
+        assert excuses.UNGUARDED.sub(b"", row) == b"[]"
+        seen.append(code)
+
+    seen: list[str] = []
+    with guarding(NoLink(), lambda link: None, warned):
+        assert seen == ["unguarded"]
+
+
+def test_a_scene_is_waited_for_no_longer_than_its_time(capsys: pytest.CaptureFixture[str]) -> None:
+    over = threading.Event()
+    scenes: list[tuple[str, str, Tried]] = [
+        ("a", "1", lambda: ("held", "")), ("a", "2", lambda: (str(over.wait()), "")), ("a", "3", lambda: ("", f"{1 // 0}")),
+    ]  # fmt: skip
+    found = tried(iter(scenes), 0.05)
+    over.set()
+    assert [scene.wrong for scene in found] == [
+        "",
+        "not over after 0 s",
+        "ZeroDivisionError: integer division or modulo by zero",
+    ]
+    assert capsys.readouterr().out.count("\n") == 3
 
 
 @pytest.mark.usefixtures("excused")

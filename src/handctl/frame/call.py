@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import io
 import threading
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Hashable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, TextIO
 
 import click
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 Confirm = bool | Callable[[str, list[Row]], bool]
 """The answer to what asks: True, or who is asked, with the question and the steps that are going to be written."""
-MOST_PARSED = 1000
-"""Calls whose values are kept as click has understood them."""
+MOST_BOUND = 1000
+"""Calls of one line that are kept as they were understood."""
 
 
 class Caller(Guide):
@@ -71,7 +71,13 @@ class Call(Run):
         self.failure: HandctlError | None = None
         self.extra: dict[str, Any] = {}
         super().__init__(ctx, settings, family)
-        self.context = ctx
+        self.body: Callable[[], Table | None] = lambda: None
+
+    def again(self) -> list[Row]:
+        """The same reading once more: what was understood of its words holds, and nothing else. Raises HandctlError."""
+        self.failure, self.extra = None, {}
+        self.begin(self.journal.line)
+        return self.finish(*self.carried_out(self.body))
 
     def person(self) -> Guide:
         return Caller(self._confirm)
@@ -153,6 +159,7 @@ class Line:
         self.session = session
         self.last: Call | None = None
         self._parsed: dict[Any, click.Context] = {}
+        self._bound: dict[Any, Call] = {}  # readings that went well: the next one asks the same
         self._running: Generator[list[Row], None, None] | None = None
         self._turn = threading.RLock()
 
@@ -171,21 +178,52 @@ class Line:
             self._end_stream()
             return self.session.close(self.last.journal if self.last is not None else Journal())
 
+    def again(self, key: Hashable) -> list[Row] | None:
+        """Carry out the reading that `key` was bound to; None where there is none. Raises HandctlError."""
+        with self._turn:
+            try:
+                call = self._bound.get(key)
+            except TypeError:  # a value that cannot be a key
+                return None
+            if call is None or self._running is not None:
+                return None
+            self.last = call
+            return call.again()
+
     def call(
-        self, command: Command, words: str, values: Mapping[str, Any], *, confirm: Confirm, dry_run: bool
+        self,
+        command: Command,
+        words: str,
+        values: Mapping[str, Any],
+        *,
+        confirm: Confirm,
+        dry_run: bool,
+        key: Hashable = None,
     ) -> list[Row] | Iterator[list[Row]]:
-        """Carry out the command that is typed as `words` with these values, by click's names. Raises HandctlError."""
+        """Carry out the command that is typed as `words` with these values, by click's names. Raises HandctlError.
+
+        A reading with a `key` that goes well is bound to that.
+        """
         with self._turn:
             if command.stops:
                 self._end_stream()
             self._check_free()
             settings = self.settings._replace(yes=confirm is True, dry_run=dry_run)
             call = self._call(command, words, values, settings, confirm)
-            table, failure = call.carried_out(command.body(call.context, call))
+            call.body = command.body(call.context, call)
+            table, failure = call.carried_out(call.body)
             if failure is None and table is not None and table.samples is not None:
                 return self._taken(call, table)
             rows = call.finish(table, failure)
+            if key is not None and command.only_reads and table is not None:
+                self._bind(key, call)
             return iter([rows]) if command.streams else rows
+
+    def _bind(self, key: Hashable, call: Call) -> None:
+        with suppress(TypeError):
+            if len(self._bound) < MOST_BOUND:
+                self._bound[key] = call
+                call.checked = True
 
     def _call(
         self, command: click.Command, words: str, values: Mapping[str, Any], settings: Settings, confirm: Confirm
@@ -198,7 +236,7 @@ class Line:
             key, ctx = None, None
         if ctx is None:
             ctx = self._context(command, words, values)
-            if key is not None and len(self._parsed) < MOST_PARSED:
+            if key is not None and len(self._parsed) < MOST_BOUND:
                 self._parsed[key] = ctx
         settings = settings._replace(own={**settings.own, **said(ctx).own})
         self.last = Call(ctx, settings, self.family, confirm)

@@ -9,7 +9,7 @@ import gc
 import importlib
 import os
 from collections.abc import Callable, Sequence
-from functools import reduce, update_wrapper
+from functools import partial, reduce
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -19,7 +19,7 @@ from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
 from handctl.families import COMMANDS, LISTED
 from handctl.frame.family import Family
 from handctl.frame.options import COMMAND_LINE, Settings, SharedOption, config_path, read_config, said, words_of
-from handctl.frame.types import Hertz, OutFile, Seconds, WholeRange
+from handctl.frame.types import Hertz, InFile, OutFile, Seconds, WholeRange
 from handctl.frame.usage import (
     HEADINGS,
     MOST,
@@ -45,7 +45,8 @@ class Command(Described):
     """A leaf command with the shared options.
 
     `heading`: one of HEADINGS; `writes`: --dry-run makes sense for it; `streams`: --json means NDJSON; `stops`: an
-    emergency, which nothing holds up; `offline`: it never opens a link.
+    emergency, which nothing holds up; `offline`: it never opens a link; `task`: its body, which gets the Run first; without
+    one it is click's callback.
     """
 
     def __init__(
@@ -57,15 +58,23 @@ class Command(Described):
         offline: bool = False,
         heading: str = "",
         family: Family | None = None,
+        task: Callable[..., Table | None] | None = None,
         **more: Any,
     ) -> None:
         super().__init__(*args, **more)
         self.heading = heading
+        self.task = task
         self.writes = writes
         self.stops = stops
         self.offline = offline
         self.streams = streams
         self.family = family
+
+    @property
+    def only_reads(self) -> bool:
+        """Whether it asks a device, and neither writes to it nor opens a file."""
+        files = any(isinstance(param.type, InFile | OutFile) and param.name != "output" for param in self.params)
+        return self.task is not None and not (self.writes or self.streams or self.offline or files)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """As click does; its message on the number of values knows neither the command nor what the values are called."""
@@ -115,6 +124,8 @@ class Command(Described):
     def body(self, ctx: click.Context, run: Run) -> Callable[[], Table | None]:
         """What a run of the parsed line carries out."""
         ctx.obj = run
+        if self.task is not None:
+            return partial(self.task, run, **ctx.params)
         return lambda: super(Command, self).invoke(ctx)
 
 
@@ -212,9 +223,6 @@ class Group(Described, click.Group):
         """
 
         def decorate(body: Callable[..., Any]) -> Command:
-            def call(*args: Any, **more: Any) -> Any:
-                return body(click.get_current_context().obj, *args, **more)
-
             made: Command = click.command(
                 name,
                 cls=Command,
@@ -224,7 +232,8 @@ class Group(Described, click.Group):
                 stops=stops,
                 offline=offline,
                 family=self.family,
-            )(update_wrapper(call, body))
+                task=body,
+            )(body)
             self.add_command(made)
             return made
 

@@ -59,6 +59,7 @@ class Connection:
     def __init__(self, trace: Trace | None = None, name: str = "") -> None:
         """`trace` is one that goes on behind this connection, `name` its LINK where it is one of several."""
         self.name = name
+        self.key: Hashable = None
         self.link: Link | None = None
         self.hold: Hold | None = None
         self.kept: Kept | None = None
@@ -153,10 +154,6 @@ def refuse_rivals(run: Invocation, link: Link) -> None:
 # -- many commands on open links ------------------------------------------------------------------------------------
 
 
-STALE_READS = 1000
-"""A device that speaks unasked has filled the input meanwhile; more than this many pieces come from one that never pauses."""
-
-
 class Session:
     """The open links of several commands.
 
@@ -169,33 +166,44 @@ class Session:
         self.writes = writes
         self.place: dict[str, Any] = {}
         """What the last line of a command's NDJSON says of its place among the others."""
-        self._open: dict[Hashable, Connection] = {}  # by what must be equal for a link to serve two commands
+        self._open: dict[Hashable, Connection] = {}  # by `_key`
         self._lines: dict[Hashable, Profile] = {}
         self._traces: dict[str | None, Trace] = {}
 
-    def connection(self, run: Invocation) -> Connection:
-        """The connection for this run: one that is open, or a new one. Another one to the same place is closed first."""
-        assert run.family is not None
-        settings, name = run.settings, run.link_name()
-        in_use = settings.fake and run.in_use
-        key = (run.family.kind, name, settings.baud, settings.trace, settings.verbose, in_use)
+    def connection(self, run: Invocation, before: Connection) -> Connection:
+        """The connection for this run: one that is open, or a new one. Another one to the same place is closed first.
+
+        `before` is the one that it had when it was carried out before.
+        """
+        key = before.key or self._key(run)
         known = self._open.get(key)
         if known is not None and known.link is not None:
             try:
-                _discard(known.link)
+                if not known.link.replayed:
+                    known.link.discard()
             except LinkError:
                 self._close(key, run.journal)  # it was lost meanwhile
                 known = None
         if known is None:
+            name = run.link_name()
             for other in [other for other, one in self._open.items() if one.name == name]:
                 self._close(other, run.journal)
-            known = self._open[key] = Connection(self._traces.setdefault(settings.trace, Trace()), name)
+            known = self._open[key] = Connection(self._traces.setdefault(run.settings.trace, Trace()), name)
+            known.key = key
         run.journal.line = self._lines.setdefault(key, run.journal.line)
         if known.link is None:
             run.journal.line.met.clear()  # whoever is behind a new connection
         if known.hold is not None:
             known.hold.serve(run)
         return known
+
+    @staticmethod
+    def _key(run: Invocation) -> Hashable:
+        """What must be equal for a link to serve two commands."""
+        assert run.family is not None
+        settings = run.settings
+        in_use = settings.fake and run.in_use
+        return run.family.kind, run.link_name(), settings.baud, settings.trace, settings.verbose, in_use
 
     def keeps(self, connection: Connection, failure: HandctlError | None, journal: Journal) -> bool:
         """Whether this connection is one of these: it stays open, unless it was lost or the device stopped."""
@@ -241,18 +249,3 @@ class Session:
         if connection.hold is not None:
             connection.hold.finish()
         return connection.close(failure, journal)
-
-
-def _discard(link: Link) -> None:
-    """What lies in the input belongs to nobody: a late answer, or what a device has said unasked since the last command."""
-    from handctl.link import ByteLink, FrameLink
-
-    if link.replayed:
-        return
-    now = link.deadline(0)
-    for _ in range(STALE_READS):
-        if isinstance(link, ByteLink):
-            if not link.read(now):
-                return
-        elif not isinstance(link, FrameLink) or link.receive(now) is None:
-            return

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
+from handctl.light import NamedTuple
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError

@@ -16,13 +16,14 @@ from handctl.frame.console import TerminalGuide, print_message
 from handctl.frame.family import Family, in_words, load, refuse_missing, refuse_serial, wire_in
 from handctl.frame.options import COMMAND_LINE, ENVIRONMENT, FILE, Settings, config_path, said, words_of
 from handctl.frame.types import Named, files_of, refuse_clashes
+from handctl.model.result import Journal
 
 if TYPE_CHECKING:
     from handctl.link import Link
     from handctl.model.guide import Guide
     from handctl.model.ledger import Ledger
     from handctl.model.param import Changes, Step
-    from handctl.model.result import Journal
+    from handctl.model.profile import Profile
 
 UNASKED = "yes-unasked"
 """The message that no -q silences."""
@@ -31,6 +32,7 @@ UNASKED = "yes-unasked"
 class Invocation:
     """What was asked, by whom and of which device; and that device, once it is open.
 
+    context  click's, of the parsed line
     listens  whether another process may ask this one to stop the device, by a signal
     said     what the command line and its levels share
     session  the commands of which this is one, and what they have in common; None for one that stands alone
@@ -42,8 +44,7 @@ class Invocation:
     listens = True
 
     def __init__(self, ctx: click.Context, settings: Settings, family: Family | None) -> None:
-        from handctl.model.result import Journal
-
+        self.context = ctx
         self.settings = settings
         self.family = family
         self.command = " ".join(words_of(ctx))
@@ -56,7 +57,11 @@ class Invocation:
         self.in_use = self.streams
         self.inputs, self.outputs = files_of(ctx)
         self.guide = self.person()
-        self.journal = Journal(progress=self.guide.progress)
+        self.begin()
+
+    def begin(self, line: Profile | None = None) -> None:
+        """Nothing of it has happened yet; `line` is what is known of its line."""
+        self.journal = Journal(progress=self.guide.progress, line=line)
         self.link: Link | None = None
         self.opened: Any = None
         self.end: float | None = None

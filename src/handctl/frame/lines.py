@@ -82,8 +82,16 @@ class Line(NamedTuple):
         """Carry it out and show its result. Raises HandctlError."""
         if not self.shared:
             session.release(journal)  # it may want the port for itself
-        said(self.context).session = session
-        self.leaf.carry_out(self.context, Run(self.context, self.settings, self.leaf.family))
+        told = said(self.context)
+        told.session = session
+        run, told.run = told.run, None
+        if run is None:
+            run = Run(self.context, self.settings, self.leaf.family)
+        else:
+            run.begin(run.journal.line)
+        self.leaf.carry_out(self.context, run)
+        if self.leaf.only_reads and not run.settings.output:  # it went well: the same line again asks the same
+            told.run, run.checked = run, True
 
 
 def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Line:

@@ -9,13 +9,14 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, WIRES, OwnOption
 from handctl.frame.types import OutFile, Seconds, WholeRange
+from handctl.light import NamedTuple
 
 if TYPE_CHECKING:
     from handctl.frame.config import Check, Config
@@ -76,6 +77,7 @@ class Said:
     include_ids  the result may hold what tells one device from another
     taken        who takes a line that is parsed and not run
     session      the `connection.Session` that a command belongs to, None for one that stands alone
+    run          the `Run` of this line in a batch that has carried it out before, None at the first time
     """
 
     def __init__(self) -> None:
@@ -89,11 +91,14 @@ class Said:
         self.include_ids = False
         self.taken: Callable[[click.Context], object] | None = None
         self.session: Any = None
+        self.run: Any = None
 
 
 def said(ctx: click.Context) -> Said:
     """Of the command line of this context."""
-    found: Said = ctx.meta.setdefault(META, Said())
+    found: Said | None = ctx.meta.get(META)
+    if found is None:
+        found = ctx.meta[META] = Said()
     return found
 
 

@@ -137,7 +137,7 @@ def make_envelope(
         "device": device,
         "ok": failure is None,
         "exit_code": failure.exit_code if failure is not None else 0,
-        "line": Profile().as_row(),
+        "line": None if extra and "line" in extra else Profile().as_row(),
         **(extra or {}),
         "messages": [{**row, "text": sentence(row["text"]), "hint": sentence(row["hint"])} for row in rows],
         "counters": counters if counters is not None else Counters().as_row(),

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
     from handctl.link import Link
     from handctl.model.param import Changes, Step
+    from handctl.model.profile import Profile
     from handctl.stop.holding import Hold
 
 NO_TERMINAL = "Confirmation needed, but this is not an interactive terminal"
@@ -49,14 +50,19 @@ class Run(Invocation):
     """One run of one command."""
 
     def __init__(self, ctx: click.Context, settings: Settings, family: Family | None) -> None:
-        super().__init__(ctx, settings, family)
         self.outcome = self.told()
-        self.journal.on_message = self.outcome.heard
+        super().__init__(ctx, settings, family)
         self.connection = Connection()
-        self.others: list[Run] = []
-        """The same command at further LINKs, see `device_at`."""
+        self.checked = False
+        """Its words were understood and carried out before: `begin` starts it once more."""
         self.outlet = ExitStack()
         """What is closed behind the last byte of output: the file of a command that runs others."""
+
+    def begin(self, line: Profile | None = None) -> None:
+        super().begin(line)
+        self.journal.on_message = self.outcome.heard
+        self.others: list[Run] = []
+        """The same command at further LINKs, see `device_at`."""
 
     def told(self) -> Outcome:
         """Who tells what comes of it."""
@@ -66,8 +72,9 @@ class Run(Invocation):
         """The device behind the link; opens it on first use. Raises UsageError, LinkError."""
         if self.opened is None:
             assert self.family is not None
-            own = {**self.settings.own, **(implied(self.family.kind) if self.writes else {})}
-            settings = self.settings._replace(own=own)
+            settings = self.settings
+            if self.writes:
+                settings = settings._replace(own={**settings.own, **implied(self.family.kind)})
             self.opened = self.family.open(self.open_link(), settings, self.journal)
             self.opened.options = settings
         return self.opened
@@ -98,7 +105,7 @@ class Run(Invocation):
             self.link = self.connection.link = None
         if self.link is None:
             if self.session is not None:
-                self.connection = self.session.connection(self)
+                self.connection = self.session.connection(self, self.connection)
             link = self.connection.opened(self, baud)
             if self.writes:
                 from handctl.link.tap import observed
@@ -117,8 +124,10 @@ class Run(Invocation):
     @property
     def stopped(self) -> HandctlError | None:
         """How a device of this command was stopped on the wish of another process; None where none was."""
-        holds = (run.hold for run in (self, *self.others))
-        return next((hold.stopped for hold in holds if hold is not None and hold.stopped is not None), None)
+        for run in (self, *self.others):
+            if (hold := run.connection.hold) is not None and hold.stopped is not None:
+                return hold.stopped
+        return None
 
     def keyboard(self, pressed: Callable[[str], bool]) -> AbstractContextManager[bool]:
         """While it lasts each key on the terminal goes to `pressed`, which says whether the command ends; whether there are keys."""
@@ -209,7 +218,8 @@ class Run(Invocation):
         table: Table | None = None
         try:
             try:
-                check_before(self)
+                if not self.checked:
+                    check_before(self)
                 table = body()
                 if table is not None and table.samples is not None:
                     failure = self.outcome.stream(table, self)
@@ -234,7 +244,7 @@ class Run(Invocation):
 
     def judged(self, error: HandctlError | None) -> HandctlError | None:
         """What is shown of an error, and what its exit code is."""
-        return judged(self, error)
+        return judged(self, error) if error is not None else None
 
     def _wind_up(self, table: Table | None, failure: HandctlError | None) -> HandctlError | None:
         """Close, then show; a Ctrl-C meanwhile changes neither the result nor the exit code, unless its reader sleeps."""

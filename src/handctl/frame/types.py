@@ -6,11 +6,12 @@ them.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import click
 
 from handctl.errors import UsageError
+from handctl.light import NamedTuple
 
 NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
 """Settings of a command that takes ``-100`` as an argument; `model.param.given` then refuses a mistyped option."""

@@ -6,6 +6,7 @@ snapshot, diff and restore are in `stored`. What they need of a device is `model
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError, joined
@@ -20,6 +21,11 @@ if TYPE_CHECKING:
 
 def select(params: ParamMap[Any], names: Sequence[str]) -> list[Element]:
     """Readable elements by name, in the order asked, each once. Raises UsageError."""
+    return list(_selected(params, tuple(names)))
+
+
+@lru_cache(256)
+def _selected(params: ParamMap[Any], names: tuple[str, ...]) -> list[Element]:
     chosen: dict[str, Element] = {}
     for name in names:
         param, elements = params.find(name)
@@ -48,6 +54,7 @@ def meant(run: Run, params: ParamMap[Any], names: Sequence[str]) -> ParamMap[Any
     return device.own_map()
 
 
+@lru_cache(256)
 def _knows(params: ParamMap[Any], name: str) -> bool:
     try:
         params.find(name)

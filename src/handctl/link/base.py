@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 from handctl.errors import LinkError
+from handctl.light import NamedTuple
 from handctl.sentence import plural
 from handctl.system import clock
 
@@ -43,6 +44,10 @@ class CanFrame(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.can_id:08X} [{len(self.data)}] {self.data.hex(' ').upper()}".rstrip()
+
+
+STALE_READS = 1000
+"""A device that speaks unasked has filled the input meanwhile; more than this many pieces come from one that never pauses."""
 
 
 def nothing(_rest: bytes = b"") -> None:
@@ -114,6 +119,17 @@ class Link(ABC):
     def outlet(self) -> Outlet | None:
         """The way out for a second process; None where there is none: inside this process, or inside a library."""
         return None
+
+    def discard(self) -> None:
+        """Drop what lies in the input and belongs to nobody: a late answer, or what was said unasked. Raises LinkError."""
+        now = self.deadline(0)
+        for _ in range(STALE_READS):
+            if not self._take(now):
+                return
+
+    @abstractmethod
+    def _take(self, deadline: Deadline) -> object:
+        """What has arrived; nothing on silence until `deadline`."""
 
     def reconnect(self, seconds: float) -> bool:
         """Open a connection that was lost again, once; what it had not delivered is dropped. False where there is none.
@@ -203,6 +219,9 @@ class FrameLink(Link):
     def send(self, frame: CanFrame, deadline: Deadline) -> None:
         """Queue one frame. Raises LinkError."""
 
+    def _take(self, deadline: Deadline) -> object:
+        return self.receive(deadline)
+
     @abstractmethod
     def receive(self, deadline: Deadline) -> CanFrame | None:
         """The next extended data frame of any identifier; None on silence until `deadline`. Raises LinkError."""
@@ -224,6 +243,9 @@ class ByteLink(Link):
     @abstractmethod
     def write(self, data: bytes, deadline: Deadline) -> None:
         """Hand all of `data` to the line before `deadline`. Raises LinkError."""
+
+    def _take(self, deadline: Deadline) -> object:
+        return self.read(deadline)
 
     @abstractmethod
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:

@@ -19,7 +19,8 @@ the stop is out. It is in a session and under a name of its own, ignores every s
 it has three seconds.
 
 It cannot help where everything of this user is killed at once: a service or a container that ends (its control group),
-the machine, its power. Where the system has no fork, or the link is inside a vendor's library, a warning says so.
+the machine, its power. Where the system has no fork (Windows: a program of its own that inherits the handle of the port could
+do the same, and is not written), or the link is inside a vendor's library, a warning says so.
 Knows no protocol: families give the stop.
 """
 
@@ -64,7 +65,7 @@ def guarding(link: Link, stop: Stop, warn: Warn, *, beat: float = 0.0) -> Iterat
     if not inside and outlet is None:
         warn(
             "unguarded",
-            f"{link.name}: a second process cannot keep this link open, so if handctl is killed nothing stops the device",
+            f"{link.name}: no second process watches this link, so if handctl is killed nothing stops the device",
             "keep its power switch within reach",
         )
     guard = Guard(outlet, stop, warn, link.held, beat)

@@ -55,6 +55,16 @@ def parse(lines: Iterable[str], source: str = "transcript") -> list[Entry]:
 
 def parse_line(line: str, number: int) -> Entry:
     """One line that is neither empty nor a comment. Raises ValueError."""
+    parts = line.split(" ", 2)
+    if len(parts) == 3 and parts[1] in (">", "<"):  # as `Tap` writes it; a recording has millions
+        text = parts[2]
+        try:
+            moment, data = float(parts[0]), bytes.fromhex(text)
+        except ValueError:
+            pass  # told below
+        else:
+            if len(text) == 3 * len(data) - 1 and not text[2::3].strip(" ") and 0 <= moment < float("inf"):
+                return Entry(moment, parts[1], data, "", None, number)
     words = line.split()
     time = None
     if words[0] not in (">", "<", "!"):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterable
+from functools import lru_cache
 
 from handctl.errors import DeviceRefused, HandctlError, joined
 from handctl.families import FAMILIES
@@ -44,6 +45,7 @@ def _sign(family: str, came: bytes) -> str:
     return str(importlib.import_module(FAMILIES[family].codec).sign(came))
 
 
+@lru_cache(256)
 def harmless(data: bytes, baud: int | None) -> bool:
     """Whether no device acts upon these bytes that is not meant; None = they reach whoever is there as they are.
 

@@ -20,9 +20,9 @@ the first three ways. A fault, an axis that still moves, has no speed or could n
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
 
 from handctl.errors import CheckFailed, joined
+from handctl.light import NamedTuple
 from handctl.model.guide import CTRL_C, Guide
 from handctl.model.param import Number
 from handctl.model.result import Column, Row

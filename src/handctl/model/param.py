@@ -7,12 +7,12 @@ Everything that reads, writes, prints, explains, stores or completes a quantity 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cache
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, TypeVar
 
 from handctl.digits import number_in
 from handctl.errors import HandctlError, UsageError
+from handctl.light import NamedTuple, field, light
 from handctl.sentence import near, plural
 
 Number = int | float
@@ -24,7 +24,7 @@ MOVES, PUSHES = "moves", "pushes"
 """What writing it does to what the device holds: leads it to a place, or presses with a force until told otherwise."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@light(frozen=True, kw_only=True, eq=False)
 class Param:
     """One documented quantity, scalar or vector.
 
@@ -114,7 +114,7 @@ class Param:
     @property
     def alarms(self) -> Mapping[int, str]:
         """The bits that stand for an error: mask -> name; {} where none do."""
-        return {1 << bit: name for bit, name in enumerate(self.bits)}
+        return {1 << bit: name for bit, name in enumerate(self.bits)} if self.bits else {}
 
     @property
     def range_text(self) -> str:
@@ -212,7 +212,7 @@ class Param:
 P = TypeVar("P", bound=Param)
 
 
-@dataclass(frozen=True, slots=True)
+@light(frozen=True)
 class Element:
     """One readable number: a scalar parameter, or element `index` of a vector."""
 

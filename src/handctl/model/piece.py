@@ -7,9 +7,10 @@ transcripts sees pieces only and knows no protocol.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar, overload
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, Generic, Protocol, TypeVar, overload
+
+from handctl.light import NamedTuple, field, light
 
 HOST, DEVICE = "host", "device"
 SIDES = (HOST, DEVICE)
@@ -37,7 +38,7 @@ T = TypeVar("T")
 class Later(Sequence[T], Generic[T]):
     """What `make` gives, made when somebody looks: a long recording is mostly shown without its values and parts."""
 
-    def __init__(self, make: Callable[[], Sequence[T]]) -> None:
+    def __init__(self, make: Callable[[], Iterable[T]]) -> None:
         self._make = make
         self._made: tuple[T, ...] | None = None
 
@@ -69,7 +70,7 @@ class Later(Sequence[T], Generic[T]):
         return repr(self._all())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@light(frozen=True, kw_only=True)
 class Piece:
     """A frame, or bytes that belong to none.
 
@@ -170,7 +171,7 @@ class Cutter(ABC):
     def feed(self, direction: str, data: bytes, can_id: int | None = None) -> list[Piece]:
         """See Explainer. There is no CAN."""
         self._buffers[direction] += data
-        return list(self._pieces(self._buffers[direction], direction))
+        return self._pieces(self._buffers[direction], direction)
 
     def flush(self) -> list[Piece]:
         """See Explainer."""
@@ -181,10 +182,12 @@ class Cutter(ABC):
 
     def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
         """See Explainer."""
-        return list(self._pieces(bytearray(data), "", side, final=True))
+        return self._pieces(bytearray(data), "", side, final=True)
 
-    def _pieces(self, buffer: bytearray, side: str, told: str = "", *, final: bool = False) -> Iterator[Piece]:
+    def _pieces(self, buffer: bytearray, side: str, told: str = "", *, final: bool = False) -> list[Piece]:
+        found: list[Piece] = []
         while buffer and (cut := self.cut(buffer, side, final=final)).size:
             raw = bytes(buffer[: cut.size])
             del buffer[: cut.size]
-            yield self.piece(side or told or self.side_of(raw, cut), raw, cut)
+            found.append(self.piece(side or told or self.side_of(raw, cut), raw, cut))
+        return found

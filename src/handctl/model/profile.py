@@ -115,12 +115,19 @@ class RoundTrips:
         self._counts: Counter[int] = Counter()
         self._count = 0
         self._total = 0.0
+        self._sorted: list[int] = []
+        self._fresh: list[int] = []  # values that are not among them yet
+        self._median, self._below = 0, 0  # when it was last asked for, and how many have come that are smaller
 
     def add(self, seconds: float) -> None:
         """One more."""
-        self._counts[round(seconds * 1e6)] += 1
+        value = round(seconds * 1e6)
+        if value not in self._counts:
+            self._fresh.append(value)
+        self._counts[value] += 1
         self._count += 1
         self._total += seconds
+        self._below += value < self._median
 
     def __len__(self) -> int:
         return self._count
@@ -136,12 +143,25 @@ class RoundTrips:
         return self._quantile(part) / 1e6
 
     def _quantile(self, part: float) -> int:
-        place, seen = min(self._count - 1, int(part * self._count)), 0
-        for value in sorted(self._counts):
-            seen += self._counts[value]
-            if seen > place:
-                return value
-        return 0
+        if not self._count:
+            return 0
+        if self._fresh:
+            self._sorted = sorted(self._sorted + self._fresh)
+            self._fresh.clear()
+        if part in (0.0, 1.0):
+            return self._sorted[-1 if part else 0]
+        place, at, seen = min(self._count - 1, int(part * self._count)), 0, 0
+        if part == 0.5 and self._median:  # it moves little: asked for with each line of a batch
+            at, seen = self._sorted.index(self._median), self._below
+            while seen > place:
+                at -= 1
+                seen -= self._counts[self._sorted[at]]
+        while seen + self._counts[self._sorted[at]] <= place:
+            seen += self._counts[self._sorted[at]]
+            at += 1
+        if part == 0.5:
+            self._median, self._below = self._sorted[at], seen
+        return self._sorted[at]
 
     def as_row(self) -> dict[str, Any]:
         """Milliseconds for the JSON envelope: min, mean, median, p95, p99, max, late, histogram as [up to, count]."""

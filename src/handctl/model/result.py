@@ -6,9 +6,9 @@ Knows no terminal, no device and no file; imports only the standard library. Row
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
+from handctl.light import NamedTuple, field, light
 from handctl.model.ledger import Ledger
 from handctl.model.profile import Profile
 from handctl.sentence import honest
@@ -80,7 +80,7 @@ class Sample(NamedTuple):
     rows: tuple[Row, ...]
 
 
-@dataclass(slots=True)
+@light()
 class Table:
     """The result of a command.
 
@@ -100,7 +100,7 @@ class Table:
     cards     device -> what makes its own table, where rows are of several devices: the live view draws each as a card
     pictures  rows -> grids that the live view draws in place of a line for each row; the first that fits the window
     extra     further keys of the JSON envelope, e.g. the raw blocks of a dump
-    spool     the rows as JSON in place of `rows`, where there may be more of them than memory holds
+    spool     lines in place of `rows` and `text`, where there may be more of them than memory holds: JSON of rows, else the text
     """
 
     rows: list[Row] = field(default_factory=list)
@@ -137,7 +137,7 @@ class Message(NamedTuple):
         return {"level": self.level, "code": self.code, "text": self.text, "hint": self.hint}
 
 
-@dataclass(slots=True)
+@light()
 class Counters:
     """What passed on the wire: frames sent and received, repeated requests, frames rejected, bytes of no frame.
 
@@ -180,12 +180,15 @@ class Journal:
     """Collects messages, counters and writes of one command; devices write into it, the renderer reads it."""
 
     def __init__(
-        self, on_message: Callable[[Message], None] | None = None, progress: Callable[[str], None] | None = None
+        self,
+        on_message: Callable[[Message], None] | None = None,
+        progress: Callable[[str], None] | None = None,
+        line: Profile | None = None,
     ) -> None:
         """`progress` shows a line that the next one replaces, while something takes its time."""
         self.progress = progress or (lambda text: None)
         self.counters = Counters()
-        self.line = Profile()
+        self.line = line or Profile()
         self.ledger = Ledger()
         self.messages: list[Message] = []
         self.kept: Table | None = None

@@ -17,12 +17,12 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from handctl.errors import DeviceRefused, HandctlError, Interrupted, Left, LinkError, NoAnswer, ProtocolError
 from handctl.families import FAMILIES
+from handctl.light import NamedTuple, light
 from handctl.model.param import Step
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ QUIET = Step("listen", b"")
 """Nothing goes out."""
 
 
-@dataclass(frozen=True)
+@light(frozen=True)
 class Heard(Generic[T]):
     """What came of a step that was repeated: what was found, None for nothing; all that came; and the seconds that it took at most."""
 

@@ -11,7 +11,6 @@ import contextlib
 import sys
 from collections import deque
 from collections.abc import Generator, Sequence
-from dataclasses import replace
 from datetime import datetime
 from typing import IO, TYPE_CHECKING, NamedTuple
 
@@ -21,6 +20,7 @@ from rich.text import Text
 
 from handctl import ending
 from handctl.errors import STOPPED, Interrupted
+from handctl.light import replace
 from handctl.model.result import Row, Sample, Table
 from handctl.screen.filter import text_shown
 from handctl.screen.sheet import Wide

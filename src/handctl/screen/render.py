@@ -69,13 +69,13 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
     failure = failure or (table.failure if table is not None else None)
     rows = table.rows if table is not None else []
     extra = table.extra if table is not None else {}
+    lines = table.spool() if table is not None and table.spool is not None else map(dumps, rows)
     if how == "json":
-        lines = table.spool() if table is not None and table.spool is not None else map(dumps, rows)
         for piece in _json_envelope(context.envelope(failure, extra), lines):
             sink.write(piece)
     elif how == "ndjson":
-        for row in rows:
-            sink.write(dumps(row) + "\n")
+        for line in lines:
+            sink.write(line + "\n")
         sink.write(dumps(context.closing(failure, extra)) + "\n")
     elif how == "openmetrics":
         from handctl.screen import metrics
@@ -92,6 +92,9 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
     elif how == "plain":
         for row in rows:
             sink.write(_plain_line(table, _row_shown(row)))
+    elif table.spool is not None:
+        for line in lines:
+            sink.write(text_shown(f"{line}\n"))
     elif table.text is not None:
         sink.write(text_shown(table.text(rows)))
     else:
@@ -236,13 +239,14 @@ def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink)
 # -- data formats -------------------------------------------------------------------------------------------------
 
 
+_ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
 _HALF = re.compile("[\ud800-\udfff]")
 """Half of a character, as Python has a byte that is not UTF-8."""
 
 
 def dumps(value: Any) -> str:
     """JSON that is UTF-8 whatever it holds: a byte of a path that is not UTF-8 becomes an escape, such as ``\\udcff``."""
-    text = json.dumps(value, ensure_ascii=False, allow_nan=False)
+    text = _ENCODER.encode(value)
     return text if text.isascii() else _HALF.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
@@ -328,33 +332,3 @@ def _align(texts: Sequence[str], widths: Sequence[int], columns: Sequence[Column
         for text, width, column in zip(texts, widths, columns, strict=True)
     )
     return "  ".join(cells).rstrip() + "\n"
-
-
-# -- rows that may be longer than memory -------------------------------------------------------------------------------
-
-
-class Spool:
-    """Takes rows one by one, gives back their JSON in order. Raises OutputError where the disk has no room."""
-
-    def __init__(self) -> None:
-        import tempfile
-
-        self.folder = tempfile.gettempdir()
-        self._file = tempfile.TemporaryFile("w+", encoding="utf-8", errors="surrogatepass", newline="\n")  # noqa: SIM115 - until the last line was read
-
-    def take(self, rows: Iterable[Row]) -> None:
-        """Append them; what came before an error stays."""
-        try:
-            for row in rows:
-                self._file.write(dumps(row) + "\n")
-        except OSError as exc:
-            raise OutputError(
-                f"{self.folder}: cannot be written: {exc.strerror or exc}",
-                hint="make room there, or choose --format ndjson, which needs none",
-            ) from exc
-
-    def lines(self) -> Iterator[str]:
-        """The JSON of each row."""
-        with self._file as file:
-            file.seek(0)
-            yield from (line.rstrip("\n") for line in file)

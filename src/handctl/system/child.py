@@ -77,7 +77,7 @@ def unsignalled() -> Iterator[None]:
 if sys.platform == "win32":
 
     def started(job: Job) -> Heir:
-        raise OSError("no process can hold a link here")
+        raise OSError("handctl starts no such process on Windows")
 
     def ended(heir: Heir) -> None: ...
 

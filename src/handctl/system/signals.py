@@ -13,8 +13,11 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from importlib import import_module
 from typing import Any
 
+_plain: Any = import_module("_signal")
+"""What `signal` wraps in enums: each line of a batch asks who has them."""
 Handler = Callable[[int, Any], None]
 
 ENDING = ("SIGINT", "SIGQUIT", "SIGTERM", "SIGHUP", "SIGBREAK")
@@ -23,15 +26,25 @@ SUSPEND = "SIGTSTP"
 """Ctrl-Z. A command that may move something ends on it too: stopped in its sleep, it could not stop the device."""
 
 
+def _numbers(*names: str) -> list[int]:
+    return [int(getattr(signal, name)) for name in names if hasattr(signal, name)]
+
+
+_NUMBERS, _NUMBERED = _numbers(*ENDING, SUSPEND), len(_numbers(*ENDING))
+
+
 def numbers(*, suspend: bool = False) -> list[int]:
     """Those of ENDING, with SUSPEND if asked for, that this system has."""
-    names = (*ENDING, *((SUSPEND,) if suspend else ()))
-    return [int(getattr(signal, name)) for name in names if hasattr(signal, name)]
+    return _NUMBERS[: None if suspend else _NUMBERED]
 
 
 def take(handler: Handler, which: Iterable[int]) -> list[tuple[int, Any]]:
     """Let `handler` take these; what they had before, for `give_back`."""
-    return [(number, signal.signal(number, handler)) for number in which]
+    before = [(number, _plain.getsignal(number)) for number in which]
+    for number, old in before:
+        if old is not handler:
+            signal.signal(number, handler)
+    return before
 
 
 def give_back(before: Iterable[tuple[int, Any]]) -> None:
@@ -42,7 +55,7 @@ def give_back(before: Iterable[tuple[int, Any]]) -> None:
 
 def taken(number: int) -> bool:
     """Whether anything but the system's own handler has a signal."""
-    return signal.getsignal(number) not in (signal.SIG_DFL, None)
+    return _plain.getsignal(number) not in (signal.SIG_DFL, None)
 
 
 def ignore(which: Iterable[int]) -> None:

@@ -169,7 +169,7 @@ def show(run: Run, name: str | None) -> Table:
     Without NAME, show the settings of a command without -d. The source is the command line, the environment, the named
     device, the configuration file (with the line) or the default.
     """
-    ctx = click.get_current_context()
+    ctx = run.context
     settings = resolve(ctx, WIRES, name or "")
     sources = said(ctx).sources
     own = {option.key: False if option.flag else None for option in own_options()}

@@ -20,6 +20,7 @@ from handctl import files
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, TOLD
 from handctl.frame.family import load
+from handctl.light import light
 from handctl.link.tap import Entry, parse_line
 from handctl.model.piece import DEVICE, HOST, SIDES, Explainer, Piece
 from handctl.model.profile import RoundTrips
@@ -151,7 +152,7 @@ class Stamp(NamedTuple):
     line: int
 
 
-@dataclass(slots=True)
+@light()
 class Told:
     """One row of `trace show`: a piece, an event, a comment, or a request that stayed without an answer.
 
@@ -246,17 +247,18 @@ class Statistics:
 
     def note(self, told: Told) -> None:
         """Count one row."""
-        if told.problem:
-            self.problems[told.problem] = self.problems.get(told.problem, 0) + 1
-        if told.piece is None:
+        if problem := told.problem:
+            self.problems[problem] = self.problems.get(problem, 0) + 1
+        piece = told.piece
+        if piece is None:
             return
-        direction = told.piece.direction
-        self.count[direction] += len(told.piece.raw)
-        if told.piece.frame:
+        direction, size = piece.direction, len(piece.raw)
+        self.count[direction] += size
+        if piece.frame:
             self.frames[direction] += 1
         else:
-            self.stray[direction] += len(told.piece.raw)
-        self.requests += bool(told.piece.asks)
+            self.stray[direction] += size
+        self.requests += bool(piece.asks)
         self.answered += told.request is not None
         if told.round_trip is not None and len(self.trips) < MOST_TRIPS:
             self.trips.add(told.round_trip)
@@ -296,8 +298,9 @@ class Teller:
                     self._explainer = explainer_of(self._family)
                 yield Told(Stamp(None, line.number), Stamp(None, line.number), comment=line.comment)
                 continue
+            note = self.statistics.note
             for told in self._entry(line.entry):
-                self.statistics.note(told)
+                note(told)
                 yield told
         yield from self._over()
 
@@ -307,17 +310,15 @@ class Teller:
             self.statistics.note(told)
             yield told
 
-    def _entry(self, entry: Entry) -> Iterator[Told]:
+    def _entry(self, entry: Entry) -> list[Told]:
         stamp = Stamp(entry.time, entry.line)
         if entry.mark == "!":
-            yield from self._pieces(self._explainer.flush())
-            yield from self._given_up(0)
+            found = [*self._pieces(self._explainer.flush()), *self._given_up(0)]
             self._explainer.event(entry.text)
-            yield Told(stamp, stamp, event=entry.text)
             if family := family_of_event(entry):
                 self._family, self._explainer = family, explainer_of(family)
                 self.statistics.families.setdefault(family)
-            return
+            return [*found, Told(stamp, stamp, event=entry.text)]
         direction = MARKS[entry.mark]
         if entry.time is not None:
             statistics = self.statistics
@@ -326,17 +327,19 @@ class Teller:
         if entry.can_id is None:
             self._stamps[direction].append([len(entry.data), stamp])
         pieces = self._explainer.feed(direction, entry.data, entry.can_id)
-        yield from self._pieces(pieces, stamp if entry.can_id is not None else None)
+        found = self._pieces(pieces, stamp if entry.can_id is not None else None)
         if len(self._open) > OPEN_REQUESTS:
-            yield from self._given_up(OPEN_REQUESTS)
+            found += self._given_up(OPEN_REQUESTS)
+        return found
 
-    def _pieces(self, pieces: Iterable[Piece], stamp: Stamp | None = None) -> Iterator[Told]:
+    def _pieces(self, pieces: Iterable[Piece], stamp: Stamp | None = None) -> list[Told]:
+        found: list[Told] = []
         for piece in pieces:
             first, last = (stamp, stamp) if stamp is not None else self._span(piece)
             told = Told(first, last, piece)
             if piece.asks:
                 if piece.asks in self._open:
-                    yield self._unanswered(piece.asks)
+                    found.append(self._unanswered(piece.asks))
                 self._open[piece.asks] = (last, piece)
             elif piece.answers:
                 request = self._open.pop(piece.answers, None)
@@ -345,11 +348,15 @@ class Teller:
                     told.request = request[0]
                     if request[0].t is not None and last.t is not None:
                         told.round_trip = max(0.0, last.t - request[0].t)
-            yield told
+            found.append(told)
+        return found
 
     def _span(self, piece: Piece) -> tuple[Stamp, Stamp]:
         """Where the bytes of a piece were recorded: they are taken off the lines of their direction in order."""
         stamps, left = self._stamps[piece.direction], len(piece.raw)
+        if stamps and stamps[0][0] == left:  # a frame a line
+            first = stamps.popleft()[1]
+            return first, first
         first = last = stamps[0][1] if stamps else Stamp(None, 0)
         while left and stamps:
             last = stamps[0][1]
@@ -381,11 +388,14 @@ def row_text(told: Told, width: int | None) -> str:
     """One row as lines of text; `width` None = a pipe."""
     if told.comment:
         return told.comment
-    mark = "!" if told.kind == "event" else " " if told.piece is None else ">" if told.piece.direction == HOST else "<"
+    piece = told.piece
+    if piece is not None:
+        mark, data = ">" if piece.direction == HOST else "<", wire(piece)
+    else:
+        mark, data = "!" if told.kind == "event" else " ", ""
     flag = "*" if told.problem else " "
     trip = "" if told.round_trip is None else f"+{told.round_trip * 1000:.3f} ms"
     head = f"{moment(told.first)} {mark}{flag}{trip:>11} "
-    data = "" if told.piece is None else wire(told.piece)
     if width is None:
         return f"{head} {told.meaning}" + (f"  [{data}]" if data else "")
     lines = _wrapped(head, told.meaning, width)

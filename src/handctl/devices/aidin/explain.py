@@ -5,11 +5,10 @@ Bytes in, pieces out; knows no link. The hand streams by itself; only the neutra
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, MODES, AidinParam
 from handctl.devices.aidin.messages import BETWEEN, Decoder, MalformedObject, numbers
 from handctl.errors import ProtocolError
+from handctl.light import replace
 from handctl.model.piece import DEVICE, HOST, Part, Piece, Value, stray
 from handctl.sentence import plural
 

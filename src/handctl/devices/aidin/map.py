@@ -7,12 +7,12 @@ the wire and degrees everywhere else, as in the manual's ranges.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from enum import IntEnum
 from math import degrees, radians
 from typing import Any
 
 from handctl.errors import UsageError
+from handctl.light import field, light
 from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, TRIGGER, Element, Number, Param, ParamMap, elements_of
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
@@ -33,7 +33,7 @@ class Mode(IntEnum):
     CURRENT = 41
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@light(frozen=True, kw_only=True)
 class AidinParam(Param):
     """A Param with its JSON key.
 
@@ -67,7 +67,7 @@ class AidinParam(Param):
     def range_text(self) -> str:
         """``thumb m1 0..280000, others 0..440000; …``"""
         if not self.limits:
-            return super(AidinParam, self).range_text  # zero-argument super is lost in a dataclass with slots
+            return super().range_text
         return "; ".join(f"{label} {both_ranges(ranges)}" for label, ranges in self.limits.items())
 
     def finger_of(self, index: int) -> str:
@@ -208,7 +208,7 @@ def some(texts: Sequence[str], most: int = 4) -> str:
     return ", ".join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
 
 
-@dataclass(frozen=True, slots=True)
+@light(frozen=True)
 class Target:
     """A kind of target: its mode, what is commanded and what shows that it was reached.
 

@@ -7,6 +7,7 @@ set before; until one was seen it counts as the factory has it.
 
 from __future__ import annotations
 
+import re
 from collections import deque
 
 from handctl.devices.barrett import words
@@ -15,6 +16,7 @@ from handctl.devices.barrett.words import Flags, LoopWords, MonitorWords, record
 from handctl.model.piece import DEVICE, HOST, Later, Part, Piece, stray
 
 CR, ABORT = 0x0D, 0x03
+_ENDS = re.compile(rb"[\r\x03]")
 OFFERS = (b"X", b"XX")
 OFFER = "X: requests a download from the boot monitor"
 LONGEST_COMMAND = 256
@@ -110,9 +112,8 @@ class BarrettExplainer:
                 pieces += found
             else:
                 room = LONGEST_COMMAND - 1 - len(self._typed)
-                plain = next(
-                    (place for place, byte in enumerate(data[:room]) if byte in (CR, ABORT)), min(room, len(data))
-                )
+                end = _ENDS.search(data, 0, room)
+                plain = end.start() if end is not None else min(room, len(data))
                 if plain:
                     self._typed += data[:plain]
                     self._offered = False
@@ -151,7 +152,7 @@ class BarrettExplainer:
         if command.strip("\0") == words.MARK:
             meaning, _ = words.command(words.MARK)
             return _piece(HOST, raw, meaning, asks=self._expect(command.lstrip("\0")))
-        if any(not 32 <= byte < 127 for byte in raw[:-1]):
+        if not (command.isascii() and command.isprintable()):
             return stray(HOST, raw, f"not a command: {words.shown(raw)}")
         if not command and self._asked and self._came:
             return _piece(HOST, raw, "an empty line")  # to an answer that has already begun, e.g. behind a new speed

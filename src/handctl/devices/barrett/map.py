@@ -6,12 +6,12 @@ Values are the hand's own integers; the unit says what one count is. And what el
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from handctl.devices.barrett.gcl.language import ERRORS, MOTORS
 from handctl.errors import UsageError
+from handctl.light import light
 from handctl.model.param import SETTING, Element, Number, Param, ParamMap, elements_of
 
 FINGERS = MOTORS[:3]
@@ -34,7 +34,7 @@ SPEEDS = (9600, 38400, 19200, 4800, 2400, 1200, 600)
 """Probing order: factory speed first, then the most likely."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@light(frozen=True, kw_only=True, eq=False)
 class GclParam(Param):
     """A Param with its GCL mnemonic.
 
@@ -70,7 +70,7 @@ class GclParam(Param):
 
     def parse(self, text: str, where: str = "") -> Number:
         try:
-            return super(GclParam, self).parse(text, where)
+            return super().parse(text, where)
         except UsageError as exc:
             # Whoever types 60.5 means degrees, not tenths: say what it would be, and do not guess.
             digits = text.strip().removeprefix("-")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 
 from handctl.devices.barrett.gcl.connecting import QUESTION
@@ -28,7 +28,7 @@ from handctl.devices.barrett.map import BARRETT, GclParam
 from handctl.devices.barrett.realtime.blocks import ACKNOWLEDGE, CONTROL, FEEDBACK, UNITS, Field, Layout, Selection
 from handctl.errors import HandctlError
 from handctl.model.param import Number
-from handctl.model.piece import DEVICE, HOST, Part, Piece, Value, stray
+from handctl.model.piece import DEVICE, HOST, Later, Part, Piece, Value, stray
 from handctl.sentence import plural
 
 MARK = QUESTION[:1].decode()
@@ -64,7 +64,8 @@ def line_parts(raw: bytes) -> tuple[Part, ...]:
     return tuple(parts)
 
 
-def motors(prefix: str) -> list[str]:
+@lru_cache(64)
+def motors(prefix: str) -> Sequence[str]:
     """``12S`` -> F1, F2, SPREAD; no prefix = all four."""
     return motors_of(motor_prefix(prefix) if prefix else "")
 
@@ -90,6 +91,7 @@ def command(text: str) -> tuple[str, str]:
     return f"{head}{found.doc}{who and f', for {chr(32).join(motors(prefix))}'}", ""
 
 
+@lru_cache(256)
 def _param(word: str) -> GclParam | None:
     try:
         return BARRETT.by_mnemonic(word.upper())
@@ -106,10 +108,11 @@ def _with_unit(word: str, value: str) -> str:
     param = _param(word)
     if param is None or not value.lstrip("-").isdecimal() or len(value) > 11:
         return value
-    return _texts(param, [int(value)])
+    return _texts(param, (int(value),))
 
 
-def answer(text: str, found: Answer) -> tuple[str, tuple[Value, ...], str]:
+@lru_cache(1024)
+def answer(text: str, found: Answer) -> tuple[str, Sequence[Value], str]:
     """(meaning, values, problem) of the data lines of an answer."""
     prefix, kind, words = split(text)
     if kind is not None and kind.name in ("FGET", "PGET") and words:
@@ -123,20 +126,27 @@ def answer(text: str, found: Answer) -> tuple[str, tuple[Value, ...], str]:
     return (f"{text}: done" if text else "prompt"), (), ""
 
 
-def _gotten(prefix: str, kind: Command, words: list[str], found: Answer) -> tuple[str, tuple[Value, ...], str]:
+def _gotten(prefix: str, kind: Command, words: list[str], found: Answer) -> tuple[str, Sequence[Value], str]:
     who = motors(prefix) if kind.name == "FGET" else [""]
-    texts, carried = [], []
-    for word, numbers in zip(words, values(found, len(words), len(who)), strict=False):
-        param, name = _param(word), _name(word)
-        shown_numbers = _texts(param, numbers) if param is not None else " ".join(map(str, numbers))
-        texts.append(f"{name} {shown_numbers}")
-        for motor, number in zip(who, numbers, strict=True):
-            carried.append(Value(f"{name}.{motor}" if motor else name, number, param.unit if param else None))
+    table = list(zip(words, values(found, len(words), len(who)), strict=False))
+    texts = []
+    for word, numbers in table:
+        param = _param(word)
+        shown_numbers = _texts(param, tuple(numbers)) if param is not None else " ".join(map(str, numbers))
+        texts.append(f"{param.name if param is not None else _name(word)} {shown_numbers}")
     motor_text = f" ({' '.join(who)})" if kind.name == "FGET" else ""
-    return f"{', '.join(texts)}{motor_text}" if texts else "", tuple(carried), ""
+    return f"{', '.join(texts)}{motor_text}" if texts else "", Later(lambda: _carried(table, who)), ""
 
 
-def _texts(param: GclParam, numbers: list[int]) -> str:
+def _carried(table: Sequence[tuple[str, list[int]]], who: Sequence[str]) -> Iterator[Value]:
+    for word, numbers in table:
+        param, name = _param(word), _name(word)
+        for motor, number in zip(who, numbers, strict=True):
+            yield Value(f"{name}.{motor}" if motor else name, number, param.unit if param else None)
+
+
+@lru_cache(4096)
+def _texts(param: GclParam, numbers: tuple[int, ...]) -> str:
     """Numbers with their unit and, where it says more than they do, what they mean."""
     unit = param.unit or ""
     labels = list(dict.fromkeys(filter(None, (_label(param, number) for number in numbers))))

@@ -126,7 +126,9 @@ def export(
                 "knee flexion is positive, as in the device",
                 hint="use --knee-sign -1 for models like gait2392",
             )
-        result = exports.motion(source, segment=segment, knee_sign=sign, rate=rate, tool=f"handctl {__version__}")
+        result = exports.motion(
+            source, segment=segment, knee_sign=sign, rate=rate, tool=f"handctl {__version__}", as_rows=as_rows
+        )
     if source.simulated:
         run.settings = run.settings._replace(port=None, fake=True)
         run.journal.info("simulated", f"{log}: this is a recording of a simulator, not of a device")
@@ -148,7 +150,7 @@ def _shown(run: Run, result: Exported, as_rows: bool) -> Table:
     run.journal.info("exported", f"{result.length} rows, {result.seconds:.3f} s")
     if not as_rows:  # --format names the file here; what the environment says of tables means nothing
         run.settings = run.settings._replace(format="table")
-    return Table(rows=result.rows if as_rows else [], text=lambda _: result.text)
+    return Table(spool=result.spool.lines)
 
 
 # -- reading ------------------------------------------------------------------------------------------------------

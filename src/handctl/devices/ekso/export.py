@@ -13,14 +13,15 @@ from __future__ import annotations
 import csv
 import json
 import os
-from collections.abc import Iterator, Sequence
+from array import array
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 from handctl.devices.ekso.log import LEAD, NAMED, RowLayout, parse, parse_fixed, to_si
 from handctl.devices.ekso.map import DATA, boot_ms, state_text
 from handctl.errors import UsageError
-from handctl.files import NoFile, opened, read_text
+from handctl.files import NoFile, Spool, opened, read_text
 from handctl.record.recording import schema
 from handctl.record.source import MARK, clean, quoted
 from handctl.record.timeline import GAP_PERIODS, LEAST_PERIOD_MS
@@ -38,43 +39,66 @@ MOT_COLUMNS = ("time", *(name for name, _ in COORDINATES))
 
 
 class Exported(NamedTuple):
-    """A finished export: the file's text, its rows by column for JSON, their number, seconds covered, remarks."""
+    """A finished export: the lines of the file, or of JSON its rows; their number, seconds covered, remarks."""
 
-    text: str
-    rows: list[dict[str, Any]]
+    spool: Spool
     length: int
     seconds: float
     remarks: tuple[str, ...]
 
+    @property
+    def text(self) -> str:
+        """The file's text, all of it."""
+        return "".join(f"{line}\n" for line in self.spool.lines())
 
-class Point(NamedTuple):
-    """One moment of a motion: ms from the first row, and the coordinates in hundredths of a degree."""
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """The rows, all of them, where they were made `as_rows`."""
+        return [json.loads(line) for line in self.spool.lines()]
 
-    t_ms: int
-    values: tuple[int, ...]
+
+class Points:
+    """The moments of a motion, 48 bytes each: ms from the first row, and the coordinates in hundredths of a degree."""
+
+    def __init__(self) -> None:
+        self.t_ms = array("q")
+        self.coordinates = [array("q") for _ in COORDINATES]
+        self.still = 0
+        """Rows left out: BootTime did not advance."""
+
+    def take(self, t_ms: int, values: Iterable[int]) -> None:
+        """One more, unless the time has stood still."""
+        if self.t_ms and t_ms <= self.t_ms[-1]:
+            self.still += 1
+            return
+        self.t_ms.append(t_ms)
+        for coordinate, value in zip(self.coordinates, values, strict=True):
+            coordinate.append(value)
+
+    def values(self, at: int) -> tuple[int, ...]:
+        """The coordinates of one moment."""
+        return tuple(coordinate[at] for coordinate in self.coordinates)
 
 
-def motion(log: LogFile, *, segment: int | None, knee_sign: int, rate: float | None, tool: str) -> Exported:
+def motion(
+    log: LogFile, *, segment: int | None, knee_sign: int, rate: float | None, tool: str, as_rows: bool = False
+) -> Exported:
     """One segment as an OpenSim motion file. Raises UsageError when it is not clear which segment is meant.
 
     With `rate` (Hz) resampled linearly, never across a gap. Rows at which BootTime did not advance are left out: times
     in a motion file rise strictly.
     """
     points, number = _points(log, segment, knee_sign)
-    moving = [point for i, point in enumerate(points) if i == 0 or point.t_ms > points[i - 1].t_ms]
     remarks = list(_remarks(log))
-    if len(moving) < len(points):
-        remarks.append(f"{plural(len(points) - len(moving), 'row')} left out: BootTime did not advance")
-    if rate is None:
-        lines = [(f"{p.t_ms / 1000:.3f}", *(f"{value / 100:.2f}" for value in p.values)) for p in moving]
-    else:
-        lines = list(_resampled(moving, rate))
+    if points.still:
+        remarks.append(f"{plural(points.still, 'row')} left out: BootTime did not advance")
+    count = len(points.t_ms) if rate is None else sum(1 for _ in _resampled(points, rate))
     name = clean(os.path.basename(log.path)).replace("=", " ") or "log"
     source = "; ".join((tool, f"{name}, segment {number}", *(["simulated"] if log.simulated else [])))
     head = [
         f"name {name}",
         "version=1",
-        f"nRows={len(lines)}",
+        f"nRows={count}",
         f"nColumns={len(MOT_COLUMNS)}",
         "inDegrees=yes",
         f"source: {source}",
@@ -82,23 +106,33 @@ def motion(log: LogFile, *, segment: int | None, knee_sign: int, rate: float | N
         "endheader",
         "\t".join(MOT_COLUMNS),
     ]
-    text = "\n".join([*head, *("\t".join(line) for line in lines)]) + "\n"
-    rows = [dict(zip(MOT_COLUMNS, map(float, line), strict=True)) for line in lines]
-    return Exported(text, rows, len(rows), moving[-1].t_ms / 1000, tuple(remarks))
+    lines = _as_recorded(points) if rate is None else _resampled(points, rate)
+    spool = Spool()
+    if as_rows:
+        spool.take(json.dumps(dict(zip(MOT_COLUMNS, map(float, line), strict=True))) for line in lines)
+    else:
+        spool.take(head)
+        spool.take("\t".join(line) for line in lines)
+    return Exported(spool, count, points.t_ms[-1] / 1000, tuple(remarks))
 
 
-def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[list[Point], int]:
+def _as_recorded(points: Points) -> Iterator[tuple[str, ...]]:
+    for at, t_ms in enumerate(points.t_ms):
+        yield (f"{t_ms / 1000:.3f}", *(f"{value / 100:.2f}" for value in points.values(at)))
+
+
+def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[Points, int]:
     """The points of the segment that is meant, and its number."""
     signs = [-1 if name == "pelvis_tilt" else knee_sign if name.startswith("knee") else 1 for name, _ in COORDINATES]
     wanted = 1 if segment is None else segment
     spans: dict[int, list[int]] = {}
-    points: list[Point] = []
+    points = Points()
     for row in log.rows():
         span = spans.setdefault(row.segment, [row.t_ms, row.t_ms, 0])
         span[1:] = [row.t_ms, span[2] + 1]
         if row.segment == wanted:
             values = (sign * row.numbers[key] for sign, (_, key) in zip(signs, COORDINATES, strict=True))
-            points.append(Point(row.t_ms - span[0], tuple(values)))
+            points.take(row.t_ms - span[0], values)
     known = ", ".join(f"{n}: {rows} rows, {(end - start) / 1000:.1f} s" for n, (start, end, rows) in spans.items())
     if segment is None and len(spans) > 1:
         raise UsageError(
@@ -106,7 +140,7 @@ def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[list[Poi
             hint=f"--segment N; {known}",
             code="segment",
         )
-    if not points:
+    if not points.t_ms:
         raise UsageError(
             f"{log.path} has no segment {segment}" if spans else f"{log.path} has no rows",
             hint=f"it has {known}" if spans else "",
@@ -115,32 +149,34 @@ def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[list[Poi
     return points, wanted
 
 
-def _resampled(points: Sequence[Point], rate: float) -> Iterator[tuple[str, ...]]:
+def _resampled(points: Points, rate: float) -> Iterator[tuple[str, ...]]:
     """Lines at multiples of 1/rate between neighbouring points; none inside a gap."""
-    intervals = sorted(b.t_ms - a.t_ms for a, b in pairwise(points))
+    times = points.t_ms
+    intervals = array("q", sorted(b - a for a, b in pairwise(times)))
     longest = GAP_PERIODS * max(LEAST_PERIOD_MS, intervals[len(intervals) // 2]) if intervals else 0
     at = 0
     step = 0
-    while (t_ms := step * 1000 / rate) <= points[-1].t_ms:
-        while at + 1 < len(points) and points[at + 1].t_ms <= t_ms:
+    while (t_ms := step * 1000 / rate) <= times[-1]:
+        while at + 1 < len(times) and times[at + 1] <= t_ms:
             at += 1
-        here, after = points[at], points[min(at + 1, len(points) - 1)]
-        span = after.t_ms - here.t_ms
-        if t_ms == here.t_ms or span <= longest:
-            part = (t_ms - here.t_ms) / span if span else 0.0
-            values = (a + (b - a) * part for a, b in zip(here.values, after.values, strict=True))
+        after = min(at + 1, len(times) - 1)
+        span = times[after] - times[at]
+        if t_ms == times[at] or span <= longest:
+            part = (t_ms - times[at]) / span if span else 0.0
+            values = (a + (b - a) * part for a, b in zip(points.values(at), points.values(after), strict=True))
             yield (f"{t_ms / 1000:.6f}", *(f"{round(value / 100, 4) + 0.0:.4f}" for value in values))
         step += 1
 
 
 def table(log: LogFile, *, segment: int | None, si: bool, as_rows: bool = False) -> Exported:
-    """The log's own columns, all segments or one; with `si` in metres and radians. Rows are made when asked for."""
+    """The log's own columns, all segments or one; with `si` in metres and radians."""
     layout = log.layout
     quantities = dict(zip(layout.columns, layout.shown, strict=True))
     plans = [(*to_si(name, quantities.get(name) if si else None), quantities.get(name)) for name in layout.names]
     names = [name for name, _, _ in plans]
-    lines = [",".join(names) + "\r\n"]
-    rows: list[dict[str, Any]] = []
+    spool, count = Spool(), 0
+    if not as_rows:
+        spool.take([",".join(names) + "\r"])
     first = last = None
     for row in log.rows():
         if segment is not None and row.segment != segment:
@@ -150,17 +186,18 @@ def table(log: LogFile, *, segment: int | None, si: bool, as_rows: bool = False)
             convert(row.numbers[quantity.name]) if convert and quantity else text
             for text, (_, convert, quantity) in zip(row.fields, plans, strict=True)
         ]
+        count += 1
         if as_rows:
-            rows.append(dict(zip(names, map(_value, names, texts), strict=True)))
+            spool.take([json.dumps(dict(zip(names, map(_value, names, texts), strict=True)), ensure_ascii=False)])
         else:
-            lines.append(",".join(map(quoted, texts)) + "\r\n")
+            spool.take([",".join(map(quoted, texts)) + "\r"])
     if first is None or last is None:
         raise UsageError(
             f"{log.path} has no {'rows' if segment is None else f'segment {segment}'}",
             hint="choose a segment that its sidecar lists",
             code="segment",
         )
-    return Exported("".join(lines), rows, max(len(lines) - 1, len(rows)), (last - first) / 1000, _remarks(log))
+    return Exported(spool, count, (last - first) / 1000, _remarks(log))
 
 
 def _value(name: str, text: str) -> Any:

@@ -10,13 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import NamedTuple, TypeVar
+from functools import lru_cache
+from typing import TypeVar
 
 from handctl.devices.inspire.eb90 import MAX_COUNT
 from handctl.devices.inspire.identity import refuse_twins, within
 from handctl.devices.inspire.map import BAUD_RATES, Register, register_of
-from handctl.devices.inspire.registers import RegisterBus, may_still_move
+from handctl.devices.inspire.registers import FLOOD, RegisterBus, may_still_move
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Left, NoAnswer, ProtocolError, UsageError
+from handctl.light import NamedTuple
 from handctl.model.device import Device
 from handctl.model.guide import Guide
 from handctl.model.moving import Arrival, Goal, Seen, Stillness, Watch, judged, marked, watch, with_arrival
@@ -50,6 +52,11 @@ class Memory:
 
 def plan(registers: Iterable[Register], limit: int = MAX_COUNT) -> list[Block]:
     """The fewest blocks of at most `limit` bytes that cover all `registers`, gaps included."""
+    return list(_planned(tuple(registers), limit))
+
+
+@lru_cache(256)
+def _planned(registers: tuple[Register, ...], limit: int) -> Sequence[Block]:
     blocks: list[Block] = []
     for register in sorted(registers, key=lambda register: register.address):
         last = blocks[-1] if blocks else None
@@ -72,14 +79,15 @@ class BlockReader:
         memory = Memory() if memory is None else memory
         first: HandctlError | None = None
         blocks = plan(registers, self._bus.max_count)
-        # What a stranger would act upon is not asked first.
-        for block in sorted(blocks, key=lambda block: not self._bus.quiet(block.address, block.size)):
+        if len(blocks) > 1:  # what a stranger would act upon is not asked first
+            blocks = sorted(blocks, key=lambda block: not self._bus.quiet(block.address, block.size))
+        for block in blocks:
             try:
                 if len(block.groups) > 1 and self._across_gaps and self._whole(block, memory):
                     continue
                 self._groups(block, memory)
             except FAILS as exc:
-                if isinstance(exc, NoAnswer) and not memory.blocks:
+                if (isinstance(exc, NoAnswer) or len(exc.came) > FLOOD) and not memory.blocks:
                     if first is not None:
                         raise first from exc  # what came before tells more than the silence behind it
                     raise  # nobody there: asking for the rest would only take longer

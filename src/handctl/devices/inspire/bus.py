@@ -10,8 +10,8 @@ from typing import ClassVar
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
-from handctl.devices.inspire.registers import FRESH, ByteBus, ahead, question
-from handctl.errors import DeviceRefused, HandctlError, ProtocolError
+from handctl.devices.inspire.registers import FLOOD, FRESH, ByteBus, ahead, question
+from handctl.errors import JUDGED, DeviceRefused, HandctlError, ProtocolError
 from handctl.link import CanFrame, Deadline
 from handctl.model.foreign import harmless
 from handctl.model.frames import frames_in
@@ -65,8 +65,8 @@ def hint_for(code: str, family: str) -> str:
     return OWN_HINTS.get((family, code), HINTS[code]).replace("handctl exo", f"handctl {family}")
 
 
-def mishap(request: bytes, received: bytes) -> tuple[str, str]:
-    """Name what came instead of the answer: (code, text). Codes are the keys of HINTS."""
+def mishap(request: bytes, received: bytes, more: int = 0) -> tuple[str, str]:
+    """Name what came instead of the answer, and `more` bytes behind it: (code, text). Codes are the keys of HINTS."""
     rest = received
     if request in rest:
         rest = rest.replace(request, b"", 1)
@@ -96,8 +96,8 @@ def mishap(request: bytes, received: bytes) -> tuple[str, str]:
         return "stale", "received a valid frame, but it does not answer this request"
     # At a wrong speed 90 EB may come by chance: with the id behind it, or nothing, it is the beginning of an answer.
     if pending >= 2 and (rest.endswith(eb90.DEVICE) or eb90.DEVICE + request[2:3] in rest):
-        return "cut-short", f"the answer was cut off after {plural(len(rest), 'byte')}"
-    return "garbage", f"received {plural(len(rest), 'byte')} instead of a valid frame"
+        return "cut-short", f"the answer was cut off after {plural(len(rest) + more, 'byte')}"
+    return "garbage", f"received {plural(len(rest) + more, 'byte')} instead of a valid frame"
 
 
 def others_speak(request: bytes, received: bytes) -> bool:
@@ -237,20 +237,22 @@ class Bus(ByteBus):
     def exchange(self, request: bytes, prefixes: Sequence[bytes], *, reply_size: int) -> Frame:
         """Send one request, wait for one frame that begins with one of `prefixes`. One attempt."""
         self.pass_gate(request)
-        self.check_bound(hex_bytes(request))
+        if self.bound is not None:
+            self.check_bound(hex_bytes(request))
         if _begins_request(self.drain()) or self._disturbed:
             self._let_speak()
         started = self.link.now()
         wire = self.wire_seconds(len(request) + reply_size)
         deadline, last = self.deadline(wire + self.timeout), self.deadline(wire + PATIENCE * self.timeout)
         first = self._ahead(request)
-        self.send(request, deadline)
+        self.count(request)
+        self.link.write(first + request, deadline)
         decoder = Decoder(prefixes)
         frame, received, pieces = self._heard(decoder, deadline, last)
         came = received.removeprefix(first)
         if frame is None:
             self.journal.counters.stray_bytes += decoder.pending
-            self._disturbed = _begins_request(came.removeprefix(request))
+            self._disturbed = _begins_request(came[:JUDGED].removeprefix(request))
             raise self._failure(request, came, started)
         self._rest, self._disturbed = decoder.rest(), False
         self.round_trip = self.link.now() - started
@@ -263,15 +265,17 @@ class Bus(ByteBus):
         Part of an answer, with no more junk ahead of it, may go on coming until `last`.
         """
         received, pieces, junk = bytearray(), list[int](), 0
-        while (frame := next(frames_in(decoder, self.count_damaged), None)) is None:
+        frame = next(frames_in(decoder, self.count_damaged), None) if decoder.pending else None
+        while frame is None:
             chunk = b"" if received and deadline.expired else self.link.read(deadline)
             if not chunk:
                 break
             received += chunk
             pieces.append(len(chunk))
             decoder.feed(chunk)
-            trickles, junk = decoder.pending and decoder.skipped == junk, decoder.skipped
-            if trickles and deadline.remaining < self.timeout:
+            trickles, junk = decoder.skipped == junk, decoder.skipped
+            frame = next(frames_in(decoder, self.count_damaged), None)
+            if frame is None and trickles and len(received) < FLOOD and deadline.remaining < self.timeout:
                 deadline = self.link.deadline(self.timeout).earlier(last)
         self.journal.counters.received += frame is not None
         self.journal.counters.stray_bytes += decoder.skipped
@@ -363,8 +367,9 @@ class Bus(ByteBus):
     def _failure(self, request: bytes, received: bytes, since: float) -> HandctlError:
         if not received:
             return self.unanswered(hex_bytes(request), self.timeout, since, SILENCE_HINTS[self.family])
-        code, text = mishap(request, received)
-        if code == "stale" and others_speak(request, received):
+        seen = received[:JUDGED]
+        code, text = mishap(request, seen, len(received) - len(seen))
+        if code == "stale" and others_speak(request, seen):
             self.journal.line.others = True
         return ProtocolError(
             f"{self.where}: {text} (sent {hex_bytes(request)}, received {shorten(received)})",

@@ -19,9 +19,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import NamedTuple
 
 from handctl.errors import ProtocolError, UsageError
+from handctl.light import NamedTuple
 
 HOST = b"\xeb\x90"
 DEVICE = b"\x90\xeb"
@@ -205,6 +205,7 @@ class Decoder(Stream):
 
     def __init__(self, prefixes: Sequence[bytes] = ()) -> None:
         self._prefixes = tuple(prefixes) or (HOST, DEVICE)
+        self._first = self._prefixes[0] if len(self._prefixes[0]) >= OVERHEAD else None  # its length is in it
         super().__init__()
         self._known: _Known | None = None
         self.rejected = b""
@@ -212,9 +213,10 @@ class Decoder(Stream):
     def next(self) -> Frame | None:
         """The next frame, or None until more bytes come. Raises ProtocolError for a candidate whose sum is wrong."""
         buffer = self._buffer
-        start = self._candidate()
-        self.skipped += start
-        del buffer[:start]
+        if self._first is None or not buffer.startswith(self._first):
+            start = self._candidate()
+            self.skipped += start
+            del buffer[:start]
         if len(buffer) < 4 or len(buffer) < buffer[3] + OVERHEAD:
             return None
         end = buffer[3] + OVERHEAD

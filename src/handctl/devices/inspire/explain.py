@@ -10,8 +10,8 @@ no read request counts as a write, whatever it is: nobody knows what a damaged f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 from handctl.devices.inspire import canreg, eb90, modbus
@@ -20,6 +20,7 @@ from handctl.devices.inspire.identity import At, within
 from handctl.devices.inspire.map import EXO, FINGERS, WRIST, Register
 from handctl.devices.inspire.modbus import RTU, TCP, mode_of, pdu_of
 from handctl.devices.inspire.spans import describe, span_name, span_parts, span_values
+from handctl.light import replace
 from handctl.model.ledger import Frame as Written
 from handctl.model.param import ParamMap
 from handctl.model.piece import DEVICE, HOST, Cut, Cutter, Later, Part, Piece, Value, stray
@@ -246,7 +247,7 @@ class InspireExplainer(Cutter):
             return stray(direction, raw, f"the beginning of a frame, cut off after {len(raw)}{of} bytes", problem)
         if problem == "bad-checksum":
             return self._damaged(direction, raw)
-        frame = Frame(raw[:2], raw[2], raw[4], raw[5:-1])
+        frame, fields = _framed(raw)
         title, key = "", ""
         values: Sequence[Value] = ()
         if frame.from_device != (direction == DEVICE):
@@ -257,8 +258,7 @@ class InspireExplainer(Cutter):
         return Piece(
             direction=direction, raw=raw, meaning=meaning, title=title, problem=problem, values=values,
             asks=key if direction == HOST else "", answers=key if direction == DEVICE else "",
-            fields={"id": frame.id, "flag": f"{frame.flag:02X}", "address": frame.address},
-            parts=Later(lambda: self._parts(raw)),
+            fields=fields, parts=Later(lambda: self._parts(raw)),
         )  # fmt: skip
 
     # -- registers, whichever wire ------------------------------------------------------------------------------------
@@ -604,9 +604,16 @@ def _modbus_parts(raw: bytes, mode: str, values: Sequence[Part], size: int) -> l
     return [*found, Part(raw[-2:], "CRC", "right")] if mode == RTU else found
 
 
+@lru_cache(4096)
+def _framed(raw: bytes) -> tuple[Frame, Mapping[str, int | str | None]]:
+    """A valid frame, and its fields for scripts; a recording holds the same ones again and again."""
+    frame = Frame(raw[:2], raw[2], raw[4], raw[5:-1])
+    return frame, {"id": frame.id, "flag": f"{frame.flag:02X}", "address": frame.address}
+
+
 def _cut_eb90(buffer: bytearray, *, final: bool) -> Cut:
     """See Cutter."""
-    start = _header(buffer, 0)
+    start = 0 if buffer.startswith((eb90.HOST, eb90.DEVICE)) else _header(buffer, 0)
     if start:
         keep = 0 if final or start < len(buffer) or buffer[-1] not in (0xEB, 0x90) else 1
         return Cut(start - keep, "stray")

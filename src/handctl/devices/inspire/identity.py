@@ -14,11 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import eb90, modbus
 from handctl.devices.inspire.registers import READS, RegisterBus, Span
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.light import NamedTuple
 from handctl.link import FrameLink
 from handctl.model.device import Gate
 from handctl.model.result import hex_bytes

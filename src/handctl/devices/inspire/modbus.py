@@ -19,10 +19,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import NamedTuple
 
 from handctl.devices.inspire import eb90
 from handctl.errors import ProtocolError, UsageError
+from handctl.light import NamedTuple
 
 READ, WRITE_ONE, WRITE_MANY = 0x03, 0x06, 0x10
 FAILED = 0x80

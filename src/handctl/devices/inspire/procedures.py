@@ -15,7 +15,7 @@ from handctl.devices.inspire import eb90
 from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.identity import identify_alone, naming_twins
 from handctl.devices.inspire.map import BAUD_RATES, OVER_TEMPERATURE, Register
-from handctl.devices.inspire.registers import RegisterBus
+from handctl.devices.inspire.registers import FLOOD, RegisterBus
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink
 from handctl.model.guide import Guide
@@ -82,7 +82,7 @@ def explain_silence(hand: RegisterDevice, error: HandctlError) -> HandctlError:
     Late answers are waited for first: one that arrives after the speed was changed would name a wrong speed.
     """
     bus = hand.bus
-    if not isinstance(bus, Bus) or bus.link.replayed:
+    if not isinstance(bus, Bus) or bus.link.replayed or len(error.came) > FLOOD:
         return error
     frame = bus.listen([eb90.DEVICE + bytes([bus.id])], max(LATE_SECONDS, bus.timeout))
     if frame is not None:

@@ -6,10 +6,10 @@ everywhere: little, ring, middle, index, thumb bend, thumb rotation; DG2 has the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 from handctl.devices.inspire.map import Register
+from handctl.light import light
 from handctl.model.param import COMMAND, MOVES, SETTING, TRIGGER, ParamMap
 
 DF, TP, F1, DG2 = "df", "tp", "f1", "dg2"
@@ -54,7 +54,7 @@ IP_ADDRESS = "ip_address"
 OCTETS = ("a", "b", "c", "d")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@light(frozen=True, kw_only=True, eq=False)
 class HandRegister(Register):
     """A register of some generations: `models` names them."""
 
