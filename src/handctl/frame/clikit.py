@@ -33,7 +33,7 @@ from handctl.frame.usage import (
 )
 
 if TYPE_CHECKING:
-    from handctl.frame.run import Run
+    from handctl.frame.run import Act, Run
     from handctl.model.result import Table
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -112,7 +112,7 @@ class Command(Described):
             gc.enable()
         run.execute(self.body(ctx, run))
 
-    def body(self, ctx: click.Context, run: Run) -> Callable[[], Table | None]:
+    def body(self, ctx: click.Context, run: Run) -> Callable[[], Table | Act | None]:
         """What a run of the parsed line carries out."""
         ctx.obj = run
         return lambda: super(Command, self).invoke(ctx)

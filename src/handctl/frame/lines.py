@@ -27,7 +27,7 @@ from handctl.frame.family import load, map_of
 from handctl.frame.invocation import check_before, unsent
 from handctl.frame.options import COMMAND_LINE, said, words_of
 from handctl.frame.outcome import from_click
-from handctl.frame.run import NO_TERMINAL, UNANSWERED, Run, plan_table
+from handctl.frame.run import NO_TERMINAL, UNANSWERED, Act, Run
 from handctl.frame.usage import NoCommand
 from handctl.model.guide import Guide
 from handctl.model.result import Table
@@ -165,7 +165,13 @@ class Planning(Run):
         """What the body means to do. Raises UsageError and what else it finds wrong without the device."""
         check_before(self)
         with suppress(_UsesDeviceError):
-            body()
+            if isinstance(made := body(), Act):
+                asks = made.known if made.asks is None else made.asks
+                return (
+                    Plan(made.question, made.word, tuple(asks))
+                    if not self.settings.dry_run
+                    else Plan(steps=tuple(made.known))
+                )
         return self._plan
 
     def device(self) -> NoReturn:
@@ -174,10 +180,6 @@ class Planning(Run):
 
     def open_link(self, *, again: bool = False, baud: int | None = None) -> Link:
         return self.device()
-
-    def planned(self, steps: Sequence[Step]) -> Table | None:
-        self._plan = self._plan._replace(steps=tuple(steps))
-        return plan_table(steps) if self.settings.dry_run else None
 
     def confirm(self, question: str, steps: Sequence[Step] = (), *, word: str = "") -> None:
         self._plan = Plan(question, word, tuple(steps) or self._plan.steps)

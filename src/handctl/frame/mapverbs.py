@@ -18,7 +18,7 @@ from handctl.families import COMMANDS
 from handctl.frame import stored, verbs
 from handctl.frame.clikit import Group, log_options, reads_option, scan_options, stream_options
 from handctl.frame.console import is_terminal
-from handctl.frame.run import Run
+from handctl.frame.run import Act, Run
 from handctl.frame.types import FiniteRange, InFile, OutFile
 from handctl.frame.usage import columns
 from handctl.model.param import COMMAND, ParamMap
@@ -85,7 +85,7 @@ def add_map_verbs(
     get.__doc__ = f"Read quantities by name{shown}."
 
     @click.argument("assignments", nargs=-1, required=True, metavar=f"{named}=VALUE...")
-    def set_(run: Run, assignments: tuple[str, ...]) -> Table:
+    def set_(run: Run, assignments: tuple[str, ...]) -> Act:
         return verbs.set_values(run, mapped(run), assignments)
 
     set_.__doc__ = f"Write quantities by name and read them back.{f' For example `{setting}`.' if setting else ''}"

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from copy import copy
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -43,6 +43,30 @@ if TYPE_CHECKING:
 
 NO_TERMINAL = "Confirmation needed, but this is not an interactive terminal"
 UNANSWERED = "add --yes to confirm, or --dry-run to see the bytes"
+
+
+class Act(NamedTuple):
+    """What a command is going to do to a device: its body returns this, and the run plans, asks, opens the link and carries it out.
+
+    steps     what is going to be written, as far as that is known without the device; a function where only a dry run needs it
+    do        carries it out on the device
+    question  what is asked before, "" = nothing
+    word      that must be typed for a yes, "" = none
+    asks      the steps that the question shows, None = all
+    look      what looks at the device before that is asked; returns the question, "" = none, and the steps that it shows
+    """
+
+    steps: Sequence[Step] | Callable[[], Sequence[Step]]
+    do: Callable[[Any], Table]
+    question: str = ""
+    word: str = ""
+    asks: Sequence[Step] | None = None
+    look: Callable[[Any], tuple[str, Sequence[Step]]] | None = None
+
+    @property
+    def known(self) -> Sequence[Step]:
+        """The steps that are known before the device is."""
+        return () if callable(self.steps) else self.steps
 
 
 class Run(Invocation):
@@ -126,12 +150,19 @@ class Run(Invocation):
 
         return stop_key(self.hold)
 
-    def planned(self, steps: Sequence[Step]) -> Table | None:
-        """Note in the ledger what is going to be written; the plan as a Table where --dry-run wants nothing more."""
+    def act(self, act: Act) -> Table:
+        """Carry it out, or show its plan for --dry-run. Raises NotConfirmed."""
         if self.settings.dry_run:
-            return self.dry_run(steps)
-        self.ledger.plan(steps)
-        return None
+            return self.dry_run(act.steps() if callable(act.steps) else act.steps)
+        self.ledger.plan(act.known)
+        question, asked = act.question, act.known if act.asks is None else act.asks
+        if act.look is not None:
+            if question:
+                self.need_answer(question)
+            question, asked = act.look(self.device())
+        if question:
+            self.confirm(question, asked, word=act.word)
+        return act.do(self.device())
 
     def confirm(self, question: str, steps: Sequence[Step] = (), *, word: str = "") -> None:
         """Ask before something that moves, persists or strands; --yes answers. Raises NotConfirmed.
@@ -170,7 +201,7 @@ class Run(Invocation):
         self.journal.info("dry-run", f"dry run: nothing was sent{looks}")
         return plan_table(steps)
 
-    def execute(self, body: Callable[[], Table | None]) -> None:
+    def execute(self, body: Callable[[], Table | Act | None]) -> None:
         """Run the body, show its table while the link is open, close, and raise what went wrong."""
         end_on_signals(suspend=self.writes)
         with self.outlet:
@@ -186,14 +217,15 @@ class Run(Invocation):
             failure.shown = True
             raise failure
 
-    def carried_out(self, body: Callable[[], Table | None]) -> tuple[Table | None, HandctlError | None]:
+    def carried_out(self, body: Callable[[], Table | Act | None]) -> tuple[Table | None, HandctlError | None]:
         """What the body returns, a stream shown to its end, and what went wrong."""
         failure: HandctlError | None = None
         table: Table | None = None
         try:
             try:
                 check_before(self)
-                table = body()
+                made = body()
+                table = self.act(made) if isinstance(made, Act) else made
                 if table is not None and table.samples is not None:
                     failure = self.outcome.stream(table, self)
             except HandctlError as exc:

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError, joined
+from handctl.frame.run import Act
 from handctl.model.device import question, released
 from handctl.model.param import PUSHES, Element, Number, Param, ParamMap, Reading, Step
 from handctl.model.result import Column, Row, Sample, Table
@@ -65,18 +66,18 @@ def get(run: Run, params: ParamMap[Any], names: Sequence[str]) -> Table:
     return table
 
 
-def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str]) -> Table:
+def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str]) -> Act:
     """Check, confirm where it moves or strands, write, read back."""
     changes = params.assignments(texts)
     planner = run.planner()
     steps = planner.plan(changes)
-    if (plan := run.planned(steps)) is not None:
-        return plan
-    if any(step.strands or (step.moves and planner.worn) for step in steps):
-        run.confirm(f"{_consequence(steps)}: {', '.join(texts)}", steps)
-    device: Device = run.device()
-    ask_released(run, device, changes, steps)
-    return device.table(device.write(changes))
+    asks = any(step.strands or (step.moves and planner.worn) for step in steps)
+
+    def write(device: Device) -> Table:
+        ask_released(run, device, changes, steps)
+        return device.table(device.write(changes))
+
+    return Act(steps, write, f"{_consequence(steps)}: {', '.join(texts)}" if asks else "")
 
 
 def ask_released(run: Run, device: Device, changes: Sequence[tuple[Element, Number]], steps: Sequence[Step]) -> None:

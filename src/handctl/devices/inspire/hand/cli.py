@@ -33,7 +33,7 @@ from handctl.frame.clikit import Group, streaming
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.run import Run
+from handctl.frame.run import Act, Run
 from handctl.frame.types import NEGATIVE_NUMBERS, Seconds
 from handctl.frame.verbs import ask_released
 from handctl.link import FrameLink
@@ -108,7 +108,7 @@ add_map_verbs(
 
 @cli.verb("set", "Settings", writes=True)
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME[.FINGER]=VALUE...")
-def set_(run: Run, assignments: tuple[str, ...]) -> Table:
+def set_(run: Run, assignments: tuple[str, ...]) -> Act:
     """Write quantities by name and read them back.
 
     For example `speed_set.index=300 force_limit.index=500`."""
@@ -130,7 +130,7 @@ WAIT = click.option(
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
 @WAIT
 @expect
-def angle(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Table:
+def angle(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Act:
     """Command angles from 0 (closed) to 1000 (open). Asks first.
 
     Give a value for every finger, where -1 leaves it as it is, or name single fingers: `angle ring=500 index=300`.
@@ -143,7 +143,7 @@ def angle(run: Run, values: tuple[str, ...], wait: float | None, expect: str | N
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
 @WAIT
 @expect
-def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Table:
+def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Act:
     """Command strokes from 0 (open) to 2000 (closed). Asks first.
 
     Give a value for every finger, where -1 leaves it as it is, or name single fingers: `position ring=900`.
@@ -154,7 +154,7 @@ def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str 
 
 @cli.verb("force", "Move", writes=True)
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
-def force(run: Run, values: tuple[str, ...]) -> Table:
+def force(run: Run, values: tuple[str, ...]) -> Act:
     """Set the force limit in grams. Asks first if a finger may move.
 
     Give a value for every finger, where -1 leaves it as it is, or name single fingers: `force index=300`.
@@ -166,7 +166,7 @@ def force(run: Run, values: tuple[str, ...]) -> Table:
 
 @cli.verb("speed", "Move", writes=True)
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
-def speed(run: Run, values: tuple[str, ...]) -> Table:
+def speed(run: Run, values: tuple[str, ...]) -> Act:
     """Set the speed of the next movement, 0 to 1000. Asks first if a finger may move.
 
     Give a value for every finger, where -1 leaves it as it is, or name single fingers: `speed index=300`.
@@ -185,7 +185,7 @@ def speed(run: Run, values: tuple[str, ...]) -> Table:
 
 
 @cli.verb("calibrate", "Service", writes=True)
-def calibrate(run: Run) -> Table:
+def calibrate(run: Run) -> Act:
     """Calibrate the force sensors. The whole hand moves for about 6 s.
 
     Ctrl-C does not stop the hand. To stop it, switch its power off.
@@ -193,15 +193,15 @@ def calibrate(run: Run) -> Table:
     """
     from handctl.devices.inspire.hand import motion
 
-    steps = [run.planner().trigger_step("calibrate_force", "calibrate the force sensors")]
-    if (plan := run.planned(steps)) is not None:
-        return plan
+    def steps(hand: Hand) -> list[Step]:
+        return [hand.trigger_step("calibrate_force", "calibrate the force sensors")]
+
+    def look(hand: Hand) -> tuple[str, list[Step]]:
+        motion.fit_to_move(hand)
+        return question, steps(hand)
+
     question = f"{motion.POWER_OFF} The whole hand opens and closes. It must be open and empty"
-    run.need_answer(question)
-    hand: Hand = run.device()
-    motion.fit_to_move(hand)
-    run.confirm(question, [hand.trigger_step("calibrate_force", "calibrate the force sensors")])
-    return motion.calibrate(hand, run.guide)
+    return Act(steps(run.planner()), lambda hand: motion.calibrate(hand, run.guide), question, look=look)
 
 
 for takes_numbers in (angle, position, force, speed):
@@ -222,7 +222,7 @@ def _changes(run: Run, name: str, texts: Sequence[str]) -> list[tuple[Element, N
 
 def write_asked(
     run: Run, changes: Sequence[tuple[Element, Number]], wait: float | None = None, expect: str | None = None
-) -> Table:
+) -> Act:
     """Write what was checked, and read it back. What moves the hand is shown with speed and force limit, and asked."""
     from handctl.devices.inspire.hand import motion
 
@@ -230,27 +230,31 @@ def write_asked(
     changes = _without_left(changes)
     planner: Hand = run.planner()
     steps = planner.plan(changes)
-    if (plan := run.planned(steps)) is not None:
-        return plan
-    if any(step.moves or step.strands for step in steps):
-        run.need_answer(_consequence(steps))
-    hand: Hand = run.device()
-    hand.identify()
     before: motion.Before | None = None
-    if any(step.moves for step in steps):
-        before = motion.fit_to_move(hand)
-        question = joined(motion.question(hand, changes, before), motion.also(hand, changes))
-        run.confirm(question, hand.plan(changes))
-    elif any(step.strands for step in steps):
-        run.confirm(_consequence(steps), hand.plan(changes))
-    else:
+    asks = any(step.moves or step.strands for step in steps)
+
+    def look(hand: Hand) -> tuple[str, list[Step]]:
+        nonlocal before
+        hand.identify()
+        if any(step.moves for step in steps):
+            before = motion.fit_to_move(hand)
+            question = joined(motion.question(hand, changes, before), motion.also(hand, changes))
+            return question, hand.plan(changes)
+        if asks:
+            return _consequence(steps), hand.plan(changes)
         ask_released(run, hand, changes, hand.plan(changes))
-    if wait is not None:
-        return motion.move(hand, changes[0][0].param.name, changes, run.guide, wait=wait, expect=ending, before=before)
-    table = hand.table(hand.write(changes))
-    if before is not None:
-        motion.tell_no_speed(hand, changes, before)
-    return table
+        return "", []
+
+    def act(hand: Hand) -> Table:
+        if wait is not None:
+            name = changes[0][0].param.name
+            return motion.move(hand, name, changes, run.guide, wait=wait, expect=ending, before=before)
+        table = hand.table(hand.write(changes))
+        if before is not None:
+            motion.tell_no_speed(hand, changes, before)
+        return table
+
+    return Act(steps, act, _consequence(steps) if asks else "", look=look)
 
 
 def _consequence(steps: Sequence[Step]) -> str:
@@ -271,7 +275,7 @@ def _without_left(changes: Sequence[tuple[Element, Number]]) -> list[tuple[Eleme
 
 @cli.verb("id", "Settings", writes=True)
 @click.argument("new", required=False, type=int)
-def id_(run: Run, new: int | None) -> Table:
+def id_(run: Run, new: int | None) -> Table | Act:
     """Show the id, or give the hand a NEW one (1 to 254).
 
     A new id is active at once, and `save` makes it permanent. Connect only one hand. Modbus calls the id the unit.
@@ -283,7 +287,7 @@ def id_(run: Run, new: int | None) -> Table:
 @click.argument("rate", required=False, type=int)
 @verbs.SAVE_TOO
 @verbs.VERIFY
-def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
+def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table | Act:
     """Show the baud rate code, or set a new RATE in bit/s.
 
     A serial hand takes 115200, 57600 or 19200, and some take 921600. On CAN it is 1000000 or 500000.
@@ -294,7 +298,7 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
 
 
 @cli.verb("clear-errors", "Service", writes=True)
-def clear_errors(run: Run) -> Table:
+def clear_errors(run: Run) -> Act:
     """Clear actuator errors and show which remain. Asks first if a finger may move.
 
     A finger that an error stopped may then go on to its target.
@@ -304,14 +308,14 @@ def clear_errors(run: Run) -> Table:
 
 
 @cli.verb("save", "Settings", writes=True)
-def save(run: Run) -> Table:
+def save(run: Run) -> Act:
     """Save the present settings to flash and wait for the result (about 1 s)."""
     return verbs.save(run, "This saves the present settings to flash")
 
 
 @cli.verb("factory-reset", "Settings", writes=True)
 @verbs.backup_option("hand")
-def factory_reset(run: Run, backup: str | None) -> Table:
+def factory_reset(run: Run, backup: str | None) -> Act:
     """Restore the factory defaults, after a snapshot of the present settings.
 
     This may set the id to 1, the baud rate to 115200 bit/s and the network address to 192.168.11.210.
@@ -337,7 +341,7 @@ def read(run: Run, address: str, count: int) -> Table:
 @click.argument("address")
 @click.argument("data", metavar="HEX")
 @verbs.UNDOCUMENTED
-def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
+def write(run: Run, address: str, data: str, undocumented: bool) -> Act:
     """Write bytes to ADDRESS, low byte first, and read them back. Asks first.
 
     The values are checked against the documented ranges before anything is sent."""
@@ -348,27 +352,29 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
     payload, planner = by_number.parse_hex(data), run.planner()
     place = address_in(address) * planner.bus.per
     step = hand_raw.plan_write(planner, place, payload, undocumented)
-    if (plan := run.planned([step])) is not None:
-        return plan
-    question = f"This writes to the hand: {step.meaning}"
-    run.need_answer(question)
-    hand: Hand = run.device()
-    hand.meet()
-    changes = by_number.changes_of(hand.map, place, payload)
-    if step.moves:
-        question = motion.question(hand, changes, motion.fit_to_move(hand))
-    also = motion.also(hand, changes)
-    run.confirm(joined(question, also), [hand_raw.plan_write(hand, place, payload, undocumented)])
-    if also:
-        hand.will_move()
-    return by_number.write(hand, place, payload)
+    question, also = f"This writes to the hand: {step.meaning}", ""
+
+    def look(hand: Hand) -> tuple[str, list[Step]]:
+        nonlocal also
+        hand.meet()
+        changes = by_number.changes_of(hand.map, place, payload)
+        asked = motion.question(hand, changes, motion.fit_to_move(hand)) if step.moves else question
+        also = motion.also(hand, changes)
+        return joined(asked, also), [hand_raw.plan_write(hand, place, payload, undocumented)]
+
+    def act(hand: Hand) -> Table:
+        if also:
+            hand.will_move()
+        return by_number.write(hand, place, payload)
+
+    return Act([step], act, question, look=look)
 
 
 @cli.verb("raw", "Service", writes=True)
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
 @verbs.LISTEN
 @verbs.forced("Also send a frame that resets the hand, starts a stored movement or has a value out of range.")
-def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Table:
+def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Act:
     """Send exactly these EB90 or Modbus bytes and show the decoded reply.
 
     Everything except a read asks first."""
@@ -378,9 +384,7 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
     frame = by_number.parse_hex(" ".join(data))
     hand_raw.choose_wire(run, frame)
     step = hand_raw.plan(run.planner(), frame, force_ambiguous)
-    return verbs.send_raw(
-        run, step, "This may move or change the hand", lambda hand: hand_raw.exchange(hand, frame, wait)
-    )
+    return verbs.send_raw(step, "This may move or change the hand", lambda hand: hand_raw.exchange(hand, frame, wait))
 
 
 # -- its network, its pair, its skin --------------------------------------------------------------------------------
@@ -388,7 +392,7 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
 
 @cli.verb("network", "Settings", writes=True)
 @click.argument("address", required=False)
-def network(run: Run, address: str | None) -> Table:
+def network(run: Run, address: str | None) -> Table | Act:
     """Show the IP address of a tactile hand, or give it a new ADDRESS.
 
     First switch off every other hand that has the old address. handctl asks you to type the new one to confirm.
@@ -403,17 +407,16 @@ def network(run: Run, address: str | None) -> Table:
     planner = run.planner()
     steps = planner.plan(place.address_plan(planner, octets))
     steps.append(planner.trigger_step("save", "save to flash"))
-    if (plan := run.planned(steps)) is not None:
-        return plan
+
+    def look(hand: Hand) -> tuple[str, list[Step]]:
+        hand.identify()
+        before = ".".join(map(str, place.held(hand)))
+        question = f"This changes the IP address of the hand from {before} to {address}, after a power-cycle"
+        computer = f"This computer must then have an address such as {place.laptop_for(octets)}, mask 255.255.255.0"
+        return f"{question}. {computer}. To go back, run `handctl hand network {before}`", steps
+
     question = f"This changes the IP address of the hand to {address}, after a power-cycle"
-    run.need_answer(question)
-    hand: Hand = run.device()
-    hand.identify()
-    before = ".".join(map(str, place.held(hand)))
-    question = f"This changes the IP address of the hand from {before} to {address}, after a power-cycle"
-    computer = f"This computer must then have an address such as {place.laptop_for(octets)}, mask 255.255.255.0"
-    run.confirm(f"{question}. {computer}. To go back, run `handctl hand network {before}`", steps, word=address)
-    return place.change_network(hand, octets, run.guide)
+    return Act(steps, lambda hand: place.change_network(hand, octets, run.guide), question, word=address, look=look)
 
 
 add_pairing(cli)
