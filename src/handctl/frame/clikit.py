@@ -45,7 +45,8 @@ class Command(Described):
     """A leaf command with the shared options.
 
     `heading`: one of HEADINGS; `writes`: --dry-run makes sense for it; `streams`: --json means NDJSON; `stops`: an
-    emergency, which nothing holds up; `offline`: it never opens a link.
+    emergency, which nothing holds up; `offline`: it never opens a link; `asks`: it asks first, always or in these words,
+    behind a ";" those of when it does not.
     """
 
     def __init__(
@@ -55,12 +56,14 @@ class Command(Described):
         streams: bool = False,
         stops: bool = False,
         offline: bool = False,
+        asks: bool | str = False,
         heading: str = "",
         family: Family | None = None,
         **more: Any,
     ) -> None:
         super().__init__(*args, **more)
         self.heading = heading
+        self.asks = asks
         self.writes = writes
         self.stops = stops
         self.offline = offline
@@ -205,6 +208,7 @@ class Group(Described, click.Group):
         streams: bool = False,
         stops: bool = False,
         offline: bool = False,
+        asks: bool | str = False,
     ) -> Callable[[Callable[..., Any]], Command]:
         """Decorator: add a leaf command whose body gets the Run first and returns a Table (or None).
 
@@ -223,6 +227,7 @@ class Group(Described, click.Group):
                 streams=streams,
                 stops=stops,
                 offline=offline,
+                asks=asks,
                 family=self.family,
             )(update_wrapper(call, body))
             self.add_command(made)

@@ -43,11 +43,12 @@ def add_map_verbs(
     example: str = "",
     setting: str = "",
     without: Collection[str] = (),
+    set_asks: bool = False,
     checks: Callable[[Run], Table] | None = None,
 ) -> None:
     """Add the verbs for `params`. `part` names an element for help ("FINGER"), `example` and `setting` show how.
 
-    `checks` are further rows for a report's findings, from a family that can look deeper by reading alone.
+    `set_asks`: what `set` writes is asked for first. `checks` are further rows for a report's findings, from a family that can look deeper by reading alone.
     """
     named = f"NAME[.{part}]" if part else "NAME"
     shown = f", such as `{example}`" if example else ""
@@ -203,6 +204,7 @@ def add_map_verbs(
     group.verb("scan", "Service")(scan)
     if "stop" not in without:
         group.verb("stop", "Move", writes=True, stops=True)(stop)
+    asking = {"set": set_asks, "restore": True}
     for name, heading, body, writes in (
         ("status", "Look", status, False),
         ("dump", "Look", dump, False),
@@ -218,4 +220,5 @@ def add_map_verbs(
         ("doctor", "Service", doctor, False),
     ):
         if name not in without:
-            group.verb(name, heading, writes=writes, streams=name == "watch", offline=name == "describe")(body)
+            more = {"streams": name == "watch", "offline": name == "describe", "asks": asking.get(name, False)}
+            group.verb(name, heading, writes=writes, **more)(body)

@@ -74,7 +74,7 @@ ASSUME = click.option(
 )
 
 
-@cli.verb("home", "Move", writes=True)
+@cli.verb("home", "Move", writes=True, asks=True)
 def home(run: Run) -> Act:
     """OPEN ALL FINGERS for 3.5 s and set that position as the origin (homing).
 
@@ -89,7 +89,7 @@ def home(run: Run) -> Act:
     )
 
 
-@cli.verb("initial", "Move", writes=True)
+@cli.verb("initial", "Move", writes=True, asks=True)
 @ASSUME
 def initial(run: Run, assume_homed: bool) -> Act:
     """Open all fingers to the origin set by homing. Asks first. Ctrl-C stops."""
@@ -192,7 +192,7 @@ def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool, expect: st
     return _move(run, TIPS, values, assume_homed, expect)
 
 
-@cli.verb("currents", "Move", writes=True)
+@cli.verb("currents", "Move", writes=True, asks=True)
 @_values
 @click.option(
     "--cap", type=FiniteRange(0, 1000), default=CAP, show_default=True, metavar="N", help="Refuse currents above N."

@@ -221,7 +221,7 @@ def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool
     return Act(steps, lambda hand: hand.table(hand.write(changes)), question)
 
 
-@cli.verb("baud", "Settings", writes=True)
+@cli.verb("baud", "Settings", writes=True, asks=True)
 @click.argument("rate", required=False, type=int)
 @click.option("--save", "save_too", is_flag=True, help="Also save the baud rate to EEPROM, so the hand starts with it.")
 def baud(run: Run, rate: int | None, save_too: bool) -> Table | Act:
@@ -261,7 +261,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table | Act:
     return _sends(texts, change, f"The hand switches to {rate} bit/s immediately{more}")
 
 
-@cli.verb("reset", "Service", writes=True)
+@cli.verb("reset", "Service", writes=True, asks=True)
 def reset(run: Run) -> Act:
     """Restart the firmware, like a power-cycle, and show its banner. Asks first.
 
@@ -395,7 +395,7 @@ def stop(run: Run, motors: str | None) -> Table:
 # -- RAM, EEPROM, factory values and files (§5.2.2, §5.2.3) ----------------------------------------------------------
 
 
-@cli.verb("load", "Settings", writes=True)
+@cli.verb("load", "Settings", writes=True, asks=True)
 @MOTORS_OPTION
 def load(run: Run, motors: str | None) -> Act:
     """Load the saved settings from EEPROM into RAM (FLOAD, PLOAD).
@@ -406,7 +406,7 @@ def load(run: Run, motors: str | None) -> Act:
     return _plain_commands(_motors_first(motors, "FLOAD", "PLOAD"))
 
 
-@cli.verb("defaults", "Settings", writes=True)
+@cli.verb("defaults", "Settings", writes=True, asks=True)
 @MOTORS_OPTION
 def defaults(run: Run, motors: str | None) -> Act:
     """Set all parameters in RAM to their factory values (FDEF, PDEF). Saves nothing.
@@ -417,7 +417,7 @@ def defaults(run: Run, motors: str | None) -> Act:
     return _plain_commands(_motors_first(motors, "FDEF", "PDEF"))
 
 
-@cli.verb("save", "Settings", writes=True)
+@cli.verb("save", "Settings", writes=True, asks=True)
 @MOTORS_OPTION
 @FORCE
 def save(run: Run, motors: str | None, force: bool) -> Act:
@@ -437,7 +437,7 @@ def save(run: Run, motors: str | None, force: bool) -> Act:
     return _sends(_saves(motors), keep)
 
 
-@cli.verb("restore", "Files", writes=True)
+@cli.verb("restore", "Files", writes=True, asks=True)
 @click.argument("file", type=InFile())
 @click.option("--save", "save_too", is_flag=True, help="Then save to EEPROM.")
 @FORCE

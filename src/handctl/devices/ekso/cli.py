@@ -337,7 +337,7 @@ def _need_operator(run: Run) -> None:
         )
 
 
-@cli.verb("set", "Settings", writes=True)
+@cli.verb("set", "Settings", writes=True, asks=True)
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME=VALUE")
 @_audit_options
 @OVERRIDE
@@ -374,7 +374,7 @@ def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bo
     return Act(steps, write, CHANGES, look=look)
 
 
-@cli.verb("restore", "Files", writes=True)
+@cli.verb("restore", "Files", writes=True, asks=True)
 @click.argument("file", type=InFile())
 @_audit_options
 @OVERRIDE

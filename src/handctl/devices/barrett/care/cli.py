@@ -182,7 +182,7 @@ def _add_fingertips(group: Group) -> None:
 
 
 def _add_diagnose(group: Group) -> None:
-    @group.verb("diagnose", "Service", writes=True)
+    @group.verb("diagnose", "Service", writes=True, asks="with `--move`")
     @click.argument("symptom", required=False)
     @click.option("--list", "listed", is_flag=True, help="List the symptoms in the manual. Needs no device.")
     @click.option(

@@ -51,7 +51,7 @@ def add_firmware(group: Group) -> None:
             table.failure = CheckFailed(f"{file}: {problem[0]}", hint=problem[1], code="firmware-file")
         return table
 
-    @firmware.verb("download", writes=True)
+    @firmware.verb("download", writes=True, asks=True)
     @click.argument("file", type=InFile())
     @click.option("--force", is_flag=True, help="Load a file even if it has no end record.")
     @click.option(

@@ -50,6 +50,7 @@ add_map_verbs(
     part="FINGER",
     example="position_actual.index temperature",
     setting="position_set.index=300 force_set=0,0,0,0,0",
+    set_asks=True,
 )
 
 
@@ -64,7 +65,7 @@ def read(run: Run, address: str, count: int) -> Table:
     return verbs.read(run, address, count)
 
 
-@cli.verb("write", "Service", writes=True)
+@cli.verb("write", "Service", writes=True, asks=True)
 @click.argument("address")
 @click.argument("data", metavar="HEX")
 @verbs.UNDOCUMENTED
@@ -80,7 +81,7 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> Act:
     return Act([step], lambda hand: by_number.write(hand, place, payload), question)
 
 
-@cli.verb("raw", "Service", writes=True)
+@cli.verb("raw", "Service", writes=True, asks=True)
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
 @verbs.LISTEN
 @verbs.forced(
@@ -99,7 +100,7 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
 # -- what it keeps ------------------------------------------------------------------------------------------------
 
 
-@cli.verb("id", "Settings", writes=True)
+@cli.verb("id", "Settings", writes=True, asks=True)
 @click.argument("new", required=False, type=int)
 def id_(run: Run, new: int | None) -> Table | Act:
     """Show the id, or give the hand a NEW one (1 to 254).
@@ -109,7 +110,7 @@ def id_(run: Run, new: int | None) -> Table | Act:
     return verbs.change_id(run, EXO, new)
 
 
-@cli.verb("baud", "Settings", writes=True)
+@cli.verb("baud", "Settings", writes=True, asks=True)
 @click.argument("rate", required=False, type=int)
 @verbs.SAVE_TOO
 @verbs.VERIFY
@@ -135,7 +136,7 @@ def clear_errors(run: Run) -> Act:
 SKIP_IDENTITY = click.option("--skip-identity-check", is_flag=True, help="Skip the check that this is an EH55BF1.")
 
 
-@cli.verb("save", "Settings", writes=True)
+@cli.verb("save", "Settings", writes=True, asks=True)
 @SKIP_IDENTITY
 def save(run: Run, skip_identity_check: bool) -> Act:
     """Save the present settings to flash and wait for the result (about 1 s)."""
@@ -143,7 +144,7 @@ def save(run: Run, skip_identity_check: bool) -> Act:
     return verbs.save(run, question, looks=not skip_identity_check)
 
 
-@cli.verb("factory-reset", "Settings", writes=True)
+@cli.verb("factory-reset", "Settings", writes=True, asks=True)
 @click.option(
     "--undocumented-address",
     is_flag=True,
@@ -170,7 +171,7 @@ def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip
 FIVE = "LITTLE RING MIDDLE INDEX THUMB | FINGER=VALUE..."
 
 
-@cli.verb("calibrate", "Service", writes=True)
+@cli.verb("calibrate", "Service", writes=True, asks=True)
 def calibrate(run: Run) -> Act:
     """Calibrate forces and positions, guided step by step.
 
@@ -184,7 +185,7 @@ def calibrate(run: Run) -> Act:
     return Act(steps, lambda hand: device.calibrate(hand, run.guide), question)
 
 
-@cli.verb("force", "Move", writes=True)
+@cli.verb("force", "Move", writes=True, asks=True)
 @click.argument("values", nargs=-1, required=True, metavar=FIVE)
 def force(run: Run, values: tuple[str, ...]) -> Act:
     """Command forces from -1000 (closes the hand) to 1000 (opens it). Asks first.
@@ -196,7 +197,7 @@ def force(run: Run, values: tuple[str, ...]) -> Act:
     return _command(run, "force", values)
 
 
-@cli.verb("position", "Move", writes=True)
+@cli.verb("position", "Move", writes=True, asks=True)
 @click.argument("values", nargs=-1, required=True, metavar=FIVE)
 @click.option(
     "--wait",

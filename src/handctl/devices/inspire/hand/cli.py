@@ -106,7 +106,7 @@ add_map_verbs(
 )
 
 
-@cli.verb("set", "Settings", writes=True)
+@cli.verb("set", "Settings", writes=True, asks="of an angle or a stroke; of other quantities")
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME[.FINGER]=VALUE...")
 def set_(run: Run, assignments: tuple[str, ...]) -> Act:
     """Write quantities by name and read them back.
@@ -126,7 +126,7 @@ WAIT = click.option(
 )
 
 
-@cli.verb("angle", "Move", writes=True)
+@cli.verb("angle", "Move", writes=True, asks=True)
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
 @WAIT
 @expect
@@ -139,7 +139,7 @@ def angle(run: Run, values: tuple[str, ...], wait: float | None, expect: str | N
     return write_asked(run, _changes(run, "angle_set", values), wait, expect)
 
 
-@cli.verb("position", "Move", writes=True)
+@cli.verb("position", "Move", writes=True, asks=True)
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
 @WAIT
 @expect
@@ -184,7 +184,7 @@ def speed(run: Run, values: tuple[str, ...]) -> Act:
     return table
 
 
-@cli.verb("calibrate", "Service", writes=True)
+@cli.verb("calibrate", "Service", writes=True, asks=True)
 def calibrate(run: Run) -> Act:
     """Calibrate the force sensors. The whole hand moves for about 6 s.
 
@@ -273,7 +273,7 @@ def _without_left(changes: Sequence[tuple[Element, Number]]) -> list[tuple[Eleme
 # -- what it keeps ------------------------------------------------------------------------------------------------
 
 
-@cli.verb("id", "Settings", writes=True)
+@cli.verb("id", "Settings", writes=True, asks=True)
 @click.argument("new", required=False, type=int)
 def id_(run: Run, new: int | None) -> Table | Act:
     """Show the id, or give the hand a NEW one (1 to 254).
@@ -283,7 +283,7 @@ def id_(run: Run, new: int | None) -> Table | Act:
     return verbs.change_id(run, map_of(run.settings), new)
 
 
-@cli.verb("baud", "Settings", writes=True)
+@cli.verb("baud", "Settings", writes=True, asks=True)
 @click.argument("rate", required=False, type=int)
 @verbs.SAVE_TOO
 @verbs.VERIFY
@@ -307,13 +307,13 @@ def clear_errors(run: Run) -> Act:
     return verbs.clear_errors(run)
 
 
-@cli.verb("save", "Settings", writes=True)
+@cli.verb("save", "Settings", writes=True, asks=True)
 def save(run: Run) -> Act:
     """Save the present settings to flash and wait for the result (about 1 s)."""
     return verbs.save(run, "This saves the present settings to flash")
 
 
-@cli.verb("factory-reset", "Settings", writes=True)
+@cli.verb("factory-reset", "Settings", writes=True, asks=True)
 @verbs.backup_option("hand")
 def factory_reset(run: Run, backup: str | None) -> Act:
     """Restore the factory defaults, after a snapshot of the present settings.
@@ -337,7 +337,7 @@ def read(run: Run, address: str, count: int) -> Table:
     return verbs.read(run, address, count)
 
 
-@cli.verb("write", "Service", writes=True)
+@cli.verb("write", "Service", writes=True, asks=True)
 @click.argument("address")
 @click.argument("data", metavar="HEX")
 @verbs.UNDOCUMENTED
@@ -370,7 +370,7 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> Act:
     return Act([step], act, question, look=look)
 
 
-@cli.verb("raw", "Service", writes=True)
+@cli.verb("raw", "Service", writes=True, asks=True)
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
 @verbs.LISTEN
 @verbs.forced("Also send a frame that resets the hand, starts a stored movement or has a value out of range.")
@@ -390,7 +390,7 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
 # -- its network, its pair, its skin --------------------------------------------------------------------------------
 
 
-@cli.verb("network", "Settings", writes=True)
+@cli.verb("network", "Settings", writes=True, asks=True)
 @click.argument("address", required=False)
 def network(run: Run, address: str | None) -> Table | Act:
     """Show the IP address of a tactile hand, or give it a new ADDRESS.

@@ -134,7 +134,7 @@ def write(run: Run, address: str, data: str) -> Act:
     return Act([step], lambda wrist: wrist_raw.write(wrist, place, payload))
 
 
-@cli.verb("hand-write", "Service", writes=True)
+@cli.verb("hand-write", "Service", writes=True, asks=True)
 @click.argument("address")
 @click.argument("data", metavar="HEX")
 @FORCE
@@ -151,7 +151,7 @@ def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Act:
     return Act(steps, lambda wrist: wrist_raw.hand_write(wrist, place, payload), question)
 
 
-@cli.verb("raw", "Service", writes=True)
+@cli.verb("raw", "Service", writes=True, asks=True)
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
 @verbs.LISTEN
 @FORCE
