@@ -22,17 +22,28 @@ from handctl.tools.trace_read import explainer_of
 from tests.contract.cell import in_bytes, tried
 from tests.contract.commands import scratch_of, writing_commands
 from tests.contract.facts import facts_of, passed
-from tests.support.cli import run, spying
-from tests.support.each_row import each_row
+from tests.support.cli import Spy, run, spying
 
-SECONDS = 3.0
+SECONDS = 10.0
 """Until whatever was set going has moved."""
+
+
+def in_the_end(family: str, spy: Spy) -> list[float]:
+    """Where the last device stands once whatever was set going has ended."""
+    line = spy.lines[-1]
+    line.advance(line.device.now + SECONDS)
+    return facts_of(family).placed(line)
 
 
 def set_by_name(family: str) -> Iterator[tuple[Param, str]]:
     """Each quantity that `set` takes, with assignments to both ends of its first element."""
     for param in map_of(family) or ():
-        if param.writable and not (param.trigger or param.optional) and param.low is not None and param.high is not None:
+        if (
+            param.writable
+            and not (param.trigger or param.optional)
+            and param.low is not None
+            and param.high is not None
+        ):
             for end in (param.low, param.high):
                 yield param, f"{elements_of(param)[0].path}={param.text(end)}"
 
@@ -40,7 +51,7 @@ def set_by_name(family: str) -> Iterator[tuple[Param, str]]:
 # -- what moves it is marked ----------------------------------------------------------------------------------------------
 
 
-@each_row("family", [family for family in FAMILIES if facts_of(family).places is not None])
+@pytest.mark.parametrize("family", [family for family in FAMILIES if facts_of(family).places is not None])
 def test_what_is_not_marked_moves_nothing(family: str) -> None:
     facts = facts_of(family)
     for param, assignment in set_by_name(family):
@@ -58,44 +69,55 @@ def test_what_is_not_marked_moves_nothing(family: str) -> None:
             )
 
 
+@pytest.mark.parametrize("family", [family for family in FAMILIES if facts_of(family).places is not None])
+def test_a_plan_says_what_moves(family: str, tmp_path: Path) -> None:
+    """Of a command behind which the device stands elsewhere, a step of the dry run is marked."""
+    with spying() as spy:
+        tried(family, "status", scratch_of(tmp_path))
+    still = in_the_end(family, spy)
+    for command in writing_commands(family):
+        with spying() as spy:
+            tried(family, command, scratch_of(tmp_path))
+        if facts_of(family).apart(still, in_the_end(family, spy)):
+            _, rows, _, _ = tried(family, command, scratch_of(tmp_path), "-n")
+            assert any(row["moves"] for row in rows), (
+                f"{family} {command} moves the device, and its plan does not say so"
+            )
+
+
 # -- where it stands ------------------------------------------------------------------------------------------------------
 
 
-BLOCKED = [
-    (family, command)
-    for family in FAMILIES
-    for command in facts_of(family).halts or ()
-    if "blocked" in model_class(family).FAULTS and command not in facts_of(family).forces
-]
-
-
-@each_row(("family", "command"), BLOCKED)
-def test_nothing_arrives_that_is_blocked(family: str, command: str, tmp_path: Path) -> None:
-    """Where it ends elsewhere than a healthy device does, that is no success, and not every row has arrived."""
-    ends: list[list[float]] = []
-    for fault in ("healthy", "blocked"):
-        with spying() as spy:
-            result, rows, envelope, _ = tried(family, command, scratch_of(tmp_path), options=(f"fault={fault}",))
-        ends.append(facts_of(family).placed(spy.lines[-1]))
-    if facts_of(family).apart(*ends):
-        assert result.code in (6, 7), result
-        assert not rows or {row["arrival"] for row in rows if "arrival" in row} != {"reached"}, rows
-        assert "arrived" not in str([step.get("evidence") for step in envelope["writes"]])
+@pytest.mark.parametrize("family", [family for family in FAMILIES if "blocked" in model_class(family).FAULTS])
+def test_nothing_arrives_that_is_blocked(family: str, tmp_path: Path) -> None:
+    """Where a movement ends elsewhere than on a healthy device, that is no success, and not every row has arrived."""
+    facts = facts_of(family)
+    for command in set(facts.halts or ()) - facts.forces:
+        ends: list[list[float]] = []
+        for fault in ("healthy", "blocked"):
+            with spying() as spy:
+                result, rows, envelope, _ = tried(family, command, scratch_of(tmp_path), options=(f"fault={fault}",))
+            ends.append(in_the_end(family, spy))
+        if facts.apart(*ends):
+            assert result.code in (6, 7), result
+            assert not rows or {row["arrival"] for row in rows if "arrival" in row} != {"reached"}, rows
+            assert "arrived" not in str([step.get("evidence") for step in envelope["writes"]])
 
 
 # -- what it refused ------------------------------------------------------------------------------------------------------
 
 
-@each_row(("family", "command"), [(family, command) for family in FAMILIES for command in writing_commands(family)])
-def test_what_is_refused_is_told_as_refused(family: str, command: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("family", FAMILIES)
+def test_what_is_refused_is_told_as_refused(family: str, tmp_path: Path) -> None:
     """Where a command ends with "refused" its ledger says which step was, and nothing behind it is confirmed."""
-    result, _, envelope, _ = tried(family, command, scratch_of(tmp_path), options=("fault=refuse",))
-    states = [step["state"] for step in envelope["writes"]]
-    if command == "set":
-        assert result.code == 6, result
-    if result.code == 6:
-        assert "refused" in states, envelope
-        assert set(states[states.index("refused") :]) <= {"refused", "not-sent"}, envelope
+    for command in writing_commands(family):
+        result, _, envelope, _ = tried(family, command, scratch_of(tmp_path), options=("fault=refuse",))
+        states = [step["state"] for step in envelope["writes"]]
+        if command == "set":
+            assert result.code == 6, result
+        if result.code == 6:
+            assert "refused" in states, envelope
+            assert set(states[states.index("refused") :]) <= {"refused", "not-sent"}, envelope
 
 
 # -- by which name --------------------------------------------------------------------------------------------------------

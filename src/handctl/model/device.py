@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from handctl.link import Deadline, Link
     from handctl.link.deadman import Guard
     from handctl.model.guide import Guide
+    from handctl.model.moving import Clock
     from handctl.model.param import Step
 
 RETRIES = 2
@@ -113,6 +114,31 @@ class Line:
             unsent = f"{unsent} was not sent" if unsent else ""
             raise NoAnswer(
                 joined(f"{self.where}: --deadline is over", unsent), hint="give a longer --deadline", code="deadline"
+            )
+
+    def pause(self, seconds: float) -> None:
+        """Let time pass, but not beyond the deadline of the command."""
+        self.link.sleep(min(seconds, self.bound.remaining) if self.bound is not None else seconds)
+
+    def clock(self, wait: float, refresh: float, what: str) -> Clock:
+        """The time of a movement of `what` that is watched for `wait` seconds at most, every `refresh` seconds."""
+        from handctl.model.moving import Clock
+
+        end = self.link.deadline(wait)
+
+        def tick() -> None:
+            self.pause(refresh)
+            self.out_of_time(f"the arrival. {what} may still move")
+
+        return Clock(self.link.now, lambda: end.expired, tick)
+
+    def out_of_time(self, what: str) -> None:
+        """Raise NoAnswer when --deadline, not the device, ended a wait for `what`."""
+        if self.over:
+            raise NoAnswer(
+                f"{self.where}: --deadline ended the wait for {what}. The result is not known",
+                hint="read the values before you repeat the command. A longer --deadline waits for the end",
+                code="deadline",
             )
 
     def reopened(self) -> None:
