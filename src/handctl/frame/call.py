@@ -73,7 +73,6 @@ class Call(Run):
         self.failure: HandctlError | None = None
         self.extra: dict[str, Any] = {}
         super().__init__(ctx, settings, family)
-        self.context = ctx
 
     def person(self) -> Guide:
         return Caller(self._confirm)
@@ -180,7 +179,7 @@ class Line:
             self._check_free()
             settings = self.settings._replace(yes=confirm is True, dry_run=dry_run)
             call = self._call(command, words, values, settings, confirm)
-            table, failure = call.carried_out(command.body(call.context, call))
+            table, failure = call.carried_out(command.body(call))
             if failure is None and table is not None and table.samples is not None:
                 return self._taken(call, table)
             rows = call.finish(table, failure)

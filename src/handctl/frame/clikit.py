@@ -9,7 +9,7 @@ import gc
 import importlib
 import os
 from collections.abc import Callable, Sequence
-from functools import reduce, update_wrapper
+from functools import partial, reduce
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -18,7 +18,7 @@ from handctl import __version__
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
 from handctl.families import COMMANDS, LISTED
 from handctl.frame.family import Family
-from handctl.frame.options import COMMAND_LINE, Settings, SharedOption, config_path, read_config, said, words_of
+from handctl.frame.options import COMMAND_LINE, SharedOption, config_path, read_config, said, words_of
 from handctl.frame.types import Hertz, OutFile, Seconds, WholeRange
 from handctl.frame.usage import (
     HEADINGS,
@@ -84,21 +84,15 @@ class Command(Described):
                 raise
             raise click.UsageError(text, exc.ctx or ctx) from exc
 
-    def invoke(self, ctx: click.Context) -> Any:
+    def invoke(self, ctx: click.Context) -> None:
         if (taken := said(ctx).taken) is not None:
-            return taken(ctx)
+            taken(ctx)
+            return
+        from handctl.frame.precedence import resolve
         from handctl.frame.run import Run
 
-        return self.carry_out(ctx, Run(ctx, self.settings(ctx), self.family))
-
-    def settings(self, ctx: click.Context) -> Settings:
-        """What the common options of this command line say, and what stands behind them. Raises UsageError."""
-        from handctl.frame.precedence import resolve
-
-        return resolve(ctx, self.family.wires if self.family is not None else (), urgent=self.stops)
-
-    def carry_out(self, ctx: click.Context, run: Run) -> None:
-        """Run the command of a parsed line to its end. Raises HandctlError."""
+        settings = said(ctx).settings or resolve(ctx, self.wires, urgent=self.stops)
+        run = Run(ctx, settings, self.family)
         # Said for good in the environment or the file it is a safety catch, and what only reads does not need it.
         if run.settings.dry_run and not self.writes and run.sources["dry_run"] == COMMAND_LINE:
             raise run.failed(UsageError(
@@ -113,12 +107,17 @@ class Command(Described):
         if not gc.isenabled():  # see `cli.main`; no loop is held up by a look through what was imported
             gc.freeze()
             gc.enable()
-        run.execute(self.body(ctx, run))
+        run.execute(self.body(run))
 
-    def body(self, ctx: click.Context, run: Run) -> Callable[[], Table | Act | None]:
-        """What a run of the parsed line carries out."""
-        ctx.obj = run
-        return lambda: super(Command, self).invoke(ctx)
+    @property
+    def wires(self) -> tuple[str, ...]:
+        """Those of its family."""
+        return self.family.wires if self.family is not None else ()
+
+    def body(self, run: Run) -> Callable[[], Table | Act | None]:
+        """What a run of the parsed line carries out: it gets the run first, then what was parsed."""
+        assert self.callback is not None
+        return partial(self.callback, run, **run.context.params)
 
 
 class Group(Described, click.Group):
@@ -216,9 +215,6 @@ class Group(Described, click.Group):
         """
 
         def decorate(body: Callable[..., Any]) -> Command:
-            def call(*args: Any, **more: Any) -> Any:
-                return body(click.get_current_context().obj, *args, **more)
-
             made: Command = click.command(
                 name,
                 cls=Command,
@@ -229,7 +225,7 @@ class Group(Described, click.Group):
                 offline=offline,
                 asks=asks,
                 family=self.family,
-            )(update_wrapper(call, body))
+            )(body)
             self.add_command(made)
             return made
 

@@ -44,6 +44,7 @@ class Invocation:
     def __init__(self, ctx: click.Context, settings: Settings, family: Family | None) -> None:
         from handctl.model.result import Journal
 
+        self.context = ctx
         self.settings = settings
         self.family = family
         self.command = " ".join(words_of(ctx))

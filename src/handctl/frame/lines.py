@@ -27,6 +27,7 @@ from handctl.frame.family import load, map_of
 from handctl.frame.invocation import check_before, unsent
 from handctl.frame.options import COMMAND_LINE, said, words_of
 from handctl.frame.outcome import from_click
+from handctl.frame.precedence import resolve
 from handctl.frame.run import NO_TERMINAL, UNANSWERED, Act, Run
 from handctl.frame.usage import NoCommand
 from handctl.model.guide import Guide
@@ -70,7 +71,7 @@ class Line(NamedTuple):
             raise UsageError("standard input cannot be read here", hint="give a file instead of -")
         if self.leaf.offline and run.outputs:
             return Plan()  # it writes its files where it stands
-        return run.plan(self.leaf.body(self.context, run))
+        return run.plan(self.leaf.body(run))
 
     def confirmed(self) -> Line:
         """The same line with a yes."""
@@ -82,8 +83,9 @@ class Line(NamedTuple):
         """Carry it out and show its result. Raises HandctlError."""
         if not self.shared:
             session.release(journal)  # it may want the port for itself
-        said(self.context).session = session
-        self.leaf.carry_out(self.context, Run(self.context, self.settings, self.leaf.family))
+        told = said(self.context)
+        told.session, told.settings = session, self.settings
+        self.leaf.invoke(self.context)
 
 
 def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Line:
@@ -108,7 +110,7 @@ def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Lin
                 told.given.pop(key, None)
         told.taken = None
         command = " ".join(words_of(leaf))
-        return Line(number, command, leaf, leaf.command, leaf.command.settings(leaf))
+        return Line(number, command, leaf, leaf.command, resolve(leaf, leaf.command.wires, urgent=leaf.command.stops))
     except NoCommand as exc:
         raise UsageError(
             "no command", hint=f"`{exc.ctx.command_path if exc.ctx else 'handctl'} -h` lists them"
@@ -202,11 +204,11 @@ SHOWN = 20
 """Steps of one line that the question shows."""
 
 
-def batch(run: Run, context: click.Context, file: str, *, keep_going: bool) -> Table | None:
+def batch(run: Run, file: str, *, keep_going: bool) -> Table | None:
     """Run the lines of `file`, or of stdin for "-". The failure of the whole is that of the first line that failed."""
     text = _script(file)
     with _no_stdin():
-        lines = list(_lines(text, context))
+        lines = list(_lines(text, run.context))
         if not lines:
             raise UsageError("the script has no command", hint="write one command a line, without `handctl`")
         plans = list(_plans(lines))
@@ -403,10 +405,10 @@ class Shell:
     given   the common options that hold for every line
     """
 
-    def __init__(self, run: Run, context: click.Context, family: str, read_line: Callable[[str], str]) -> None:
+    def __init__(self, run: Run, family: str, read_line: Callable[[str], str]) -> None:
         self._run = run
         self._read_line = read_line
-        self._given = defaults(context)
+        self._given = defaults(run.context)
         self.family = family or run.settings.kind or ""
         self._session = Session(run.command, writes=True)
 
@@ -508,10 +510,10 @@ class Shell:
                 yield from (f"{param.name}.{part}" for part in param.elements)
 
 
-def shell(run: Run, context: click.Context, family: str) -> None:
+def shell(run: Run, family: str) -> None:
     """Open the prompt. Raises UsageError where nobody can type."""
     if not run.guide.interactive:
         raise UsageError("the shell needs a terminal", hint="send the lines to `handctl batch`", code="no-terminal")
     if run.settings.output:
         raise UsageError("the shell writes to the terminal", hint="give -o in a line of it")
-    Shell(run, context, family, input).run()
+    Shell(run, family, input).run()

@@ -76,6 +76,7 @@ class Said:
     include_ids  the result may hold what tells one device from another
     taken        who takes a line that is parsed and not run
     session      the `connection.Session` that a command belongs to, None for one that stands alone
+    settings     what was made of all this already, where a line runs that was read before
     """
 
     def __init__(self) -> None:
@@ -89,6 +90,7 @@ class Said:
         self.include_ids = False
         self.taken: Callable[[click.Context], object] | None = None
         self.session: Any = None
+        self.settings: Settings | None = None
 
 
 def said(ctx: click.Context) -> Said:

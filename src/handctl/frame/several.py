@@ -81,7 +81,7 @@ class Each:
         """Carry it out, in a thread; samples of a stream are taken as they come. Never raises."""
         one, run = self.line, self.run
         try:
-            table, failure = run.carried_out(one.leaf.body(one.context, run))
+            table, failure = run.carried_out(one.leaf.body(run))
             self.table = table or self.table
             if failure is None and self.table.samples is not None:
                 for rows in run.samples(self.table):

@@ -7,11 +7,11 @@ bytes. What a family overrides is its protocol; what it inherits is what every v
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypedDict, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, TypedDict, TypeVar
 
 from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, NotIdentified, ProtocolError, joined
 from handctl.model.param import Element, Number, ParamMap, Reading, elements_of
@@ -41,6 +41,7 @@ RETRIES = 2
 """Repetitions of a read that got no valid answer, unless --retries says otherwise."""
 
 T = TypeVar("T")
+P = ParamSpec("P")
 
 
 class Limits(TypedDict):
@@ -144,13 +145,13 @@ class Line:
     def reopened(self) -> None:
         """The port was opened again: what was under way is lost, and it may lead to a stranger."""
 
-    def repeated(self, ask: Callable[[], T], retries: int | None = None) -> T:
-        """What `ask` returns, asked again where no valid answer came; for reads only. Raises what `ask` raised last."""
+    def repeated(self, retries: int | None, ask: Callable[P, T], *args: P.args, **more: P.kwargs) -> T:
+        """What `ask` returns of these, asked again where no valid answer came; for reads only. Raises what it raised last."""
         for attempt in range(1 + (self.retries if retries is None else retries)):
             if attempt:
                 self.journal.counters.retries += 1
             try:
-                return ask()
+                return ask(*args, **more)
             except (NoAnswer, ProtocolError) as exc:
                 error = self.journal.blame(exc)
             if self.over:
@@ -438,20 +439,6 @@ class Gate:
                     raise NotIdentified(exc) from exc
                 journal.info("not-recorded", "the identity check was not recorded, so this replay skips it")
         self.passed = True
-
-    def check_read(self, link: Link, journal: Journal, who: Hashable, judge: Callable[[], object]) -> None:
-        """Judge what was read, unless that of `who` was on this line already. `judge` raises what speaks against this family."""
-        if self.passed or who in journal.line.met:
-            return
-        if self.assumed:
-            self.tell(journal)
-        else:
-            try:
-                judge()
-            except HandctlError as exc:
-                if not link.replayed or exc.code != "replay-miss":
-                    raise
-        journal.line.met.add(who)
 
     @staticmethod
     def tell(journal: Journal) -> None:
