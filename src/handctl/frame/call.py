@@ -67,18 +67,15 @@ class Call(Run):
     """One run of one command for a program."""
 
     listens = False
+    tells = Returned
+    served = staticmethod(lambda: None)
+    """Ctrl-C is the caller's."""
 
     def __init__(self, ctx: click.Context, settings: Settings, family: Family | None, confirm: Confirm = False) -> None:
         self._confirm = confirm
         self.failure: HandctlError | None = None
         self.extra: dict[str, Any] = {}
-        super().__init__(ctx, settings, family)
-
-    def person(self) -> Guide:
-        return Caller(self._confirm)
-
-    def told(self) -> Outcome:
-        return Returned(self)
+        super().__init__(ctx, settings, family, Caller(confirm))
 
     @property
     def typed(self) -> TextIO:
@@ -99,9 +96,6 @@ class Call(Run):
 
     def offer(self, question: str) -> bool:
         return False
-
-    def served(self) -> None:
-        """Ctrl-C is the caller's."""
 
     def finish(self, table: Table | None, failure: HandctlError | None) -> list[Row]:
         """The rows of what has ended. Raises what went wrong, with them; KeyboardInterrupt for Ctrl-C."""

@@ -69,6 +69,7 @@ class Command(Described):
         self.offline = offline
         self.streams = streams
         self.family = family
+        self.wires = family.wires if family is not None else ()
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """As click does; its message on the number of values knows neither the command nor what the values are called."""
@@ -108,11 +109,6 @@ class Command(Described):
             gc.freeze()
             gc.enable()
         run.execute(self.body(run))
-
-    @property
-    def wires(self) -> tuple[str, ...]:
-        """Those of its family."""
-        return self.family.wires if self.family is not None else ()
 
     def body(self, run: Run) -> Callable[[], Table | Act | None]:
         """What a run of the parsed line carries out: it gets the run first, then what was parsed."""

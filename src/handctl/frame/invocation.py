@@ -41,7 +41,9 @@ class Invocation:
 
     listens = True
 
-    def __init__(self, ctx: click.Context, settings: Settings, family: Family | None) -> None:
+    def __init__(
+        self, ctx: click.Context, settings: Settings, family: Family | None, guide: Guide | None = None
+    ) -> None:
         from handctl.model.result import Journal
 
         self.context = ctx
@@ -56,15 +58,11 @@ class Invocation:
         self.stops = bool(getattr(ctx.command, "stops", False))
         self.in_use = self.streams
         self.inputs, self.outputs = files_of(ctx)
-        self.guide = self.person()
+        self.guide = guide or TerminalGuide(settings.quiet)
         self.journal = Journal(progress=self.guide.progress)
         self.link: Link | None = None
         self.opened: Any = None
         self.end: float | None = None
-
-    def person(self) -> Guide:
-        """Who is talked with."""
-        return TerminalGuide(self.settings.quiet)
 
     @property
     def typed(self) -> TextIO:

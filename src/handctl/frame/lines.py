@@ -157,11 +157,8 @@ class Planning(Run):
     """A run that ends where the device would be used. Sends nothing, shows nothing, asks nothing."""
 
     def __init__(self, ctx: click.Context, settings: Settings, family: Family | None) -> None:
-        super().__init__(ctx, settings, family)
+        super().__init__(ctx, settings, family, Guide())
         self._plan = Plan()
-
-    def person(self) -> Guide:
-        return Guide()
 
     def plan(self, body: Callable[[], Any]) -> Plan:
         """What the body means to do. Raises UsageError and what else it finds wrong without the device."""

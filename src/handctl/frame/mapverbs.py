@@ -15,8 +15,8 @@ from typing import Any
 import click
 
 from handctl.families import COMMANDS
-from handctl.frame import stored, verbs
-from handctl.frame.clikit import Group, log_options, reads_option, scan_options, stream_options
+from handctl.frame import verbs
+from handctl.frame.clikit import Group, log_options, reads_option, scan_options, stream_options, together
 from handctl.frame.console import is_terminal
 from handctl.frame.run import Act, Run
 from handctl.frame.types import FiniteRange, InFile, OutFile
@@ -58,13 +58,8 @@ def add_map_verbs(
         own = run.family.map_of if run.family is not None else None
         return own(run.settings) if own is not None else params
 
-    has_setpoints = any(element.param.kind == COMMAND for element in stored.kept_of(params))
-
-    def with_setpoints(body: Callable[..., Table]) -> Callable[..., Table]:
-        return SETPOINTS(body) if has_setpoints else body
-
-    def with_ids(body: Callable[..., Table]) -> Callable[..., Table]:
-        return IDS(body) if any(param.tells == "serial" for param in params) else body
+    with_setpoints = SETPOINTS if any(one.param.kind == COMMAND for one in params.kept()) else together()
+    with_ids = IDS if any(param.tells == "serial" for param in params) else together()
 
     @click.option("--check", is_flag=True, help="Exit with code 7 if anything is unhealthy.")
     @with_ids
@@ -129,6 +124,8 @@ def add_map_verbs(
         FILE also contains the device's identity, the handctl version, the time and a checksum. It replaces only another snapshot.
         `diff` and `restore` use its settings, and with --setpoints its set points too.
         """
+        from handctl.frame import stored
+
         return stored.snapshot(run, file)
 
     @click.argument("a", type=InFile())
@@ -139,6 +136,8 @@ def add_map_verbs(
 
         Exit code 7 means that they differ.
         """
+        from handctl.frame import stored
+
         return stored.diff(run, mapped(run), a, b, setpoints=setpoints)
 
     @click.argument("file", type=InFile())
@@ -148,6 +147,8 @@ def add_map_verbs(
 
         Shows the plan first. If it is interrupted, you can safely run it again.
         """
+        from handctl.frame import stored
+
         return stored.restore(run, mapped(run), file, setpoints=setpoints)
 
     @click.argument("file", type=OutFile(), metavar="FILE.html")

@@ -27,8 +27,9 @@ from handctl.frame.outcome import (
     device_row,
     from_click,
     interrupted,
-    judged,
     make_envelope,
+    renamed,
+    with_cause,
 )
 from handctl.model.result import Column, Table
 from handctl.screen.filter import text_shown
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from handctl.link import Link
+    from handctl.model.guide import Guide
     from handctl.model.param import Step
     from handctl.stop.holding import Hold
 
@@ -72,19 +74,22 @@ class Act(NamedTuple):
 class Run(Invocation):
     """One run of one command."""
 
-    def __init__(self, ctx: click.Context, settings: Settings, family: Family | None) -> None:
-        super().__init__(ctx, settings, family)
-        self.outcome = self.told()
+    tells = Outcome
+    """Who tells what comes of it."""
+    served = staticmethod(served)
+    """All that is done to the device is done: from now on Ctrl-C changes neither the result nor the exit code."""
+
+    def __init__(
+        self, ctx: click.Context, settings: Settings, family: Family | None, guide: Guide | None = None
+    ) -> None:
+        super().__init__(ctx, settings, family, guide)
+        self.outcome = self.tells(self)
         self.journal.on_message = self.outcome.heard
         self.connection = Connection()
         self.others: list[Run] = []
         """The same command at further LINKs, see `device_at`."""
         self.outlet = ExitStack()
         """What is closed behind the last byte of output: the file of a command that runs others."""
-
-    def told(self) -> Outcome:
-        """Who tells what comes of it."""
-        return Outcome(self)
 
     def device(self) -> Any:
         """The device behind the link; opens it on first use. Raises UsageError, LinkError."""
@@ -243,13 +248,9 @@ class Run(Invocation):
             table = self.journal.kept  # what was read before it went wrong
         return table, failure
 
-    def served(self) -> None:
-        """All that is done to the device is done: from now on Ctrl-C changes neither the result nor the exit code."""
-        served()
-
     def judged(self, error: HandctlError | None) -> HandctlError | None:
-        """What is shown of an error, and what its exit code is."""
-        return judged(self, error)
+        """What is shown of an error: whose bytes came, and what held a command up that --deadline ended."""
+        return None if error is None else renamed(self, with_cause(self, error))
 
     def _wind_up(self, table: Table | None, failure: HandctlError | None) -> HandctlError | None:
         """Close, then show; a Ctrl-C meanwhile changes neither the result nor the exit code, unless its reader sleeps."""

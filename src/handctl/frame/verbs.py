@@ -59,7 +59,10 @@ def _knows(params: ParamMap[Any], name: str) -> bool:
 
 def get(run: Run, params: ParamMap[Any], names: Sequence[str]) -> Table:
     """Read the named quantities in as few transactions as the device allows."""
-    elements = select(meant(run, params, names), names)
+    try:
+        elements = select(params, names)
+    except UsageError:  # perhaps known to another kind of device of this family
+        elements = select(meant(run, params, names), names)
     device: Device = run.device()
     table = device.table(device.read(device.here(elements)))
     table.plain = ("value",)

@@ -13,7 +13,7 @@ import click
 
 from handctl.devices.inspire.map import address_in
 from handctl.errors import HandctlError, UsageError
-from handctl.frame import stored, verbs
+from handctl.frame import verbs
 from handctl.frame.run import Act, Run
 from handctl.frame.types import OutFile, Seconds
 from handctl.model.param import Element, ParamMap, Step
@@ -206,6 +206,7 @@ def factory_reset(run: Run, meaning: str, question: str, backup: str | None, *, 
 
     def reset(device: RegisterDevice) -> Table:
         from handctl.devices.inspire import procedures
+        from handctl.frame import stored
 
         device.meet(keeps=looks)
         stored.snapshot(run, path)
