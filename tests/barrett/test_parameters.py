@@ -7,7 +7,6 @@ import pytest
 from handctl.devices.barrett.map import BARRETT, SPEEDS, GclParam, check_careful, standard
 from handctl.devices.barrett.views import audit
 from handctl.errors import UsageError
-from handctl.frame.stored import kept_of
 from handctl.model.param import Element
 from tests.barrett.support import changes, elements, simulated
 from tests.support.each_row import each_row
@@ -147,7 +146,7 @@ def test_zero_is_refused_where_it_stops_or_divides(mnemonic: str) -> None:
 
 def test_snapshot_covers_all_writable_values() -> None:
     """31 writable motor values for four motors, BAUD, LFT, OTEMP, LFDPD (dossier 3.3)."""
-    names = [element.full_name for element in kept_of(BARRETT)]
+    names = [element.full_name for element in BARRETT.kept()]
     assert len(names) == 31 * 4 + 4
     assert {name for name in names if "." not in name} == {
         "baud_rate", "loop_feedback_temperature", "over_temperature_limit", "loop_feedback_delta_discard",

@@ -197,9 +197,9 @@ def test_an_unreadable_second_block_never_ends_the_first(reply: str) -> None:
 
 
 def test_a_snapshot_refuses_to_be_partial() -> None:
-    from handctl.frame.stored import kept_of, read_values
+    from handctl.frame.stored import read_values
 
     with pytest.raises(NoAnswer) as caught:
         hand = hand_on(without(1498, 10))
-        read_values(hand, kept_of(hand.map))
+        read_values(hand, hand.map.kept())
     assert "force_set.little" in caught.value.text

@@ -38,7 +38,7 @@ def shell(typed: list[str], *options: str, family: str = "exo") -> tuple[Shell, 
 
     one = line(["exo", "describe", *options], {})
     context: click.Context = one.context
-    return Shell(Run(context, one.settings, None), context, family, read_line), prompts
+    return Shell(Run(context, one.settings, None), family, read_line), prompts
 
 
 def test_lines_share_a_link_and_errors_do_not_end_it(handler: None, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,8 +11,9 @@ from typing import Any
 from unittest import mock
 
 from handctl.families import FAMILIES
-from handctl.frame.clikit import Command, root
+from handctl.frame.clikit import root
 from handctl.frame.options import SharedOption, shared_options
+from handctl.frame.run import Run
 from tests.contract.facts import facts_of
 from tests.promises.cells import Cell, exempt, link_of, made, map_for, needs, reached, row_of, typed, unless
 from tests.search.suite import Hang, bounded
@@ -49,10 +50,10 @@ class Took(Exception):
 def settings_of(words: Sequence[str], env: Mapping[str, str]) -> Any:
     """What a line comes to, without running it. Raises what is refused."""
 
-    def take(_command: Any, _ctx: Any, run: Any) -> None:
+    def take(run: Any, _body: Any) -> None:
         raise Took(run.settings)
 
-    with environment(clean_environment(env)), mock.patch.object(Command, "carry_out", take):
+    with environment(clean_environment(env)), mock.patch.object(Run, "execute", take):
         try:
             root.main(list(words), "handctl", standalone_mode=False)
         except Took as took:

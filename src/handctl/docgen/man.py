@@ -212,10 +212,19 @@ def _closing(page: Page, node: Node, tree: Node) -> str:
     for line, text in examples(node):
         page.item(bold(line), marked(text))
     page.section("SEE ALSO")
-    others = ["handctl", *(f"handctl-{child.path[0]}" for child in tree.children)]
-    shown = [_reference(other) for other in others if other != "-".join(("handctl", *node.path))]
-    page.para(",\n".join([*shown, *(_reference(other, 7) for other in page_names())]))
+    page.para(_see_also([child.path[0] for child in tree.children], name, "-".join(("handctl", *node.path))))
     return page.text
+
+
+def _see_also(commands: Iterable[str], about: str, page: str) -> str:
+    """The pages beside `page`, which is `about` a command or guide. handctl(1) names all; the others no page of another family."""
+
+    def near(name: str) -> bool:
+        return not about or name == about or name not in FAMILIES
+
+    pages = [("handctl", 1), *((f"handctl-{name}", 1) for name in commands if near(name))]
+    pages += [(guides.title(guides.source(name))[0], 7) for name in guides.names() if near(name)]
+    return ",\n".join(_reference(*one) for one in pages if one[0] != page)
 
 
 def exit_codes() -> list[tuple[int, str]]:
@@ -257,11 +266,6 @@ def _sentence(text: str) -> str:
 # -- guides -------------------------------------------------------------------------------------------------------------
 
 
-def page_names() -> tuple[str, ...]:
-    """The pages of section 7, without their section."""
-    return tuple(guides.title(guides.source(name))[0] for name in guides.names())
-
-
 def guide(text: str) -> str:
     """One guide as a page of section 7."""
     name, summary = guides.title(text)
@@ -284,10 +288,8 @@ def guide(text: str) -> str:
         else:
             _table(made, block)
     made.section("SEE ALSO")
-    own = name.removesuffix("-guide")
-    first = ["handctl(1)", *([f"{own}(1)"] if own != name else [])]
-    others = [*first, *(f"{other}(7)" for other in page_names() if other != name)]
-    made.para(",\n".join(words(other) for other in others))
+    about = name.removeprefix("handctl-").removesuffix("-guide")
+    made.para(_see_also([about] if about in FAMILIES else [], about, name))
     return made.text
 
 

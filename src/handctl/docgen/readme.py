@@ -52,12 +52,27 @@ def _verbs(tree: Node) -> Iterable[str]:
     return _table(("device", "verbs"), ((device, ", ".join(f"`{verb}`" for verb in verbs)) for device, verbs in rows))
 
 
+def _asks(tree: Node) -> Iterable[str]:
+    """Which commands of each family ask first, and which start at once, by their rows."""
+    rows = []
+    for family in [node for node in tree.children if node.path[0] in FAMILIES]:
+        first, at_once = [], []
+        for leaf in [one for one in family.walk() if one.writes]:
+            name = f"`{' '.join(leaf.path[1:])}`"
+            asked, _, else_ = leaf.asks.partition("; ") if isinstance(leaf.asks, str) else ("", "", "")
+            first += [" ".join(filter(None, (name, asked)))] if leaf.asks else []
+            at_once += [" ".join(filter(None, (name, else_)))] if else_ or not leaf.asks else []
+        rows.append((f"`{family.path[0]}`", ", ".join(first), ", ".join(at_once)))
+    return _table(("family", "asks first", "starts at once"), rows)
+
+
 MAKERS: dict[str, Callable[[Node], Iterable[str]]] = {
     "devices": lambda _tree: _table(
         ("command", "device", "run on hardware", "sources", "guide"),
         ((f"`handctl {name}`", COMMANDS[name][1], *_known(name)) for name in FAMILIES),
     ),
     "verbs": _verbs,
+    "asks": _asks,
     "links": lambda _tree: _table(("LINK (`-p`)", "meaning"), ((f"`{name}`", text) for name, text in LINKS)),
     "exit-codes": lambda _tree: _table(("exit code", "meaning"), ((str(code), text) for code, text in exit_codes())),
     "symptoms": lambda _tree: _table(

@@ -77,6 +77,7 @@ class Node:
     summary: str
     help: str
     writes: bool
+    asks: bool | str
     options: tuple[Option, ...]
     arguments: tuple[Argument, ...]
     sections: tuple[Section, ...]
@@ -121,6 +122,7 @@ def _node(command: click.Command, parent: click.Context | None, name: str, path:
         summary=_summary(command, path),
         help=inspect.cleandoc(command.help or "").partition("\f")[0].strip(),
         writes=bool(getattr(command, "writes", False)),
+        asks=getattr(command, "asks", False),
         options=tuple(_option(p, path, sections) for p in params if isinstance(p, click.Option) and not p.hidden),
         arguments=tuple(
             Argument(param.get_usage_pieces(ctx)[0], _value(param, path), param.nargs != 1)

@@ -65,25 +65,22 @@ class Call(Run):
     """One run of one command for a program."""
 
     listens = False
+    tells = Returned
+    served = staticmethod(lambda: None)
+    """Ctrl-C is the caller's."""
 
     def __init__(self, ctx: click.Context, settings: Settings, family: Family | None, confirm: Confirm = False) -> None:
         self._confirm = confirm
         self.failure: HandctlError | None = None
         self.extra: dict[str, Any] = {}
-        super().__init__(ctx, settings, family)
-        self.body: Callable[[], Table | None] = lambda: None
+        super().__init__(ctx, settings, family, Caller(confirm))
+        self.body: Callable[[], Any] = lambda: None
 
     def again(self) -> list[Row]:
         """The same reading once more: what was understood of its words holds, and nothing else. Raises HandctlError."""
         self.failure, self.extra = None, {}
         self.begin(self.journal.line)
         return self.finish(*self.carried_out(self.body))
-
-    def person(self) -> Guide:
-        return Caller(self._confirm)
-
-    def told(self) -> Outcome:
-        return Returned(self)
 
     @property
     def typed(self) -> TextIO:
@@ -107,9 +104,6 @@ class Call(Run):
 
     def offer(self, question: str) -> bool:
         return False
-
-    def served(self) -> None:
-        """Ctrl-C is the caller's."""
 
     def finish(self, table: Table | None, failure: HandctlError | None) -> list[Row]:
         """The rows of what has ended. Raises what went wrong, with them; KeyboardInterrupt for Ctrl-C."""
@@ -210,7 +204,7 @@ class Line:
             self._check_free()
             settings = self.settings._replace(yes=confirm is True, dry_run=dry_run)
             call = self._call(command, words, values, settings, confirm)
-            call.body = command.body(call.context, call)
+            call.body = command.body(call)
             table, failure = call.carried_out(call.body)
             if failure is None and table is not None and table.samples is not None:
                 return self._taken(call, table)

@@ -18,7 +18,7 @@ from handctl import __version__
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
 from handctl.families import COMMANDS, LISTED
 from handctl.frame.family import Family
-from handctl.frame.options import COMMAND_LINE, Settings, SharedOption, config_path, read_config, said, words_of
+from handctl.frame.options import COMMAND_LINE, SharedOption, config_path, read_config, said, words_of
 from handctl.frame.types import Hertz, InFile, OutFile, Seconds, WholeRange
 from handctl.frame.usage import (
     HEADINGS,
@@ -33,7 +33,7 @@ from handctl.frame.usage import (
 )
 
 if TYPE_CHECKING:
-    from handctl.frame.run import Run
+    from handctl.frame.run import Act, Run
     from handctl.model.result import Table
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -45,8 +45,8 @@ class Command(Described):
     """A leaf command with the shared options.
 
     `heading`: one of HEADINGS; `writes`: --dry-run makes sense for it; `streams`: --json means NDJSON; `stops`: an
-    emergency, which nothing holds up; `offline`: it never opens a link; `task`: its body, which gets the Run first; without
-    one it is click's callback.
+    emergency, which nothing holds up; `offline`: it never opens a link; `asks`: it asks first, always or in these words,
+    behind a ";" those of when it does not.
     """
 
     def __init__(
@@ -56,25 +56,26 @@ class Command(Described):
         streams: bool = False,
         stops: bool = False,
         offline: bool = False,
+        asks: bool | str = False,
         heading: str = "",
         family: Family | None = None,
-        task: Callable[..., Table | None] | None = None,
         **more: Any,
     ) -> None:
         super().__init__(*args, **more)
         self.heading = heading
-        self.task = task
+        self.asks = asks
         self.writes = writes
         self.stops = stops
         self.offline = offline
         self.streams = streams
         self.family = family
+        self.wires = family.wires if family is not None else ()
 
     @property
     def only_reads(self) -> bool:
         """Whether it asks a device, and neither writes to it nor opens a file."""
         files = any(isinstance(param.type, InFile | OutFile) and param.name != "output" for param in self.params)
-        return self.task is not None and not (self.writes or self.streams or self.offline or files)
+        return self.family is not None and not (self.writes or self.streams or self.offline or files)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """As click does; its message on the number of values knows neither the command nor what the values are called."""
@@ -90,21 +91,14 @@ class Command(Described):
                 raise
             raise click.UsageError(text, exc.ctx or ctx) from exc
 
-    def invoke(self, ctx: click.Context) -> Any:
+    def invoke(self, ctx: click.Context) -> None:
         if (taken := said(ctx).taken) is not None:
-            return taken(ctx)
+            taken(ctx)
+            return
+        from handctl.frame.precedence import resolve
         from handctl.frame.run import Run
 
-        return self.carry_out(ctx, Run(ctx, self.settings(ctx), self.family))
-
-    def settings(self, ctx: click.Context) -> Settings:
-        """What the common options of this command line say, and what stands behind them. Raises UsageError."""
-        from handctl.frame.precedence import resolve
-
-        return resolve(ctx, self.family.wires if self.family is not None else (), urgent=self.stops)
-
-    def carry_out(self, ctx: click.Context, run: Run) -> None:
-        """Run the command of a parsed line to its end. Raises HandctlError."""
+        run = said(ctx).run or Run(ctx, resolve(ctx, self.wires, urgent=self.stops), self.family)
         # Said for good in the environment or the file it is a safety catch, and what only reads does not need it.
         if run.settings.dry_run and not self.writes and run.sources["dry_run"] == COMMAND_LINE:
             raise run.failed(UsageError(
@@ -119,14 +113,12 @@ class Command(Described):
         if not gc.isenabled():  # see `cli.main`; no loop is held up by a look through what was imported
             gc.freeze()
             gc.enable()
-        run.execute(self.body(ctx, run))
+        run.execute(self.body(run))
 
-    def body(self, ctx: click.Context, run: Run) -> Callable[[], Table | None]:
-        """What a run of the parsed line carries out."""
-        ctx.obj = run
-        if self.task is not None:
-            return partial(self.task, run, **ctx.params)
-        return lambda: super(Command, self).invoke(ctx)
+    def body(self, run: Run) -> Callable[[], Table | Act | None]:
+        """What a run of the parsed line carries out: it gets the run first, then what was parsed."""
+        assert self.callback is not None
+        return partial(self.callback, run, **run.context.params)
 
 
 class Group(Described, click.Group):
@@ -216,6 +208,7 @@ class Group(Described, click.Group):
         streams: bool = False,
         stops: bool = False,
         offline: bool = False,
+        asks: bool | str = False,
     ) -> Callable[[Callable[..., Any]], Command]:
         """Decorator: add a leaf command whose body gets the Run first and returns a Table (or None).
 
@@ -231,8 +224,8 @@ class Group(Described, click.Group):
                 streams=streams,
                 stops=stops,
                 offline=offline,
+                asks=asks,
                 family=self.family,
-                task=body,
             )(body)
             self.add_command(made)
             return made

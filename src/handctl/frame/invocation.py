@@ -43,7 +43,9 @@ class Invocation:
 
     listens = True
 
-    def __init__(self, ctx: click.Context, settings: Settings, family: Family | None) -> None:
+    def __init__(
+        self, ctx: click.Context, settings: Settings, family: Family | None, guide: Guide | None = None
+    ) -> None:
         self.context = ctx
         self.settings = settings
         self.family = family
@@ -56,7 +58,7 @@ class Invocation:
         self.stops = bool(getattr(ctx.command, "stops", False))
         self.in_use = self.streams
         self.inputs, self.outputs = files_of(ctx)
-        self.guide = self.person()
+        self.guide = guide or TerminalGuide(settings.quiet)
         self.begin()
 
     def begin(self, line: Profile | None = None) -> None:
@@ -65,10 +67,6 @@ class Invocation:
         self.link: Link | None = None
         self.opened: Any = None
         self.end: float | None = None
-
-    def person(self) -> Guide:
-        """Who is talked with."""
-        return TerminalGuide(self.settings.quiet)
 
     @property
     def typed(self) -> TextIO:

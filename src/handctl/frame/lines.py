@@ -27,7 +27,8 @@ from handctl.frame.family import load, map_of
 from handctl.frame.invocation import check_before, shown_steps, told, unsent
 from handctl.frame.options import COMMAND_LINE, said, words_of
 from handctl.frame.outcome import from_click
-from handctl.frame.run import NO_TERMINAL, UNANSWERED, Run, plan_table
+from handctl.frame.precedence import resolve
+from handctl.frame.run import NO_TERMINAL, UNANSWERED, Act, Run
 from handctl.frame.usage import NoCommand
 from handctl.model.guide import Guide
 from handctl.model.result import Table
@@ -70,7 +71,7 @@ class Line(NamedTuple):
             raise UsageError("standard input cannot be read here", hint="give a file instead of -")
         if self.leaf.offline and run.outputs:
             return Plan()  # it writes its files where it stands
-        return run.plan(self.leaf.body(self.context, run))
+        return run.plan(self.leaf.body(run))
 
     def confirmed(self) -> Line:
         """The same line with a yes."""
@@ -89,9 +90,15 @@ class Line(NamedTuple):
             run = Run(self.context, self.settings, self.leaf.family)
         else:
             run.begin(run.journal.line)
-        self.leaf.carry_out(self.context, run)
-        if self.leaf.only_reads and not run.settings.output:  # it went well: the same line again asks the same
-            told.run, run.checked = run, True
+        told.run = run
+        try:
+            self.leaf.invoke(self.context)
+        except BaseException:
+            told.run = None
+            raise
+        run.checked = self.leaf.only_reads and not run.settings.output  # the same line again asks the same
+        if not run.checked:
+            told.run = None
 
 
 def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Line:
@@ -116,7 +123,7 @@ def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Lin
                 told.given.pop(key, None)
         told.taken = None
         command = " ".join(words_of(leaf))
-        return Line(number, command, leaf, leaf.command, leaf.command.settings(leaf))
+        return Line(number, command, leaf, leaf.command, resolve(leaf, leaf.command.wires, urgent=leaf.command.stops))
     except NoCommand as exc:
         raise UsageError(
             "no command", hint=f"`{exc.ctx.command_path if exc.ctx else 'handctl'} -h` lists them"
@@ -163,17 +170,20 @@ class Planning(Run):
     """A run that ends where the device would be used. Sends nothing, shows nothing, asks nothing."""
 
     def __init__(self, ctx: click.Context, settings: Settings, family: Family | None) -> None:
-        super().__init__(ctx, settings, family)
+        super().__init__(ctx, settings, family, Guide())
         self._plan = Plan()
-
-    def person(self) -> Guide:
-        return Guide()
 
     def plan(self, body: Callable[[], Any]) -> Plan:
         """What the body means to do. Raises UsageError and what else it finds wrong without the device."""
         check_before(self)
         with suppress(_UsesDeviceError):
-            body()
+            if isinstance(made := body(), Act):
+                asks = made.known if made.asks is None else made.asks
+                return (
+                    Plan(made.question, made.word, tuple(asks))
+                    if not self.settings.dry_run
+                    else Plan(steps=tuple(made.known))
+                )
         return self._plan
 
     def device(self) -> NoReturn:
@@ -182,10 +192,6 @@ class Planning(Run):
 
     def open_link(self, *, again: bool = False, baud: int | None = None) -> Link:
         return self.device()
-
-    def planned(self, steps: Sequence[Step]) -> Table | None:
-        self._plan = self._plan._replace(steps=tuple(steps))
-        return plan_table(steps) if self.settings.dry_run else None
 
     def confirm(
         self, question: str, steps: Sequence[Step] = (), *, word: str = "", changes: Changes | None = None
@@ -210,11 +216,11 @@ SHOWN = 20
 """Steps of one line that the question shows."""
 
 
-def batch(run: Run, context: click.Context, file: str, *, keep_going: bool) -> Table | None:
+def batch(run: Run, file: str, *, keep_going: bool) -> Table | None:
     """Run the lines of `file`, or of stdin for "-". The failure of the whole is that of the first line that failed."""
     text = _script(file)
     with _no_stdin():
-        lines = list(_lines(text, context))
+        lines = list(_lines(text, run.context))
         if not lines:
             raise UsageError("the script has no command", hint="write one command a line, without `handctl`")
         plans = list(_plans(lines))
@@ -411,10 +417,10 @@ class Shell:
     given   the common options that hold for every line
     """
 
-    def __init__(self, run: Run, context: click.Context, family: str, read_line: Callable[[str], str]) -> None:
+    def __init__(self, run: Run, family: str, read_line: Callable[[str], str]) -> None:
         self._run = run
         self._read_line = read_line
-        self._given = defaults(context)
+        self._given = defaults(run.context)
         self.family = family or run.settings.kind or ""
         self._session = Session(run.command, writes=True)
 
@@ -516,10 +522,10 @@ class Shell:
                 yield from (f"{param.name}.{part}" for part in param.elements)
 
 
-def shell(run: Run, context: click.Context, family: str) -> None:
+def shell(run: Run, family: str) -> None:
     """Open the prompt. Raises UsageError where nobody can type."""
     if not run.guide.interactive:
         raise UsageError("the shell needs a terminal", hint="send the lines to `handctl batch`", code="no-terminal")
     if run.settings.output:
         raise UsageError("the shell writes to the terminal", hint="give -o in a line of it")
-    Shell(run, context, family, input).run()
+    Shell(run, family, input).run()

@@ -15,10 +15,10 @@ from typing import Any
 import click
 
 from handctl.families import COMMANDS
-from handctl.frame import stored, verbs
-from handctl.frame.clikit import Group, log_options, reads_option, scan_options, stream_options
+from handctl.frame import verbs
+from handctl.frame.clikit import Group, log_options, reads_option, scan_options, stream_options, together
 from handctl.frame.console import is_terminal
-from handctl.frame.run import Run
+from handctl.frame.run import Act, Run
 from handctl.frame.types import FiniteRange, InFile, OutFile
 from handctl.frame.usage import columns
 from handctl.model.param import COMMAND, ParamMap
@@ -57,11 +57,12 @@ def add_map_verbs(
     example: str = "",
     setting: str = "",
     without: Collection[str] = (),
+    set_asks: bool = False,
     checks: Callable[[Run], Table] | None = None,
 ) -> None:
     """Add the verbs for `params`. `part` names an element for help ("FINGER"), `example` and `setting` show how.
 
-    `checks` are further rows for a report's findings, from a family that can look deeper by reading alone.
+    `set_asks`: what `set` writes is asked for first. `checks` are further rows for a report's findings, from a family that can look deeper by reading alone.
     """
     named = f"NAME[.{part}]" if part else "NAME"
     shown = f", such as `{example}`" if example else ""
@@ -71,13 +72,8 @@ def add_map_verbs(
         own = run.family.map_of if run.family is not None else None
         return own(run.settings) if own is not None else params
 
-    has_setpoints = any(element.param.kind == COMMAND for element in stored.kept_of(params))
-
-    def with_setpoints(body: Callable[..., Table]) -> Callable[..., Table]:
-        return SETPOINTS(body) if has_setpoints else body
-
-    def with_ids(body: Callable[..., Table]) -> Callable[..., Table]:
-        return IDS(body) if any(param.tells == "serial" for param in params) else body
+    with_setpoints = SETPOINTS if any(one.param.kind == COMMAND for one in params.kept()) else together()
+    with_ids = IDS if any(param.tells == "serial" for param in params) else together()
 
     @click.option("--check", is_flag=True, help="Exit with code 7 if anything is unhealthy.")
     @LIMIT
@@ -102,7 +98,7 @@ def add_map_verbs(
     get.__doc__ = f"Read quantities by name{shown}."
 
     @click.argument("assignments", nargs=-1, required=True, metavar=f"{named}=VALUE...")
-    def set_(run: Run, assignments: tuple[str, ...]) -> Table:
+    def set_(run: Run, assignments: tuple[str, ...]) -> Act:
         return verbs.set_values(run, mapped(run), assignments)
 
     set_.__doc__ = f"Write quantities by name and read them back.{f' For example `{setting}`.' if setting else ''}"
@@ -159,6 +155,8 @@ def add_map_verbs(
         FILE also contains the device's identity, the handctl version, the time and a checksum. It replaces only another snapshot.
         `diff` and `restore` use its settings, and with --setpoints its set points too.
         """
+        from handctl.frame import stored
+
         return stored.snapshot(run, file)
 
     @click.argument("a", type=InFile())
@@ -169,6 +167,8 @@ def add_map_verbs(
 
         Exit code 7 means that they differ.
         """
+        from handctl.frame import stored
+
         return stored.diff(run, mapped(run), a, b, setpoints=setpoints)
 
     @click.argument("file", type=InFile())
@@ -178,6 +178,8 @@ def add_map_verbs(
 
         Shows the plan first. If it is interrupted, you can safely run it again.
         """
+        from handctl.frame import stored
+
         return stored.restore(run, mapped(run), file, setpoints=setpoints)
 
     @click.argument("file", type=OutFile(), metavar="FILE.html")
@@ -234,6 +236,7 @@ def add_map_verbs(
     group.verb("scan", "Service")(scan)
     if "stop" not in without:
         group.verb("stop", "Move", writes=True, stops=True)(stop)
+    asking = {"set": set_asks, "restore": True}
     for name, heading, body, writes in (
         ("status", "Look", status, False),
         ("dump", "Look", dump, False),
@@ -249,4 +252,5 @@ def add_map_verbs(
         ("doctor", "Service", doctor, False),
     ):
         if name not in without:
-            group.verb(name, heading, writes=writes, streams=name == "watch", offline=name == "describe")(body)
+            more = {"streams": name == "watch", "offline": name == "describe", "asks": asking.get(name, False)}
+            group.verb(name, heading, writes=writes, **more)(body)

@@ -77,7 +77,7 @@ class Said:
     include_ids  the result may hold what tells one device from another
     taken        who takes a line that is parsed and not run
     session      the `connection.Session` that a command belongs to, None for one that stands alone
-    run          the `Run` of this line in a batch that has carried it out before, None at the first time
+    run          the `Run` of this line where it was read before, in a script or a session
     """
 
     def __init__(self) -> None:
@@ -174,25 +174,20 @@ class SharedOption(click.Option):
         given[f"{self.key}@"] = level
 
 
+@cache
 def shared_options(
-    wires: Sequence[str] = (), own: Sequence[OwnOption] = (), refused: frozenset[str] = frozenset()
-) -> list[click.Parameter]:
+    wires: tuple[str, ...] = (), own: tuple[OwnOption, ...] = (), refused: frozenset[str] = frozenset()
+) -> Sequence[SharedOption]:
     """The options that every command, group and the root accept, with those of a family that has several `wires` and some
     of its `own`. What is `refused`, by key, is understood, but not offered; "" stands for the section CONNECTION.
     They hold nothing of a run, so they are made once.
     """
-    return list(_offered(tuple(wires), tuple(own), refused))
-
-
-@cache
-def _offered(wires: tuple[str, ...], own: tuple[OwnOption, ...], refused: frozenset[str]) -> list[SharedOption]:
-    def offered(option: SharedOption) -> SharedOption:
+    found = list(_shared(wires, own))
+    for place, option in enumerate(found):
         if option.key in refused or (option.section == CONNECTION and "" in refused):
-            option = copy(option)
-            option.hidden = True
-        return option
-
-    return list(map(offered, _shared(wires, own)))
+            found[place] = copy(option)
+            found[place].hidden = True
+    return found
 
 
 @cache
@@ -272,10 +267,9 @@ def checks() -> dict[str, Check]:
     return {str(option.name): partial(_checked, option) for option in lasting_options(WIRES)}
 
 
-def lasting_options(wires: Sequence[str]) -> list[SharedOption]:
+def lasting_options(wires: tuple[str, ...]) -> list[SharedOption]:
     """The shared options that a variable and the configuration file may hold."""
-    options = shared_options(wires, own_options())
-    return [option for option in options if isinstance(option, SharedOption) and not option.typed]
+    return [option for option in shared_options(wires, own_options()) if not option.typed]
 
 
 def _checked(option: click.Parameter, value: Any) -> Any:

@@ -190,7 +190,7 @@ def late_envelope(args: Sequence[str], error: HandctlError, streams: bool, comma
 
 def as_told(run: Invocation, error: HandctlError) -> HandctlError:
     """The error as it is told: whose bytes came, or why nobody answered, as far as the family knows."""
-    error = _renamed(run, error)
+    error = renamed(run, error)
     explain_silence = run.family.explain_silence if run.family is not None else None
     silent = error.exit_code in (4, 5) and run.journal.counters.received == 0
     if run.opened is None or explain_silence is None or not silent or run.settings.baud is not None:
@@ -201,16 +201,16 @@ def as_told(run: Invocation, error: HandctlError) -> HandctlError:
         return error
 
 
-def _renamed(run: Invocation, error: HandctlError) -> HandctlError:
+def renamed(run: Invocation, error: HandctlError) -> HandctlError:
     """The error, or whose bytes came instead of an answer, or the command that finds out who is there."""
     if run.family is None or error.exit_code not in (4, 5):
         return error
-    from handctl.model.foreign import pointed, renamed
+    from handctl.model import foreign
 
-    error = renamed(error, run.family.kind)
+    error = foreign.renamed(error, run.family.kind)
     nobody = error.code in ("no-answer", "garbage") and not run.journal.counters.received and run.family.baud
     port = run.settings.port or ""
-    return pointed(error, port) if nobody and port and not port.startswith(("fake:", "replay:")) else error
+    return foreign.pointed(error, port) if nobody and port and not port.startswith(("fake:", "replay:")) else error
 
 
 def interrupted(run: Invocation) -> HandctlError:
@@ -223,12 +223,7 @@ def interrupted(run: Invocation) -> HandctlError:
     return stopped(stop, run.guide)
 
 
-def judged(run: Invocation, error: HandctlError | None) -> HandctlError | None:
-    """What is shown of an error: whose bytes came, and what held a command up that --deadline ended."""
-    return None if error is None else _renamed(run, _with_cause(run, error))
-
-
-def _with_cause(run: Invocation, error: HandctlError) -> HandctlError:
+def with_cause(run: Invocation, error: HandctlError) -> HandctlError:
     """The error; where --deadline was over, why it had not got on: bytes that came tell more than the end of the time."""
     late = run.end is not None and run.link is not None and run.link.now() >= run.end - 1e-6
     if not late or error.exit_code not in (4, 5):

@@ -31,7 +31,7 @@ from handctl.frame.options import (
 )
 
 
-def resolve(ctx: click.Context, wires: Sequence[str] = (), device: str = "", *, urgent: bool = False) -> Settings:
+def resolve(ctx: click.Context, wires: tuple[str, ...] = (), device: str = "", *, urgent: bool = False) -> Settings:
     """The settings of this command; with `device`, as `-d` with that name would have them. Where each comes from is
     kept in its `Said`.
 

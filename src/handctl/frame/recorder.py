@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 from handctl import __version__
 from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError
 from handctl.frame.run import Run
-from handctl.frame.stored import kept_of
 from handctl.frame.verbs import select
 from handctl.model.clocks import Moment
 from handctl.model.param import Element, Reading
@@ -228,7 +227,7 @@ class MapSource(Source):
         self._device, self._elements, self._again = device, list(elements), again
         self._identity = device.identity()
         self._met = False
-        self._settings = kept_of(device.map, setpoints=False, further=device.further(self._identity))
+        self._settings = device.map.kept(setpoints=False, further=device.further(self._identity))
 
     def sample(self) -> Sample:
         device = self._device

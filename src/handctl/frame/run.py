@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from copy import copy
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -27,8 +27,9 @@ from handctl.frame.outcome import (
     device_row,
     from_click,
     interrupted,
-    judged,
     make_envelope,
+    renamed,
+    with_cause,
 )
 from handctl.model.result import Column, Table
 from handctl.screen.filter import text_shown
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from handctl.link import Link
+    from handctl.model.guide import Guide
     from handctl.model.param import Changes, Step
     from handctl.model.profile import Profile
     from handctl.stop.holding import Hold
@@ -46,12 +48,51 @@ NO_TERMINAL = "Confirmation needed, but this is not an interactive terminal"
 UNANSWERED = "add --yes to confirm, or --dry-run to see the bytes"
 
 
+class Asked(NamedTuple):
+    """A question that a look at the device has made: "" = none, the steps that it shows, and its table."""
+
+    question: str = ""
+    steps: Sequence[Step] = ()
+    changes: Changes | None = None
+
+
+class Act(NamedTuple):
+    """What a command is going to do to a device: its body returns this, and the run plans, asks, opens the link and carries it out.
+
+    steps     what is going to be written, as far as that is known without the device; a function where only a dry run needs it
+    do        carries it out on the device
+    question  what is asked before, "" = nothing
+    word      that must be typed for a yes, "" = none
+    asks      the steps that the question shows, None = all
+    look      what looks at the device before that is asked, and then says what is asked
+    """
+
+    steps: Sequence[Step] | Callable[[], Sequence[Step]]
+    do: Callable[[Any], Table]
+    question: str = ""
+    word: str = ""
+    asks: Sequence[Step] | None = None
+    look: Callable[[Any], Asked] | None = None
+
+    @property
+    def known(self) -> Sequence[Step]:
+        """The steps that are known before the device is."""
+        return () if callable(self.steps) else self.steps
+
+
 class Run(Invocation):
     """One run of one command."""
 
-    def __init__(self, ctx: click.Context, settings: Settings, family: Family | None) -> None:
-        self.outcome = self.told()
-        super().__init__(ctx, settings, family)
+    tells = Outcome
+    """Who tells what comes of it."""
+    served = staticmethod(served)
+    """All that is done to the device is done: from now on Ctrl-C changes neither the result nor the exit code."""
+
+    def __init__(
+        self, ctx: click.Context, settings: Settings, family: Family | None, guide: Guide | None = None
+    ) -> None:
+        self.outcome = self.tells(self)
+        super().__init__(ctx, settings, family, guide)
         self.connection = Connection()
         self.checked = False
         """Its words were understood and carried out before: `begin` starts it once more."""
@@ -63,10 +104,6 @@ class Run(Invocation):
         self.journal.on_message = self.outcome.heard
         self.others: list[Run] = []
         """The same command at further LINKs, see `device_at`."""
-
-    def told(self) -> Outcome:
-        """Who tells what comes of it."""
-        return Outcome(self)
 
     def device(self) -> Any:
         """The device behind the link; opens it on first use. Raises UsageError, LinkError."""
@@ -144,12 +181,19 @@ class Run(Invocation):
         """While it lasts messages wait: a view has the terminal."""
         return self.outcome.held_back()
 
-    def planned(self, steps: Sequence[Step]) -> Table | None:
-        """Note in the ledger what is going to be written; the plan as a Table where --dry-run wants nothing more."""
+    def act(self, act: Act) -> Table:
+        """Carry it out, or show its plan for --dry-run. Raises NotConfirmed."""
         if self.settings.dry_run:
-            return self.dry_run(steps)
-        self.ledger.plan(steps)
-        return None
+            return self.dry_run(act.steps() if callable(act.steps) else act.steps)
+        self.ledger.plan(act.known)
+        asked = Asked(act.question, act.known if act.asks is None else act.asks)
+        if act.look is not None:
+            if act.question:
+                self.need_answer(act.question)
+            asked = act.look(self.device())
+        if asked.question:
+            self.confirm(asked.question, asked.steps, word=act.word, changes=asked.changes)
+        return act.do(self.device())
 
     def confirm(
         self, question: str, steps: Sequence[Step] = (), *, word: str = "", changes: Changes | None = None
@@ -196,7 +240,7 @@ class Run(Invocation):
         self.journal.info("dry-run", f"dry run: nothing was sent{looks}")
         return plan_table(steps)
 
-    def execute(self, body: Callable[[], Table | None]) -> None:
+    def execute(self, body: Callable[[], Table | Act | None]) -> None:
         """Run the body, show its table while the link is open, close, and raise what went wrong."""
         end_on_signals(suspend=self.writes)
         with self.outlet:
@@ -212,7 +256,7 @@ class Run(Invocation):
             failure.shown = True
             raise failure
 
-    def carried_out(self, body: Callable[[], Table | None]) -> tuple[Table | None, HandctlError | None]:
+    def carried_out(self, body: Callable[[], Table | Act | None]) -> tuple[Table | None, HandctlError | None]:
         """What the body returns, a stream shown to its end, and what went wrong."""
         failure: HandctlError | None = None
         table: Table | None = None
@@ -220,7 +264,8 @@ class Run(Invocation):
             try:
                 if not self.checked:
                     check_before(self)
-                table = body()
+                made = body()
+                table = self.act(made) if isinstance(made, Act) else made
                 if table is not None and table.samples is not None:
                     failure = self.outcome.stream(table, self)
             except HandctlError as exc:
@@ -238,13 +283,9 @@ class Run(Invocation):
             table = self.journal.kept  # what was read before it went wrong
         return table, failure
 
-    def served(self) -> None:
-        """All that is done to the device is done: from now on Ctrl-C changes neither the result nor the exit code."""
-        served()
-
     def judged(self, error: HandctlError | None) -> HandctlError | None:
-        """What is shown of an error, and what its exit code is."""
-        return judged(self, error) if error is not None else None
+        """What is shown of an error: whose bytes came, and what held a command up that --deadline ended."""
+        return None if error is None else renamed(self, with_cause(self, error))
 
     def _wind_up(self, table: Table | None, failure: HandctlError | None) -> HandctlError | None:
         """Close, then show; a Ctrl-C meanwhile changes neither the result nor the exit code, unless its reader sleeps."""

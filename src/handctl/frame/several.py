@@ -84,7 +84,7 @@ class Each:
         """Carry it out, in a thread; samples of a stream are taken as they come. Never raises."""
         one, run = self.line, self.run
         try:
-            table, failure = run.carried_out(one.leaf.body(one.context, run))
+            table, failure = run.carried_out(one.leaf.body(run))
             self.table = table or self.table
             if failure is None and self.table.samples is not None:
                 for rows in run.samples(self.table):
@@ -132,7 +132,7 @@ def run(words: Sequence[str], found: tuple[int, str, tuple[str, ...]]) -> None:
     if any(word in BY_THEMSELVES for word in words):
         begin = place if start else place - 1
         one = line([*words[:begin], *words[place + 1 :], *names], {})
-        one.leaf.carry_out(one.context, Run(one.context, one.settings, None))
+        one.leaf.invoke(one.context)
         return
     every = []
     for name in names:

@@ -13,26 +13,14 @@ The checksum covers everything else in canonical form (sorted keys, no spaces), 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
 from handctl.errors import CheckFailed, OutputError, UsageError, joined
 from handctl.files import atomic_write, read_text, why_unwritable
 from handctl.model.device import question, released
-from handctl.model.param import (
-    COMMAND,
-    MOVES,
-    PUSHES,
-    SETTING,
-    Changes,
-    Element,
-    FromTo,
-    Number,
-    ParamMap,
-    Step,
-    elements_of,
-)
+from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Changes, Element, FromTo, Number, ParamMap, Step
 from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:
@@ -43,21 +31,6 @@ Change = tuple[Element, Number]
 Check = Callable[[Sequence[Change]], None]
 """A device's own look at changes before anything is sent; raises UsageError."""
 ACTING = {MOVES: "MOVES the device", PUSHES: "PUSHES with a force until another is commanded"}
-
-
-def kept_of(params: ParamMap[Any], *, setpoints: bool = True, further: Collection[str] = ()) -> list[Element]:
-    """Every element that a snapshot holds: settings, and with `setpoints` what was commanded.
-
-    Of what only some devices have, that which `further` names, by parameter or element.
-    """
-    bases = {name.partition(".")[0] for name in further}
-    return [
-        element
-        for param in params
-        if param.writable and param.readable and (not param.optional or param.name in bases)
-        if param.kind == SETTING or (setpoints and param.kind == COMMAND)
-        for element in elements_of(param)
-    ]
 
 
 def read_values(device: Device, elements: Sequence[Element]) -> dict[str, Number]:
@@ -94,7 +67,7 @@ def snapshot(run: Run, path: str) -> Table:
     check_target(path, run.family.kind if run.family is not None else "")
     device: Device = run.device()
     identity = device.identity()
-    values = read_values(device, kept_of(device.map, further=device.further(identity)))
+    values = read_values(device, device.map.kept(further=device.further(identity)))
     content = make(device.kind, identity, values, link=run.link_name(), fake=run.simulated)
     write(path, content)
     for name, value in values.items():
@@ -126,7 +99,7 @@ def diff(run: Run, params: ParamMap[Any], a: str, b: str | None, *, setpoints: b
     else:
         device: Device = run.device()
         device.find_for_restore(left)
-        right = read_values(device, kept_of(params, setpoints=setpoints, further=left))
+        right = read_values(device, params.kept(setpoints=setpoints, further=left))
     names = list(dict.fromkeys([*left, *right]))
     compared = [name for name in names if setpoints or kind_of(params, name) != COMMAND]
     rows: list[Row] = [
@@ -149,8 +122,8 @@ def diff(run: Run, params: ParamMap[Any], a: str, b: str | None, *, setpoints: b
 
 def _need_settings(params: ParamMap[Any], setpoints: bool) -> None:
     """Refuse what could only be empty: a device that was never asked is not equal to anything. Raises UsageError."""
-    if not kept_of(params, setpoints=setpoints):
-        names = [element.full_name for element in kept_of(params)]
+    if not params.kept(setpoints=setpoints):
+        names = [element.full_name for element in params.kept()]
         raise UsageError(
             f"{params.kind} has no settings, only {counted(params, names)}",
             hint="--setpoints takes them. Nothing was sent.",
@@ -192,11 +165,11 @@ def restore(
     device: Device = run.device()
     device.find_for_restore(values)
     device.identify()
-    live = read_values(device, kept_of(params, setpoints=setpoints, further=values))
+    live = read_values(device, params.kept(setpoints=setpoints, further=values))
     differing = [(element, value) for element, value in changes if live.get(element.full_name) != value]
     for text in device.not_covered:
         run.journal.info("not-covered", f"not covered by a snapshot: {text}")
-    absent = [element.full_name for element in kept_of(params, setpoints=setpoints) if element.full_name not in values]
+    absent = [element.full_name for element in params.kept(setpoints=setpoints) if element.full_name not in values]
     if absent:
         run.journal.warn("absent", f"{path} does not hold {', '.join(absent)}. The device keeps its own values")
     if not differing:

@@ -10,6 +10,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError, joined
+from handctl.frame.run import Act, Asked
 from handctl.model.device import pending, question, released
 from handctl.model.param import PUSHES, Changes, Element, FromTo, Number, Param, ParamMap, Reading, Step
 from handctl.model.result import Column, Row, Sample, Table
@@ -65,28 +66,32 @@ def _knows(params: ParamMap[Any], name: str) -> bool:
 
 def get(run: Run, params: ParamMap[Any], names: Sequence[str]) -> Table:
     """Read the named quantities in as few transactions as the device allows."""
-    elements = select(meant(run, params, names), names)
+    try:
+        elements = select(params, names)
+    except UsageError:  # perhaps known to another kind of device of this family
+        elements = select(meant(run, params, names), names)
     device: Device = run.device()
     table = device.table(device.read(device.here(elements)))
     table.plain = ("value",)
     return table
 
 
-def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str]) -> Table:
+def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str]) -> Act:
     """Check, confirm where it moves or strands, write, read back."""
     changes = params.assignments(texts)
     planner = run.planner()
     steps = planner.plan(changes)
-    if (plan := run.planned(steps)) is not None:
-        return plan
     asks = any(step.strands or (step.moves and planner.worn) for step in steps)
-    if asks:
-        run.need_answer(f"{_consequence(steps)}: {', '.join(texts)}")
-    device: Device = run.device()
-    if asks:
-        run.confirm(_consequence(steps), steps, changes=going(run, device, changes))
-    ask_released(run, device, changes, steps)
-    return device.table(device.write(changes))
+
+    def look(device: Device) -> Asked:
+        return Asked(_consequence(steps), steps, going(run, device, changes))
+
+    def write(device: Device) -> Table:
+        ask_released(run, device, changes, steps)
+        return device.table(device.write(changes))
+
+    question = f"{_consequence(steps)}: {', '.join(texts)}" if asks else ""
+    return Act(steps, write, question, look=look if asks else None)
 
 
 def going(run: Run, device: Device, changes: Sequence[tuple[Element, Number]], what: str = "Setting") -> Changes:

@@ -7,11 +7,11 @@ bytes. What a family overrides is its protocol; what it inherits is what every v
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Protocol, TypedDict, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypedDict, TypeVar
 
 from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, NotIdentified, ProtocolError, joined
 from handctl.light import NamedTuple
@@ -35,12 +35,14 @@ if TYPE_CHECKING:
     from handctl.link import Deadline, Link
     from handctl.link.deadman import Guard
     from handctl.model.guide import Guide
+    from handctl.model.moving import Clock
     from handctl.model.param import Step
 
 RETRIES = 2
 """Repetitions of a read that got no valid answer, unless --retries says otherwise."""
 
 T = TypeVar("T")
+P = ParamSpec("P")
 
 
 class Limits(TypedDict):
@@ -116,16 +118,41 @@ class Line:
                 joined(f"{self.where}: --deadline is over", unsent), hint="give a longer --deadline", code="deadline"
             )
 
+    def pause(self, seconds: float) -> None:
+        """Let time pass, but not beyond the deadline of the command."""
+        self.link.sleep(min(seconds, self.bound.remaining) if self.bound is not None else seconds)
+
+    def clock(self, wait: float, refresh: float, what: str) -> Clock:
+        """The time of a movement of `what` that is watched for `wait` seconds at most, every `refresh` seconds."""
+        from handctl.model.moving import Clock
+
+        end = self.link.deadline(wait)
+
+        def tick() -> None:
+            self.pause(refresh)
+            self.out_of_time(f"the arrival. {what} may still move")
+
+        return Clock(self.link.now, lambda: end.expired, tick)
+
+    def out_of_time(self, what: str) -> None:
+        """Raise NoAnswer when --deadline, not the device, ended a wait for `what`."""
+        if self.over:
+            raise NoAnswer(
+                f"{self.where}: --deadline ended the wait for {what}. The result is not known",
+                hint="read the values before you repeat the command. A longer --deadline waits for the end",
+                code="deadline",
+            )
+
     def reopened(self) -> None:
         """The port was opened again: what was under way is lost, and it may lead to a stranger."""
 
-    def repeated(self, ask: Callable[[], T], retries: int | None = None) -> T:
-        """What `ask` returns, asked again where no valid answer came; for reads only. Raises what `ask` raised last."""
+    def repeated(self, retries: int | None, ask: Callable[P, T], *args: P.args, **more: P.kwargs) -> T:
+        """What `ask` returns of these, asked again where no valid answer came; for reads only. Raises what it raised last."""
         for attempt in range(1 + (self.retries if retries is None else retries)):
             if attempt:
                 self.journal.counters.retries += 1
             try:
-                return ask()
+                return ask(*args, **more)
             except (NoAnswer, ProtocolError) as exc:
                 error = self.journal.blame(exc)
             if self.over:
@@ -413,20 +440,6 @@ class Gate:
                     raise NotIdentified(exc) from exc
                 journal.info("not-recorded", "the identity check was not recorded, so this replay skips it")
         self.passed = True
-
-    def check_read(self, link: Link, journal: Journal, who: Hashable, judge: Callable[[], object]) -> None:
-        """Judge what was read, unless that of `who` was on this line already. `judge` raises what speaks against this family."""
-        if self.passed or who in journal.line.met:
-            return
-        if self.assumed:
-            self.tell(journal)
-        else:
-            try:
-                judge()
-            except HandctlError as exc:
-                if not link.replayed or exc.code != "replay-miss":
-                    raise
-        journal.line.met.add(who)
 
     @staticmethod
     def tell(journal: Journal) -> None:

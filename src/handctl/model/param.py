@@ -6,7 +6,7 @@ Everything that reads, writes, prints, explains, stores or completes a quantity 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Generic, TypeVar
 
@@ -262,6 +262,20 @@ class ParamMap(Generic[P]):
 
     def __contains__(self, name: str) -> bool:
         return name in self._params
+
+    def kept(self, *, setpoints: bool = True, further: Collection[str] = ()) -> list[Element]:
+        """Every element that a snapshot holds: settings, and with `setpoints` what was commanded.
+
+        Of what only some devices have, that which `further` names, by parameter or element.
+        """
+        bases = {name.partition(".")[0] for name in further}
+        return [
+            element
+            for param in self
+            if param.writable and param.readable and (not param.optional or param.name in bases)
+            if param.kind == SETTING or (setpoints and param.kind == COMMAND)
+            for element in elements_of(param)
+        ]
 
     @property
     def every(self) -> tuple[P, ...]:

@@ -16,6 +16,7 @@ PLACES = {
     "sim": "src/handctl/sim/{name}/{file}",
     "guide": "src/handctl/guides/{name}.md",
     "tests/facts.py": "tests/contract/facts/{name}.py",
+    "tests/outcomes.py": "tests/contract/facts/outcomes/{name}.py",
     "tests/transcript": "tests/transcripts/{name}-lines.txt",
 }
 """Template, or folder of templates -> where it goes in the tree."""

@@ -12,7 +12,8 @@ from handctl.newfamily import Refused, carry_out, plan
 
 NEXT = """The commands, tests and pages of {name} run already:
     handctl {name} status --fake
-    python -m pytest -q -m contract tests/contract -k {name}
+    python -m tests.pins --only {name}
+    python -m pytest -q tests/contract tests/pins -k {name}
 Now replace its protocol with what the manual says, first in src/handctl/sim/{name}, then in src/handctl/devices/{name}.
 """
 

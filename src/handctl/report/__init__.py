@@ -20,7 +20,6 @@ from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, Outpu
 from handctl.files import atomic_write
 from handctl.frame import verbs
 from handctl.frame.family import load
-from handctl.frame.stored import kept_of
 from handctl.link.tap import Tap, observed, parse
 from handctl.model.param import ParamMap
 from handctl.model.piece import DEVICE, HOST, Explainer, Piece
@@ -145,7 +144,7 @@ def _ask(
         dump.view = None
         content.dump = _grids(visit, "dump", privacy.table(dump))
     identity = None
-    if kept_of(params):  # a device without stored settings is not asked who it is
+    if params.kept():  # a device without stored settings is not asked who it is
         identity = visit.attempt("identity", lambda: device.identity())  # noqa: PLW0108 - there may be none
     if identity is not None:
         content.facts = [fact for fact in privacy.identity(identity).items() if fact[0] != "kind"]

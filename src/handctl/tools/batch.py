@@ -17,8 +17,7 @@ from handctl.model.result import Table
     is_flag=True,
     help="Continue after a line that failed. The exit code is still that of the first failure.",
 )
-@click.pass_context
-def cli(context: click.Context, file: str, keep_going: bool) -> Table | None:
+def cli(run: Run, file: str, keep_going: bool) -> Table | None:
     """Run many commands on one open link, from FILE or stdin.
 
     Write each command on its own line, without `handctl`. `#` starts a comment. Options such as -p, -d, --yes and --json
@@ -27,5 +26,4 @@ def cli(context: click.Context, file: str, keep_going: bool) -> Table | None:
     """
     from handctl.frame.lines import batch
 
-    run: Run = context.obj
-    return batch(run, context, file, keep_going=keep_going)
+    return batch(run, file, keep_going=keep_going)

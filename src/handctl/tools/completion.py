@@ -31,7 +31,7 @@ SHELLS = tuple(PLACES)
 @click.command("completion", cls=Command, writes=True, offline=True)
 @click.argument("shell", type=click.Choice(SHELLS))
 @click.option("--install", is_flag=True, help="Install it in your own completion directory instead of printing it.")
-def cli(shell: str, install: bool) -> Table:
+def cli(run: Run, shell: str, install: bool) -> Table:
     """Print the completion of a shell, or install it for this user.
 
     TAB then works without starting handctl: commands, options, choices and the names of quantities are in the script.
@@ -39,7 +39,6 @@ def cli(shell: str, install: bool) -> Table:
     from handctl.docgen.completion import SHELLS as WRITERS
     from handctl.docgen.tree import read_tree
 
-    run: Run = click.get_current_context().obj
     text = WRITERS[shell].script(read_tree())
     if not install:
         if run.settings.dry_run:

@@ -169,9 +169,8 @@ def show(run: Run, name: str | None) -> Table:
     Without NAME, show the settings of a command without -d. The source is the command line, the environment, the named
     device, the configuration file (with the line) or the default.
     """
-    ctx = run.context
-    settings = resolve(ctx, WIRES, name or "")
-    sources = said(ctx).sources
+    settings = resolve(run.context, WIRES, name or "")
+    sources = said(run.context).sources
     own = {option.key: False if option.flag else None for option in own_options()}
     values = {key: getattr(settings, key) for key in Settings._fields if key != "own"}
     values |= {key: settings.own.get(key, own[key]) for key in sorted(own)}

@@ -50,14 +50,14 @@ TONES = {"ok": "good", "warning": "warn", "fail": "bad", "skipped": "dim"}
     help="The family of the device on the link. Without it, and without -d NAME, handctl detects the device.",
 )
 @reads_option
-def cli(family: str | None, count: int) -> Table:
+def cli(run: Run, family: str | None, count: int) -> Table:
     """Check this computer, and with -p LINK that link and its device.
 
     Checks permissions, other programs, delays, baud rate, echo and error rate. Each row shows the evidence and a remedy.
     Without --family it detects the device first, as `handctl scan` does. Read-only.
     Exit code 7 means a warning or a failure.
     """
-    return checked(click.get_current_context().obj, family, count)
+    return checked(run, family, count)
 
 
 def checked(run: Run, family: str | None, count: int) -> Table:

@@ -31,7 +31,6 @@ HOW = (
 
 @click.command("help", cls=Command, offline=True)
 @click.argument("topic", nargs=-1, metavar="[TOPIC]...")
-@click.pass_obj
 def cli(run: Run, topic: tuple[str, ...]) -> Table | None:
     """Show a page of the manual, a guide, or the help of one command. Without TOPIC: list them all.
 

@@ -52,12 +52,11 @@ class Problem(NamedTuple):
 
 
 @click.command("ports", cls=Command, offline=True)
-def cli() -> Table:
+def cli(run: Run) -> Table:
     """List serial ports and CAN interfaces.
 
     Shows which program uses each one, and how to fix problems. Opens none of them.
     """
-    run: Run = click.get_current_context().obj
     return table(Machine(), run.journal)
 
 

@@ -64,13 +64,12 @@ WIRE_NAMES = {"serial": "a serial line", "tcp": "TCP", "can": "CAN"}
     help="Search for this family only. Can be repeated.",
 )
 @scan_options
-def cli(links: tuple[str, ...], families: tuple[str, ...], ids: str | None, find_all: bool) -> Table:
+def cli(run: Run, links: tuple[str, ...], families: tuple[str, ...], ids: str | None, find_all: bool) -> Table:
     """Detect the device on a port: its family, baud rate and id.
 
     Read-only. Skips ports that are in use. Nothing it sends starts or ends a movement, or triggers a boot monitor.
     It tries the usual ids first, then all ids, and reports anything it skipped.
     """
-    run: Run = click.get_current_context().obj
     settings = run.settings
     wanted = tuple(family for family in SCANNED if not families or family in families)
     names = list(links) or ([settings.port] if settings.port else [])

@@ -11,8 +11,7 @@ from handctl.frame.run import Run
 
 @click.command("shell", cls=Command, writes=True)
 @click.argument("family", required=False, type=click.Choice(list(FAMILIES)), metavar="[FAMILY]")
-@click.pass_context
-def cli(context: click.Context, family: str | None) -> None:
+def cli(run: Run, family: str | None) -> None:
     """Type commands at a prompt. The link stays open between them.
 
     Type each command without `handctl`. If you give FAMILY or -d, leave out the family too. TAB completes commands and
@@ -21,5 +20,4 @@ def cli(context: click.Context, family: str | None) -> None:
     """
     from handctl.frame.lines import shell
 
-    run: Run = context.obj
-    shell(run, context, family or "")
+    shell(run, family or "")

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 
 @click.command("stop", cls=Command, writes=True, stops=True)
-@click.pass_obj
 def cli(run: Run) -> Table:
     """Stop a device at once, even while another handctl command is using it.
 

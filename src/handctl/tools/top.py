@@ -38,14 +38,13 @@ COLUMNS = (
 @streaming(5.0)
 @LIMIT
 def cli(
-    names: tuple[str, ...], rate: float, count: int | None, duration: float | None, limits: tuple[str, ...]
+    run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None, limits: tuple[str, ...]
 ) -> Table:
     """Show all named devices as cards, the one that needs you first.
 
     Without DEVICE: every device in the configuration file. Read-only. A silent device keeps its card and is tried again.
     On a pipe: a stream of rows. `handctl devices add` names a device.
     """
-    run: Run = click.get_current_context().obj
     config = read_config(config_path(), None)
     chosen = list(dict.fromkeys(names or ([run.settings.device] if run.settings.device else config.devices)))
     if not chosen:

@@ -71,6 +71,9 @@ class Facts:
     drives    a command on which handctl is killed, what it sends meanwhile, and the bytes of the stop
     ends      writing command that needs no stop -> why
     confusing  faults under which `rule` cannot tell from the bytes what writes, since what comes belongs to older ones
+    places    the simulator -> where what moves is, by the device itself; None = nothing that is written moves it
+    near      so far it may be off and has not moved, or has arrived
+    forces    of `halts` those that drive by force: where they end says nothing
     memory    the simulated device, full name of an element -> the raw number that it holds there
     power_on  full name -> value at power-on, in the unit, as its manual would print it
     refuses   lines that the codec must refuse
@@ -104,6 +107,9 @@ class Facts:
     drives: tuple[str, bytes, bytes] | None = None
     ends: Mapping[str, str] | None = None
     confusing: frozenset[str] = frozenset()
+    places: Callable[[Any], list[float]] | None = None
+    near: float = 20.0
+    forces: frozenset[str] = frozenset()
     memory: Callable[[object, str], int] | None = None
     power_on: Mapping[str, float] | None = None
     refuses: Sequence[bytes] = ()
@@ -121,6 +127,14 @@ class Facts:
         text = self.writes.get(command, self.reads.get(command, ""))
         files = {kind: str(folder / f"{kind}.json") for kind in FAMILIES}
         return [word.format(dir=folder, **files).replace("§", " ") for word in text.split()]
+
+    def placed(self, line: Any) -> list[float]:
+        """Where what moves is."""
+        return list(self.places(line)) if self.places is not None else []
+
+    def apart(self, one: Sequence[float], other: Sequence[float]) -> bool:
+        """Whether these are different places."""
+        return any(abs(a - b) > self.near for a, b in zip(one, other, strict=True))
 
     def link(self, family: str, command: str = "", *more: str) -> str:
         """The simulator in the state in which a command works, on virtual time; `more` are further options."""

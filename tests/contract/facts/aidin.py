@@ -6,6 +6,9 @@ from tests.contract.facts import Facts
 from tests.fuzz.decoders import AIDIN_GOODS, AIDIN_LIKELY
 
 FACTS = Facts(
+    places=lambda line: [motor.place for motor in line.device.hand.motors],
+    near=2000.0,
+    forces=frozenset({"currents"}),
     nothing_waits="it tells neither its target nor its maximum torque: nobody can see what waits (aidin, Feedback keys)",
     writes={
         "home": "",

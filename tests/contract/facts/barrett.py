@@ -57,6 +57,8 @@ class Gcl:
 
 
 FACTS = Facts(
+    places=lambda line: [motor.position(line.device.now) for motor in line.device.hand.motors],
+    forces=frozenset({"torque-open", "torque-close"}),
     nothing_waits="its set-points act with a movement command only (barrett §5.2.1)",
     writes={
         "set": "MCV=80 HSG.F1=150",

@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from tests.contract.facts import Facts, Waiting
 from tests.contract.facts.inspire import inspire
 from tests.fuzz.decoders import EB90_GOODS, EB90_LIKELY
 
 HOLD = bytes.fromhex("EB 90 01 0B 32")
 """A position command (exo §2.2.2)."""
+
+
+def _places(line: Any) -> list[float]:
+    return [finger.position for finger in line.device.hand.fingers]
+
+
 WAITING = Waiting(
     "has errors on its way",
     ("clear_errors",),
     ("clear-errors",),
     lambda line: line.advance(1.0),
-    lambda line: [finger.position for finger in line.device.hand.fingers],
+    _places,
     {"fault": "faults"},
     goes=False,
 )
 FACTS = Facts(
+    places=_places,
     waiting=(WAITING,),
     writes={
         "set": "position_set.index=300 force_set.thumb=-20",

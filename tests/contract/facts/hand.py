@@ -67,6 +67,7 @@ WAITING = (
     ),
 )  # fmt: skip
 FACTS = Facts(
+    places=_angles,
     waiting=WAITING,
     writes={
         "set": "speed_set.index=300 force_limit.little=200",

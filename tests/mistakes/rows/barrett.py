@@ -333,4 +333,13 @@ ROWS = (
         "if (high < OFF and now > high) or (low < OFF and now < low):",
         "tests/barrett/test_diagnose.py::test_checks",
     ),
+    mistake(
+        "barrett-plan-does-not-say-what-moves",
+        "question skipped",
+        "handctl.devices.barrett.cli",
+        "step_of",
+        "return Step(text, encode(text), moves=kind.moves, strands=bool(kind.question))",
+        "return Step(text, encode(text), strands=bool(kind.question))",
+        "tests/contract/test_truth.py::test_a_plan_says_what_moves",
+    ),
 )

@@ -398,4 +398,13 @@ ROWS = (
         "tests/contract/test_waiting.py::test_nothing_is_let_go_unasked",
         "tests/inspire/test_rh56_arrival.py::test_a_speed_that_lets_a_finger_go_on_is_asked_for",
     ),
+    mistake(
+        "blocked-is-arrived",
+        "false success",
+        "handctl.model.moving",
+        "Watch._arrival",
+        "return Arrival(axis.goal, value, BLOCKED, seen.blocked)",
+        "return Arrival(axis.goal, value, REACHED)",
+        "tests/contract/test_truth.py::test_nothing_arrives_that_is_blocked",
+    ),
 )

@@ -17,7 +17,7 @@ from handctl.frame.clikit import Group, stream_options, suspendable
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.run import Run
+from handctl.frame.run import Act, Run
 from handctl.frame.types import NEGATIVE_NUMBERS, FiniteRange
 from handctl.model.device import Gate, limits_of
 from handctl.model.param import Step
@@ -74,47 +74,45 @@ ASSUME = click.option(
 )
 
 
-@cli.verb("home", "Move", writes=True)
-def home(run: Run) -> Table:
+@cli.verb("home", "Move", writes=True, asks=True)
+def home(run: Run) -> Act:
     """OPEN ALL FINGERS for 3.5 s and set that position as the origin (homing).
 
     Asks first. Ctrl-C stops. Home the hand after every power-on, because its encoders are incremental.
     """
     from handctl.devices.aidin import modes
 
-    steps = [_step(run, f"homing, every 20 ms for {modes.HOLD:g} s with nothing else in between", Mode.HOMING)]
-    if (plan := run.planned(steps)) is not None:
-        return plan
-    run.confirm(f"All fingers will OPEN for {modes.HOLD:g} s and drop any held object. Keep clear", steps)
-    return modes.home(run.device(), run.guide)
+    return Act(
+        [_step(run, f"homing, every 20 ms for {modes.HOLD:g} s with nothing else in between", Mode.HOMING)],
+        lambda hand: modes.home(hand, run.guide),
+        f"All fingers will OPEN for {modes.HOLD:g} s and drop any held object. Keep clear",
+    )
 
 
-@cli.verb("initial", "Move", writes=True)
+@cli.verb("initial", "Move", writes=True, asks=True)
 @ASSUME
-def initial(run: Run, assume_homed: bool) -> Table:
+def initial(run: Run, assume_homed: bool) -> Act:
     """Open all fingers to the origin set by homing. Asks first. Ctrl-C stops."""
     from handctl.devices.aidin import modes
 
-    steps = [_step(run, "initial position, every 20 ms until it is reached", Mode.INITIAL)]
-    if (plan := run.planned(steps)) is not None:
-        return plan
-    run.confirm("All fingers will OPEN to their origin and drop any held object", steps)
-    return modes.initial(run.device(), run.guide, assume_homed=assume_homed)
+    return Act(
+        [_step(run, "initial position, every 20 ms until it is reached", Mode.INITIAL)],
+        lambda hand: modes.initial(hand, run.guide, assume_homed=assume_homed),
+        "All fingers will OPEN to their origin and drop any held object",
+    )
 
 
 @cli.verb("bias", "Settings", writes=True)
-def bias(run: Run) -> Table:
+def bias(run: Run) -> Act:
     """Set the sensors to 0. Touch nothing: any load is subtracted from all later values."""
     from handctl.devices.aidin import modes
 
-    if (plan := run.planned([_step(run, "sensor bias, every 20 ms for 0.5 s", Mode.BIAS)])) is not None:
-        return plan
-    return modes.bias(run.device())
+    return Act([_step(run, "sensor bias, every 20 ms for 0.5 s", Mode.BIAS)], modes.bias)
 
 
 @cli.verb("max-torque", "Settings", writes=True)
 @click.argument("value", metavar="N")
-def max_torque(run: Run, value: str) -> Table:
+def max_torque(run: Run, value: str) -> Act:
     """Set the maximum output current: 0 to 1000 in 0.1 % (recommended: 700 to 1000).
 
     It cannot be read back."""
@@ -125,11 +123,8 @@ def max_torque(run: Run, value: str) -> Table:
     steps = [_step(run, "maximum torque, every 20 ms for 0.2 s", Mode.MAXTORQUE, maxtorque=number)]
     if number < RECOMMENDED:
         run.journal.warn("low-torque", f"maxtorque {number}: 700 to 1000 is recommended ({param.source})")
-    if (plan := run.planned(steps)) is not None:
-        return plan
-    if number == 0:
-        run.confirm("Without torque the fingers do not move, and may drop a held object", steps)
-    return modes.max_torque(run.device(), number)
+    question = "Without torque the fingers do not move, and may drop a held object" if number == 0 else ""
+    return Act(steps, lambda hand: modes.max_torque(hand, number), question)
 
 
 # -- targets --------------------------------------------------------------------------------------------------------
@@ -141,21 +136,23 @@ def _values(body: Callable[..., Any]) -> Callable[..., Any]:
 
 def _move(
     run: Run, target: Target, values: tuple[str, ...], assume_homed: bool, expect: str | None, *, rad: bool = False
-) -> Table:
+) -> Act:
     from handctl.devices.aidin import motion
     from handctl.devices.aidin.targets import parse
 
     goal = parse(target, values, rad=rad)
-    if run.settings.dry_run:
-        return run.dry_run(motion.plan(run.device, goal, way_of(run.settings).end))
-    return motion.move(run.device(), goal, run.guide, assume_homed=assume_homed, expect=expected(expect))
+    ending = expected(expect)
+    return Act(
+        lambda: motion.plan(run.device, goal, way_of(run.settings).end),
+        lambda hand: motion.move(hand, goal, run.guide, assume_homed=assume_homed, expect=ending),
+    )
 
 
 @cli.verb("encoders", "Move", writes=True)
 @_values
 @ASSUME
 @expect
-def encoders(run: Run, values: tuple[str, ...], assume_homed: bool, expect: str | None) -> Table:
+def encoders(run: Run, values: tuple[str, ...], assume_homed: bool, expect: str | None) -> Act:
     """Move motors to encoder counts.
 
     Give all 15 (thumb, index, middle, ring, little, each m1 m2 m3), or only some as pairs: `encoders index.m3=85000`.
@@ -170,7 +167,7 @@ def encoders(run: Run, values: tuple[str, ...], assume_homed: bool, expect: str 
 @click.option("--rad", is_flag=True, help="Values are in radians, not degrees.")
 @ASSUME
 @expect
-def joints(run: Run, values: tuple[str, ...], rad: bool, assume_homed: bool, expect: str | None) -> Table:
+def joints(run: Run, values: tuple[str, ...], rad: bool, assume_homed: bool, expect: str | None) -> Act:
     """Move joints to angles in degrees.
 
     Give all 15 (thumb, index, middle, ring, little, each q1 q2 q3) or 20 (with q4), or only some as pairs:
@@ -185,7 +182,7 @@ def joints(run: Run, values: tuple[str, ...], rad: bool, assume_homed: bool, exp
 @_values
 @ASSUME
 @expect
-def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool, expect: str | None) -> Table:
+def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool, expect: str | None) -> Act:
     """Move fingertips to coordinates in mm.
 
     Give all 15 (thumb, index, middle, ring, little, each x y z in its finger's own frame), or only some as pairs:
@@ -195,7 +192,7 @@ def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool, expect: st
     return _move(run, TIPS, values, assume_homed, expect)
 
 
-@cli.verb("currents", "Move", writes=True)
+@cli.verb("currents", "Move", writes=True, asks=True)
 @_values
 @click.option(
     "--cap", type=FiniteRange(0, 1000), default=CAP, show_default=True, metavar="N", help="Refuse currents above N."
@@ -210,9 +207,7 @@ def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool, expect: st
 )
 @click.option("--ramp-down", is_flag=True, help="Make Ctrl-C ramp the currents down to 0 before it stops.")
 @suspendable
-def currents(
-    run: Run, values: tuple[str, ...], cap: float, duration: float, ramp_down: bool, may_suspend: bool
-) -> Table:
+def currents(run: Run, values: tuple[str, ...], cap: float, duration: float, ramp_down: bool, may_suspend: bool) -> Act:
     """Drive motors by current: NO POSITION LIMIT.
 
     The fingers push as far as they can. Asks first. Ctrl-C stops immediately, and the fingers then move freely. With
@@ -227,19 +222,17 @@ def currents(
     goal = parse(CURRENTS, values, cap=cap)
     first = _step(run, "maximum torque 1000, every 20 ms for 0.2 s", Mode.MAXTORQUE, maxtorque=1000)
     last = _step(run, "stop, sent 3 times", Mode.STOP)
-    if run.settings.dry_run:
-        return run.dry_run([first, *motion.plan(run.device, goal, way_of(run.settings).end), last])
-    if not any(goal.named.values()) and goal.names_all:
+    if not run.settings.dry_run and not any(goal.named.values()) and goal.names_all:
         raise UsageError(
             "all currents are 0, so there is nothing to do", hint="to switch the motors off, use `handctl aidin stop`"
         )
-    run.confirm(
+    beat = 0.0 if may_suspend else BEAT
+    return Act(
+        lambda: [first, *motion.plan(run.device, goal, way_of(run.settings).end), last],
+        lambda hand: motion.currents(hand, goal, run.guide, seconds=duration, cap=cap, ramp_down=ramp_down, beat=beat),
         f"The motors will be driven by CURRENT for {duration:g} s: the fingers push without a position limit, "
         "and the maximum torque stays at 1000",
-        [first, last],
-    )
-    return motion.currents(
-        run.device(), goal, run.guide, seconds=duration, cap=cap, ramp_down=ramp_down, beat=0.0 if may_suspend else BEAT
+        asks=[first, last],
     )
 
 

@@ -34,7 +34,7 @@ from handctl.frame.clikit import Group
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.run import Run
+from handctl.frame.run import Act, Run
 from handctl.frame.types import InFile, WholeRange
 from handctl.model.device import limits_of
 from handctl.model.param import Element, Number, Step
@@ -108,22 +108,24 @@ def step_of(text: str) -> Step:
     return Step(text, encode(text), moves=kind.moves, strands=bool(kind.question))
 
 
-def ask(run: Run, texts: Sequence[str], question: str = "") -> None:
-    """Ask before GCL that may change the speed of the hand or writes its EEPROM, whichever command carries it.
-
-    `question` says it more exactly. Raises NotConfirmed.
-    """
-    asked = [step for text in texts if (step := step_of(text)).strands]
-    if asked:
-        words = dict.fromkeys(KINDS[kind_of(step.meaning)].question for step in asked)
-        run.confirm(question or ". ".join(words), asked)
+def asked_before(steps: Sequence[Step]) -> tuple[list[Step], str]:
+    """The steps that may change the speed of the hand or write its EEPROM, whichever command carries them, and the question."""
+    asks = [step for step in steps if step.strands]
+    return asks, ". ".join(dict.fromkeys(KINDS[kind_of(step.meaning)].question for step in asks))
 
 
-def _planned(run: Run, texts: Sequence[str], question: str = "") -> Table | None:
-    """The plan of these lines where --dry-run wants nothing more; else it has been asked what is to be asked before them."""
-    if (plan := run.planned([step_of(text) for text in texts])) is None:
-        ask(run, texts, question)
-    return plan
+def ask(run: Run, texts: Sequence[str]) -> None:
+    """Ask before these lines, where one of them needs it. Raises NotConfirmed."""
+    asks, question = asked_before([step_of(text) for text in texts])
+    if asks:
+        run.confirm(question, asks)
+
+
+def _sends(texts: Sequence[str], do: Callable[[BarrettHand], Table], question: str = "") -> Act:
+    """What sends these lines; it asks what is to be asked before them, or `question`, which says that more exactly."""
+    steps = [step_of(text) for text in texts]
+    asks, words = asked_before(steps)
+    return Act(steps, do, (question or words) if asks else "", asks=asks)
 
 
 # -- reading ------------------------------------------------------------------------------------------------------
@@ -206,7 +208,7 @@ def help_(run: Run, command: str | None) -> Table:
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME[.MOTOR]=VALUE...")
 @MOTORS_OPTION
 @FORCE
-def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool) -> Table:
+def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool) -> Act:
     """Set parameters in RAM and read them back.
 
     `MCV=80` sets all motors, or those in --motors. `HSG.F1=150` sets one.
@@ -215,18 +217,14 @@ def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool
     for objection in check_careful(changes, force):
         run.journal.warn("careful", objection)
     steps = run.planner().plan(changes)
-    if (plan := run.planned(steps)) is not None:
-        return plan
-    if any(step.strands for step in steps):
-        run.confirm(SPEED, steps)
-    hand: BarrettHand = run.device()
-    return hand.table(hand.write(changes))
+    question = SPEED if any(step.strands for step in steps) else ""
+    return Act(steps, lambda hand: hand.table(hand.write(changes)), question)
 
 
-@cli.verb("baud", "Settings", writes=True)
+@cli.verb("baud", "Settings", writes=True, asks=True)
 @click.argument("rate", required=False, type=int)
 @click.option("--save", "save_too", is_flag=True, help="Also save the baud rate to EEPROM, so the hand starts with it.")
-def baud(run: Run, rate: int | None, save_too: bool) -> Table:
+def baud(run: Run, rate: int | None, save_too: bool) -> Table | Act:
     """Show the baud rate, or change it.
 
     The hand and the port switch together. handctl then reads the baud rate back.
@@ -246,30 +244,35 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table:
         )
     texts = [f"PSET BAUD {code}", *(["PSAVE"] if save_too else [])]
     more = " and will also start with it" if save_too else ""
-    if (plan := _planned(run, texts, f"The hand switches to {rate} bit/s immediately{more}")) is not None:
-        return plan
-    hand: BarrettHand = run.device()
-    ledger = eeprom.Ledger(hand, simulated=run.simulated) if save_too else None
-    readings = hand.write([(BARRETT.elements("BAUD")[0], code)])
-    if ledger is not None:
-        hand.do("PSAVE")
-        ledger.count_common(baud_rate=code)
-        run.journal.info("saved", f"PSAVE was acknowledged: from now on the hand starts at {rate} bit/s")
-    else:
-        run.journal.info("volatile", "the new baud rate lasts until reset or power-off", hint="use --save to keep it")
-    return hand.table(readings)
+
+    def change(hand: BarrettHand) -> Table:
+        ledger = eeprom.Ledger(hand, simulated=run.simulated) if save_too else None
+        readings = hand.write([(BARRETT.elements("BAUD")[0], code)])
+        if ledger is not None:
+            hand.do("PSAVE")
+            ledger.count_common(baud_rate=code)
+            run.journal.info("saved", f"PSAVE was acknowledged: from now on the hand starts at {rate} bit/s")
+        else:
+            run.journal.info(
+                "volatile", "the new baud rate lasts until reset or power-off", hint="use --save to keep it"
+            )
+        return hand.table(readings)
+
+    return _sends(texts, change, f"The hand switches to {rate} bit/s immediately{more}")
 
 
-@cli.verb("reset", "Service", writes=True)
-def reset(run: Run) -> Table:
+@cli.verb("reset", "Service", writes=True, asks=True)
+def reset(run: Run) -> Act:
     """Restart the firmware, like a power-cycle, and show its banner. Asks first.
 
     Run `init` afterwards. The hand restarts at its saved baud rate, and handctl looks for it there.
     """
-    if (plan := _planned(run, ["RESET"])) is not None:
-        return plan
-    banner = run.device().line.restart()
-    return Table(rows=[row_of("banner", "RESET", None, banner, None)], columns=(Column("value", "Banner"),))
+
+    def restart(hand: BarrettHand) -> Table:
+        rows = [row_of("banner", "RESET", None, hand.line.restart(), None)]
+        return Table(rows=rows, columns=(Column("value", "Banner"),))
+
+    return _sends(["RESET"], restart)
 
 
 # -- passthrough --------------------------------------------------------------------------------------------------
@@ -278,7 +281,7 @@ def reset(run: Run) -> Table:
 @cli.verb("gcl", "Service", writes=True)
 @click.argument("commands", nargs=-1, metavar="[COMMAND]...")
 @click.option("--keep-going", is_flag=True, help="Keep going after an error.")
-def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
+def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table | Act:
     """Send GCL commands, one per argument.
 
     Without arguments, handctl opens a prompt on a terminal, or reads a script from stdin. The prompt has history,
@@ -300,15 +303,17 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table:
         encode(text)
         for note in passthrough.notes(text):
             run.journal.warn("careful", f"{text}: {note}")
-    if (plan := _planned(run, wanted)) is not None:
-        return plan
-    ledger = eeprom.Ledger(run.device(), simulated=run.simulated) if passthrough.saves(wanted) else None
-    hand = run.device()
-    hand.line.interrupt = bool(run.settings.own.get("interrupt")) or any(kind_of(text) != "query" for text in wanted)
-    table = passthrough.run_all(hand, wanted, keep_going=keep_going)
-    if ledger is not None and passthrough.saves(row["command"] for row in table.rows if not row["status"]):
-        ledger.count_unknown()
-    return table
+
+    def send(hand: BarrettHand) -> Table:
+        ledger = eeprom.Ledger(hand, simulated=run.simulated) if passthrough.saves(wanted) else None
+        changes = any(kind_of(text) != "query" for text in wanted)
+        hand.line.interrupt = bool(run.settings.own.get("interrupt")) or changes
+        table = passthrough.run_all(hand, wanted, keep_going=keep_going)
+        if ledger is not None and passthrough.saves(row["command"] for row in table.rows if not row["status"]):
+            ledger.count_unknown()
+        return table
+
+    return _sends(wanted, send)
 
 
 def _prompt(run: Run) -> Table:
@@ -345,14 +350,16 @@ MOVEMENTS = (
 
 
 def _movement(name: str, gcl_name: str, doc: str, argument: str) -> None:
-    def body(run: Run, motors: str | None, expect: str | None, value: int | None = None, force: bool = False) -> Table:
+    def body(run: Run, motors: str | None, expect: str | None, value: int | None = None, force: bool = False) -> Act:
         from handctl.devices.barrett import motion
 
         prefix = prefix_of(motors)
-        if (plan := run.planned([step_of(motion.command_text(prefix, gcl_name, value))])) is not None:
-            return plan
+        step = step_of(motion.command_text(prefix, gcl_name, value))
         ending = expected(expect)
-        return motion.move(run.device(), prefix, gcl_name, value, run.guide, force=force, expect=ending)
+        return Act(
+            [step],
+            lambda hand: motion.move(hand, prefix, gcl_name, value, run.guide, force=force, expect=ending),
+        )
 
     body.__doc__ = doc
     command: Callable[..., Any] = MOTORS_OPTION(expect(body))
@@ -388,32 +395,32 @@ def stop(run: Run, motors: str | None) -> Table:
 # -- RAM, EEPROM, factory values and files (§5.2.2, §5.2.3) ----------------------------------------------------------
 
 
-@cli.verb("load", "Settings", writes=True)
+@cli.verb("load", "Settings", writes=True, asks=True)
 @MOTORS_OPTION
-def load(run: Run, motors: str | None) -> Table:
+def load(run: Run, motors: str | None) -> Act:
     """Load the saved settings from EEPROM into RAM (FLOAD, PLOAD).
 
     The baud rate may change, so handctl asks first and then looks for the hand. With --motors, only the settings of
     those motors are loaded (3FLOAD), and the hand settings and the baud rate stay the same.
     """
-    return _plain_commands(run, _motors_first(motors, "FLOAD", "PLOAD"))
+    return _plain_commands(_motors_first(motors, "FLOAD", "PLOAD"))
 
 
-@cli.verb("defaults", "Settings", writes=True)
+@cli.verb("defaults", "Settings", writes=True, asks=True)
 @MOTORS_OPTION
-def defaults(run: Run, motors: str | None) -> Table:
+def defaults(run: Run, motors: str | None) -> Act:
     """Set all parameters in RAM to their factory values (FDEF, PDEF). Saves nothing.
 
     The baud rate changes to 9600 bit/s, so handctl asks first. With --motors, only the settings of those motors are
     set (SFDEF), and the hand settings and the baud rate stay the same.
     """
-    return _plain_commands(run, _motors_first(motors, "FDEF", "PDEF"))
+    return _plain_commands(_motors_first(motors, "FDEF", "PDEF"))
 
 
-@cli.verb("save", "Settings", writes=True)
+@cli.verb("save", "Settings", writes=True, asks=True)
 @MOTORS_OPTION
 @FORCE
-def save(run: Run, motors: str | None, force: bool) -> Table:
+def save(run: Run, motors: str | None, force: bool) -> Act:
     """Save the settings from RAM to EEPROM. Asks first.
 
     The EEPROM is rated for 5,000 saves. handctl counts them and refuses a save that changes nothing. With --motors,
@@ -421,16 +428,16 @@ def save(run: Run, motors: str | None, force: bool) -> Table:
     """
     from handctl.devices.barrett import eeprom
 
-    if (plan := _planned(run, _saves(motors))) is not None:
-        return plan
-    hand: BarrettHand = run.device()
-    if motors is None:
-        (code,) = hand.numbers(BARRETT.elements("BAUD"))
-        _refuse_to_keep(code, force)
-    return eeprom.save(hand, force=force, simulated=run.simulated, prefix=prefix_of(motors))
+    def keep(hand: BarrettHand) -> Table:
+        if motors is None:
+            (code,) = hand.numbers(BARRETT.elements("BAUD"))
+            _refuse_to_keep(code, force)
+        return eeprom.save(hand, force=force, simulated=run.simulated, prefix=prefix_of(motors))
+
+    return _sends(_saves(motors), keep)
 
 
-@cli.verb("restore", "Files", writes=True)
+@cli.verb("restore", "Files", writes=True, asks=True)
 @click.argument("file", type=InFile())
 @click.option("--save", "save_too", is_flag=True, help="Then save to EEPROM.")
 @FORCE
@@ -471,12 +478,10 @@ def _saves(motors: str | None) -> list[str]:
     return _motors_first(motors, "FSAVE", "PSAVE")
 
 
-def _plain_commands(run: Run, commands: list[str]) -> Table:
+def _plain_commands(commands: list[str]) -> Act:
     from handctl.devices.barrett.gcl import passthrough
 
-    if (plan := _planned(run, commands)) is not None:
-        return plan
-    return passthrough.run_all(run.device(), commands, keep_going=False)
+    return _sends(commands, lambda hand: passthrough.run_all(hand, commands, keep_going=False))
 
 
 def _refuse_to_keep(code: int, force: bool) -> None:

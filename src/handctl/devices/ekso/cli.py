@@ -16,13 +16,13 @@ from handctl.devices.ekso.device import Ekso, one_setting, written_table
 from handctl.devices.ekso.frames import LENGTH_MODES
 from handctl.devices.ekso.gait_cli import add_gait
 from handctl.devices.ekso.map import EKSO
-from handctl.errors import UsageError
+from handctl.errors import OutputError, UsageError
 from handctl.frame import stored, verbs
 from handctl.frame.clikit import Command, Group, log_options
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import NAMES, add_map_verbs
 from handctl.frame.options import Own
-from handctl.frame.run import Run
+from handctl.frame.run import Act, Asked, Run
 from handctl.frame.types import FiniteRange, InFile, OutFile, WholeRange
 from handctl.model.device import Gate, limits_of
 from handctl.model.result import Column, Table
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from handctl.devices.ekso.export import Exported
     from handctl.frame.options import Settings
     from handctl.link import ByteLink
+    from handctl.model.param import Step
     from handctl.model.result import Journal
     from handctl.record.source import Source
 
@@ -283,13 +284,14 @@ def _always(run: Run) -> dict[str, Any]:
     }
 
 
-def _with_writer(run: Run, file: str | None, *, override: bool, stepwise: bool = False) -> Ekso:
-    """The device with all that writing needs; --yes stands for a person, who must be named."""
+CHANGES = "This changes a setting of an exoskeleton that someone may be wearing"
+
+
+def _give_writer(run: Run, ekso: Ekso, file: str | None, *, override: bool, stepwise: bool = False) -> None:
+    """Give the device all that writing needs; --yes stands for a person, who must be named."""
     from handctl.devices.ekso.audit import logs
     from handctl.devices.ekso.settings import Writer
 
-    run.need_answer("This changes a setting of an exoskeleton that someone may be wearing")
-    ekso: Ekso = run.device()
     run.guide.say(NOT_MEDICAL)
 
     def ask(question: str, word: str) -> None:
@@ -303,7 +305,6 @@ def _with_writer(run: Run, file: str | None, *, override: bool, stepwise: bool =
         _tell_edited(run, log)
         _tell_unfinished(run, log)
     ekso.writer = Writer(ekso.port, audit, ask, override=override, stepwise=stepwise, guide=run.guide)
-    return ekso
 
 
 def _tell_edited(run: Run, audit: AuditLog) -> None:
@@ -339,11 +340,11 @@ def _need_operator(run: Run) -> None:
         )
 
 
-@cli.verb("set", "Settings", writes=True)
+@cli.verb("set", "Settings", writes=True, asks=True)
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME=VALUE")
 @_audit_options
 @OVERRIDE
-def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bool) -> Table:
+def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bool) -> Act:
     """Write one setting, with every check.
 
     For example `step_length=15.5`, `walk_mode=ProStep` or `216='50 %'`. Shows old -> new and asks.
@@ -351,24 +352,32 @@ def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bo
     """
     change = one_setting(assignments)
     _need_operator(run)
-    if run.settings.dry_run:
-        steps = run.planner().plan([change])
+
+    def steps() -> list[Step]:
+        planned: list[Step] = run.planner().plan([change])
         run.journal.info(
             "dry-run-gates",
             "the step limit and stillness are checked with the device, when the setting is written. The msgID, and so the CRC, depends on the reads before it",
         )
-        return run.dry_run(steps)
-    ekso = _with_writer(run, audit, override=override)
-    before = ekso.words("settings")
-    param = EKSO[change[0].param.name]
-    if before[param.word] == param.to_raw(change[1]):
-        run.journal.info("equal", f"{param.name} is already {param.shown(change[1])}. Nothing was written")
-    else:
-        run.ledger.plan(ekso.plan([change]))
-    return written_table(ekso, before, ekso.write([change]))
+        return planned
+
+    def look(ekso: Ekso) -> Asked:
+        _give_writer(run, ekso, audit, override=override)  # which asks by itself, with the old value
+        return Asked()
+
+    def write(ekso: Ekso) -> Table:
+        before = ekso.words("settings")
+        param = EKSO[change[0].param.name]
+        if before[param.word] == param.to_raw(change[1]):
+            run.journal.info("equal", f"{param.name} is already {param.shown(change[1])}. Nothing was written")
+        else:
+            run.ledger.plan(ekso.plan([change]))
+        return written_table(ekso, before, ekso.write([change]))
+
+    return Act(steps, write, CHANGES, look=look)
 
 
-@cli.verb("restore", "Files", writes=True)
+@cli.verb("restore", "Files", writes=True, asks=True)
 @click.argument("file", type=InFile())
 @_audit_options
 @OVERRIDE
@@ -382,7 +391,8 @@ def restore(run: Run, file: str, audit: str | None, override: bool) -> Table:
     if not run.settings.dry_run:
 
         def check(_changes: object) -> None:
-            _with_writer(run, audit, override=override, stepwise=True)
+            run.need_answer(CHANGES)
+            _give_writer(run, run.device(), audit, override=override, stepwise=True)
 
         return stored.restore(run, EKSO, file, check=check)
     run.journal.info(
@@ -412,30 +422,29 @@ class _WordRange(click.IntRange):
     help="Command word, not 0. 0x0100 is 256.",
 )
 @_audit_options
-def cancel(run: Run, word: int, audit: str | None) -> Table:
+def cancel(run: Run, word: int, audit: str | None) -> Act:
     """Cancel the running action (CancelAction).
 
     Sends it once, without asking, and logs it. It is sent even if the log cannot be written.
     The manual does not say which actions it cancels.
     """
-    if (plan := run.planned(run.planner().plan_cancel(word))) is not None:
-        return plan
-    from pathlib import Path
 
-    from handctl.devices.ekso.audit import AuditLog, default_path
+    def act(ekso: Ekso) -> Table:
+        from pathlib import Path
 
-    ekso: Ekso = run.device()
-    log = AuditLog(Path(audit) if audit else default_path(), _always(run))
+        from handctl.devices.ekso.audit import AuditLog, default_path
 
-    def record(event: str, fields: dict[str, object]) -> None:
-        from handctl.errors import OutputError
+        log = AuditLog(Path(audit) if audit else default_path(), _always(run))
 
-        try:
-            log.record(event, ekso.link.now(), **fields)
-        except OutputError as exc:  # stopping must not depend on a disk
-            run.journal.warn("audit", exc.text)
+        def record(event: str, fields: dict[str, object]) -> None:
+            try:
+                log.record(event, ekso.link.now(), **fields)
+            except OutputError as exc:  # stopping must not depend on a disk
+                run.journal.warn("audit", exc.text)
 
-    return ekso.cancel(word, record)
+        return ekso.cancel(word, record)
+
+    return Act(run.planner().plan_cancel(word), act)
 
 
 # -- every command -------------------------------------------------------------------------------------------------

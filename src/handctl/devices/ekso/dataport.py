@@ -147,7 +147,7 @@ class DataPort(Line):
 
     def read(self, command: Command) -> Frame:
         """The answer to a read, repeated with a new msgID when none comes. Raises NoAnswer, ProtocolError, LinkError."""
-        return self.repeated(lambda: self.exchange(command))
+        return self.repeated(None, self.exchange, command)
 
     def settings_raw(self) -> tuple[int, ...]:
         """The 22 words of GetSettings as raw integers, each in its field's own sign."""

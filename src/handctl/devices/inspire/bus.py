@@ -183,7 +183,7 @@ class Bus(ByteBus):
         prefix = eb90.read_reply_prefix(target, address, count, self.read_flag)
         if not self._met and not self._quiet(request):
             self._ask_quietly(target, retries)
-        answer = self.repeated(lambda: self.exchange(request, [prefix], reply_size=count + 8), retries)
+        answer = self.repeated(retries, self.exchange, request, [prefix], reply_size=count + 8)
         self._met.add(target)
         return answer.data
 

@@ -47,7 +47,7 @@ class CanBus(RegisterBus):
             first = self.read(address, canreg.MAX_COUNT, retries=retries)
             return first + self.read(address + canreg.MAX_COUNT, count - canreg.MAX_COUNT, retries=retries)
         request = CanFrame(*canreg.read_request(self.id, address, count, self.read_flag))
-        return self.repeated(lambda: self._exchange(request, count), retries)
+        return self.repeated(retries, self._exchange, request, count)
 
     def write(self, address: int, data: bytes, *, acknowledged_by: Sequence[int] = ()) -> None:
         """Write 1..8 bytes once (wrist §2.3.2). The reply has no data, or the number of bytes written.

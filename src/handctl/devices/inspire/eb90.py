@@ -204,10 +204,10 @@ class Decoder(Stream):
     """
 
     def __init__(self, prefixes: Sequence[bytes] = ()) -> None:
-        self._prefixes = tuple(prefixes) or (HOST, DEVICE)
-        self._first = self._prefixes[0] if len(self._prefixes[0]) >= OVERHEAD else None  # its length is in it
+        known = tuple(prefixes) or (HOST, DEVICE)
+        self._first = known[0] if len(known[0]) >= OVERHEAD else None  # its length is in it
         super().__init__()
-        self._known: _Known | None = None
+        self._known = _Known.of(known)
         self.rejected = b""
 
     def next(self) -> Frame | None:
@@ -250,28 +250,21 @@ class Decoder(Stream):
         return found
 
     def _candidate(self) -> int:
-        """Offset of the first place where a frame may begin; len(buffer) if there is none.
+        """Offset of the first place where one of the prefixes stands, or begins at the end; len(buffer) if there is none.
 
         One pass, however many prefixes there are: a scan waits for the answers of 254 ids at once.
         """
-        buffer, place = self._buffer, 0
+        buffer, known, place = self._buffer, self._known, 0
         while found := _HEAD.search(buffer, place):
             place = found.start()
-            if self._may_begin(place):
-                return place
+            if place + 3 >= len(buffer) or buffer[place + 3] >= MIN_LENGTH:
+                tail = bytes(buffer[place : place + LONGEST_PREFIX])
+                if any(tail[:size] in known.whole for size in known.sizes):
+                    return place
+                if place + len(tail) == len(buffer) and tail in known.beginnings:
+                    return place
             place += 1
         return len(buffer)
-
-    def _may_begin(self, place: int) -> bool:
-        """Whether one of the prefixes stands at `place`, or the beginning of one at the end of the buffer."""
-        buffer = self._buffer
-        if place + 3 < len(buffer) and buffer[place + 3] < MIN_LENGTH:
-            return False
-        tail = bytes(buffer[place : place + LONGEST_PREFIX])
-        known = self._known = self._known or _Known.of(self._prefixes)
-        if any(tail[:size] in known.whole for size in known.sizes):
-            return True
-        return place + len(tail) == len(buffer) and tail in known.beginnings
 
 
 class _Known(NamedTuple):

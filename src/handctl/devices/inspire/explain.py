@@ -160,6 +160,8 @@ class InspireExplainer(Cutter):
         """Id that a write was for, the one that its acknowledgement may come from, and its address."""
         self._started = 0
         """Address of the save or calibration whose late frame may still come."""
+        self._accepted = False
+        """Whether the last write was acknowledged: a save tells its result only then."""
         self._questions: dict[str, bytes] = {}
         """Key of an answer in Modbus -> the PDU that asked for it."""
         self._asked: dict[int, bytes] = {}
@@ -336,6 +338,7 @@ class InspireExplainer(Cutter):
             elif flag == WRITE and address == self.places["factory_reset"]:
                 self._new_id = who, 1, address
             self._started = address if frame.data == (1).to_bytes(self.per, "little") else 0
+            self._accepted = False
             name = span_name(self._space(flag in (WRIST_READ, WRIST_WRITE)), address * self.per, size)
             return words, f"write {name}", f"{who} {flag:02X} {address} w", "", values
         if self._new_id is not None and (who, address) == self._new_id[1:]:
@@ -343,11 +346,13 @@ class InspireExplainer(Cutter):
         key = f"{who} {flag:02X} {address} w"
         if size != 1:
             return words, "", "", "odd-frame", ()
-        if frame.data != b"\x01" and self._is_result(frame):
+        if frame.data != b"\x01" and self._accepted and self._is_result(frame):
             return self._late(frame, words, values, key)
+        self._accepted = frame.data == b"\x01"
         return words, "", key, "" if frame.data == b"\x01" else "refused", values
 
     def _is_result(self, frame: Frame) -> bool:
+        """Of a frame that could be an acknowledgement too: only behind one, which is `_accepted`."""
         return (
             self.params is not WRIST
             and frame.address == self.places["save"] == self._started

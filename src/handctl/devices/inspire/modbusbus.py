@@ -137,7 +137,7 @@ class ModbusBus(ByteBus):
     def _words(self, address: int, count: int, retries: int | None) -> bytes:
         words = -(-count // 2)
         request = modbus.read_request(address // self.per, words)
-        answer = self.repeated(lambda: self.exchange(request), retries)
+        answer = self.repeated(retries, self.exchange, request)
         return modbus.to_memory(answer.data)[:count]
 
     def _is_unpacked(self, retries: int | None) -> bool:

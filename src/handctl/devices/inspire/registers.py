@@ -22,7 +22,6 @@ from handctl.errors import HandctlError, Left, LinkError, NoAnswer, ProtocolErro
 from handctl.link import ByteLink, CanFrame, Deadline, Link
 from handctl.model.device import Line
 from handctl.model.foreign import harmless
-from handctl.model.moving import Clock
 from handctl.model.param import Step
 from handctl.model.result import Journal
 from handctl.model.stopping import leaving
@@ -258,10 +257,6 @@ class RegisterBus(Line, ABC):
         """Device, id and link for messages."""
         return f"id {self.id} on {self.link.name}"
 
-    def pause(self, seconds: float) -> None:
-        """Let time pass, but not beyond the deadline of the command."""
-        self.link.sleep(min(seconds, self.bound.remaining) if self.bound is not None else seconds)
-
     @contextmanager
     def waiting(self, seconds: float) -> Iterator[None]:
         """Meanwhile so long is allowed for a reply."""
@@ -271,28 +266,9 @@ class RegisterBus(Line, ABC):
         finally:
             self.timeout = wanted
 
-    def clock(self, wait: float, refresh: float, what: str) -> Clock:
-        """The time of a movement of `what` that is watched for `wait` seconds at most, every `refresh` seconds."""
-        end = self.link.deadline(wait)
-
-        def tick() -> None:
-            self.pause(refresh)
-            self.out_of_time(f"the arrival. {what} may still move")
-
-        return Clock(self.link.now, lambda: end.expired, tick)
-
     def leaving(self, what: str, hint: str) -> AbstractContextManager[None]:
         """Around one write and what follows it: Ctrl-C, or a lost link, tells `what` that leaves behind once it was sent."""
         return leaving(Left(what, hint, joint=". "), since=self.journal.counters)
-
-    def out_of_time(self, what: str) -> None:
-        """Raise NoAnswer when --deadline, not the device, ended a wait for `what`."""
-        if self.over:
-            raise NoAnswer(
-                f"{self.where}: --deadline ended the wait for {what}. The result is not known",
-                hint="read the values before you repeat the command. A longer --deadline waits for the end",
-                code="deadline",
-            )
 
 
 class ByteBus(RegisterBus):

@@ -13,8 +13,8 @@ import click
 
 from handctl.devices.inspire.map import address_in
 from handctl.errors import HandctlError, UsageError
-from handctl.frame import stored, verbs
-from handctl.frame.run import Run
+from handctl.frame import verbs
+from handctl.frame.run import Act, Run
 from handctl.frame.types import OutFile, Seconds
 from handctl.model.param import Element, ParamMap, Step
 from handctl.model.result import Table
@@ -72,15 +72,6 @@ def looks_only(run: Run) -> None:
     run.only_reads()
 
 
-def carried_out(run: Run, steps: Sequence[Step], question: str, act: Callable[[Any], Table], word: str = "") -> Table:
-    """Plan, ask the `question`, which "" leaves out, then let the device `act`."""
-    if (plan := run.planned(steps)) is not None:
-        return plan
-    if question:
-        run.confirm(question, steps, word=word)
-    return act(run.device())
-
-
 def read(run: Run, address: str, count: int) -> Table:
     """Bytes from any address."""
     from handctl.devices.inspire import eb90, raw
@@ -92,8 +83,8 @@ def read(run: Run, address: str, count: int) -> Table:
     return device.answered(lambda: raw.read(device, place * device.bus.per, count))
 
 
-def send_raw(run: Run, step: Step, question: str, exchange: Callable[[Any], Table]) -> Table:
-    """Plan, ask unless it only reads, then `exchange` the bytes with the device."""
+def send_raw(step: Step, question: str, exchange: Callable[[Any], Table]) -> Act:
+    """`exchange` the bytes with the device; asks unless it only reads."""
     from handctl.devices.inspire import raw
 
     def act(device: RegisterDevice) -> Table:
@@ -101,10 +92,10 @@ def send_raw(run: Run, step: Step, question: str, exchange: Callable[[Any], Tabl
             return exchange(device)
 
     asks = step.moves or step.strands
-    return carried_out(run, [step], f"{question}: {step.meaning}" if asks else "", act)
+    return Act([step], act, f"{question}: {step.meaning}" if asks else "")
 
 
-def change_id(run: Run, params: ParamMap[Any], new: int | None) -> Table:
+def change_id(run: Run, params: ParamMap[Any], new: int | None) -> Table | Act:
     """Show the id, or give the hand a new one."""
     if new is None:
         looks_only(run)
@@ -112,13 +103,11 @@ def change_id(run: Run, params: ParamMap[Any], new: int | None) -> Table:
     params["id"].check(new, "id")
     steps = run.planner().plan([(Element(params["id"], 0), new)])
     question = f"This changes the id to {new} at once, on every hand on this line that has the old id"
-    return carried_out(run, steps, question, lambda device: device.change_id(new))
+    return Act(steps, lambda device: device.change_id(new), question)
 
 
-def change_baud(run: Run, rate: int | None, question: str, *, save: bool, verify: bool) -> Table:
+def change_baud(run: Run, rate: int | None, question: str, *, save: bool, verify: bool) -> Table | Act:
     """Show the speed code, or write the one that counts after a save and a power cycle, and see to both where that is wanted."""
-    from handctl.devices.inspire import procedures
-
     if rate is None:
         looks_only(run)
         device: RegisterDevice = run.device()
@@ -133,10 +122,12 @@ def change_baud(run: Run, rate: int | None, question: str, *, save: bool, verify
     steps = planner.plan([(Element(planner.map["baud_code"], 0), code)])
     if save:
         steps.append(planner.trigger_step("save", "save to flash"))
-    if (plan := run.planned(steps)) is not None:
-        return plan
-    run.confirm(question, steps)
-    device = run.device()
+    return Act(steps, lambda device: _change_speed(run, device, rate, save=save, verify=verify), question)
+
+
+def _change_speed(run: Run, device: RegisterDevice, rate: int, *, save: bool, verify: bool) -> Table:
+    from handctl.devices.inspire import procedures
+
     device.meet(keeps=False)
     table = device.change_speed(rate)
     if save or run.offer("Save it to flash now"):
@@ -174,50 +165,51 @@ def _verify_speed(run: Run, device: RegisterDevice, rate: int, table: Table) -> 
         table.failure = device.not_at(rate)
 
 
-def clear_errors(run: Run) -> Table:
+def clear_errors(run: Run) -> Act:
     """Clear the actuator errors. Asks where that may move a finger."""
-    from handctl.devices.inspire import procedures
 
     def steps(device: RegisterDevice) -> Sequence[Step]:
         return [device.trigger_step("clear_errors", "clear errors")]
 
-    if (plan := run.planned(steps(run.planner()))) is not None:
-        return plan
-    device: RegisterDevice = run.device()
-    device.meet(keeps=False)
-    verbs.ask_released(run, device, [(Element(device.map["clear_errors"], 0), 1)], steps(device))
-    return procedures.clear_errors(device)
+    def clear(device: RegisterDevice) -> Table:
+        from handctl.devices.inspire import procedures
+
+        device.meet(keeps=False)
+        verbs.ask_released(run, device, [(Element(device.map["clear_errors"], 0), 1)], steps(device))
+        return procedures.clear_errors(device)
+
+    return Act(steps(run.planner()), clear)
 
 
-def save(run: Run, question: str, *, looks: bool = True) -> Table:
+def save(run: Run, question: str, *, looks: bool = True) -> Act:
     """Save to flash. `looks` first who is there, as far as the family does more than any write."""
-    from handctl.devices.inspire import procedures
-
-    steps = [run.planner().trigger_step("save", "save to flash")]
 
     def act(device: RegisterDevice) -> Table:
+        from handctl.devices.inspire import procedures
+
         device.meet(keeps=looks)
         return procedures.save(device, run.guide)
 
-    return carried_out(run, steps, question, act)
+    return Act([run.planner().trigger_step("save", "save to flash")], act, question)
 
 
-def factory_reset(run: Run, meaning: str, question: str, backup: str | None, *, looks: bool = True) -> Table:
+def factory_reset(run: Run, meaning: str, question: str, backup: str | None, *, looks: bool = True) -> Act:
     """Restore the factory defaults, after a snapshot into the file `backup`. The user types the word."""
-    from handctl.devices.inspire import procedures
-
     planner: RegisterDevice = run.planner()
     steps = [planner.trigger_step("factory_reset", meaning)]
-    if (plan := run.planned(steps)) is not None:
-        return plan
     path = backup or f"{planner.kind}-before-reset.json"
-    if os.path.exists(path):
+    if not run.settings.dry_run and os.path.exists(path):
         raise UsageError(
             f"{path}: this file already exists, and handctl does not overwrite it",
             hint="choose another file with --backup FILE",
         )
-    run.confirm(question, steps, word="reset")
-    device: RegisterDevice = run.device()
-    device.meet(keeps=looks)
-    stored.snapshot(run, path)
-    return procedures.factory_reset(device)
+
+    def reset(device: RegisterDevice) -> Table:
+        from handctl.devices.inspire import procedures
+        from handctl.frame import stored
+
+        device.meet(keeps=looks)
+        stored.snapshot(run, path)
+        return procedures.factory_reset(device)
+
+    return Act(steps, reset, question, word="reset")

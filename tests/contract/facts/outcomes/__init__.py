@@ -8,7 +8,10 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tests.contract.facts import facts_of
 
 Codes = Collection[int]
 RIGHT: Codes = frozenset({0})
@@ -19,6 +22,17 @@ MOTOR_FAULTS = (
     *("faults", "hot", "locked-rotor", "over-temperature", "over-current", "motor-abnormal", "communication"),
 )
 """States of the motors that the devices of Inspire share."""
+
+
+LINE: Mapping[str, Codes] = {
+    # the answer is there, perhaps late, in pieces, twice or among other bytes
+    **dict.fromkeys(("healthy", "noise", "garble", "dribble", "split", "duplicate", "stale", "late", "slow", "echo"), RIGHT),
+    "silent": {4}, "deaf": {4},
+    **{key: {5} for key in ("truncate", "bad-checksum", "wrong-id", "loopback", "twin-id")},
+    "disconnect": {3},
+    "refuse": RIGHT,
+}  # fmt: skip
+"""What the faults of a serial line come to where nothing else is known."""
 
 
 @dataclass(frozen=True)
@@ -115,6 +129,28 @@ class Outcomes:
     def is_told(self, fault: str, command: str) -> bool:
         """Whether what is shown must be so."""
         return not {(fault, command), (fault, ""), ("", command)} & self.untold
+
+
+class Row(NamedTuple):
+    """A command line of a family that has no list of its own: `kind` read, stream, log, none or write, as in those lists."""
+
+    name: str
+    kind: str
+    args: tuple[str, ...]
+
+
+def rows_of(family: str) -> list[Row]:
+    """The commands that the facts of a family name, with their arguments."""
+    facts = facts_of(family)
+    kinds = {"watch": "stream", "log": "log"}
+    return [
+        Row(
+            name,
+            "write" if name in facts.writes else kinds.get(name, "read"),
+            (*name.split(), *facts.words(name, Path("{dir}"))),
+        )
+        for name in (*facts.reads, *facts.writes)
+    ]
 
 
 def outcomes_of(family: str) -> Outcomes:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 
 from handctl.devices.barrett.gcl.language import motor_prefix
 from handctl.errors import UsageError
 from handctl.frame.clikit import Group, stream_options
-from handctl.frame.run import Run
+from handctl.frame.run import Act, Run
 from handctl.frame.types import WholeRange
 from handctl.model.result import Column, Table
+
+if TYPE_CHECKING:
+    from handctl.devices.barrett.device import BarrettHand
 
 PROCEDURE_NAMES = ("lubrication", "fasteners", "pretension", "strain", "firmware")
 HAND_NAME = click.option(
@@ -23,6 +28,13 @@ def add_care_commands(group: Group) -> None:
     _add_strain(group)
     _add_fingertips(group)
     _add_diagnose(group)
+
+
+def looks_only(run: Run, option: str) -> None:
+    """A command without the option by which it moves the hand. Raises UsageError in a dry run."""
+    if run.settings.dry_run:
+        raise UsageError(f"`handctl {run.command}` without {option} only reads", hint="run it without -n")
+    run.only_reads()
 
 
 def _live(run: Run, live: bool, count: int | None, duration: float | None) -> None:
@@ -95,7 +107,7 @@ def _add_strain(group: Group) -> None:
     @stream_options
     def strain(
         run: Run, open_first: bool, live: bool, check: bool, rate: float, count: int | None, duration: float | None
-    ) -> Table:
+    ) -> Table | Act:
         """Measure the strain gauges without load, and show how to adjust them (§7.4).
 
         Checks 20 readings per finger against 100 to 140. Read-only. The gauges are unloaded only when the fingers
@@ -107,21 +119,21 @@ def _add_strain(group: Group) -> None:
         _live(run, live, count, duration)
         if live and check:
             raise UsageError("--check and --live cannot be combined", hint="leave one out")
-        if run.settings.dry_run:
-            if not open_first:
-                raise UsageError("`handctl barrett strain` without --open only reads", hint="run it without -n")
-            run.streams = False
-            return run.dry_run(gauges.preparation_steps())
+
+        def measure(hand: BarrettHand) -> Table:
+            if open_first:
+                gauges.prepare(hand, run.guide)
+            if not live:
+                return gauges.table(hand, check=check)
+            for line in symptoms.lines("strain") if run.settings.format == "table" else []:
+                run.guide.say(line)
+            return gauges.stream(hand, rate=rate, count=count, duration=duration)
+
         if not open_first:
-            run.only_reads()
-        hand = run.device()
-        if open_first:
-            gauges.prepare(hand, run.guide)
-        if not live:
-            return gauges.table(hand, check=check)
-        for line in symptoms.lines("strain") if run.settings.format == "table" else []:
-            run.guide.say(line)
-        return gauges.stream(hand, rate=rate, count=count, duration=duration)
+            looks_only(run, "--open")
+            return measure(run.device())
+        run.streams = live and not run.settings.dry_run
+        return Act(gauges.preparation_steps, measure)
 
 
 def _add_fingertips(group: Group) -> None:
@@ -170,7 +182,7 @@ def _add_fingertips(group: Group) -> None:
 
 
 def _add_diagnose(group: Group) -> None:
-    @group.verb("diagnose", "Service", writes=True)
+    @group.verb("diagnose", "Service", writes=True, asks="with `--move`")
     @click.argument("symptom", required=False)
     @click.option("--list", "listed", is_flag=True, help="List the symptoms in the manual. Needs no device.")
     @click.option(
@@ -178,7 +190,7 @@ def _add_diagnose(group: Group) -> None:
     )
     @click.option("--motors", metavar="123", default="G", show_default=True, help="Fingers that --move may move.")
     @HAND_NAME
-    def diagnose(run: Run, symptom: str | None, listed: bool, move: bool, motors: str, name: str) -> Table:
+    def diagnose(run: Run, symptom: str | None, listed: bool, move: bool, motors: str, name: str) -> Table | Act:
         """Run the checks of §8. With a SYMPTOM, also list the steps to do by hand.
 
         The exit code is 7 if a check warns or fails, or if the hand does not answer.
@@ -197,22 +209,19 @@ def _add_diagnose(group: Group) -> None:
                 "--move needs a symptom with test movements, and fingers to move",
                 hint="`handctl barrett diagnose --list` shows the symptoms. Fingers are 1, 2, 3 or G. Nothing was sent.",
             )
-        steps = trials.steps(names, digits) if move else []
-        if run.settings.dry_run:
-            if not move:
-                raise UsageError("`handctl barrett diagnose` without --move only reads", hint="run it without -n")
-            return run.dry_run(steps)
-        if move:
-            run.confirm("This moves the hand. Keep people and things out of its reach", steps)
-        else:
-            run.only_reads()
-        hand = run.device()
-        patient = Patient(hand, simulated=lambda: run.simulated, name=name)
-        wanted = [*doctor.USUAL, *(entry.checks if entry is not None else ())]
-        findings, failure = doctor.examine(patient, wanted, run.settings.baud)
-        answers = findings[0].status == "ok" and failure is None
-        if move and answers:
-            findings += trials.run_all(patient, names, digits, run.guide)
-        else:
-            findings += trials.not_run(names, "no communication" if not answers else "moves the hand: --move")
-        return doctor.table_of(hand, findings, symptom, failure)
+
+        def examine(hand: BarrettHand) -> Table:
+            patient = Patient(hand, simulated=lambda: run.simulated, name=name)
+            wanted = [*doctor.USUAL, *(entry.checks if entry is not None else ())]
+            findings, failure = doctor.examine(patient, wanted, run.settings.baud)
+            answers = findings[0].status == "ok" and failure is None
+            if move and answers:
+                findings += trials.run_all(patient, names, digits, run.guide)
+            else:
+                findings += trials.not_run(names, "no communication" if not answers else "moves the hand: --move")
+            return doctor.table_of(hand, findings, symptom, failure)
+
+        if not move:
+            looks_only(run, "--move")
+            return examine(run.device())
+        return Act(trials.steps(names, digits), examine, "This moves the hand. Keep people and things out of its reach")

@@ -10,12 +10,14 @@ from handctl.devices.barrett.views import CHECKED, LABEL, MOTOR, NAME
 from handctl.errors import CheckFailed, UsageError
 from handctl.files import read
 from handctl.frame.clikit import Group
-from handctl.frame.run import Run
+from handctl.frame.run import Act, Run
 from handctl.frame.types import InFile, WholeRange
+from handctl.model.param import Step
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.sentence import plural
 
 if TYPE_CHECKING:
+    from handctl.devices.barrett.device import BarrettHand
     from handctl.devices.barrett.firmware.records import Firmware
 
 POWER_SECONDS = 20.0
@@ -49,7 +51,7 @@ def add_firmware(group: Group) -> None:
             table.failure = CheckFailed(f"{file}: {problem[0]}", hint=problem[1], code="firmware-file")
         return table
 
-    @firmware.verb("download", writes=True)
+    @firmware.verb("download", writes=True, asks=True)
     @click.argument("file", type=InFile())
     @click.option("--force", is_flag=True, help="Load a file even if it has no end record.")
     @click.option(
@@ -63,7 +65,7 @@ def add_firmware(group: Group) -> None:
         metavar="N",
         help="Bytes to send ahead of their echo, 1 to 4. 2 halves the time. More than 2 has not been tried on hardware.",
     )
-    def download(run: Run, file: str, force: bool, expect: str | None, window: int) -> Table:
+    def download(run: Run, file: str, force: bool, expect: str | None, window: int) -> Act:
         """Load a firmware FILE into the hand.
 
         handctl checks the file, asks you to switch the power supply off and on, and compares the echo of every byte. The
@@ -84,20 +86,19 @@ def add_firmware(group: Group) -> None:
                 f"--deadline {run.settings.deadline:g} is too short: this download takes about {needed:.0f} s",
                 hint="use a longer one, or none. An interrupted download leaves the hand without firmware. Nothing was sent.",
             )
-        if run.settings.dry_run:
-            return _plan(run, found)
-        run.confirm(
-            f"{_summary(found)}. This replaces the hand's firmware. An interrupted download leaves the hand without firmware"
-        )
-        run.guide.say(f"Firmware file OK: {_summary(found)}")
-        loader = Loader(run.device(), run.guide, found, window=window, expect=version_in(expect) if expect else None)
-        done = loader.run()
-        return Table(
-            rows=done.rows,
-            columns=(NAME, MOTOR, Column("value", "Value"), LABEL),
-            failure=done.mismatch,
-            extra={"firmware": _facts(found)},
-        )
+
+        def load(hand: BarrettHand) -> Table:
+            run.guide.say(f"Firmware file OK: {_summary(found)}")
+            done = Loader(hand, run.guide, found, window=window, expect=version_in(expect) if expect else None).run()
+            return Table(
+                rows=done.rows,
+                columns=(NAME, MOTOR, Column("value", "Value"), LABEL),
+                failure=done.mismatch,
+                extra={"firmware": _facts(found)},
+            )
+
+        question = f"{_summary(found)}. This replaces the hand's firmware. An interrupted download leaves the hand without firmware"
+        return Act(lambda: _steps(found), load, question)
 
 
 def _load(path: str) -> Firmware:
@@ -156,10 +157,9 @@ def _table(firmware: Firmware) -> Table:
     return Table(rows=rows, columns=CHECKED[:-1], view=view, extra={"firmware": _facts(firmware)})
 
 
-def _plan(run: Run, firmware: Firmware) -> Table:
+def _steps(firmware: Firmware) -> list[Step]:
     """The bytes of the opening and of every record."""
     from handctl.devices.barrett.firmware.records import SELECT, TRIGGER, Transfer
-    from handctl.model.param import Step
 
     steps = [Step("with the hand's power off", SELECT, strands=True), Step("when the hand says : (3A)", TRIGGER)]
     for record in firmware.records:
@@ -176,4 +176,4 @@ def _plan(run: Run, firmware: Firmware) -> Table:
                 strands=True,
             )
         )
-    return run.dry_run(steps)
+    return steps

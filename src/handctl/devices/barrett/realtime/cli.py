@@ -11,12 +11,13 @@ from handctl.devices.barrett.gcl.language import encode
 from handctl.devices.barrett.views import DOUBT, MOTOR, NAME, UNIT, VALUE
 from handctl.errors import UsageError
 from handctl.frame.clikit import Group, streaming, suspendable
-from handctl.frame.run import Run
+from handctl.frame.run import Act, Run
 from handctl.frame.types import InFile, WholeRange
 from handctl.model.param import Step
 from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:
+    from handctl.devices.barrett.device import BarrettHand
     from handctl.devices.barrett.realtime.loop import RealtimeLoop
 
 COLUMNS = (NAME, MOTOR, VALUE, UNIT, Column("guard", "Guard"), DOUBT)
@@ -99,7 +100,7 @@ def add_realtime(group: Group) -> None:
         rate: float,
         count: int | None,
         duration: float | None,
-    ) -> Table:
+    ) -> Act:
         """Exchange RealTime blocks (LOOP): live view, NDJSON or CSV.
 
         Without control values nothing moves. With them, each motor keeps its last velocity until the next block. However
@@ -137,24 +138,23 @@ def add_realtime(group: Group) -> None:
         homing = f"{wish.prefix}HI"
         first = [Step(f"{homing}: initialize", encode(homing), moves=True)] if initialize else []
         steps = steps_of(run.planner(), wish, controls, run.settings.baud)
-        if run.settings.dry_run:
-            return run.dry_run([*first, *steps])
-        run.ledger.plan([*first, *(step for step in steps if step.meaning.startswith(wish.prefix + "LOOP"))])
-        if motors is None and (initialize or controls is not None):
-            refuse_disabled(run.device())
-        if initialize:
-            moved(run.device(), wish.prefix, "HI", None, run.guide)
-        if sequential is None:
-            sequential = controls is not None
-        loop = RealtimeLoop(
-            run.device(), run.guide, wish, controls, sequential=sequential, measuring=measure is not None
-        )
-        if measure is not None:
-            return measured(run, loop, measure, rate)
-        table = Table(columns=COLUMNS, plain=("name", "motor", "value", "unit"), summary=loop.summary, wide=True)
-        table.ranges = {"strain": (0, 255), "position": (0, 17800)}
-        table.samples = _guarded(loop, table, rate, count, duration)
-        return table
+
+        def drive(hand: BarrettHand) -> Table:
+            run.ledger.plan([*first, *(step for step in steps if step.meaning.startswith(wish.prefix + "LOOP"))])
+            if motors is None and (initialize or controls is not None):
+                refuse_disabled(hand)
+            if initialize:
+                moved(hand, wish.prefix, "HI", None, run.guide)
+            waits = controls is not None if sequential is None else sequential
+            loop = RealtimeLoop(hand, run.guide, wish, controls, sequential=waits, measuring=measure is not None)
+            if measure is not None:
+                return measured(run, loop, measure, rate)
+            table = Table(columns=COLUMNS, plain=("name", "motor", "value", "unit"), summary=loop.summary, wide=True)
+            table.ranges = {"strain": (0, 255), "position": (0, 17800)}
+            table.samples = _guarded(loop, table, rate, count, duration)
+            return table
+
+        return Act(lambda: [*first, *steps], drive)
 
 
 def _guarded(loop: RealtimeLoop, table: Table, rate: float, count: int | None, duration: float | None) -> Iterator[Any]:

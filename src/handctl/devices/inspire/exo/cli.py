@@ -17,7 +17,7 @@ from handctl.frame.clikit import Group
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.run import Run
+from handctl.frame.run import Act, Asked, Run
 from handctl.frame.types import NEGATIVE_NUMBERS, Seconds
 from handctl.frame.verbs import going
 from handctl.model.device import limits_of
@@ -51,6 +51,7 @@ add_map_verbs(
     part="FINGER",
     example="position_actual.index temperature",
     setting="position_set.index=300 force_set=0,0,0,0,0",
+    set_asks=True,
 )
 
 
@@ -65,11 +66,11 @@ def read(run: Run, address: str, count: int) -> Table:
     return verbs.read(run, address, count)
 
 
-@cli.verb("write", "Service", writes=True)
+@cli.verb("write", "Service", writes=True, asks=True)
 @click.argument("address")
 @click.argument("data", metavar="HEX")
 @verbs.UNDOCUMENTED
-def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
+def write(run: Run, address: str, data: str, undocumented: bool) -> Act:
     """Write bytes to ADDRESS, low byte first, and read them back. Asks first.
 
     The values are checked against the manual before anything is sent."""
@@ -78,31 +79,31 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
     place, payload = address_in(address), by_number.parse_hex(data)
     step = by_number.plan_write(run.planner(), place, payload, undocumented)
     question = f"This writes to a hand that a person may be wearing: {step.meaning}"
-    return verbs.carried_out(run, [step], question, lambda hand: by_number.write(hand, place, payload))
+    return Act([step], lambda hand: by_number.write(hand, place, payload), question)
 
 
-@cli.verb("raw", "Service", writes=True)
+@cli.verb("raw", "Service", writes=True, asks=True)
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
 @verbs.LISTEN
 @verbs.forced(
     "Also send a frame that means something else to another Inspire device, or that has a value out of range."
 )
-def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Table:
+def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Act:
     """Send exactly these bytes and show the decoded reply. Everything except a read asks first."""
     from handctl.devices.inspire import raw as by_number
 
     frame = by_number.parse_hex(" ".join(data))
     question = "This may move or change a hand that a person may be wearing"
     step = by_number.plan_raw(frame, force_ambiguous)
-    return verbs.send_raw(run, step, question, lambda hand: by_number.exchange(hand, frame, wait))
+    return verbs.send_raw(step, question, lambda hand: by_number.exchange(hand, frame, wait))
 
 
 # -- what it keeps ------------------------------------------------------------------------------------------------
 
 
-@cli.verb("id", "Settings", writes=True)
+@cli.verb("id", "Settings", writes=True, asks=True)
 @click.argument("new", required=False, type=int)
-def id_(run: Run, new: int | None) -> Table:
+def id_(run: Run, new: int | None) -> Table | Act:
     """Show the id, or give the hand a NEW one (1 to 254).
 
     A new id is active at once, and `save` makes it permanent. Connect only one hand.
@@ -110,11 +111,11 @@ def id_(run: Run, new: int | None) -> Table:
     return verbs.change_id(run, EXO, new)
 
 
-@cli.verb("baud", "Settings", writes=True)
+@cli.verb("baud", "Settings", writes=True, asks=True)
 @click.argument("rate", required=False, type=int)
 @verbs.SAVE_TOO
 @verbs.VERIFY
-def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
+def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table | Act:
     """Show the baud rate code, or set a new RATE: 115200, 57600 or 19200 bit/s.
 
     The new baud rate takes effect after `save` and a power-cycle.
@@ -124,7 +125,7 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
 
 
 @cli.verb("clear-errors", "Service", writes=True)
-def clear_errors(run: Run) -> Table:
+def clear_errors(run: Run) -> Act:
     """Clear actuator errors and show which remain. Asks first if a finger may move.
 
     A finger that an error stopped may then go on to its target.
@@ -136,15 +137,15 @@ def clear_errors(run: Run) -> Table:
 SKIP_IDENTITY = click.option("--skip-identity-check", is_flag=True, help="Skip the check that this is an EH55BF1.")
 
 
-@cli.verb("save", "Settings", writes=True)
+@cli.verb("save", "Settings", writes=True, asks=True)
 @SKIP_IDENTITY
-def save(run: Run, skip_identity_check: bool) -> Table:
+def save(run: Run, skip_identity_check: bool) -> Act:
     """Save the present settings to flash and wait for the result (about 1 s)."""
     question = "This saves the present settings to flash. According to the manual, only id and baud_code are kept"
     return verbs.save(run, question, looks=not skip_identity_check)
 
 
-@cli.verb("factory-reset", "Settings", writes=True)
+@cli.verb("factory-reset", "Settings", writes=True, asks=True)
 @click.option(
     "--undocumented-address",
     is_flag=True,
@@ -152,7 +153,7 @@ def save(run: Run, skip_identity_check: bool) -> Table:
 )
 @verbs.backup_option("exo")
 @SKIP_IDENTITY
-def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip_identity_check: bool) -> Table:
+def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip_identity_check: bool) -> Act:
     """Restore the factory defaults, after a snapshot of the present settings.
 
     The manual gives no address for this: see --undocumented-address."""
@@ -171,27 +172,23 @@ def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip
 FIVE = "LITTLE RING MIDDLE INDEX THUMB | FINGER=VALUE..."
 
 
-@cli.verb("calibrate", "Service", writes=True)
-def calibrate(run: Run) -> Table:
+@cli.verb("calibrate", "Service", writes=True, asks=True)
+def calibrate(run: Run) -> Act:
     """Calibrate forces and positions, guided step by step.
 
     Ctrl-C does not stop the hand. To stop it, switch its power off.
     Someone has to wear the hand, and it moves the wearer's fingers.
     """
     steps = [run.planner().trigger_step("calibrate", "calibrate")]
-    if (plan := run.planned(steps)) is not None:
-        return plan
-    for number, (seconds, text) in enumerate(device.CALIBRATION_STEPS, 1):
+    for number, (seconds, text) in enumerate(device.CALIBRATION_STEPS if not run.settings.dry_run else (), 1):
         run.guide.say(f"  step {number}: {text} (waits {seconds} s)")
-    run.confirm(
-        f"{device.POWER_OFF} Someone has to wear the hand, and it moves all fingers through the steps above", steps
-    )
-    return device.calibrate(run.device(), run.guide)
+    question = f"{device.POWER_OFF} Someone has to wear the hand, and it moves all fingers through the steps above"
+    return Act(steps, lambda hand: device.calibrate(hand, run.guide), question)
 
 
-@cli.verb("force", "Move", writes=True)
+@cli.verb("force", "Move", writes=True, asks=True)
 @click.argument("values", nargs=-1, required=True, metavar=FIVE)
-def force(run: Run, values: tuple[str, ...]) -> Table:
+def force(run: Run, values: tuple[str, ...]) -> Act:
     """Command forces from -1000 (closes the hand) to 1000 (opens it). Asks first.
 
     Give all five in order, or name single fingers: `force ring=100`.
@@ -201,7 +198,7 @@ def force(run: Run, values: tuple[str, ...]) -> Table:
     return _command(run, "force", values)
 
 
-@cli.verb("position", "Move", writes=True)
+@cli.verb("position", "Move", writes=True, asks=True)
 @click.argument("values", nargs=-1, required=True, metavar=FIVE)
 @click.option(
     "--wait",
@@ -210,7 +207,7 @@ def force(run: Run, values: tuple[str, ...]) -> Table:
     help="Wait up to S seconds for the fingers to stop moving. Ctrl-C makes them hold their position.",
 )
 @expect
-def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Table:
+def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Act:
     """Command positions from 0 (bent) to 1000 (open). Asks first.
 
     Give all five in order, where -1 leaves a finger as it is, or name single fingers: `position ring=900 index=100`.
@@ -223,25 +220,26 @@ for takes_numbers in (force, position):
     takes_numbers.context_settings.update(NEGATIVE_NUMBERS)
 
 
-def _command(
-    run: Run, which: str, texts: tuple[str, ...], wait: float | None = None, expect: str | None = None
-) -> Table:
+def _command(run: Run, which: str, texts: tuple[str, ...], wait: float | None = None, expect: str | None = None) -> Act:
     values = parse_command(which, texts)
     ending = expected(expect, waits=wait is not None)
     steps = run.planner().command_steps(which, values)
-    if (plan := run.planned(steps)) is not None:
-        return plan
+
+    def look(hand: ExoHand) -> Asked:
+        return Asked(question, steps, going(run, hand, device.changes_of(which, values), "Finger"))
+
+    def act(hand: ExoHand) -> Table:
+        if wait is not None:
+            return device.move(hand, values, run.guide, wait=wait, expect=ending)
+        table = device.command(hand, which, values, run.guide)
+        if which == "force" and any(values.values()):
+            run.journal.info(
+                "stays",
+                "the force stays in effect until you command another one",
+                hint="`handctl exo force 0 0 0 0 0` releases the hand",
+            )
+        return table
+
     question = "This moves a hand that a person may be wearing"
-    run.need_answer(f"{question}: {'; '.join(step.meaning for step in steps)}")
-    hand = run.device()
-    run.confirm(question, steps, changes=going(run, hand, device.changes_of(which, values), "Finger"))
-    if wait is not None:
-        return device.move(hand, values, run.guide, wait=wait, expect=ending)
-    table = device.command(hand, which, values, run.guide)
-    if which == "force" and any(values.values()):
-        run.journal.info(
-            "stays",
-            "the force stays in effect until you command another one",
-            hint="`handctl exo force 0 0 0 0 0` releases the hand",
-        )
-    return table
+    meanings = "; ".join(step.meaning for step in steps)
+    return Act(steps, act, f"{question}: {meanings}", look=look)

@@ -33,12 +33,12 @@ from handctl.frame.clikit import Group, streaming
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.run import Run
+from handctl.frame.run import Act, Asked, Run
 from handctl.frame.types import NEGATIVE_NUMBERS, Seconds
 from handctl.frame.verbs import ask_released
 from handctl.link import FrameLink
 from handctl.model.device import limits_of
-from handctl.model.param import COMMAND, Changes, Element, Number, Step, given
+from handctl.model.param import COMMAND, Element, Number, Step, given
 from handctl.model.result import Table
 
 if TYPE_CHECKING:
@@ -106,9 +106,9 @@ add_map_verbs(
 )
 
 
-@cli.verb("set", "Settings", writes=True)
+@cli.verb("set", "Settings", writes=True, asks="of an angle or a stroke; of other quantities")
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME[.FINGER]=VALUE...")
-def set_(run: Run, assignments: tuple[str, ...]) -> Table:
+def set_(run: Run, assignments: tuple[str, ...]) -> Act:
     """Write quantities by name and read them back.
 
     For example `speed_set.index=300 force_limit.index=500`."""
@@ -126,11 +126,11 @@ WAIT = click.option(
 )
 
 
-@cli.verb("angle", "Move", writes=True)
+@cli.verb("angle", "Move", writes=True, asks=True)
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
 @WAIT
 @expect
-def angle(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Table:
+def angle(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Act:
     """Command angles from 0 (closed) to 1000 (open). Asks first.
 
     Give a value for every finger, where -1 leaves it as it is, or name single fingers: `angle ring=500 index=300`.
@@ -139,11 +139,11 @@ def angle(run: Run, values: tuple[str, ...], wait: float | None, expect: str | N
     return write_asked(run, _changes(run, "angle_set", values), wait, expect)
 
 
-@cli.verb("position", "Move", writes=True)
+@cli.verb("position", "Move", writes=True, asks=True)
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
 @WAIT
 @expect
-def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Table:
+def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Act:
     """Command strokes from 0 (open) to 2000 (closed). Asks first.
 
     Give a value for every finger, where -1 leaves it as it is, or name single fingers: `position ring=900`.
@@ -154,7 +154,7 @@ def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str 
 
 @cli.verb("force", "Move", writes=True)
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
-def force(run: Run, values: tuple[str, ...]) -> Table:
+def force(run: Run, values: tuple[str, ...]) -> Act:
     """Set the force limit in grams. Asks first if a finger may move.
 
     Give a value for every finger, where -1 leaves it as it is, or name single fingers: `force index=300`.
@@ -166,7 +166,7 @@ def force(run: Run, values: tuple[str, ...]) -> Table:
 
 @cli.verb("speed", "Move", writes=True)
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
-def speed(run: Run, values: tuple[str, ...]) -> Table:
+def speed(run: Run, values: tuple[str, ...]) -> Act:
     """Set the speed of the next movement, 0 to 1000. Asks first if a finger may move.
 
     Give a value for every finger, where -1 leaves it as it is, or name single fingers: `speed index=300`.
@@ -184,8 +184,8 @@ def speed(run: Run, values: tuple[str, ...]) -> Table:
     return table
 
 
-@cli.verb("calibrate", "Service", writes=True)
-def calibrate(run: Run) -> Table:
+@cli.verb("calibrate", "Service", writes=True, asks=True)
+def calibrate(run: Run) -> Act:
     """Calibrate the force sensors. The whole hand moves for about 6 s.
 
     Ctrl-C does not stop the hand. To stop it, switch its power off.
@@ -193,15 +193,15 @@ def calibrate(run: Run) -> Table:
     """
     from handctl.devices.inspire.hand import motion
 
-    steps = [run.planner().trigger_step("calibrate_force", "calibrate the force sensors")]
-    if (plan := run.planned(steps)) is not None:
-        return plan
+    def steps(hand: Hand) -> list[Step]:
+        return [hand.trigger_step("calibrate_force", "calibrate the force sensors")]
+
+    def look(hand: Hand) -> Asked:
+        motion.fit_to_move(hand)
+        return Asked(question, steps(hand))
+
     question = f"{motion.POWER_OFF} The whole hand opens and closes. It must be open and empty"
-    run.need_answer(question)
-    hand: Hand = run.device()
-    motion.fit_to_move(hand)
-    run.confirm(question, [hand.trigger_step("calibrate_force", "calibrate the force sensors")])
-    return motion.calibrate(hand, run.guide)
+    return Act(steps(run.planner()), lambda hand: motion.calibrate(hand, run.guide), question, look=look)
 
 
 for takes_numbers in (angle, position, force, speed):
@@ -222,7 +222,7 @@ def _changes(run: Run, name: str, texts: Sequence[str]) -> list[tuple[Element, N
 
 def write_asked(
     run: Run, changes: Sequence[tuple[Element, Number]], wait: float | None = None, expect: str | None = None
-) -> Table:
+) -> Act:
     """Write what was checked, and read it back. What moves the hand is shown with speed and force limit, and asked."""
     from handctl.devices.inspire.hand import motion
 
@@ -230,27 +230,31 @@ def write_asked(
     changes = _without_left(changes)
     planner: Hand = run.planner()
     steps = planner.plan(changes)
-    if (plan := run.planned(steps)) is not None:
-        return plan
-    if any(step.moves or step.strands for step in steps):
-        run.need_answer(_consequence(steps))
-    hand: Hand = run.device()
-    hand.identify()
     before: motion.Before | None = None
-    if any(step.moves for step in steps):
-        before = motion.fit_to_move(hand)
-        question, shown = motion.question(hand, changes, before)
-        run.confirm(question, hand.plan(changes), changes=shown)
-    elif any(step.strands for step in steps):
-        run.confirm(_consequence(steps), hand.plan(changes))
-    else:
+    asks = any(step.moves or step.strands for step in steps)
+
+    def look(hand: Hand) -> Asked:
+        nonlocal before
+        hand.identify()
+        if any(step.moves for step in steps):
+            before = motion.fit_to_move(hand)
+            question, shown = motion.question(hand, changes, before)
+            return Asked(question, hand.plan(changes), shown)
+        if asks:
+            return Asked(_consequence(steps), hand.plan(changes))
         ask_released(run, hand, changes, hand.plan(changes))
-    if wait is not None:
-        return motion.move(hand, changes[0][0].param.name, changes, run.guide, wait=wait, expect=ending, before=before)
-    table = hand.table(hand.write(changes))
-    if before is not None:
-        motion.tell_no_speed(hand, changes, before)
-    return table
+        return Asked()
+
+    def act(hand: Hand) -> Table:
+        if wait is not None:
+            name = changes[0][0].param.name
+            return motion.move(hand, name, changes, run.guide, wait=wait, expect=ending, before=before)
+        table = hand.table(hand.write(changes))
+        if before is not None:
+            motion.tell_no_speed(hand, changes, before)
+        return table
+
+    return Act(steps, act, _consequence(steps) if asks else "", look=look)
 
 
 def _consequence(steps: Sequence[Step]) -> str:
@@ -269,9 +273,9 @@ def _without_left(changes: Sequence[tuple[Element, Number]]) -> list[tuple[Eleme
 # -- what it keeps ------------------------------------------------------------------------------------------------
 
 
-@cli.verb("id", "Settings", writes=True)
+@cli.verb("id", "Settings", writes=True, asks=True)
 @click.argument("new", required=False, type=int)
-def id_(run: Run, new: int | None) -> Table:
+def id_(run: Run, new: int | None) -> Table | Act:
     """Show the id, or give the hand a NEW one (1 to 254).
 
     A new id is active at once, and `save` makes it permanent. Connect only one hand. Modbus calls the id the unit.
@@ -279,11 +283,11 @@ def id_(run: Run, new: int | None) -> Table:
     return verbs.change_id(run, map_of(run.settings), new)
 
 
-@cli.verb("baud", "Settings", writes=True)
+@cli.verb("baud", "Settings", writes=True, asks=True)
 @click.argument("rate", required=False, type=int)
 @verbs.SAVE_TOO
 @verbs.VERIFY
-def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
+def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table | Act:
     """Show the baud rate code, or set a new RATE in bit/s.
 
     A serial hand takes 115200, 57600 or 19200, and some take 921600. On CAN it is 1000000 or 500000.
@@ -294,7 +298,7 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table:
 
 
 @cli.verb("clear-errors", "Service", writes=True)
-def clear_errors(run: Run) -> Table:
+def clear_errors(run: Run) -> Act:
     """Clear actuator errors and show which remain. Asks first if a finger may move.
 
     A finger that an error stopped may then go on to its target.
@@ -303,15 +307,15 @@ def clear_errors(run: Run) -> Table:
     return verbs.clear_errors(run)
 
 
-@cli.verb("save", "Settings", writes=True)
-def save(run: Run) -> Table:
+@cli.verb("save", "Settings", writes=True, asks=True)
+def save(run: Run) -> Act:
     """Save the present settings to flash and wait for the result (about 1 s)."""
     return verbs.save(run, "This saves the present settings to flash")
 
 
-@cli.verb("factory-reset", "Settings", writes=True)
+@cli.verb("factory-reset", "Settings", writes=True, asks=True)
 @verbs.backup_option("hand")
-def factory_reset(run: Run, backup: str | None) -> Table:
+def factory_reset(run: Run, backup: str | None) -> Act:
     """Restore the factory defaults, after a snapshot of the present settings.
 
     This may set the id to 1, the baud rate to 115200 bit/s and the network address to 192.168.11.210.
@@ -333,11 +337,11 @@ def read(run: Run, address: str, count: int) -> Table:
     return verbs.read(run, address, count)
 
 
-@cli.verb("write", "Service", writes=True)
+@cli.verb("write", "Service", writes=True, asks=True)
 @click.argument("address")
 @click.argument("data", metavar="HEX")
 @verbs.UNDOCUMENTED
-def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
+def write(run: Run, address: str, data: str, undocumented: bool) -> Act:
     """Write bytes to ADDRESS, low byte first, and read them back. Asks first.
 
     The values are checked against the documented ranges before anything is sent."""
@@ -348,29 +352,31 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> Table:
     payload, planner = by_number.parse_hex(data), run.planner()
     place = address_in(address) * planner.bus.per
     step = hand_raw.plan_write(planner, place, payload, undocumented)
-    if (plan := run.planned([step])) is not None:
-        return plan
-    question = f"This writes to the hand: {step.meaning}"
-    run.need_answer(question)
-    hand: Hand = run.device()
-    hand.meet()
-    changes = by_number.changes_of(hand.map, place, payload)
-    shown: Changes | None
-    if step.moves:
-        question, shown = motion.question(hand, changes, motion.fit_to_move(hand))
-    else:
-        question, shown = motion.releasing(hand, changes, question)
-    run.confirm(question, [hand_raw.plan_write(hand, place, payload, undocumented)], changes=shown)
-    if shown is not None:
-        hand.will_move()
-    return by_number.write(hand, place, payload)
+    question, shown = f"This writes to the hand: {step.meaning}", None
+
+    def look(hand: Hand) -> Asked:
+        nonlocal shown
+        hand.meet()
+        changes = by_number.changes_of(hand.map, place, payload)
+        if step.moves:
+            asked, shown = motion.question(hand, changes, motion.fit_to_move(hand))
+        else:
+            asked, shown = motion.releasing(hand, changes, question)
+        return Asked(asked, [hand_raw.plan_write(hand, place, payload, undocumented)], shown)
+
+    def act(hand: Hand) -> Table:
+        if shown is not None:
+            hand.will_move()
+        return by_number.write(hand, place, payload)
+
+    return Act([step], act, question, look=look)
 
 
-@cli.verb("raw", "Service", writes=True)
+@cli.verb("raw", "Service", writes=True, asks=True)
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
 @verbs.LISTEN
 @verbs.forced("Also send a frame that resets the hand, starts a stored movement or has a value out of range.")
-def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Table:
+def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Act:
     """Send exactly these EB90 or Modbus bytes and show the decoded reply.
 
     Everything except a read asks first."""
@@ -380,17 +386,15 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
     frame = by_number.parse_hex(" ".join(data))
     hand_raw.choose_wire(run, frame)
     step = hand_raw.plan(run.planner(), frame, force_ambiguous)
-    return verbs.send_raw(
-        run, step, "This may move or change the hand", lambda hand: hand_raw.exchange(hand, frame, wait)
-    )
+    return verbs.send_raw(step, "This may move or change the hand", lambda hand: hand_raw.exchange(hand, frame, wait))
 
 
 # -- its network, its pair, its skin --------------------------------------------------------------------------------
 
 
-@cli.verb("network", "Settings", writes=True)
+@cli.verb("network", "Settings", writes=True, asks=True)
 @click.argument("address", required=False)
-def network(run: Run, address: str | None) -> Table:
+def network(run: Run, address: str | None) -> Table | Act:
     """Show the IP address of a tactile hand, or give it a new ADDRESS.
 
     First switch off every other hand that has the old address. handctl asks you to type the new one to confirm.
@@ -405,17 +409,16 @@ def network(run: Run, address: str | None) -> Table:
     planner = run.planner()
     steps = planner.plan(place.address_plan(planner, octets))
     steps.append(planner.trigger_step("save", "save to flash"))
-    if (plan := run.planned(steps)) is not None:
-        return plan
+
+    def look(hand: Hand) -> Asked:
+        hand.identify()
+        before = ".".join(map(str, place.held(hand)))
+        question = f"This changes the IP address of the hand from {before} to {address}, after a power-cycle"
+        computer = f"This computer must then have an address such as {place.laptop_for(octets)}, mask 255.255.255.0"
+        return Asked(f"{question}. {computer}. To go back, run `handctl hand network {before}`", steps)
+
     question = f"This changes the IP address of the hand to {address}, after a power-cycle"
-    run.need_answer(question)
-    hand: Hand = run.device()
-    hand.identify()
-    before = ".".join(map(str, place.held(hand)))
-    question = f"This changes the IP address of the hand from {before} to {address}, after a power-cycle"
-    computer = f"This computer must then have an address such as {place.laptop_for(octets)}, mask 255.255.255.0"
-    run.confirm(f"{question}. {computer}. To go back, run `handctl hand network {before}`", steps, word=address)
-    return place.change_network(hand, octets, run.guide)
+    return Act(steps, lambda hand: place.change_network(hand, octets, run.guide), question, word=address, look=look)
 
 
 add_pairing(cli)

@@ -34,7 +34,7 @@ COLUMNS = (
 def add_pairing(group: Group) -> None:
     """Add the command to the family's group."""
 
-    @group.verb("pair", "Settings", writes=True)
+    @group.verb("pair", "Settings", writes=True, asks=True)
     @click.argument("links", nargs=-1, metavar="[LINK] [LINK]")
     @click.option(
         "--first", type=click.Choice(SIDES), help="The side of the first hand. With this option nothing moves."

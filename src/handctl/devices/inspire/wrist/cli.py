@@ -15,7 +15,7 @@ from handctl.frame.clikit import Group
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.run import Run
+from handctl.frame.run import Act, Run
 from handctl.frame.types import Seconds
 from handctl.link import FrameLink
 from handctl.model.device import limits_of
@@ -90,9 +90,7 @@ def hand_read(run: Run, address: str, count: int) -> Table:
 @click.option("--time", metavar="MS", help="Movement time in ms (default: the time set in the wrist).")
 @click.option("--wait", type=Seconds(), metavar="S", help="Wait at most S seconds for the wrist to arrive.")
 @expect
-def move(
-    run: Run, pitch: str | None, yaw: str | None, time: str | None, wait: float | None, expect: str | None
-) -> Table:
+def move(run: Run, pitch: str | None, yaw: str | None, time: str | None, wait: float | None, expect: str | None) -> Act:
     """Move to angles in degrees and wait until the wrist has stopped moving.
 
     Shows the angles it reached. Ctrl-C makes the wrist hold its position.
@@ -105,7 +103,7 @@ def move(
 @cli.verb("center", "Move", writes=True)
 @click.option("--time", metavar="MS", help="Movement time in ms (default: the time set in the wrist).")
 @expect
-def center(run: Run, time: str | None, expect: str | None) -> Table:
+def center(run: Run, time: str | None, expect: str | None) -> Act:
     """Move both axes to 0 degrees and wait until they have stopped moving."""
     values = {"yaw_set": 0.0, "pitch_set": 0.0}
     if time is not None:
@@ -113,18 +111,18 @@ def center(run: Run, time: str | None, expect: str | None) -> Table:
     return _move(run, values, None, expect)
 
 
-def _move(run: Run, values: dict[str, Any], wait: float | None, expect: str | None) -> Table:
+def _move(run: Run, values: dict[str, Any], wait: float | None, expect: str | None) -> Act:
     planner: Wrist = run.planner()
     changes = planner.targets(values.get("pitch_set"), values.get("yaw_set"), values.get("move_time"))
     steps = planner.plan(changes)
     ending = expected(expect)
-    return verbs.carried_out(run, steps, "", lambda wrist: wrist.move(changes, run.guide, wait=wait, expect=ending))
+    return Act(steps, lambda wrist: wrist.move(changes, run.guide, wait=wait, expect=ending))
 
 
 @cli.verb("write", "Service", writes=True)
 @click.argument("address")
 @click.argument("data", metavar="HEX")
-def write(run: Run, address: str, data: str) -> Table:
+def write(run: Run, address: str, data: str) -> Act:
     """Write 2, 4 or 6 bytes to addresses 1038 to 1043 and read them back.
 
     Low byte first. This moves the wrist."""
@@ -133,14 +131,14 @@ def write(run: Run, address: str, data: str) -> Table:
 
     place, payload = address_in(address), by_number.parse_hex(data)
     step = wrist_raw.plan_write(run.planner(), place, payload)
-    return verbs.carried_out(run, [step], "", lambda wrist: wrist_raw.write(wrist, place, payload))
+    return Act([step], lambda wrist: wrist_raw.write(wrist, place, payload))
 
 
-@cli.verb("hand-write", "Service", writes=True)
+@cli.verb("hand-write", "Service", writes=True, asks=True)
 @click.argument("address")
 @click.argument("data", metavar="HEX")
 @FORCE
-def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Table:
+def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Act:
     """Write bytes to registers of the wrist's hand. Asks first.
 
     The wrist manual does not document these registers."""
@@ -150,14 +148,14 @@ def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Tabl
     place, payload = address_in(address), by_number.parse_hex(data)
     steps = wrist_raw.plan_hand_writes(run.planner(), place, payload, force_ambiguous)
     question = f"This changes the hand, not the wrist: {', then '.join(step.meaning for step in steps)}"
-    return verbs.carried_out(run, steps, question, lambda wrist: wrist_raw.hand_write(wrist, place, payload))
+    return Act(steps, lambda wrist: wrist_raw.hand_write(wrist, place, payload), question)
 
 
-@cli.verb("raw", "Service", writes=True)
+@cli.verb("raw", "Service", writes=True, asks=True)
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
 @verbs.LISTEN
 @FORCE
-def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Table:
+def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Act:
     """Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show the decoded reply.
 
     Everything except a read asks first. With -n it only explains the frame, even if it is an example that the manual misprints.
@@ -183,4 +181,4 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
             return wrist_raw.exchange_can(wrist, frame, wait)
         return by_number.exchange(wrist, payload, wait)
 
-    return verbs.send_raw(run, step, "This may move or change the device", exchange)
+    return verbs.send_raw(step, "This may move or change the device", exchange)
