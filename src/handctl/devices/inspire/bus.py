@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
-from handctl.devices.inspire.registers import FLOOD, FRESH, ByteBus, ahead, question
+from handctl.devices.inspire.registers import FRESH, ByteBus, ahead, question
 from handctl.errors import JUDGED, DeviceRefused, HandctlError, ProtocolError
 from handctl.link import CanFrame, Deadline
 from handctl.model.foreign import harmless
@@ -275,7 +275,7 @@ class Bus(ByteBus):
             decoder.feed(chunk)
             trickles, junk = decoder.skipped == junk, decoder.skipped
             frame = next(frames_in(decoder, self.count_damaged), None)
-            if frame is None and trickles and len(received) < FLOOD and deadline.remaining < self.timeout:
+            if frame is None and trickles and deadline.remaining < self.timeout:
                 deadline = self.link.deadline(self.timeout).earlier(last)
         self.journal.counters.received += frame is not None
         self.journal.counters.stray_bytes += decoder.skipped

@@ -87,7 +87,7 @@ def may_still_move(what: str) -> Iterator[None]:
 BETWEEN_PROTOCOLS = 0.005
 """Silence between EB 90 and RTU on one pair (rh56 §2.5)."""
 FLOOD = 1024
-"""Bytes: who sends more in place of an answer talks all the time. Nothing behind them is waited for, and no other question helps."""
+"""Bytes: who sends more in place of an answer talks all the time, and no other question helps."""
 MOST = 65536
 """Bytes that are listened to, where nothing answers."""
 
