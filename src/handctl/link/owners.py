@@ -39,7 +39,8 @@ def processes(root: Path = ROOT) -> Iterator[Process]:
         if root == ROOT and is_ours(int(entry)):
             continue
         try:
-            name = (root / "proc" / entry / "comm").read_text(encoding="utf-8", errors="replace").strip()
+            with open(f"{root}/proc/{entry}/comm", encoding="utf-8", errors="replace") as file:
+                name = file.read().strip()
         except OSError:
             name = ""  # just ended, or not ours to look at
         yield Process(int(entry), name or "a process")
@@ -64,7 +65,7 @@ def holders(device: str, root: Path = ROOT) -> list[Process]:
 
 def _descriptors(process: Process, root: Path) -> dict[str, str] | None:
     """Number and file of what a process has open; None where it is not ours to look at."""
-    folder = root / "proc" / str(process.pid) / "fd"
+    folder = f"{root}/proc/{process.pid}/fd"  # some thousand files are looked at
     try:
         names = os.listdir(folder)
     except PermissionError:
@@ -74,7 +75,7 @@ def _descriptors(process: Process, root: Path) -> dict[str, str] | None:
     found = {}
     for name in names:
         with contextlib.suppress(OSError):
-            found[name] = os.readlink(folder / name)
+            found[name] = os.readlink(f"{folder}/{name}")
     return found
 
 

@@ -266,10 +266,15 @@ class Decoder(Stream):
         if place + 3 < len(buffer) and buffer[place + 3] < MIN_LENGTH:
             return False
         tail = bytes(buffer[place : place + LONGEST_PREFIX])
+        ends = place + len(tail) == len(buffer)
+        if len(self._prefixes) <= FEW:
+            return tail.startswith(self._prefixes) or (ends and any(one.startswith(tail) for one in self._prefixes))
         known = self._known = self._known or _Known.of(self._prefixes)
-        if any(tail[:size] in known.whole for size in known.sizes):
-            return True
-        return place + len(tail) == len(buffer) and tail in known.beginnings
+        return any(tail[:size] in known.whole for size in known.sizes) or (ends and tail in known.beginnings)
+
+
+FEW = 8
+"""Up to so many prefixes are compared one by one."""
 
 
 class _Known(NamedTuple):
@@ -280,7 +285,7 @@ class _Known(NamedTuple):
     beginnings: frozenset[bytes]
 
     @staticmethod
-    @lru_cache(maxsize=8)
+    @lru_cache(maxsize=32)
     def of(prefixes: tuple[bytes, ...]) -> _Known:
         sizes = tuple({len(prefix) for prefix in prefixes})
         beginnings = (prefix[:size] for prefix in prefixes for size in range(1, len(prefix) + 1))
