@@ -237,4 +237,7 @@ def _watched(_process: int) -> None:
             _sooner.wait(min(AGAIN, max(0.001, _looks[0] - time.monotonic())))  # a block that just began is seen then
             _sooner.clear()
 
-    threading.Thread(target=watch, name="bound", daemon=True).start()
+    watcher = threading.Thread(
+        target=watch, name="bound", daemon=True
+    )  # it reads from nothing, and ends with the process
+    watcher.start()
