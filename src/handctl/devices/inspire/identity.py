@@ -420,9 +420,10 @@ class Seen(NamedTuple):
 
 
 class _Tally:
-    """Reads of one kind, and how they ended."""
+    """Reads of one kind, and how they ended. What two devices answer `alike` may be a refusal, too: it arrives as whole."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, alike: bool = False) -> None:
+        self.alike = alike
         self.asked = self.whole = self.destroyed = self.twice = 0
 
     @property
@@ -433,7 +434,7 @@ class _Tally:
 
 def look_for_twin(device: RegisterDevice) -> Seen:
     """Whether one device has this id. Raises LinkError where the line is lost."""
-    bus, alike, readings = device.bus, _Tally(), _Tally()
+    bus, alike, readings = device.bus, _Tally(alike=True), _Tally()
     spans, same = _readings(device), _alike(device)
     for span in spans * ROUNDS:
         _ask(bus, same, alike)
@@ -530,6 +531,8 @@ def _ask(bus: RegisterBus, span: Span, tally: _Tally, *, behind: bool = False) -
     except (NoAnswer, ProtocolError) as exc:
         tally.destroyed += exc.code in DESTROYED or isinstance(bus.link, FrameLink)
     except HandctlError as exc:
-        if exc.code == "lost" or not isinstance(bus.link, FrameLink):
+        refused = isinstance(exc, DeviceRefused) and tally.alike
+        if exc.code == "lost" or not (refused or isinstance(bus.link, FrameLink)):
             raise
-        tally.destroyed += 1
+        tally.whole += refused
+        tally.destroyed += not refused
