@@ -22,7 +22,6 @@ from importlib import resources
 from pathlib import Path
 from types import TracebackType
 from typing import Any
-from unittest import mock
 
 import click
 import serial
@@ -33,6 +32,7 @@ from handctl import cli
 from handctl.errors import HandctlError
 from handctl.frame import clikit
 from handctl.model.result import Journal
+from tests.support.swap import swapped
 
 PATIENCE = 30.0
 """Seconds for what must come or end: only a hang takes so long, on any machine."""
@@ -221,9 +221,7 @@ def run(
     with (
         hearing(said),
         environment(env),
-        mock.patch.object(sys, "stdout", out),
-        mock.patch.object(sys, "stderr", err),
-        mock.patch.object(sys, "stdin", io.StringIO(stdin)),
+        swapped((sys, "stdout", out), (sys, "stderr", err), (sys, "stdin", io.StringIO(stdin))),
     ):
         try:
             code = cli.main([str(arg) for arg in args])
@@ -270,7 +268,7 @@ def hearing(said: list[str]) -> Iterator[None]:
             said.append(getattr(exc, "code", "usage"))
             raise
 
-    with mock.patch.object(Journal, "note", noted), mock.patch.object(clikit.root, "main", ended):
+    with swapped((Journal, "note", noted), (clikit.root, "main", ended)):
         yield
 
 
@@ -340,7 +338,7 @@ def spying() -> Iterator[Spy]:
         spy.lines.append(create(kind, options))
         return spy.lines[-1]
 
-    with mock.patch.object(handctl.sim, "create", note):
+    with swapped((handctl.sim, "create", note)):
         yield spy
 
 

@@ -11,6 +11,8 @@ whether a short pulse at a high speed is a byte at all, so a claim that somethin
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 RECEIVERS = ("mid", "sci")
 SAMPLES = {"mid": ((8,), (8,)), "sci": ((5, 9, 13), (15, 17, 19))}
 """Receiver -> samples of the start bit, of the other bits; mid in 16ths of a bit, sci in 32nds: centre of each sample."""
@@ -18,6 +20,7 @@ BITS = [bytes((0, *((byte >> place) % 2 for place in range(8)), 1)) for byte in 
 PARTS = {"mid": 16, "sci": 32}
 
 
+@lru_cache(4096)  # who looks for the hand asks the same at each speed
 def resample(data: bytes, sent: int, heard: int, receiver: str = "mid") -> bytes:
     """`data`, sent back to back at `sent` bit/s on an idle line, as a receiver at `heard` bit/s takes it.
 
