@@ -80,7 +80,9 @@ def _samples(burst: tuple[tuple[int, bytes, int], ...], listens: int, skew: int,
         size = baud * (1 + skew / 1000) / (SAMPLES * listens)  # bits from one sample to the next
         count = int((len(bits) - phase * size) / size + 0.999999)
         places = [int((number + phase) * size) for number in range(count)]
-        out += bytes([bits[place] for place in places if place < len(bits)])
+        while places and places[-1] >= len(bits):
+            places.pop()
+        out += bytes(map(bits.__getitem__, places))
     return bytes(out) + b"\1" * (SAMPLES * IDLE)
 
 

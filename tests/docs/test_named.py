@@ -15,6 +15,7 @@ import click
 from handctl import guides
 from handctl.frame.clikit import root
 from handctl.tools.help import _text, _topics
+from tests.support.syntax import nodes_of
 
 TOP = Path(__file__).parents[2]
 SOURCES = TOP / "src" / "handctl"
@@ -53,7 +54,7 @@ def said() -> tuple[Said, ...]:
 
 def _strings(path: Path) -> Iterator[str]:
     inside: set[int] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes_of(path):
         if isinstance(node, ast.JoinedStr):
             inside |= {id(part) for part in ast.walk(node) if part is not node}
             yield "".join(str(part.value) if isinstance(part, ast.Constant) else HOLE for part in node.values)

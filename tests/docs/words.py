@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from handctl import guides
 from tests.support.places import PROJECT as ROOT
+from tests.support.syntax import nodes_of
 
 SOURCE = ROOT / "src/handctl"
 ROOMS = {
@@ -48,8 +49,8 @@ class Module(NamedTuple):
 @cache
 def module(path: Path) -> Module:
     found = Module([], [], [])
-    tree, inner, guarded = ast.parse(path.read_text(encoding="utf-8")), set[int](), set[int]()
-    for node in ast.walk(tree):  # what is around something comes before it
+    inner, guarded, counts = set[int](), set[int](), "{len(" in path.read_text(encoding="utf-8")
+    for node in nodes_of(path):  # what is around something comes before it
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             inner.add(id(node.value))
         elif isinstance(node, ast.IfExp):
@@ -62,7 +63,7 @@ def module(path: Path) -> Module:
                 str(part.value)
                 if isinstance(part, ast.Constant)
                 else "{len}"
-                if ast.unparse(part).lstrip("f'\"").startswith("{len(")
+                if counts and ast.unparse(part).lstrip("f'\"").startswith("{len(")
                 else "{}"
                 for part in node.values
             )

@@ -9,7 +9,7 @@ import ast
 import importlib
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from fnmatch import fnmatch
 from functools import cache
 from graphlib import TopologicalSorter
@@ -22,6 +22,7 @@ import pytest
 import handctl
 from handctl.families import COMMANDS, FAMILIES
 from handctl.sim import kinds
+from tests.support import syntax
 from tests.support.each_row import each_row
 from tests.support.loading import back_ends, heavy, loaded, ours
 
@@ -121,23 +122,29 @@ def path_of(module: str) -> Path:
 MODULES = {dotted(path): path for path in sorted(ROOT.rglob("*.py"))}
 
 
-@cache
 def tree_of(module: str) -> ast.Module:
     """Parsed when a test asks for it, not where this file is collected."""
-    return ast.parse(MODULES[module].read_text(encoding="utf-8"), str(MODULES[module]))
+    return syntax.tree_of(MODULES[module])
 
 
 def statements(node: ast.AST, types_only: bool = False) -> Iterator[tuple[ast.Import | ast.ImportFrom, bool]]:
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.Import | ast.ImportFrom):
             yield child, types_only
-        elif isinstance(child, ast.If) and ast.unparse(child.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING"):
+        elif isinstance(child, ast.If) and types_alone(child.test):
             for inner in child.body:
                 yield from statements(ast.Module([inner], []), True)
             for inner in child.orelse:
                 yield from statements(ast.Module([inner], []), types_only)
         elif not isinstance(child, ast.expr):
             yield from statements(child, types_only)
+
+
+def types_alone(test: ast.expr) -> bool:
+    return isinstance(test, ast.Name | ast.Attribute) and ast.unparse(test) in (
+        "TYPE_CHECKING",
+        "typing.TYPE_CHECKING",
+    )
 
 
 def imports_of(module: str) -> Iterator[Import]:
@@ -310,7 +317,7 @@ def test_families_are_data_and_their_modules_exist() -> None:
 
 def names_of_families(module: str) -> set[str]:
     """The families that a module names as a whole string, docstrings and sentences aside."""
-    return {node.value for node in ast.walk(tree_of(module)) if isinstance(node, ast.Constant)} & set(FAMILIES)
+    return {node.value for node in syntax.nodes_of(MODULES[module]) if isinstance(node, ast.Constant)} & set(FAMILIES)
 
 
 @each_row("module", [name for name in MODULES if not name.startswith("devices.") and name != "families"])
@@ -400,7 +407,7 @@ def test_codecs_and_maps_do_no_io(module: str) -> None:
 def calls_of(module: str, names: set[str]) -> list[str]:
     return [
         f"{module}:{node.lineno} {node.func.id}"
-        for node in ast.walk(tree_of(module))
+        for node in syntax.nodes_of(MODULES[module])
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in names
     ]
 
@@ -428,7 +435,7 @@ NOT_EVERYWHERE = {
 """Names of the others, and the clock, which differs too."""
 
 
-def asks_for_the_system(tree: ast.AST) -> list[str]:
+def asks_for_the_system(tree: ast.AST, nodes: Iterable[ast.AST]) -> list[str]:
     """What of a module is for one system only, or asks which one it is."""
     found = [
         name
@@ -438,10 +445,12 @@ def asks_for_the_system(tree: ast.AST) -> list[str]:
         )
         if name is not None and name.split(".")[0] in OF_ONE_SYSTEM
     ]
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             asked, name = node.value.id, node.attr
-        elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("getattr", "hasattr") and len(node.args) > 1:
+        elif (
+            isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("getattr", "hasattr") and len(node.args) > 1
+        ):
             asked, name = ast.unparse(node.args[0]), getattr(node.args[1], "value", "")
         elif isinstance(node, ast.ImportFrom) and node.module in NOT_EVERYWHERE:
             found += [f"{node.module}.{a.name}" for a in node.names if a.name in NOT_EVERYWHERE[node.module]]
@@ -454,7 +463,7 @@ def asks_for_the_system(tree: ast.AST) -> list[str]:
 
 
 def test_only_one_room_knows_which_system_it_is() -> None:
-    asking = {module for module in MODULES if asks_for_the_system(tree_of(module))}
+    asking = {module for module in MODULES if asks_for_the_system(tree_of(module), syntax.nodes_of(MODULES[module]))}
     assert {module for module in asking if module.split(".")[0] != "system"} == {"build_zipapp"} & asking
     assert {"system.clock", "system.locks", "system.ports", "system.signals"} <= asking
 
@@ -468,7 +477,8 @@ def test_only_one_room_knows_which_system_it_is() -> None:
     ],
 )  # fmt: skip
 def test_what_asks_for_the_system_is_seen(text: str) -> None:
-    assert asks_for_the_system(ast.parse(text))
+    tree = ast.parse(text)
+    assert asks_for_the_system(tree, ast.walk(tree))
 
 
 PRINTERS = ("frame.console",)

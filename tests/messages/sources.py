@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
+from tests.support.syntax import tree_of
+
 TOP = Path(__file__).parents[2]
 SOURCES = TOP / "src" / "handctl"
 GOLDEN = Path(__file__).with_name("sources.txt")
@@ -99,7 +101,7 @@ def modules() -> dict[str, Module]:
         words = path.relative_to(SOURCES.parent).with_suffix("").parts
         if words[1] not in ("docgen", "newfamily"):  # for those who work on handctl
             name = ".".join(words[:-1] if words[-1] == "__init__" else words)
-            found[name] = Module(ast.parse(path.read_text(encoding="utf-8")))
+            found[name] = Module(tree_of(path))
     return found
 
 

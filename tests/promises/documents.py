@@ -5,14 +5,11 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterator
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
-from typing import Any
-from unittest import mock
 
 import handctl
 from handctl import guides
-from handctl.docgen import tree
 from handctl.families import COMMANDS, FAMILIES
 from tests.promises.cells import Cell, commands, needs
 from tests.support.cli import run
@@ -21,8 +18,6 @@ from tests.support.places import TEXTS
 PAGES = {name: path.read_text(encoding="utf-8") for name, path in TEXTS.items()}
 TEXT = "\n".join(PAGES.values())
 TOPIC = re.compile(r"`handctl help ([a-z][a-z-]*)`")
-KEPT: list[Any] = []
-"""The tree of commands is read once: each page is made of it."""
 PAGE = re.compile(r"\bhandctl-[a-z-]+\(7\)")
 MODULE = re.compile(r"`handctl\.([a-z_]+)`")
 
@@ -43,9 +38,7 @@ def cells() -> Iterator[Cell]:
 
 
 def _shown(topic: str) -> None:
-    with mock.patch.object(tree, "read_tree", cache(tree.read_tree) if not KEPT else KEPT[0]) as once:
-        KEPT[:] = [once]
-        needs(run("help", topic), 0)
+    needs(run("help", topic), 0)
 
 
 def _there(name: str, _folder: Path) -> None:

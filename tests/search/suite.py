@@ -19,9 +19,9 @@ from functools import cache, cached_property
 from pathlib import Path
 from types import FrameType
 from typing import Any
-from unittest import mock
 
 import tests.search
+from tests.support.cli import restored_environment
 
 BAR = " | "
 SECONDS = 120.0
@@ -143,13 +143,15 @@ def run(cell: str, folder: Path) -> str:
 def apart(what: Callable[[str, Path], Any], cell: str, folder: Path) -> Any:
     """Call it with a cell and a folder where nothing of this user is, and nothing of another cell."""
     own = folder / "own"
-    (own / "run").mkdir(0o700, parents=True)
+    own.mkdir()
+    (own / "run").mkdir(0o700)
     (folder / "cell").mkdir()
     places = {"XDG_STATE_HOME": str(own), "XDG_RUNTIME_DIR": str(own / "run"), "TMPDIR": str(own)}
     here = os.getcwd()
     os.chdir(folder / "cell")
     try:
-        with mock.patch.dict(os.environ, places), bounded(SECONDS):
+        with restored_environment(), bounded(SECONDS):
+            os.environ.update(places)
             return what(cell, folder / "cell")
     finally:
         os.chdir(here)
@@ -180,31 +182,62 @@ def bounded(seconds: float, what: str = "") -> Iterator[None]:
     """Raise Hang in this process when the block takes longer, and again every `AGAIN` s: something may have caught it.
 
     Where others keep the machine busy, until it has had so much of a processor, but at most `BUSY` times as long.
-    A thread calls, not SIGALRM: handctl uses the system's one alarm itself and switches it off.
+    A thread calls, not SIGALRM: handctl uses the system's one alarm itself and switches it off. It is one for all blocks.
     """
-    over, caller = threading.Event(), threading.get_ident()
+    bound = _Bound(seconds)
 
     def stop(number: int, frame: FrameType | None) -> None:
-        if not over.is_set():
+        if bound in _BOUNDS:
             raise Hang(f"no end within {seconds:g} s{what and f': {what}'}")
 
-    began, used = time.monotonic(), time.process_time()
-
-    def watch() -> None:
-        wait = seconds
-        while not over.wait(wait):
-            left = began + BUSY * seconds - time.monotonic()
-            wait = min(left, used + seconds - time.process_time())
-            if wait <= 0:
-                signal.pthread_kill(caller, signal.SIGUSR2)
-                wait = AGAIN
-
     old = signal.signal(signal.SIGUSR2, stop)
-    watcher = threading.Thread(target=watch, name="bound", daemon=True)
-    watcher.start()
+    _BOUNDS.append(bound)
+    _watched(os.getpid())
+    if bound.next < _looks[0]:
+        _sooner.set()
     try:
         yield
     finally:
-        over.set()
-        watcher.join()
+        _BOUNDS.remove(bound)
         signal.signal(signal.SIGUSR2, old)
+
+
+class _Bound:
+    """A block that must end, and when it is looked after next."""
+
+    def __init__(self, seconds: float) -> None:
+        self.seconds, self.caller = seconds, threading.get_ident()
+        self.began, self.used = time.monotonic(), time.process_time()
+        self.next = self.began + seconds
+
+    def look(self) -> None:
+        now = time.monotonic()
+        if now < self.next:
+            return
+        wait = min(self.began + BUSY * self.seconds - now, self.used + self.seconds - time.process_time())
+        if wait <= 0:
+            signal.pthread_kill(self.caller, signal.SIGUSR2)
+        self.next = now + (wait if wait > 0 else AGAIN)
+
+
+_BOUNDS: list[_Bound] = []
+_looks = [0.0]  # when the thread looks next
+_sooner = threading.Event()
+
+
+@cache
+def _watched(_process: int) -> None:
+    """A thread looks after the blocks of this process: one for each would cost more than a short cell."""
+
+    def watch() -> None:
+        while True:
+            for bound in [*_BOUNDS]:
+                bound.look()
+            _looks[0] = min([bound.next for bound in [*_BOUNDS]], default=time.monotonic() + SECONDS)
+            _sooner.wait(min(AGAIN, max(0.001, _looks[0] - time.monotonic())))  # a block that just began is seen then
+            _sooner.clear()
+
+    watcher = threading.Thread(
+        target=watch, name="bound", daemon=True
+    )  # it reads from nothing, and ends with the process
+    watcher.start()

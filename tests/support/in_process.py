@@ -12,9 +12,9 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
-from unittest import mock
 
 from handctl.system import clock
+from tests.support.swap import swapped
 
 REFUSED = {
     "os.exec": "starts a program",
@@ -76,11 +76,11 @@ def in_process() -> Iterator[None]:
     """Refuse the outside world for one test. Raises OutsideWorld at the end, too, where something was tried and swallowed."""
     _WATCH.tried = tried = []
     try:
-        with (
-            mock.patch.object(time, "sleep", _no_sleep),
-            mock.patch.object(clock, "sleep", _no_sleep),
-            mock.patch.object(os, "openpty", _no_terminal),
-            mock.patch.object(os, "fsync", _no_disk),
+        with swapped(
+            (time, "sleep", _no_sleep),
+            (clock, "sleep", _no_sleep),
+            (os, "openpty", _no_terminal),
+            (os, "fsync", _no_disk),
         ):
             yield
     finally:

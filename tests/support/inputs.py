@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -19,7 +20,9 @@ def made_once(prepare: Callable[[Path], None]) -> Callable[[Path], Path]:
                 prepare(Path(first))
                 made.update({path.name: path.read_bytes() for path in Path(first).iterdir()})
         for name, content in made.items():
-            (folder / name).write_bytes(content)
+            file = os.open(f"{folder}/{name}", os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o666)
+            os.write(file, content)
+            os.close(file)
         return folder
 
     return again

@@ -320,7 +320,9 @@ class Loop(Clock):
         self._by_master: dict[int, Terminal] = {}
         self._horizon = self.moment
         self._due: float | None = None
-        self._ours, self._theirs = threading.Semaphore(0), threading.Semaphore(0)
+        self._ours, self._theirs = threading.Lock(), threading.Lock()  # whose turn it is
+        for turn in (self._ours, self._theirs):
+            turn.acquire()
         self._ended = False
         self._failed: BaseException | None = None
         self.code: int | None = None

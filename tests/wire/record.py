@@ -85,8 +85,8 @@ class Scratch:
         self._seen = {path: path.stat().st_mtime_ns for path in self._kept}
 
     def _files(self) -> list[Path]:
-        found = (Path(folder, name) for folder, _, names in os.walk(self.folder) for name in names)
-        return sorted(path for path in found if path.is_file() and not path.is_symlink())
+        found = (os.path.join(folder, name) for folder, _, names in os.walk(self.folder) for name in names)
+        return sorted(Path(path) for path in found if os.path.isfile(path) and not os.path.islink(path))
 
     def swept(self) -> dict[str, bytes]:
         """What a run has left, by name; then it is gone."""

@@ -11,6 +11,7 @@ import inspect
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import NamedTuple
 
 import click
@@ -101,8 +102,9 @@ class Node:
             yield from child.walk()
 
 
+@cache
 def read_tree() -> Node:
-    """The whole program. Imports every family and every tool."""
+    """The whole program, which stays as it is. Imports every family and every tool."""
     return _node(root, None, "handctl", ())
 
 

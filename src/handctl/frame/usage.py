@@ -112,6 +112,7 @@ class Described(click.Command):
     heading = ""
     writes = False
     offline = False
+    _own: list[click.Parameter] | None = None
     _shared: list[click.Parameter] | None = None
     _parser: tuple[list[click.Parameter], Any] | None = None
 
@@ -131,8 +132,10 @@ class Described(click.Command):
         return frozenset(keys)
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        if self._own is None:
+            self._own = super().get_params(ctx)
         if said(ctx).bare:
-            return super().get_params(ctx)
+            return [*self._own]
         if self._shared is None:
             family = self.family
             wires, own = (family.wires, own_options(family.kind)) if family is not None else ((), ())
@@ -141,7 +144,7 @@ class Described(click.Command):
             }  # an option of its own stands for the shared one
             shared = shared_options(wires, own, self.refused())
             self._shared = [option for option in shared if not named & {*option.opts}]
-        return [*super().get_params(ctx), *self._shared]
+        return [*self._own, *self._shared]
 
     def make_parser(self, ctx: click.Context) -> Any:
         """As click does, but once for the same options: a parser keeps nothing of a line but its context.

@@ -31,18 +31,23 @@ class Process(NamedTuple):
 
 def processes(root: Path = ROOT) -> Iterator[Process]:
     """All processes but our own and its forks. Nothing where the system has no /proc."""
+    return (_named(pid, root) for pid in _pids(root))
+
+
+def _pids(root: Path) -> Iterator[int]:
     try:
-        entries = [entry for entry in os.listdir(root / "proc") if entry.isdecimal()]
+        numbers = sorted(int(entry) for entry in os.listdir(root / "proc") if entry.isdecimal())
     except OSError:
         return
-    for entry in sorted(entries, key=int):
-        if root == ROOT and is_ours(int(entry)):
-            continue
-        try:
-            name = (root / "proc" / entry / "comm").read_text(encoding="utf-8", errors="replace").strip()
-        except OSError:
-            name = ""  # just ended, or not ours to look at
-        yield Process(int(entry), name or "a process")
+    yield from (pid for pid in numbers if root != ROOT or not is_ours(pid))
+
+
+def _named(pid: int, root: Path) -> Process:
+    try:
+        name = (root / "proc" / str(pid) / "comm").read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        name = ""  # just ended, or not ours to look at
+    return Process(pid, name or "a process")
 
 
 def holders(device: str, root: Path = ROOT) -> list[Process]:
@@ -55,16 +60,16 @@ def holders(device: str, root: Path = ROOT) -> list[Process]:
     target = device if root != ROOT else os.path.realpath(device)
     number = target.removeprefix("/dev/pts/") if target.startswith("/dev/pts/") else ""
     found = []
-    for process in processes(root):
-        names = _descriptors(process, root) or {}
-        if target in names.values() and not (number and _has_master(process, names, number, root)):
-            found.append(process)
+    for pid in _pids(root):
+        names = _descriptors(pid, root) or {}
+        if target in names.values() and not (number and _has_master(pid, names, number, root)):
+            found.append(_named(pid, root))
     return found
 
 
-def _descriptors(process: Process, root: Path) -> dict[str, str] | None:
+def _descriptors(pid: int, root: Path) -> dict[str, str] | None:
     """Number and file of what a process has open; None where it is not ours to look at."""
-    folder = root / "proc" / str(process.pid) / "fd"
+    folder = f"{root}/proc/{pid}/fd"  # some thousand files are looked at
     try:
         names = os.listdir(folder)
     except PermissionError:
@@ -74,15 +79,15 @@ def _descriptors(process: Process, root: Path) -> dict[str, str] | None:
     found = {}
     for name in names:
         with contextlib.suppress(OSError):
-            found[name] = os.readlink(folder / name)
+            found[name] = os.readlink(f"{folder}/{name}")
     return found
 
 
-def _has_master(process: Process, names: dict[str, str], number: str, root: Path) -> bool:
+def _has_master(pid: int, names: dict[str, str], number: str, root: Path) -> bool:
     for name, target in names.items():
         if target in ("/dev/ptmx", "/dev/pts/ptmx"):
             try:
-                told = (root / "proc" / str(process.pid) / "fdinfo" / name).read_text(encoding="utf-8")
+                told = (root / "proc" / str(pid) / "fdinfo" / name).read_text(encoding="utf-8")
             except OSError:
                 continue
             if ["tty-index:", number] in [line.split() for line in told.splitlines()]:
@@ -107,7 +112,7 @@ def rivals(link: Link) -> Rivals:
         return Rivals([])
     if port := name_of(outlet.descriptor):
         names = holders(port)
-        return Rivals(names, not names and any(_descriptors(process, ROOT) is None for process in processes(ROOT)))
+        return Rivals(names, not names and any(_descriptors(pid, ROOT) is None for pid in _pids(ROOT)))
     return Rivals(_connected(outlet.descriptor))
 
 
@@ -121,7 +126,7 @@ def _connected(descriptor: int) -> list[Process]:
     others = {socket for remote, socket in rows if remote == server and socket != ours}
     if server is None or not others:
         return []
-    return [one for one in processes(ROOT) if others & set((_descriptors(one, ROOT) or {}).values())]
+    return [_named(pid, ROOT) for pid in _pids(ROOT) if others & set((_descriptors(pid, ROOT) or {}).values())]
 
 
 def _table(name: str) -> Iterator[tuple[str, str]]:

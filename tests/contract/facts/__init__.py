@@ -152,11 +152,12 @@ def passed(trace: Path) -> list[Passed]:
     """A transcript, read without handctl."""
     found = []
     for line in trace.read_text(encoding="utf-8").splitlines() if trace.exists() else []:
-        words = line.split()
-        if line.startswith("#") or len(words) < 2 or words[1] not in "<>":
+        _, mark, rest = (*line.split(None, 2), "", "", "")[:3]
+        if line.startswith("#") or mark not in ("<", ">"):
             continue
-        if words[2] == "can":
-            found.append(Passed(words[1], bytes.fromhex("".join(words[5:])), int(words[3], 16)))
+        if rest.startswith("can "):
+            words = rest.split()
+            found.append(Passed(mark, bytes.fromhex("".join(words[3:])), int(words[1], 16)))
         else:
-            found.append(Passed(words[1], bytes.fromhex("".join(words[2:])), None))
+            found.append(Passed(mark, bytes.fromhex(rest), None))
     return found

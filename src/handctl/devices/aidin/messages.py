@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import cache
 from math import inf, isfinite
+from typing import Any
 
 from handctl.errors import ProtocolError, UsageError
 
@@ -27,6 +29,11 @@ NEUTRAL = b"{}"
 
 _OUTSIDE = re.compile(rb'["{}]|[^ \t\r\n0-9+\-.,:\[\]a-zA-Z]')
 _INSIDE = re.compile(rb'["\\]|[\x00-\x1f]')
+_FLAT = re.compile(
+    rb'\{[ \t\r\n0-9+\-.,:\[\]a-zA-Z]*(?:"[^"\\\x00-\x1f]{0,%d}"[ \t\r\n0-9+\-.,:\[\]a-zA-Z]*)*\}'
+    % (LONGEST_STRING - 1)
+)
+"""A whole object of the usual kind, as what the two above find token by token."""
 
 _KEY = re.compile(rb'"[A-Za-z_]\w*"\s*:')
 
@@ -116,9 +123,11 @@ class Decoder:
         Raises MalformedObject, a ProtocolError, for bytes that make none; they are dropped up to the next ``{``.
         """
         self.used = b""
+        end = None
         if self._position == 0:
             self._skip()
-        end = self._scan()
+            end = found.end() if (found := _FLAT.match(self._buffer)) else None
+        end = end or self._scan()
         if end is None:
             return None
         data = bytes(self._buffer[:end])
@@ -206,13 +215,20 @@ class Twice(Exception):
 
 
 def _parse(data: bytes) -> dict[str, object] | None:
-    from json import loads
+    from json import detect_encoding
 
     try:
-        content = loads(data, object_pairs_hook=_each_once)
+        content = _json().decode(data.decode(detect_encoding(data), "surrogatepass"))
     except (ValueError, RecursionError):
         return None
     return content if isinstance(content, dict) else None
+
+
+@cache
+def _json() -> Any:
+    from json import JSONDecoder
+
+    return JSONDecoder(object_pairs_hook=_each_once)
 
 
 def _each_once(pairs: list[tuple[str, object]]) -> dict[str, object]:

@@ -208,6 +208,7 @@ class Decoder(Stream):
         self._first = known[0] if len(known[0]) >= OVERHEAD else None  # its length is in it
         super().__init__()
         self._known = _Known.of(known)
+        self._few = known if len(known) <= FEW else ()
         self.rejected = b""
 
     def next(self) -> Frame | None:
@@ -254,17 +255,23 @@ class Decoder(Stream):
 
         One pass, however many prefixes there are: a scan waits for the answers of 254 ids at once.
         """
-        buffer, known, place = self._buffer, self._known, 0
+        buffer, known, few, place = self._buffer, self._known, self._few, 0
         while found := _HEAD.search(buffer, place):
             place = found.start()
             if place + 3 >= len(buffer) or buffer[place + 3] >= MIN_LENGTH:
                 tail = bytes(buffer[place : place + LONGEST_PREFIX])
-                if any(tail[:size] in known.whole for size in known.sizes):
-                    return place
-                if place + len(tail) == len(buffer) and tail in known.beginnings:
+                ends = place + len(tail) == len(buffer)
+                if few:
+                    if tail.startswith(few) or (ends and any(one.startswith(tail) for one in few)):
+                        return place
+                elif any(tail[:size] in known.whole for size in known.sizes) or (ends and tail in known.beginnings):
                     return place
             place += 1
         return len(buffer)
+
+
+FEW = 8
+"""Up to so many prefixes are compared one by one."""
 
 
 class _Known(NamedTuple):
@@ -275,7 +282,7 @@ class _Known(NamedTuple):
     beginnings: frozenset[bytes]
 
     @staticmethod
-    @lru_cache(maxsize=8)
+    @lru_cache(maxsize=32)
     def of(prefixes: tuple[bytes, ...]) -> _Known:
         sizes = tuple({len(prefix) for prefix in prefixes})
         beginnings = (prefix[:size] for prefix in prefixes for size in range(1, len(prefix) + 1))

@@ -428,9 +428,10 @@ class Seen(NamedTuple):
 
 
 class _Tally:
-    """Reads of one kind, and how they ended."""
+    """Reads of one kind, and how they ended; whether a `refusal` counts as an answer: it arrives as whole."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, refusal: bool = False) -> None:
+        self.refusal = refusal
         self.asked = self.whole = self.destroyed = self.twice = 0
 
     @property
@@ -439,9 +440,9 @@ class _Tally:
         return self.destroyed / self.asked if self.asked else 0.0
 
 
-def look_for_twin(device: RegisterDevice) -> Seen:
-    """Whether one device has this id. Raises LinkError where the line is lost."""
-    bus, alike, readings = device.bus, _Tally(), _Tally()
+def look_for_twin(device: RegisterDevice, refusal: bool = False) -> Seen:
+    """Whether one device has this id; two may refuse alike to tell it, too. Raises LinkError where the line is lost."""
+    bus, alike, readings = device.bus, _Tally(refusal=refusal), _Tally()
     spans, same = _readings(device), _alike(device)
     for span in spans * ROUNDS:
         _ask(bus, same, alike)
@@ -478,21 +479,24 @@ def naming_twins(device: RegisterDevice) -> Iterator[None]:
         raise
 
 
-def identify_alone(device: RegisterDevice) -> None:
-    """Look who is there, and that he is alone. Raises NotIdentified, and what `refuse_twins` raises."""
+def identify_alone(device: RegisterDevice, refusal: bool = False) -> None:
+    """Look who is there, and that he is alone, see `refuse_twins`. Raises NotIdentified, and what that raises."""
     with naming_twins(device):
         device.identify()
-    refuse_twins(device)
+    refuse_twins(device, refusal)
 
 
-def refuse_twins(device: RegisterDevice) -> None:
-    """Before a write after which a device is found elsewhere, or keeps what it has. Raises DeviceRefused where two would obey."""
+def refuse_twins(device: RegisterDevice, refusal: bool = False) -> None:
+    """Before a write after which a device is found elsewhere, or keeps what it has. Raises DeviceRefused where two would obey.
+
+    `refusal`: the command reads no id, and a device need not tell it.
+    """
     bus = device.bus
     if bus.gate is None or bus.gate.assumed or bus.link.replayed:
         return  # nobody looks
     if bus.wire == "tcp" or ("alone", bus.id) in bus.journal.line.met:
         return
-    seen = look_for_twin(device)
+    seen = look_for_twin(device, refusal)
     if seen.verdict == "two":
         raise DeviceRefused(
             f"{bus.where}: {seen.evidence}, and both would obey the command",
@@ -538,6 +542,8 @@ def _ask(bus: RegisterBus, span: Span, tally: _Tally, *, behind: bool = False) -
     except (NoAnswer, ProtocolError) as exc:
         tally.destroyed += exc.code in DESTROYED or isinstance(bus.link, FrameLink)
     except HandctlError as exc:
-        if exc.code == "lost" or not isinstance(bus.link, FrameLink):
+        refused = isinstance(exc, DeviceRefused) and tally.refusal
+        if exc.code == "lost" or not (refused or isinstance(bus.link, FrameLink)):
             raise
-        tally.destroyed += 1
+        tally.whole += refused
+        tally.destroyed += not refused

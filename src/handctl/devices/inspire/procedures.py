@@ -358,7 +358,7 @@ def save(hand: RegisterDevice, guide: Guide) -> Table:
     Two frames answer: the acknowledgement (01 = accepted) and the result (00 = saved, FF = failed; the sense is
     inverted, RH56 ch. 3 ex. 4). Nothing is sent in between. Raises DeviceRefused for FF or a refused acknowledgement.
     """
-    identify_alone(hand)
+    identify_alone(hand, refusal=True)
     with hand.bus.leaving(
         "the save was sent, but its result is not known",
         f"save again, or power-cycle the hand and check with `handctl {hand.kind} get id baud_code`",

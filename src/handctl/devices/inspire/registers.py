@@ -15,6 +15,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from copy import copy
+from functools import cache
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from handctl.devices.inspire import eb90
@@ -50,6 +51,7 @@ For an id that has answered: an answer to one of these is younger than that to a
 """
 
 
+@cache
 def question(device_id: int, flag: int) -> Span:
     """What to ask an id first."""
     spans = READS[flag]

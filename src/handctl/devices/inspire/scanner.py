@@ -148,7 +148,7 @@ class Asker:
             decoder.feed(chunk)
             received += chunk
             garbage += self._take(answered)
-            if alone in answered or any(each in self._seen for each in until):
+            if alone in answered or any(map(self._seen.__contains__, until)):
                 break
             if decoder.pending and deadline.remaining < self._wait:
                 deadline = bus.link.deadline(self._wait).earlier(last)

@@ -68,9 +68,9 @@ class Motor:
     def run(self, seconds: float, torque: int) -> None:
         """Lets time pass; `torque` is the current limit, which limits the speed as well."""
         self.origin += self.slip * seconds
-        fastest = self.stroke * torque / 1000.0  # counts a second
-        if self.drive == "off" or fastest == 0.0 or self.jammed or self.dead:
+        if self.drive == "off" or self.jammed or self.dead or torque == 0:
             return
+        fastest = self.stroke * torque / 1000.0  # counts a second
         if self.drive == "current":
             speed = min(abs(self.goal) / RUNNING * self.stroke, fastest)
             wanted = self.place + math.copysign(speed * seconds, self.goal)
@@ -81,6 +81,8 @@ class Motor:
     def _approach(self, fastest: float, seconds: float) -> float:
         """At full speed until the lag takes over; the last half count is made at once."""
         way = abs(self.goal - self.place)
+        if way < 0.5:
+            return self.goal
         cruise = min(seconds, max(0.0, way / fastest - LAG))
         way = (way - cruise * fastest) * math.exp(-(seconds - cruise) / LAG)
         return self.goal if way < 0.5 else self.goal - math.copysign(way, self.goal - self.place)
@@ -156,7 +158,8 @@ class Hand:
         if seconds > 0.0:
             self.warm += seconds
             for motor in self.motors:
-                motor.run(seconds, self.torque)
+                if motor.slip or motor.drive != "off":
+                    motor.run(seconds, self.torque)
 
     # -- commands ------------------------------------------------------------------------------------------------------
 

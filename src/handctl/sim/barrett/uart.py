@@ -11,12 +11,16 @@ whether a short pulse at a high speed is a byte at all, so a claim that somethin
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 RECEIVERS = ("mid", "sci")
 SAMPLES = {"mid": ((8,), (8,)), "sci": ((5, 9, 13), (15, 17, 19))}
 """Receiver -> samples of the start bit, of the other bits; mid in 16ths of a bit, sci in 32nds: centre of each sample."""
+BITS = [bytes((0, *((byte >> place) % 2 for place in range(8)), 1)) for byte in range(256)]
 PARTS = {"mid": 16, "sci": 32}
 
 
+@lru_cache(4096)  # who looks for the hand asks the same at each speed
 def resample(data: bytes, sent: int, heard: int, receiver: str = "mid") -> bytes:
     """`data`, sent back to back at `sent` bit/s on an idle line, as a receiver at `heard` bit/s takes it.
 
@@ -29,24 +33,24 @@ def resample(data: bytes, sent: int, heard: int, receiver: str = "mid") -> bytes
         return b""
     parts = PARTS[receiver]
     at_start, at_bit = SAMPLES[receiver]
-    bits = [bit for byte in data for bit in (0, *((byte >> place) % 2 for place in range(8)), 1)]
+    bits, size = b"".join([BITS[byte] for byte in data]), parts * heard
 
     def level(when: int) -> int:
-        place = when // (parts * heard)
+        place = when // size
         return bits[place] if place < len(bits) else 1
 
     def sample(edge: int, number: int, places: tuple[int, ...]) -> int:
         """Bit `number` behind the edge: the majority of its samples."""
-        found = sum(level(edge + sent * (parts * number + place)) for place in places)
+        found = sum([level(edge + sent * (parts * number + place)) for place in places])
         return int(2 * found > len(places))
 
     def fall(free: int) -> int | None:
         """The first falling edge from `free` on."""
-        for place in range(free // (parts * heard), len(bits)):
-            edge = place * parts * heard
-            if edge >= free and not bits[place] and (not place or bits[place - 1]):
-                return edge
-        return None
+        place = -(-free // size)
+        if not place and bits[:1] == b"\0":
+            return 0
+        place = bits.find(b"\1\0", max(0, place - 1))
+        return None if place < 0 else (place + 1) * size
 
     out, edge = bytearray(), fall(0)
     while edge is not None:

@@ -106,7 +106,7 @@ class CanBus(Controller, Rack[CanLine]):
         turn = self._end if self._flying else None
         if not self._flying and self._waiting:
             turn = max(self._free, min(frame.ready for frame, _ in self._waiting))
-        return soonest(turn, *(master.due for master in self.masters), *self._wakes.values(), *self.pulls())
+        return soonest(turn, *(master.due for master in self.masters), *self._wakes.values(), self.pulls())
 
     def _happen(self, now: float) -> None:
         """What is due at this moment: a frame ends, questions and answers come, the next frame begins."""

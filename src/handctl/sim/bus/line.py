@@ -69,7 +69,7 @@ class Client:
 
     def look(self) -> None:
         """With the adapter goes what was on its way."""
-        if self.away and not self.pulled:
+        if not self.pulled and self.bus.away:
             self.reconnect()
             self.hung_up = self.pulled = True
 
@@ -244,18 +244,28 @@ class Bus(Rack[Line]):
         """When something may happen that this client notices; bytes on the wire in pieces of 2 ms."""
         bytes_due = (byte for ear in self._ears() if (byte := ear.next()) is not None)
         pieces = (max(byte[0], min(byte[3], (self.now or 0.0) + TICK)) for byte in bytes_due)
-        return soonest(client.arrival(), *pieces, *self._acts())
+        return soonest(client.arrival(), self._acts(), *pieces)
 
     def _ears(self) -> list[Ear]:
-        return [*(station.ear for station in self.stations), *(client.ear for client in self.clients)]
+        return [station.ear for station in self.stations] + [client.ear for client in self.clients]
 
-    def _acts(self) -> list[float | None]:
+    def _acts(self) -> float | None:
         """When devices, masters and what clients sent act next."""
-        wakes = [station.wake for station in self.stations]
-        return [*(master.due for master in self.masters), *wakes, *(c.due() for c in self.clients), *self.pulls()]
+        first = self.pulls()
+        for station in self.stations:
+            if (wake := station.wake) is not None and (first is None or wake < first):
+                first = wake
+        for due in [master.due for master in self.masters] + [client.due() for client in self.clients]:
+            if due is not None and (first is None or due < first):
+                first = due
+        return first
 
     def _next(self) -> float | None:
-        return soonest(*self._acts(), *(byte[0] for ear in self._ears() if (byte := ear.next()) is not None))
+        first = self._acts()
+        for ear in self._ears():
+            if (byte := ear.next()) is not None and (first is None or byte[0] < first):
+                first = byte[0]
+        return first
 
     def _happen(self, now: float) -> None:
         """What bytes end comes before what begins."""

@@ -17,6 +17,9 @@ EDGE = 0.000000001  # s, rounding
 KEPT = 0.25  # s that a burst is remembered behind its end: ten bits at 50 bit/s are not longer
 
 
+BITS = [bytes((0, *((byte >> place) % 2 for place in range(8)), 1)) for byte in range(256)]
+
+
 class Burst:
     """Bytes that one sender puts on the pair back to back."""
 
@@ -27,17 +30,20 @@ class Burst:
         self.bit = 1.0 / speed
         self.data = data
         self.end = start + 10 * self.bit * len(data)
-        self._bits = b""
+        self._bits = b""  # made only when somebody must sample them
         self.fits_all = fits_all  # the sender's adapter talks at the speed of whoever listens
 
     @property
     def bits(self) -> bytes:
-        """A byte for each bit; made only when somebody must sample them."""
+        """A byte for each bit."""
         if len(self._bits) != 10 * len(self.data):
-            self._bits = bytes(
-                bit for byte in self.data for bit in (0, *((byte >> place) % 2 for place in range(8)), 1)
-            )
+            self._bits = b"".join([BITS[byte] for byte in self.data])
         return self._bits
+
+    def whole(self, number: int) -> tuple[float, int, float, float]:
+        """What `Ear.next` is to say of this byte when nothing disturbs it."""
+        complete = self.start + number * (10 * self.bit) + 10 * self.bit
+        return complete, self.data[number], complete - self.bit / 2, self.end
 
     def level(self, when: float) -> int:
         if not self.start <= when < self.end:
@@ -94,6 +100,9 @@ class Ear:
         self._free = -1.0e300  # from here on it waits for the next start bit
         self._seen = -1
         self._next: tuple[float, int, float, float] | None = None
+        self._amid: tuple[Burst, int] | None = (
+            None  # that byte is this one of the only burst ahead, whole and undisturbed
+        )
 
     @property
     def speed(self) -> int | None:
@@ -115,10 +124,16 @@ class Ear:
         return self._next
 
     def take(self) -> None:
-        """Goes on behind that byte."""
-        if self._next is not None:
-            self._free = self._next[2]
+        """Goes on behind that byte; the next one of an undisturbed burst needs no search."""
+        if self._next is None:
+            return
+        self._free = self._next[2]
+        if self._amid is None or self._seen != self.pair.changes:
             self._seen = -1
+            return
+        burst, number = self._amid[0], self._amid[1] + 1
+        self._amid = burst, number
+        self._next = burst.whole(number) if number < len(burst.data) else None
 
     def silence(self, now: float) -> None:
         """Forgets a byte that has begun."""
@@ -127,13 +142,12 @@ class Ear:
     def _find(self) -> tuple[float, int, float, float] | None:
         if self._speed is not None and self._speed <= 0:
             return None  # a speed that no line has
-        free = self._free
+        free, self._amid = self._free, None
         ahead = [burst for burst in self.pair.bursts if burst.end > free]
         own = [] if self.echo else [burst for burst in ahead if burst.sender is self.owner]
+        others = [burst for burst in ahead if burst.sender is not self.owner] if own else ahead
         while True:
-            heard = [
-                burst for burst in ahead if burst.end > free + EDGE and (self.echo or burst.sender is not self.owner)
-            ]
+            heard = [burst for burst in others if burst.end > free + EDGE]
             if not heard:
                 return None
             found = self._byte(free, heard)
@@ -147,21 +161,26 @@ class Ear:
             elif byte is None:
                 free = further
             else:
+                if len(ahead) > 1:
+                    self._amid = None
                 return complete, byte, further, end
 
     def _byte(self, free: float, heard: list[Burst]) -> tuple[float, float, int | None, float, float] | None:
         """Where the next byte begins and is complete, itself (None: a glitch), where it goes on, the end of its burst."""
-        first = min(heard, key=lambda burst: burst.start)
+        first = heard[0] if len(heard) == 1 else min(heard, key=lambda burst: burst.start)
         if self._speed in (None, first.speed) or first.fits_all:
             step = 10 * first.bit
             place = max(0.0, (free - first.start) / step)
-            if place - floor(place) >= 0.9 or place - floor(place) < 0.000001 or place == 0.0:
+            part = place - floor(place)
+            if part >= 0.9 or part < 0.000001:
                 number = ceil(place - 0.000001)
                 if number >= len(first.data):
                     return first.end, first.end, None, first.end, first.end
                 begin = first.start + number * step
-                if not any(b is not first and b.start < begin + step - EDGE and b.end > begin for b in heard):
-                    return begin, begin + step, first.data[number], begin + step - first.bit / 2, first.end
+                beside = heard if len(heard) > 1 else ()
+                if not any(b is not first and b.start < begin + step - EDGE and b.end > begin for b in beside):
+                    self._amid = first, number
+                    return begin, *first.whole(number)
         bit = 1.0 / (self._speed or first.speed)
         edges = [
             next((when for when in burst.falls(free) if all(other.level(when - EDGE) for other in heard)), None)
@@ -172,7 +191,7 @@ class Ear:
             return None
 
         def sample(bits: float) -> int:
-            return int(all(burst.level(edge + bits * bit) for burst in heard))
+            return min([burst.level(edge + bits * bit) for burst in heard])
 
         if sample(0.5):  # a glitch, no start bit
             return edge, edge + bit / 2, None, edge + bit / 2, edge

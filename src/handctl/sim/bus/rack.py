@@ -9,7 +9,7 @@ from handctl.digits import number_in
 from handctl.sim import model_class
 from handctl.sim.bus.file import Plan
 from handctl.sim.engine.line import PLUG_COMMANDS, Cable, Plug, Switched
-from handctl.sim.engine.model import Model, Random
+from handctl.sim.engine.model import Model, Random, soonest
 
 SOON = 0.000000001  # s, rounding
 IDLE = 0.001  # s until a device is asked again that says that it acts now, and does not
@@ -92,9 +92,11 @@ class Rack(Switched, Generic[Wire]):
         way: float = self.plan.latency / 2 + self.plan.spread / 2 * self.random.between(0, 1000) / 1000
         return way
 
-    def pulls(self) -> list[float | None]:
-        """When plugs go out or in next."""
-        return [plug.next_event(self._present()) for plug in (self.adapters, *self.plugs)]
+    def pulls(self) -> float | None:
+        """When a plug goes out or in next."""
+        now = self._present()
+        moving = [plug for plug in (self.adapters, *self.plugs) if plug.plan or plug.until > now]
+        return soonest(*[plug.next_event(now) for plug in moving]) if moving else None
 
     def power(self, on: bool) -> None:
         """All devices."""

@@ -424,16 +424,23 @@ def _raw(value: float, scale: int) -> int:
 # -- messages ----------------------------------------------------------------------------------------------------------
 
 
+def _shifted(byte: int) -> int:
+    """What a byte at the top of the register comes to when it has been shifted out."""
+    register = byte * 256
+    for _ in range(8):
+        register = register * 2 % 65536 ^ (4129 if register >= 32768 else 0)
+    return register
+
+
+SHIFTED = [_shifted(byte) for byte in range(256)]
+
+
 @lru_cache(1024)
 def crc(data: bytes) -> int:
     """CRC-CCITT: polynomial x^16 + x^12 + x^5 + 1, start FFFF, not reflected, no final XOR (manual §6, CRC table)."""
     register = 65535
     for byte in data:
-        for place in (128, 64, 32, 16, 8, 4, 2, 1):
-            top = register >= 32768
-            register = register * 2 % 65536
-            if top != bool(byte & place):
-                register ^= 4129
+        register = register % 256 * 256 ^ SHIFTED[register // 256 ^ byte]
     return register
 
 

@@ -65,9 +65,9 @@ class Plug:
 
     def __init__(self, plan: str | None) -> None:
         """Raises ValueError for a plan that is none."""
-        self._plan = sorted(_pair(item) for item in (plan or "").split(",") if item.strip())
+        self.plan = sorted(_pair(item) for item in (plan or "").split(",") if item.strip())
         self._start = 0.0
-        self._until = 0.0  # by hand
+        self.until = 0.0  # by hand
 
     def begin(self, now: float) -> None:
         """The start of the plan."""
@@ -77,25 +77,25 @@ class Plug:
         """unplug [SECONDS] | replug, as words. Raises ValueError."""
         match words:
             case ["unplug", *seconds] if len(seconds) < 2:
-                self._until = now + _seconds(seconds[0]) if seconds else float("inf")
+                self.until = now + _seconds(seconds[0]) if seconds else float("inf")
             case ["replug"]:
-                self._until = 0.0
+                self.until = 0.0
             case _:
                 raise ValueError(f"unknown command {' '.join(words)!r}. Known: {' | '.join(PLUG_COMMANDS)}")
         return " ".join(words)
 
     def out(self, now: float) -> bool:
         """Whether it is out."""
-        if not self._plan:
-            return now < self._until
+        if not self.plan:
+            return now < self.until
         since = now - self._start
-        return now < self._until or any(at <= since < at + seconds for at, seconds in self._plan)
+        return now < self.until or any(at <= since < at + seconds for at, seconds in self.plan)
 
     def next_event(self, now: float) -> float | None:
         """When that changes next."""
-        if not self._plan and self._until <= now:
+        if not self.plan and self.until <= now:
             return None
-        moments = [self._until, *(self._start + edge for at, seconds in self._plan for edge in (at, at + seconds))]
+        moments = [self.until, *(self._start + edge for at, seconds in self.plan for edge in (at, at + seconds))]
         return min((moment for moment in moments if now < moment < float("inf")), default=None)
 
 
@@ -302,6 +302,10 @@ def _near(name: str, known: Collection[str]) -> str:
     return f"Did you mean {near[0]!r}? " if near else ""
 
 
+def _due(reply: Reply) -> float:
+    return reply.due
+
+
 class _Segment:
     """Bytes on the wire: byte k is complete at start + (k + 1) * step (at start when step is 0). `put` are those that were
     sent at `speed`; `data` is what is heard of them."""
@@ -380,7 +384,8 @@ class Line(Cable):
         self._plug.begin(now)
 
     def _pass(self, now: float) -> None:
-        self._now = max(now, self._present())
+        if self._now is None or now > self._now:
+            self._now = now
         if self._rx:
             self._listen()
         self.device.advance(self._now)
@@ -409,13 +414,13 @@ class Line(Cable):
         """Bytes that the client writes at the present time."""
         if self._now is None:
             self.advance(0.0)
-        now = self._present()
+        now, baud = self._present(), self._client_baud
         if self.hung_up or not data:
             return
-        step = self._step(self.client_baud)
+        step = self._step(baud)
         start = max(now, self._rx_free) if step else now
         incoming = _Segment(start, step, bytes(data))
-        upcoming = self._hits(self.requests + 1)
+        upcoming = self._hits(self.requests + 1) if self._faults else NOTHING
         if "echo" in upcoming or "loopback" in upcoming:
             self._tx.append(_Segment(max(start, self._tx_free), step, incoming.data))
             self._tx_free = self._tx[-1].end_of(len(data))
@@ -423,30 +428,36 @@ class Line(Cable):
             return
         end = incoming.end_of(len(data))
         heard = None
-        if self.client_baud is not None and self.device.speed not in (None, self.client_baud):
-            heard = self.device.mishear(incoming.data, self.client_baud, self.device.speed or 0)
+        strange = baud is not None and self.device.speed not in (None, baud)
+        if strange:
+            heard = self.device.mishear(incoming.data, baud or 0, self.device.speed or 0)
         if heard is not None:
             incoming.data = heard
             incoming.step *= len(data) / max(1, len(heard))  # the same time on the wire, whatever is made of it
             self._rx_free = end
             if not heard:
                 return
-        elif self.client_baud is not None and self.device.speed not in (None, self.client_baud):
+        elif strange:
             # At a wrong speed a UART sees framing errors: the device never finds a header, so it is silent.
             if "noise" in upcoming or "garble" in upcoming:
                 self._send(end, self._random.junk(self._random.between(3, 12), self.device.HEADER), NOTHING)
                 self._dispatch(now)
             return
-        if sum([len(segment.data) - segment.sent for segment in self._rx]) + len(data) > BACKLOG:
+        if self._rx and sum([len(segment.data) - segment.sent for segment in self._rx]) + len(data) > BACKLOG:
             return
-        self._rx.append(incoming)
         self._rx_free = end
-        self._listen()
+        if not (step or self._rx):
+            self._hand_over(incoming.data)
+        else:
+            self._rx.append(incoming)
+            self._listen()
         self._collect()
         self._look()
 
     def take(self) -> bytes:
         """Bytes that have fully arrived at the client by now."""
+        if not self._tx:
+            return b""
         now = self._present()
         out = bytearray()
         while self._tx and not self.hung_up:
@@ -481,9 +492,9 @@ class Line(Cable):
 
     def _hearing(self) -> tuple[int, float]:
         """Of the bytes on their way to the device: how many to hand over next, and when the last of them is in."""
-        pending = b"".join(segment.data[segment.sent :] for segment in self._rx)
+        first, *more = self._rx
+        pending = first.data[first.sent :] + b"".join([segment.data for segment in more])
         wanted = self.device.due(pending) or len(pending)
-        first = self._rx[0]
         if not first.step:
             return wanted, first.start
         # At most 20 ms of wire time at once, or the device would take a long frame on a slow line for a pause.
@@ -509,10 +520,20 @@ class Line(Cable):
             self.device.feed(data)
             self._collect()
 
+    def _hand_over(self, data: bytes) -> None:
+        """The same with bytes that take no time on the wire, and come alone."""
+        device = self.device
+        while data:
+            count = (device.due(data) if len(data) > 1 else 1) or len(data)
+            part, data = data[:count], data[count:]
+            device.advance(max(device.now, self._present()))
+            device.feed(part)
+            self._collect()
+
     def _collect(self) -> None:
         """Takes the replies of the device and puts those that are due on the wire."""
         if replies := self.device.take():
-            for reply in sorted(replies, key=lambda reply: reply.due):
+            for reply in sorted(replies, key=_due) if len(replies) > 1 else replies:
                 self._transmit(reply)
         if self._out:
             self._dispatch(self._present())
@@ -557,20 +578,22 @@ class Line(Cable):
                 count = self._random.between(1, max(1, len(data) // 2))
                 pieces.append((self._random.between(0, 8) / 1000.0 if pieces else 0.0, step, data[:count]))
                 data = data[count:]
-        self._out.append((due, pieces, hang, self.device.speed, self.client_baud))
-        self._out.sort(key=lambda entry: entry[0])
+        self._out.append((due, pieces, hang, self.device.speed, self._client_baud))
+        if len(self._out) > 1:
+            self._out.sort(key=lambda entry: entry[0])
 
     def _dispatch(self, now: float) -> None:
+        baud = self._client_baud
         while self._out and self._out[0][0] <= now + 0.000000001:
             due, pieces, hang, speed, listener = self._out.pop(0)
             start = max(due, self._tx_free)
             for gap, step, sent in pieces:
                 start += gap
                 data = sent
-                if speed is not None and self.client_baud is not None and listener != self.client_baud:
-                    data = self._heard(sent, speed, self.client_baud)
-                elif speed is not None and self.client_baud not in (None, speed):
-                    heard = self.device.mishear(sent, speed, self.client_baud or 0)
+                if speed is not None and baud is not None and listener != baud:
+                    data = self._heard(sent, speed, baud)
+                elif speed is not None and baud not in (None, speed):
+                    heard = self.device.mishear(sent, speed, baud or 0)
                     data = sent if heard is None else heard
                 self._tx.append(_Segment(start, step, data, put=sent, speed=speed))
                 start += step * len(data)

@@ -39,7 +39,11 @@ NOTHING: frozenset[str] = frozenset()
 
 def soonest(*times: float | None) -> float | None:
     """The first of these moments; None: there is none."""
-    return min([when for when in times if when is not None], default=None)
+    first = None
+    for when in times:
+        if when is not None and (first is None or when < first):
+            first = when
+    return first
 
 
 class Random:
@@ -66,6 +70,10 @@ class Random:
             liked[self.between(0, len(liked) - 1)] if liked and self.between(0, 1) else self.between(0, 255)
             for _ in range(count)
         )
+
+
+_DEFAULTS: dict[int, tuple[Rows, dict[str, Any]]] = {}
+"""What tables of options come to where nothing is said: many devices are made of few tables."""
 
 
 class Options:
@@ -112,7 +120,11 @@ class Options:
 
     def read(self, rows: Rows) -> dict[str, Any]:
         """The values of these options, each by its form."""
-        return {name: self.value(name, form) for name, (form, _) in rows.items()}
+        if id(rows) not in _DEFAULTS:  # of a table that lasts as long as its module
+            none = Options(self.kind, {}, rows)
+            _DEFAULTS[id(rows)] = rows, {name: none.value(name, form) for name, (form, _) in rows.items()}
+        given = {name: self.value(name, form) for name, (form, _) in rows.items() if name in self.raw}
+        return {**_DEFAULTS[id(rows)][1], **given}
 
     def value(self, name: str, form: Form) -> Any:
         match form:
@@ -194,7 +206,8 @@ class Model:
 
     def take(self) -> list[Reply]:
         """The replies made since the last call; some may be due in the future."""
-        replies, self._replies = self._replies, []
+        if replies := self._replies:
+            self._replies = []
         return replies
 
     def next_event(self) -> float | None:

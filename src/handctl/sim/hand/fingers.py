@@ -261,7 +261,9 @@ class Body:
     def _run(self, seconds: float) -> None:
         if seconds > 0.0:
             for finger in self.fingers:
-                finger.run(seconds)
+                at_rest = finger.object is None and (finger.goal is None or finger.goal == finger.angle)
+                if not at_rest or finger.temperature != finger.ambient:
+                    finger.run(seconds)
 
     def next_event(self) -> float | None:
         """When a command reaches its motor, or the next pose of a calibration begins."""

@@ -27,6 +27,7 @@ DEVICE: dict[str, dict[str, Codes]] = {
     "unknown-bits": {"status-check": {7}, "clear-errors": {7}},
     **{key: dict(UNHEALTHY) for key in MOTOR_FAULTS},
 }  # fmt: skip
+ALONE = ("id-new", "baud-new", "baud-save", "save", "factory-reset")
 FIXED = [command.name for command in COMMANDS if command.fixed_registers]
 
 
@@ -34,7 +35,9 @@ def rarer(wire: str, fault: str, row: Any) -> Codes:
     """A write may be hit whose fate the read-back then tells; an id that answered once and then not again is not counted."""
     if row.kind == "scan":
         return {4}
-    return {7} if row.kind == "write" and fault not in ("refuse", "disconnect") else ()
+    if row.kind != "write" or fault in ("refuse", "disconnect"):
+        return ()
+    return {6, 7} if fault == "twin-id" and row.name in ALONE else {7}
 
 
 OUTCOMES = Outcomes(
@@ -55,6 +58,8 @@ OUTCOMES = Outcomes(
         ("", "refuse", "move"): {7},
         # two hands with one id: replies that do not jitter overlap to perfect frames (dossier 4.14)
         **{("", "twin-id", name): RIGHT for name in (*FIXED, "raw-write")},
+        # ... and are named before what both would obey and neither would undo
+        **{("", "twin-id", name): {6} for name in ALONE},
         # a scan may name the suspicion beside the hand, or find no valid answer
         ("", "twin-id", "scan"): {0, 5},
     },

@@ -96,6 +96,8 @@ OUTCOMES = Outcomes(
     },
     exceptions={
         **{("", "refuse", name): {6} for name in WRITES},
+        # two hands with one id are named before what both would obey
+        **{(wire, "twin-id", name): {6} for wire in ("eb90", "rtu") for name in ("save", "clear-errors")},
         # on CAN a collision destroys frames: what a look does not see is not written to
         **{("can", "twin-id", name): {4, 6} for name in WRITES},
         # the answer to function 06 is its question again: an echo that comes and goes cannot be known

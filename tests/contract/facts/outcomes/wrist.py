@@ -72,6 +72,7 @@ OUTCOMES = Outcomes(
         **{("", "twin-id", command.name): RIGHT for command in READING if command.steady},
         # on CAN the collision destroys the wrist's frames, while its hand's, which do not jitter, come whole: a hand alone
         **{("can", "twin-id", command.name): {6} for command in WRITING},
+        **{("can", "twin-id", name): {6} for name in ("status", "status-check", "dump", "get", "watch")},
         # a scan may name the suspicion beside the wrist, or find no valid answer
         ("serial", "twin-id", "scan"): {0, 5},
         # undocumented bytes are asked for by number, or with an error byte: on CAN a read has two bytes (dossier 4.12)
