@@ -61,11 +61,11 @@ class HandctlError(Exception):
     exit_code = 1
     default_code = "error"
     rows: tuple[dict[str, object], ...] = ()
-    """What a call of the library showed all the same."""
+    """The rows that a library call had before it failed."""
     bounded = False
-    """Whether it tells that --deadline cut it short."""
+    """Whether the text already says that --deadline cut it short."""
     shown = False
-    """True once it stands in the output (the JSON envelope)."""
+    """True once it is in the output (the JSON envelope)."""
     joint = ". "
     """Between what happened and what is left behind."""
 
@@ -84,7 +84,7 @@ class HandctlError(Exception):
 
     @property
     def text(self) -> str:
-        """What happened, and what that leaves behind. Set anew it says both."""
+        """What happened, and what that leaves behind. A new text replaces both."""
         return joined(self._text, self.left.text, joint=self.joint)
 
     @text.setter
@@ -95,7 +95,7 @@ class HandctlError(Exception):
 
     @property
     def hint(self) -> str:
-        """The next step; what to do about what is left behind comes first. Set anew it says both."""
+        """The next step, first for what is left behind. A new hint replaces both."""
         return joined(self.left.hint, self._hint, self.left.behind, joint=self.left.joint)
 
     @hint.setter
@@ -104,11 +104,11 @@ class HandctlError(Exception):
         self.left = Left(self.left.text, moving=self.left.moving)
 
     def leaves(self, left: Left) -> None:
-        """Tell what is left behind, beside what was told so far."""
+        """Add what is left behind to the text and the hint so far."""
         self._text, self._hint, self.left = self.text, self.hint, left
 
     def retold(self, text: str, *, hint: str | None = None, code: str = "") -> HandctlError:
-        """The same error in other words: its exit code and the bytes that came stay."""
+        """The same error with another text: it keeps its exit code and the received bytes."""
         other = type(self).__new__(type(self), text)
         other.__dict__.update(self.__dict__, left=Left(), code=code or self.code)
         other.text, other.hint = text, self.hint if hint is None else hint
@@ -116,13 +116,13 @@ class HandctlError(Exception):
 
 
 class OutputError(HandctlError):
-    """The output could not be written (full disk, lost file). Exit code 1, never a device matter."""
+    """The output could not be written (full disk, lost file). Exit code 1, never about the device."""
 
     default_code = "output"
 
 
 class UsageError(HandctlError):
-    """Impossible request, or a value out of the documented range. Nothing was sent. Exit code 2."""
+    """The command makes no sense, or a value is outside the documented range. Nothing was sent. Exit code 2."""
 
     exit_code = 2
     default_code = "usage"
@@ -136,14 +136,14 @@ class LinkError(HandctlError):
 
 
 class NoAnswer(HandctlError):
-    """Silence until the deadline. Exit code 4."""
+    """The device did not reply in time. Exit code 4."""
 
     exit_code = 4
     default_code = "no-answer"
 
 
 class ProtocolError(HandctlError):
-    """Bytes came, but no valid answer: bad checksum, wrong id, echo, garbage, wrong speed. Exit code 5."""
+    """Data arrived, but no valid reply: bad checksum, wrong id, echo, noise, wrong baud rate. Exit code 5."""
 
     exit_code = 5
     default_code = "bad-answer"
@@ -164,10 +164,10 @@ class CheckFailed(HandctlError):
 
 
 class NotIdentified(HandctlError):
-    """Before the first write of a command: the device was not seen to be of this family. Nothing was written.
+    """Before the first write of a command: the device was not identified as one of this family. Nothing was written.
 
-    Made from what was met; exit code and code are its own: 3 (the link), 4 (silence), 5 (no valid answer), 6 (another
-    device). A class of its own, since it must never be taken for a write that was not acknowledged.
+    It takes its exit code and code from the error `met`: 3 (the link), 4 (silence), 5 (no valid reply), 6 (another device).
+    A separate class, because it must never be mistaken for a write that was not acknowledged.
     """
 
     default_code = "not-identified"

@@ -28,8 +28,8 @@ ROWS = (
         LIES,
         "src/handctl/guides/output.md",
         "",
-        "| 4 | Silence until the deadline. |",
-        "| 4 | Bytes came, but no valid answer. |",
+        "| 4 | The device did not reply in time. |",
+        "| 4 | Data arrived, but no valid reply. |",
         "tests/docs/test_readme.py::test_exit_codes",
     ),
     mistake(
