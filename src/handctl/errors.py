@@ -60,6 +60,7 @@ class HandctlError(Exception):
 
     exit_code = 1
     default_code = "error"
+    default_hint = ""
     rows: tuple[dict[str, object], ...] = ()
     """The rows that a library call had before it failed."""
     bounded = False
@@ -76,7 +77,7 @@ class HandctlError(Exception):
         self.came = came
         self.left = left or Left()
         self._text = text
-        self._hint = hint
+        self._hint = hint or self.default_hint
         self.code = code or self.default_code
 
     def __str__(self) -> str:
@@ -119,6 +120,7 @@ class OutputError(HandctlError):
     """The output could not be written (full disk, lost file). Exit code 1, never about the device."""
 
     default_code = "output"
+    default_hint = "check the free disk space and the permissions, or choose another file"
 
 
 class UsageError(HandctlError):

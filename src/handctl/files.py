@@ -28,6 +28,7 @@ class NoFile(UsageError):
     default_code = "no-file"
 
 
+CHECK_NAME = "check the name of the file and its permissions"
 NOT_FILES = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a named pipe"),
@@ -37,7 +38,7 @@ NOT_FILES = (
 )
 
 
-def opened(path: str | os.PathLike[str], what: str, *, hint: str = "", code: str = "") -> BinaryIO:
+def opened(path: str | os.PathLike[str], what: str, *, hint: str = CHECK_NAME, code: str = "") -> BinaryIO:
     """FILE for reading, where `what` names the kind of file, such as "a snapshot".
 
     Raises NoFile, or UsageError for what is not a regular file (it could be without end) or cannot be read, at once or later.
@@ -87,7 +88,7 @@ def read(path: str | os.PathLike[str], what: str, most: int, *, hint: str = "", 
     return content
 
 
-def read_text(path: str | os.PathLike[str], what: str, most: int, *, hint: str = "", code: str = "") -> str:
+def read_text(path: str | os.PathLike[str], what: str, most: int, *, hint: str = CHECK_NAME, code: str = "") -> str:
     """The same as text in UTF-8."""
     try:
         return read(path, what, most, hint=hint, code=code).decode("utf-8")

@@ -85,7 +85,7 @@ def top(words: Sequence[str]) -> str:
     """The sentence for a first word that is no command."""
     name = words[0]
     if name == "version":
-        return f" `handctl --version` shows that of handctl.{elsewhere(words)}"
+        return f" `handctl --version` shows the version of handctl.{elsewhere(words)}"
     if found := elsewhere(words):
         return found
     from handctl.frame.family import load

@@ -30,6 +30,9 @@ def in_words(kind: click.IntRange | click.FloatRange) -> str:
 class FiniteRange(click.FloatRange):
     """A finite number in a range."""
 
+    def _describe_range(self) -> str:
+        return in_words(self)
+
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         try:
             number = float(value)
@@ -45,6 +48,9 @@ class FiniteRange(click.FloatRange):
 
 class WholeRange(click.IntRange):
     """A whole number in a range."""
+
+    def _describe_range(self) -> str:
+        return in_words(self)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         try:

@@ -191,5 +191,5 @@ class AskedDevice(Device):
         while not there():
             if end.expired:
                 text = f"{self.talk.where}: not {what} in time, stopped"
-                raise CheckFailed(text, hint="is something in its way?")
+                raise CheckFailed(text, hint="check whether something is in its way")
             self.link.sleep(PERIOD)

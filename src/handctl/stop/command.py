@@ -108,7 +108,7 @@ def _ask_holder(run: Run, name: str, bound: Deadline | None) -> tuple[Lock | Non
             heard, told = ask(busy.path, until, _left(bound, STOP_SECONDS))
             if told is not None:
                 by = str(who) if who is not None else "another handctl"
-                run.journal.info("asked", f"{by} has the device and was asked to stop it")
+                run.journal.info("asked", f"{by} is using the device and was asked to stop it")
                 return None, told, True
             if heard or clock.now() >= until:
                 break

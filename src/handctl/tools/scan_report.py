@@ -120,7 +120,7 @@ def _nothing(search: Search) -> HandctlError:
     if len(unasked) >= TALKATIVE:
         shown = hex_bytes(unasked[:24])
         if is_modbus(unasked):
-            text = f"{name}: a Modbus RTU master or device talks on this line ({shown})"
+            text = f"{name}: a Modbus RTU master or device is communicating on this line ({shown})"
             return ProtocolError(text, hint=f"{MODBUS_HINT}. Nothing was sent.", code="modbus")
         for family, ids in search.overheard.items():
             text = f"{name}: another program or master communicates with {family} id {', '.join(map(str, ids))} on this line ({shown})"
@@ -150,7 +150,7 @@ def _nothing(search: Search) -> HandctlError:
 
 
 SILENCE = (
-    "check power, cable, crossed TX and RX, RS-232 on RS-485. --all asks with more patience. For a CAN adapter give "
+    "check power, cable, crossed TX and RX, RS-232 on RS-485. --all waits longer for each reply. For a CAN adapter give "
     "-p can:slcan:PORT"
 )
 GARBAGE = "check for another kind of device, a disturbed line, two devices with one id, or an slcan adapter (-p can:slcan:PORT)"

@@ -65,7 +65,7 @@ def encode(fields: Mapping[str, Out]) -> bytes:
     data = b"{" + body.encode("ascii") + b"}"
     if len(data) + LONGEST_END > LARGEST_OUT:
         raise UsageError(
-            f"an object of {len(data)} bytes: the hand takes {LARGEST_OUT}",
+            f"an object of {len(data)} bytes: the hand accepts at most {LARGEST_OUT}",
             hint="send fewer keys in one object",
             code="too-long",
         )

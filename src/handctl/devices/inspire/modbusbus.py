@@ -336,7 +336,7 @@ class ModbusBus(ByteBus):
             return NoAnswer(f"{self.where}: the gateway got no answer to {sent}: {name}", hint=hint, code="gateway")
         hint = "check the address against `handctl hand describe`"
         if not self.only_reads(request):
-            hint = "read the value before you write again: the hand reports that it did not take it"
+            hint = "read the value before you write again: the hand reports that it did not accept it"
         if code in modbus.AT_WORK:
             hint = "wait for one second, read the values, then run the command again"
         return DeviceRefused(f"{self.where}: the hand refused {sent} with {name}", hint=hint, code=f"modbus-{code}")

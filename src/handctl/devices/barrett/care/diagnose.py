@@ -101,7 +101,7 @@ def doubtful(check: str, evidence: str) -> Finding:
 def status(patient: Patient) -> list[Finding]:
     """S of each motor, one row when all say the same; and whether it moves, which S does not say: P is read twice."""
     moving = [
-        Finding("moving", WARNING, f"P changes: {motor}", "`handctl barrett stop` ends it", "barrett §5.3.2, §6.1")
+        Finding("moving", WARNING, f"P changes: {motor}", "`handctl barrett stop` stops it", "barrett §5.3.2, §6.1")
         for motor in look_for_motion(patient.hand.line)
     ]
     return [*_statuses(patient), *moving]

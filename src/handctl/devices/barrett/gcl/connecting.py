@@ -188,7 +188,7 @@ PAGE = (
     "If a port is silent for 3 s and then sends bytes, the firmware of the hand may have just started, so handctl tries "
     "all baud rates once more.",
     "A hand does not reply while it moves or saves. If it replies at no baud rate, it may be in the middle of a long "
-    "movement. `handctl barrett stop` ends it.",
+    "movement. `handctl barrett stop` stops it.",
     "A banner, or a single : from the monitor, also ends every later wait for a reply: the hand has restarted because of "
     "its power or its cable, and needs `init`.",
 )

@@ -265,7 +265,7 @@ def look_for_motion(line: GclLine) -> list[str]:
         line.journal.warn(
             "moving",
             f"{line.link.name}: the hand is moving: {', '.join(moving)} counts in {APART:g} s",
-            hint="`handctl barrett stop` ends it",
+            hint="`handctl barrett stop` stops it",
         )
     return moving
 
