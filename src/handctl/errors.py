@@ -32,12 +32,12 @@ def _is_word(text: str) -> bool:
 
 
 class Left:
-    """What a command leaves behind that ended in the middle: by Ctrl-C, a lost link, a deadline.
+    """What a command leaves behind when it ends early: by Ctrl-C, a lost link, a deadline.
 
-    text    told behind what happened
-    hint    what to do about it, before the next step that the error itself has; `joint` stands between the two
-    behind  the same, behind that step
-    moving  whatever moves could not be stopped: who can still stop it does, and tells something else instead
+    text    shown after what happened
+    hint    the next step for it, before the error's own; `joint` is put between the two
+    behind  a hint that is shown after the error's own
+    moving  the device may still be moving: a caller that can still stop it does, and replaces the text
     """
 
     def __init__(
@@ -53,9 +53,9 @@ class Left:
 class HandctlError(Exception):
     """Base of all errors that handctl raises on purpose.
 
-    `text` says what happened, to which device, what was expected and what came; `hint` says the next step; both with
-    what is `left` behind. `code` is a short stable word for scripts, e.g. ``bad-checksum``. `came` are the
-    bytes that came instead of an answer, as far as they are known: they may name another device.
+    `text` says what happened, to which device, what was expected and what arrived; `hint` is the next step; both include
+    what is `left` behind. `code` is a short stable word for scripts, e.g. ``bad-checksum``. `came` has the bytes that
+    arrived instead of a reply, if known: they may belong to another device.
     """
 
     exit_code = 1

@@ -1,4 +1,4 @@
-"""The one gate for files: what is read is a regular file of bounded size, what is written is whole or not there at all.
+"""Read and write files safely: only regular files of limited size are read, and a file is replaced only when complete.
 
 `read`, `read_text` and `opened` raise UsageError with a sentence for the user. `atomic_write` raises OSError: what a write that
 fails means is its callers' to say. `clash` tells two names of one file. Knows no device.

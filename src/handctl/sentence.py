@@ -1,4 +1,4 @@
-"""A message as a sentence: the capital and the full stop that a text lacks when it leaves handctl; a moment as a text."""
+"""Wording of messages: capital and full stop, plurals, times as text, spelling slips."""
 
 from __future__ import annotations
 

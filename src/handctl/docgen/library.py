@@ -1,4 +1,4 @@
-"""`handctl/hands.pyi`: a class for each family with its commands as typed methods, for whoever writes programs."""
+"""`handctl/hands.pyi`: a class for each family with its commands as typed methods, for editors and type checkers."""
 
 from __future__ import annotations
 

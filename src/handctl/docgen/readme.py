@@ -1,4 +1,4 @@
-"""The tables of README.md and of the guides that say what the code says: devices, verbs, links, exit codes, symptoms.
+"""The generated tables of README.md and the guides: devices, verbs, links, exit codes, symptoms.
 
 Each stands between `<!-- NAME: … -->` and `<!-- end -->`; everything else of the page is left as it is.
 """

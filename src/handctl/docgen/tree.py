@@ -1,4 +1,4 @@
-"""The command tree as plain data: what each command takes, and what may stand at each place of its line.
+"""The command tree as plain data: the options and arguments of each command.
 
 Reads click commands and parameter maps; knows no shell and no page. A family that follows the conventions of the
 others (its module has a `cli` and a ParamMap of its kind) is taken up without a word here.

@@ -1,4 +1,4 @@
-"""A command called from Python: the same body with values in place of words, nothing shown, no signal taken.
+"""Call a command from Python: the same body with values instead of words. Prints nothing and handles no signals.
 
 A question goes to `confirm`, the result is returned, what went wrong is raised. Ctrl-C stops what is being driven, as in a
 command, and is raised again.

@@ -1,4 +1,4 @@
-"""The configuration file as data: which keys may stand in it, what they hold, and in which line each stands.
+"""Read and check the configuration file: its keys, their values, and the line of each.
 
     port = "/dev/ttyUSB0"        # any shared option, by its long name with _ for -
     format = "plain"
@@ -8,8 +8,8 @@
     port = "/dev/serial/by-id/usb-FTDI_FT232R_A1-if00-port0"
     id = 2
 
-Nothing in it is passed over: an unknown key, a wrong type or a value out of range is a UsageError with the line. What
-an option takes is said by the caller, one check per key. Knows no precedence and does not write.
+Nothing in it is ignored: an unknown key, a wrong type or a value out of range is a UsageError with the line. The caller
+provides one check per key. Knows no precedence and does not write.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ NAME_HELP = "letters, digits, - and _"
 
 
 class Entry(NamedTuple):
-    """One checked value and the line where it stands, None where the text does not tell."""
+    """One checked value and its line, None if it is not known."""
 
     value: Any
     line: int | None

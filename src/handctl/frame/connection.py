@@ -1,4 +1,4 @@
-"""An open link with its lock, its trace and what is kept of a simulated device: of one command, or of several in a row."""
+"""An open link with its lock, its trace and the saved state of a simulated device, for one command or a session of several."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ class Connection:
 
 
 def refuse_rivals(run: Invocation, link: Link) -> None:
-    """Raise LinkError where another program could command the device beside this command, as far as the system tells."""
+    """Raise LinkError if the system shows another program that could command the device at the same time."""
     from handctl.link.owners import busy, rivals
 
     names, hidden = rivals(link)

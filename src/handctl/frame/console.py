@@ -1,4 +1,4 @@
-"""stderr and stdin as a person meets them: messages, progress, questions. Knows no device and no data."""
+"""Messages, progress and questions on stderr and stdin. Knows no device and no data."""
 
 from __future__ import annotations
 
@@ -157,12 +157,12 @@ def confirms(answer: str, word: str) -> bool:
 
 
 def print_message(level: str, text: str, hint: str) -> None:
-    """A message with its next step. Neither can begin a line of its own: what a device said may stand in it."""
+    """Print a message and its next step, each on one line even if text from a device contains line breaks."""
     print_stderr(f"handctl: {level}: {shown(sentence(text))}" + (f"\n  Next: {shown(sentence(hint))}" if hint else ""))
 
 
 def print_writes(ledger: Ledger, settings: Settings, failure: HandctlError | None) -> None:
-    """The ledger, for people; with -q only where nobody knows what came of a write."""
+    """Print the record of writes; with -q only if a write is unconfirmed."""
     in_json = settings.format in ("json", "ndjson") and not isinstance(failure, OutputError)
     if in_json or settings.dry_run or (settings.quiet and not ledger.unconfirmed):
         return

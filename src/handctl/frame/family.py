@@ -1,4 +1,4 @@
-"""What the shared machinery knows of one device family. Each family's command group carries its own; `families` names them."""
+"""What the shared code knows about one device family. Each family's command group has one; `families` lists them."""
 
 from __future__ import annotations
 

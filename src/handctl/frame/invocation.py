@@ -1,5 +1,5 @@
-"""What was asked, by whom and of which device; and what must hold before it begins: which device is meant, and that no file is
-written over another. Sends nothing and opens no link.
+"""What a command was asked to do, and the checks before it starts: which device is meant, and that no output file replaces
+another file. Sends nothing and opens no link.
 """
 
 from __future__ import annotations

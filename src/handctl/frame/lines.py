@@ -1,4 +1,4 @@
-"""Command lines as they are typed behind `handctl`: taken apart, planned without a device, and run in a session.
+"""Command lines of `batch` and `shell`: parse them, plan them without a device, and run them in one session.
 
 `batch` runs a script of them: all of it is understood, planned and confirmed before it begins. `shell` is a prompt, on links that
 stay open: a port that was lost is opened again by the next line.

@@ -1,6 +1,6 @@
 """The options that every command, group and the root accept. Imports click only.
 
-The level nearest the verb wins; `frame.precedence` says what stands behind the command line.
+The level nearest the verb wins; `frame.precedence` adds the environment and the configuration file.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What came of a command: the JSON envelope without rows (cli contract, section 4), and why it failed, in the words that help most."""
+"""The result of a command: the JSON envelope without rows (cli contract, section 4), and the most helpful error message."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class Outcome:
-    """What a person and a pipe are told of one command: messages behind the result, or as they come once a stream has begun."""
+    """Messages and result of one command: messages are shown after the result, or as they arrive once a stream has begun."""
 
     def __init__(self, asked: Invocation) -> None:
         self._asked = asked
@@ -178,7 +178,7 @@ def late_envelope(args: Sequence[str], error: HandctlError, streams: bool, comma
 
 
 def as_told(run: Invocation, error: HandctlError) -> HandctlError:
-    """The error as it is told: whose bytes came, or why nobody answered, as far as the family knows."""
+    """The error as it is shown: with the family whose bytes arrived, or the reason for the silence, if known."""
     error = _renamed(run, error)
     explain_silence = run.family.explain_silence if run.family is not None else None
     silent = error.exit_code in (4, 5) and run.journal.counters.received == 0

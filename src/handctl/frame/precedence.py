@@ -1,4 +1,4 @@
-"""What the settings of a command are: the command line, the environment, a named device and the configuration file, in that order.
+"""The settings of a command: from the command line, the environment, a named device and the configuration file, in that order.
 
 A device that the environment or the file names stands back when a level above it says where the device is.
 """

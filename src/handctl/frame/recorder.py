@@ -1,4 +1,4 @@
-"""`log FILE` of every family: a recording of its device, with its sidecar. The recorder itself is in `record`.
+"""The command `log FILE` of every family: record a device with a sidecar. The recorder itself is in `record`.
 
 A family whose rows are the values of its map gets the command with its map verbs; another one brings a `Source` of its own.
 """

@@ -1,4 +1,4 @@
-"""One command on several named devices at once: `-d left,right`, `-d '*'`. Each runs in a thread of its own, on its own link.
+"""One command on several named devices at once: `-d left,right`, `-d '*'`. Each runs in its own thread, on its own link.
 
 For what reads, and for stop. One table with a column for the device, one envelope with that of each device in `results`, and the highest of
 their exit codes.

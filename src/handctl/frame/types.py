@@ -1,7 +1,6 @@
-"""What commands take, as types of click: numbers, which say in words what they accept, and files.
+"""The types of options and arguments: numbers, whose messages say what they accept, and files.
 
-Every parameter that takes a file has one of these types, so that the check that no output is an input, and the tests, know all of
-them.
+Every parameter that takes a file has one of these types, so the check that no output is also an input finds them all.
 """
 
 from __future__ import annotations

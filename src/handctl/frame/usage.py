@@ -1,4 +1,4 @@
-"""What `-h` shows, and which of the common options a command offers. Imports click and data only.
+"""The help that `-h` shows, and which of the common options a command offers. Imports click and data only.
 
 A command shows its arguments, its own options and its examples; of the common options only the names, and of those only
 what it accepts: `Described.refused` is the one rule, which man pages and completions follow too.

@@ -1,4 +1,4 @@
-"""Links: where the device is. `open_link(LINK)` picks the back end; nothing here knows a protocol.
+"""Links to a device: serial port, TCP, CAN, simulator, replay. `open_link(LINK)` picks the back end. Knows no protocol.
 
     /dev/ttyUSB0, COM3, spy:// socket:// rfc2217:// loop://   serial.py   (pyserial)
     usb:VID:PID[:SERIAL]                                      serial.py   (found by pyserial, then opened)

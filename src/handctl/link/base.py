@@ -1,4 +1,4 @@
-"""What every link is: a clock with deadlines, frames or bytes, an end. Says what a back end must do; opens none."""
+"""The interface of every link: a clock with deadlines, and bytes or CAN frames. Opens none."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""One process at a time on a device: an advisory lock held while a link is open, and what is known of who holds it.
+"""The lock of a device: one process at a time, held while a link is open. Its file names the holder.
 
-The lock is an flock on a file of this user, so it ends with its process however that ends. The file tells who holds
-it and what it does there: its first line, empty when nobody does. The second is the family of the last command that had one. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan, spy:// or alt://) are
+The lock is an flock on a file of this user, so the system releases it when the process ends. Its first line names the
+holder and its command, and is empty if there is none. The second is the family of the last command that had one. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan, spy:// or alt://) are
 one lock. Knows no link's inside.
 """
 
@@ -27,7 +27,7 @@ LIBRARY = "handctl library"
 
 
 class Holder(NamedTuple):
-    """Who has a device, as its lock file tells.
+    """The program that is using a device, from the lock file.
 
     start   when the process began, as the system counts; "" where it does not tell
     family  "" for a command that has none, as scan

@@ -1,4 +1,4 @@
-"""Who has a port open and whose it is, as the system tells. Opens nothing.
+"""The processes that have a port open, and its group, as the system reports them. Opens nothing.
 
 `root` is where the system's own files begin: "/" but for tests, which build a small system of their own.
 """

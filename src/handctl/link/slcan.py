@@ -1,4 +1,4 @@
-"""slcan adapters through python-can: what its own interface leaves out is bridged here, and nowhere else.
+"""slcan adapters through python-can, with what its own interface is missing.
 
     asks V and N before anything else   a port that is not an adapter's gets no command that another device could take
     C, S, O, F in one go, their answers read    BEL for a bitrate or a channel is an error, not silence

@@ -1,4 +1,4 @@
-"""A device that is asked for one value at a time: its line, its readings, its writes, its movements. See `model.device`.
+"""Base classes for a device with a simple request/reply protocol, one value per request. See `model.device`.
 
 For protocols in which each request has one answer. A family says what is asked, and which frame answers. Knows no bytes.
 """

@@ -1,4 +1,4 @@
-"""What a device is to the kernel, and what every family's device and line would otherwise repeat.
+"""Base classes of every family's device and line, as the common commands use them.
 
 For who writes a family: its `Line` asks one question and judges the answer, its `Device` knows names and values and no
 bytes. What a family overrides is its protocol; what it inherits is what every verb expects. Knows no family, does no I/O.
@@ -147,16 +147,16 @@ class Line:
 class Device(ABC):
     """One device behind a line, as the verbs know it (`frame.verbs`, `frame.stored`, `report`).
 
-    kind         command and simulator are named so
-    product      its model, where the answer to any read tells that; "" = it does not
+    kind         the name of its command and its simulator
+    product      its model, if the reply to any read identifies it; "" = it does not
     map          its parameters; what is not in it does not exist for the verbs
     columns      of its tables; `plain` of --format plain, where these are fewer
-    live         what changes during use: the default of `watch`
-    beside       what a person at the live view sees too, where no quantity was named; `slowly` once a second
+    live         the quantities that change during use: the default of `watch`
+    beside       also shown in the live view when no quantity was named; those in `slowly` once a second
     scales       ends of the live view's bars where no range is documented: ours, and wider as soon as more is seen
-    worn         a person may wear it: what moves it is asked for first
+    worn         a person may be wearing it, so movements need a confirmation
     courses      set-points and where they lead, `releases` the writes that let an axis go there (`Course`, `Release`)
-    not_covered  what a snapshot cannot hold, told by `restore`
+    not_covered  what a snapshot cannot contain; `restore` reports it
 
     A family writes `read`, `named`, `valued` and `view`; `plan` and `write` where values can be set by name; and overrides
     what its device does otherwise, by calling this one first where it adds to it.

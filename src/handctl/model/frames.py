@@ -1,4 +1,4 @@
-"""What every family's decoder is to the kernel, and the frames that are whole in it. Knows no protocol, does no I/O."""
+"""The interface of every family's frame decoder, and the complete frames in a block of bytes. Knows no protocol, does no I/O."""
 
 from __future__ import annotations
 

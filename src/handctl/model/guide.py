@@ -1,4 +1,4 @@
-"""Guide: how a procedure talks with the person at the device. The silent base serves tests and scripts.
+"""How a procedure talks to the person at the device: lines, progress, questions. The base class is silent, for tests and scripts.
 
 Procedures get one and never print; the terminal's own guide lives in `console`.
 """
@@ -24,9 +24,9 @@ class Presses:
 
 
 class Guide:
-    """Says nothing. `interactive` tells whether somebody can answer, `moving` whether progress is seen.
+    """Silent. `interactive`: someone can answer. `moving`: progress is visible.
 
-    present  somebody stands at the device, who sees it and can do something to it
+    present  someone is at the device, can see it and switch it off
     """
 
     interactive = False

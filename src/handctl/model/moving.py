@@ -1,20 +1,18 @@
-"""The one watcher of a movement: what became of each axis, and whether that is what was expected. Knows no device.
+"""Watch a movement until every axis has ended, and judge the result of each against --expect. Knows no device.
 
 An axis has ended its movement when it is exactly at its target, when the device reports that something blocks it, or
-when it has stood still: so many readings in a row, over so long a time. How many and how long is the family's
-(`Stillness`). What then became of it is one of
+when it has stopped: a number of equal readings over a time that the family defines (`Stillness`). The result is one of
 
-    reached   it stands at its target
-    contact   it stands short of it, and the device reports an object or a stall, or it pushes: its current or force shows it
-    short     it stands short of it, and nothing shows why
+    reached   it is at its target
+    contact   it stopped before its target, and the device reports an object or a stall, or its current or force shows a push
+    short     it stopped before its target for no visible reason
     blocked   the device reports a fault that ended the movement, such as a locked rotor
     moving    its readings still changed when the wait was over
-    no-speed  it stands short of it, and its set speed is 0
-    unread    its place could not be read
+    no-speed  it is not at its target, and its set speed is 0
+    unread    its position could not be read
 
-`--expect` says which of these are a success. `reached`: every axis is at its target. `contact`: at least one axis has met
-something, and all others have met something or reached their targets. `any`: every axis has ended its movement in one of
-the first three ways. A fault, an axis that still moves, has no speed or could not be read is never a success.
+`--expect` selects which of these are a success. `reached`: every axis is at its target. `contact`: at least one axis
+touches something, and the others touch something or are at their targets. `any`: each axis is one of the first three. A fault, an axis that still moves, has no speed or could not be read is never a success.
 """
 
 from __future__ import annotations
@@ -56,7 +54,7 @@ SHOWN = 6
 
 
 class Stillness(NamedTuple):
-    """When an axis of a family stands still.
+    """When an axis of a family counts as stopped.
 
     samples, seconds  so many readings in a row, over so long a time, do not differ by more than the goal's `jitter`
     refresh           seconds between two readings: asking faster only repeats values

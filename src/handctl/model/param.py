@@ -1,4 +1,4 @@
-"""Param: one quantity of a device as its manual describes it; ParamMap: the ordered book of them.
+"""Param: one quantity of a device as its manual describes it. ParamMap: all of them, in order.
 
 A name meets its place on the wire in one table per device, made of these (or of a subclass that adds the place).
 Everything that reads, writes, prints, explains, stores or completes a quantity asks the Param. Knows no wire.

@@ -1,4 +1,4 @@
-"""Piece: a stretch of recorded bytes with its meaning, and Explainer, which a family makes for them. Data; imports nothing.
+"""Piece: recorded bytes with their meaning. Explainer: the interface of a family that decodes them. Data; imports nothing.
 
 A family turns the bytes of a transcript into pieces, in the order of each direction; whoever shows, compares or counts
 transcripts sees pieces only and knows no protocol.

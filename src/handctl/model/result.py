@@ -1,4 +1,4 @@
-"""What a command returns: rows with named columns, how people may see them, and what happened on the way.
+"""What a command returns: rows with named columns, tables for people, messages and counters.
 
 Knows no terminal, no device and no file; imports only the standard library. Rows are plain dicts of JSON values.
 """

@@ -1,4 +1,4 @@
-"""Recording a device into a CSV file with a sidecar: one whole row per good answer, whatever ends the run.
+"""Record a device into a CSV file with a sidecar: one complete row per valid reply, however the recording ends.
 
     gait.csv        header, then a row per answer, handed to the system at once
     gait.csv.json   written at the start ("closed": false) and at the end; always whole

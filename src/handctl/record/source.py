@@ -1,4 +1,4 @@
-"""What a recording takes its rows from: a device, as far as the recorder has to know it."""
+"""The source of the rows of a recording: what the recorder needs from a device."""
 
 from __future__ import annotations
 

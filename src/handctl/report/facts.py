@@ -1,4 +1,4 @@
-"""What a report tells about this computer: system, Python, packages, the port. No user, no host name, no folder."""
+"""The section of a report about this computer: system, Python, packages, the port. No user, no host name, no folder."""
 
 from __future__ import annotations
 

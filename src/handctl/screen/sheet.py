@@ -1,4 +1,4 @@
-"""CSV: a row a value, or wide: a row a sample and a column a quantity. Knows no sink and no terminal."""
+"""CSV: one row per value, or wide: one row per sample with a column per quantity. Knows no sink and no terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where results go: stdout, or a file that appears whole. Knows nothing of what is written."""
+"""The output of a command: stdout, or a file that is replaced only when complete. Knows nothing about the content."""
 
 from __future__ import annotations
 

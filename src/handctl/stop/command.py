@@ -1,7 +1,7 @@
-"""The command `stop` of every family: the bytes first, then words. Asks nothing, needs no lock, disk or configuration.
+"""The command `stop` of every family: it sends first and reports afterwards. Works without lock, disk or configuration.
 
-Who has the device is asked to stop it (`stop.wish`); one that does not answer is ended if it is ours, and the bytes go out
-from here. A port that another program has open is written to all the same.
+If another handctl command is using the device, it is asked to stop it (`stop.wish`). If it does not reply, it is killed
+and the bytes are sent from here. They are also sent to a port that another program has open.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ COLUMNS = (Column("step", "Step", right=True), Column("bytes", "Bytes"), Column(
 
 
 def stop(run: Run, talk: Callable[[Aim], Talk] | None = None, otherwise: Callable[[Any], str] | None = None) -> Table:
-    """Stop the device of this run, by who has it or from here; rows with the bytes that went out and what came back.
+    """Stop the device of this run, through its holder or from here. Rows with the bytes sent and received.
 
-    `talk` takes the place of the family's stopper. `otherwise` is tried where it heard nothing: device -> what was seen.
+    `talk` replaces the family's stopper. `otherwise` is tried if there was no reply: device -> evidence.
     """
     began = clock.now()
     fall_back(run)

@@ -1,8 +1,8 @@
-"""A device in use by this command: the lock that tells others, and the way to have it stopped at once.
+"""The command's exclusive access to a device: its lock, and stopping the device when another process or a key asks for it.
 
-The wish comes from another process (`stop.wish`) or from the stop key of a live view. Either way the family's stopper
-runs on this command's own link between two steps of the program, ahead of all else; then nothing more is written, and
-the command ends by the way of Ctrl-C.
+The request comes from another process (`stop.wish`) or from the stop key of a live view. The family's stop sequence then
+runs on this command's own link, between two steps of the program and before anything else. Nothing more is written
+afterwards, and the command ends as by Ctrl-C.
 """
 
 from __future__ import annotations

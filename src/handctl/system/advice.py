@@ -1,4 +1,4 @@
-"""What a person does about a matter on this system, in words. `where` is replaced by tests."""
+"""Instructions for this system, in words. `where` is replaced by tests."""
 
 from __future__ import annotations
 

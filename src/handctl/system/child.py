@@ -1,4 +1,4 @@
-"""A process that outlives this one and acts when it dies: a plain fork, see `link.deadman`."""
+"""A child process that outlives this one and acts when it dies: a plain fork, see `link.deadman`."""
 
 from __future__ import annotations
 

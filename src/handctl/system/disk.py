@@ -1,4 +1,4 @@
-"""Files: how they are opened, and what is on the disk for good."""
+"""Files: how they are opened, and flushing them to the disk."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a program is reached by another one of this machine and user: a socket with a path.
+"""Sockets between processes of the same user on this machine.
 
 `_socket` is what `socket` is made of, and costs a tenth of its time to import.
 """

@@ -1,4 +1,4 @@
-"""Serial ports as the system has them: their names, one place for each, and the descriptor of an open one. Opens none but to lock it."""
+"""Serial ports of the system: names, one canonical path for each, and the descriptor of an open one. Opens one only to lock it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Other processes: whether one lives, when it began, how it is ended."""
+"""Other processes: whether one is running, when it started, how to end it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What asks the program to end, alarms, and what is to run in the main thread at once.
+"""Signals: requests to end the program, alarms, and code that must run in the main thread at once.
 
 On Windows there is no alarm and no signal between processes: what a thread hears reaches the main thread between two of
 its steps, and every wait is cut into slices (`clock.SLICE`) for it.

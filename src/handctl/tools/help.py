@@ -1,4 +1,4 @@
-"""`handctl help [TOPIC]`: the manual's pages, the guides and the common options as text, also where there is no man(1).
+"""`handctl help [TOPIC]`: man pages, guides and the common options as text, even without man(1).
 
 The pages are made at once from what the man pages are made of, so they fit this version and need neither files nor a network.
 """

@@ -1,4 +1,4 @@
-"""The checks of `handctl doctor` that concern one link: does it open, does the device answer, how fast, how reliably.
+"""The checks of `handctl doctor` for one link: whether it opens, whether the device replies, how fast and how reliably.
 
 Asks nothing but the family's cheapest documented read. A bitrate is looked for by listening only: the controller neither sends
 nor acknowledges then, so that a wrong one disturbs no one. Every check has an end; what an answer means is not known here, and

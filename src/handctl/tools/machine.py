@@ -1,4 +1,4 @@
-"""What the operating system tells about its ports: serial ports, CAN interfaces, programs that grab them. Opens no port.
+"""Serial ports, CAN interfaces and programs that grab them, as the operating system reports them. Opens no port.
 
 Everything is read below `Machine.root`, so that tests build a small system of their own. On Linux /sys, /dev and /proc
 are read; elsewhere pyserial's list is all there is.

@@ -1,4 +1,4 @@
-"""The checks of `handctl doctor` that concern this computer: versions, permissions, programs in the way, room, clock."""
+"""The checks of `handctl doctor` for this computer: versions, permissions, interfering programs, disk space, clock."""
 
 from __future__ import annotations
 

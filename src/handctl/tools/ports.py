@@ -1,4 +1,4 @@
-"""`handctl ports`: serial ports and CAN interfaces, what they are, who holds them, and what to do about it.
+"""`handctl ports`: serial ports and CAN interfaces, the programs that have them open, problems and remedies.
 
 Opens no port and writes to none: all of it is what the system already knows.
 """

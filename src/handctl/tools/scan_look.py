@@ -1,4 +1,4 @@
-"""All probes of a scan on one open link, and the searches of makers behind them: see `scan` for their order."""
+"""Run all probes of a scan on one open link, then the searches over ids and baud rates. `scan` explains the order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a search for devices came to: the rows that were found, and of every link without a device why there is none."""
+"""The result of a scan: a row per device found, and for every link without one the reason."""
 
 from __future__ import annotations
 

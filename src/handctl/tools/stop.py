@@ -1,4 +1,4 @@
-"""`handctl stop`: stop a device at once, named by its LINK or its name, whatever family it is of.
+"""`handctl stop`: stop a device of any family at once, given its LINK or its name.
 
 Nothing that is asked to find that out writes to a device or moves it: they are the questions of a scan, each once, in its order.
 """

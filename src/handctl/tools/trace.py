@@ -1,4 +1,4 @@
-"""`handctl trace`: recorded transcripts and single frames in words, without a device. Draws nothing from any family."""
+"""`handctl trace`: explain recorded transcripts and single frames, without a device. Knows no family."""
 
 from __future__ import annotations
 

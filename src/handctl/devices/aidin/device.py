@@ -1,4 +1,4 @@
-"""The AIDIN-hand: its feedback as readings and rows, its status, its commands as bytes, and the way to stop. See `model.device`.
+"""The AIDIN-hand: readings and rows from its feedback, status, commands as bytes, stop. See `model.device`.
 
 Mode and data always travel in one object. Ctrl-C during anything that moves sends the stop mode, motor power off. There is no acknowledge and no error message: feedback is the only proof of anything (dossier 3).
 """

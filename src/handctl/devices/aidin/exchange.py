@@ -1,4 +1,4 @@
-"""The conversation with one AIDIN-hand: find out who speaks first, ask for what is wanted, send one object a period.
+"""The connection to one AIDIN-hand: detect its exchange mode, request values, send one object per period.
 
 The manual does not say who speaks first: listen, then ask with an empty object, never with a mode (dossier 6). Feedback is
 merged key by key; a key that is wrong is refused by itself.

@@ -1,4 +1,4 @@
-"""What recorded bytes of the AIDIN-hand mean: JSON objects in words, by its book of keys and modes.
+"""Explain recorded bytes of the AIDIN-hand: JSON objects in words, from the map of its keys and modes.
 
 Bytes in, pieces out; knows no link. The hand streams by itself; only the neutral object ``{}`` asks for something.
 """

@@ -1,4 +1,4 @@
-"""What a hand tells: the newest value of every key, or why it was refused. Knows no bytes and no link."""
+"""Feedback of the hand: the newest value of every key, or why it was rejected. Knows no bytes and no link."""
 
 from __future__ import annotations
 

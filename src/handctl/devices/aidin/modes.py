@@ -1,4 +1,4 @@
-"""Homing, the initial position, sensor bias and maximum torque of the AIDIN-hand (aidin, Modes), proved by its feedback.
+"""Homing, initial position, sensor bias and maximum torque of the AIDIN-hand (aidin, Modes), checked by its feedback.
 
 The encoders are incremental: homing makes the open position their origin, and a power cycle loses it. The hand does not
 tell whether it is homed: it sets 0 wherever a finger stands. So it counts where a motor rested before that, judged by what

@@ -1,4 +1,4 @@
-"""Targets of the AIDIN-hand: encoders, joints, fingertips, on a ramp and watched until they arrive; currents.
+"""Movements of the AIDIN-hand: encoders, joints and fingertips on a ramp until they reach their targets; currents.
 
 An object is sent every 20 ms; there is no acknowledge, so that feedback alone proves arrival (aidin, Modes). Currents go up a
 ramp from 0, are held, go back to 0, and stop (aidin, Modes: current control): there is no position limit, so however it ends,

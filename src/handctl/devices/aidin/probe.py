@@ -1,4 +1,4 @@
-"""Is there an AIDIN-hand? Listen, and after silence an empty object: it has no key, so it asks for nothing (dossier 6)."""
+"""Detect an AIDIN-hand: listen, and after silence send an empty object, which has no key and so commands nothing (dossier 6)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What recorded bytes of the BarrettHand mean: GCL lines, RealTime blocks and the boot monitor's records in words.
+"""Explain recorded bytes of the BarrettHand: GCL lines, RealTime blocks and the boot monitor's records.
 
 Bytes in, pieces out; knows no link. Three languages share the line: which one is spoken follows from the conversation
 (LOOP was acknowledged; "X" was answered by ":"). The layout of RealTime blocks follows from the flags that were read or

@@ -1,4 +1,4 @@
-"""Is there a BarrettHand? The question of a connect asks for its prompt, then its serial number is read (barrett §5.1.1).
+"""Detect a BarrettHand: ask for its prompt, then read its serial number (barrett §5.1.1).
 
 It moves nothing, ends no movement and is no command: an empty line with a mark. Other prompts look alike: only an answer
 to PGET SN counts. A hand in its boot monitor is told and left alone.

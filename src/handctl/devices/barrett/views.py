@@ -1,4 +1,4 @@
-"""What the BarrettHand's values mean to people: in words, as findings, as tables. Pure; sends nothing.
+"""Values of the BarrettHand for people: words, findings, tables. Pure; sends nothing.
 
 And what must hold for a value to mean what it seems to: initialized, a gauge, a firmware that has it.
 """

@@ -1,4 +1,4 @@
-"""What the frames of the BarrettHand's three languages say. Pieces and words; knows no wire.
+"""Explain the frames of the BarrettHand's three protocols in words. Knows no wire.
 
 GCL (barrett §5): what a command line asks for, what its answer says. RealTime (§6): the flags that shape the blocks, control
 blocks, feedback blocks, the way out. The boot monitor (dossier 7.2): records from the host, their echoes from the monitor:

@@ -1,4 +1,4 @@
-"""Which bytes write to a BarrettHand, what acknowledges them, what to read when nothing does (see `ledger`).
+"""Which bytes write to a BarrettHand, what acknowledges them, and what to read if nothing does (see `ledger`).
 
 A line is acknowledged by its echo and the prompt behind it, refused by ERR n (barrett §5.1.3). What is no query writes.
 In RealTime every block with values is a command, and the loop itself tells which blocks the hand answered. ^C counts where

@@ -1,4 +1,4 @@
-"""A change of one setting: its limits, whether the wearer keeps still for it, and what came of it. Knows no link.
+"""A change of one setting: its limits, whether the device stands still for it, and its result. Knows no link.
 
 The limits are this tool's policy (`ekso policy` shows them), never those of the device.
 """

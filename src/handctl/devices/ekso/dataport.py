@@ -1,4 +1,4 @@
-"""The line to an EksoNR: one request, one answer, a deadline on everything; reads are repeated, writes never (ekso §6).
+"""The line to an EksoNR: one request, one reply, a deadline for each; reads are retried, writes never (ekso §6).
 
 `DataPort` speaks in frames and words; what the words mean is not known here. What is not the answer is dropped and
 counted.

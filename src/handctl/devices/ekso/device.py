@@ -1,4 +1,4 @@
-"""What an EksoNR can tell and be told through its DataPort, and how people see it; returns Tables. See `model.device`.
+"""The EksoNR: reading and writing through its DataPort, and its tables. See `model.device`.
 
 Knows words and names, no bytes: those are the port's.
 """

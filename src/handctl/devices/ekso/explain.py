@@ -1,4 +1,4 @@
-"""What recorded bytes of the EksoNR DataPort mean: frames in words, by the words of its messages (ekso §6).
+"""Explain recorded bytes of the EksoNR DataPort (ekso §6).
 
 Bytes in, pieces out; knows no link. There is no start byte: a frame is where a command, a length that it may have and a
 fitting CRC stand. Both directions have the same shape; the size of the body tells a request from its answer.

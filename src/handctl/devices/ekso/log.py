@@ -1,4 +1,4 @@
-"""An EksoNR as a recording sees it: GetData for each row, GetFeedback once a second, GetSettings at both ends (manual §6).
+"""An EksoNR as the source of a recording: GetData for each row, GetFeedback once a second, GetSettings at both ends (manual §6).
 
 One row per good GetData. The quantities come from the map; only the two words that make BootTime and the one that is also told
 in words are named here.

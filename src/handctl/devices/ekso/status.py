@@ -1,4 +1,4 @@
-"""`ekso status`: posture, joints, feet, currents, clocks, and whether what the device says fits together.
+"""`ekso status`: posture, joints, feet, currents, clocks, and whether the values are consistent.
 
 The limits are this tool's policy, not the device's.
 """

@@ -1,4 +1,4 @@
-"""The nearest thing to a stop that the EksoNR's DataPort has: CancelAction (ekso §6). What it cancels is not documented."""
+"""The closest to a stop that the EksoNR's DataPort has: CancelAction (ekso §6). Its effect is not documented."""
 
 from __future__ import annotations
 

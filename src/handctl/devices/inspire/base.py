@@ -1,4 +1,4 @@
-"""A device of registers: reading, writing and reading back by name, over either wire. Knows no particular device.
+"""A device with registers: read, write and read back by name, over any wire. Knows no particular device.
 
 Everything is checked against the map before a byte is sent; a write is sent once, and the read-back decides.
 

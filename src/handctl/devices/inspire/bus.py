@@ -1,4 +1,4 @@
-"""Register access over the serial wire: one question, one answer, a deadline, retries for reads only.
+"""Register access over the serial wire: one request, one reply, a deadline, retries for reads only.
 
 `read(address, n)` and `write(address, data)`; what the bytes mean is not known here.
 """

@@ -1,4 +1,4 @@
-"""What recorded bytes of the Inspire family mean: EB 90, CAN and Modbus frames in words, by the map of their device.
+"""Explain recorded bytes of the Inspire family: EB 90, CAN and Modbus frames, with the map of their device.
 
 Bytes in, pieces out; knows no link. The wrist's registers are reached through flags 30 and 31 (CAN 4 and 5), a hand's
 through 11 and 12 (CAN 0 and 1): what lies in the other space has no names here. Which of two protocols on one pair a

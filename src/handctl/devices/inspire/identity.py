@@ -1,4 +1,4 @@
-"""Who answers: an EH55BF1, a wrist module, or a hand of the same maker. Read-only (inspire §4.15, rh56 §1.1).
+"""Identify the device: an EH55BF1, a wrist module, or a hand of the same maker. Read-only (inspire §4.15, rh56 §1.1).
 
 One frame is spoken by all of them, and the same bytes mean another thing to each: before the first frame of a command
 that is no read, a gate asks. What is read is judged by itself where it can be, else by one question more, once a session.

@@ -1,4 +1,4 @@
-"""Register access over Modbus, RTU on a serial line and TCP: one question, one answer, retries for reads only.
+"""Register access over Modbus, RTU on a serial line and TCP: one request, one reply, retries for reads only.
 
 Above it a register is what it is on the other wires: bytes in the order of their addresses. On byte maps the word at
 address a is the bytes a and a+1, so a block of n bytes is a read of n/2 registers (rh56 §2.2). What the bytes mean is

@@ -1,4 +1,4 @@
-"""Finding a hand and changing where it is found: probes, id, baud. For the EH55BF1 and the RH56 hands.
+"""Probe a hand, change its id and baud rate, save, reset to factory defaults. For the EH55BF1 and the RH56 hands.
 
 Each writes once, then finds out by reading what became of it; none repeats a write. The order of steps and the waits
 are those of the manual (cited) and, where it is silent, of the sibling hand; what is unknown on this hardware is said.

@@ -1,4 +1,4 @@
-"""What the registers of one device id are to everything above: read, write, who is there, and time; whichever wire.
+"""The registers of one device id, over any wire: read, write, check the identity, deadlines.
 
 `bus.Bus` is the serial wire, `canbus.CanBus` the CAN bus; what the bytes mean is not known here.
 

@@ -1,4 +1,4 @@
-"""The scan for this maker's devices on one link, in every protocol they speak, and what came of it in words. Read-only.
+"""Scan one link for this maker's devices in all their protocols, and describe the result. Read-only.
 
 On a serial line one question in EB90 finds them all (dossier 4.15), and who answers is told by a look; a wrist wanted alone is
 asked with the flag that only it has. Modbus RTU is asked behind the first pass: at 115200 bit/s alone, unless it was typed.

@@ -1,4 +1,4 @@
-"""Looking for devices on a serial line: ids and speeds, read-only, never mistaking an echo or noise for a device.
+"""Search a serial line for devices, over ids and baud rates. Read-only; never mistakes an echo or noise for a device.
 
 A probe reads two bytes of a register that the id may be asked for on any line (`registers.question`): its reply is longer than the
 request and names its id. One id is asked at a time, with room for its answer on the wire and no more: so answers collide with

@@ -1,4 +1,4 @@
-"""What the stops of this maker's devices have in common: questions and writes on each wire, and a look at what still moves.
+"""Shared parts of the stop sequences of this maker's devices: requests and writes on each wire, and checks for movement.
 
 Knows no device: its stopper says which registers tell where it is, and where it is to go.
 """

@@ -1,4 +1,4 @@
-"""Troubleshooting as checks that only read (barrett §8, with the limits of `health`), and what is left for hands.
+"""Troubleshooting as read-only checks (barrett §8, with the limits of `health`), and the steps to do by hand.
 
 Without an answer there are rows all the same: the speeds that were tried, and every other check skipped. A warning or a
 fail is a finding. Nothing here moves the hand or writes to it; `trials` does, when it is asked to.
@@ -88,7 +88,7 @@ def firmware(patient: Patient) -> list[Finding]:
 
 
 def said(error: HandctlError) -> str:
-    """What the hand said, without the link and the command line that it said it to."""
+    """The reply of the hand, without the link and the command line."""
     return "ERR" + error.text.rpartition("ERR")[2] if error.code.startswith("err-") else error.text
 
 

@@ -1,4 +1,4 @@
-"""Where the fingertips are: positions of a hand, or given ones, through the kinematics (barrett §9.5, §9.6).
+"""Fingertip positions by forward kinematics, from the joint positions of a hand or given ones (barrett §9.5, §9.6).
 
 Reading moves nothing. Angles in degrees, lengths in mm, in the frame of the palm's centre. The manual's closed form (Eq. 3)
 has three misprints; what stands here is the product of the four matrices of Table 9:

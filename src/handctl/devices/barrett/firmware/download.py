@@ -1,4 +1,4 @@
-"""Loading firmware (barrett §3.7): guide the operator through the power switch, send every record, see the hand alive again.
+"""Load firmware (barrett §3.7): ask the operator to power-cycle the hand, send every record, check that the hand replies again.
 
 The order and the waits are the dossier's (7.3). Only RAM is written: parameters are in EEPROM, and a hand that was left
 half-loaded is repaired by doing it again from the start.

@@ -1,4 +1,4 @@
-"""How a hand is met, as one table: the state, what is seen, the next state, what may be sent on the way, what it means.
+"""How handctl connects to a hand, as one table: state, received data, next state, what may be sent, meaning.
 
 No I/O: `line` carries it out, the manual page prints it, the tests walk it. Passive first: listen, then a question that
 no state of the hand takes for a command. Nothing that the boot monitor at 9600 could hear as FF, its trigger, is sent

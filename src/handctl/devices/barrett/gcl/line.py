@@ -1,4 +1,4 @@
-"""One conversation with a BarrettHand: find its speed, send a command, wait for its prompt, stop what moves.
+"""One connection to a BarrettHand: find its baud rate, send a command, wait for its prompt, stop a movement.
 
 The table of `connecting` says how the hand is met. One command at a time; nothing but ^C is sent before the prompt.
 """
@@ -90,7 +90,7 @@ class GclLine(Line):
         self._connected = True
 
     def waiting(self) -> bytes:
-        """What has come and was taken for no answer: it tells the next connect in which state the hand is."""
+        """Received data that was no reply: the next connect learns the state of the hand from it."""
         came, self._unread = self._unread + self.drain(), b""
         return came
 

@@ -1,4 +1,4 @@
-"""Carries out the table of `connecting` on one line: sends what a row allows, waits, looks, goes on to the next state."""
+"""Start a session: run the table of `connecting` on one line. Send what a row allows, wait, and go to the next state."""
 
 from __future__ import annotations
 

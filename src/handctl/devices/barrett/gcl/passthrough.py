@@ -1,4 +1,4 @@
-"""Any GCL: as arguments, as a script, or at an interactive prompt. The hand's own text, its errors in words."""
+"""Send any GCL: as arguments, from a script, or at a prompt. Shows the hand's own text and explains its errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The guards of the RealTime loop: what the hand does not do by itself there (barrett §6; dossier 6.6). Sans I/O, no clock.
+"""The guards of the RealTime loop, for limits that the hand does not apply there (barrett §6; dossier 6.6). Sans I/O, no clock.
 
 TSTOP, CT, HSG and LSG act in movement commands only (§5.5); in the loop a motor is driven as long as the host says so.
 A guard that trips has velocity 0 sent for its motor from the next block on, until the command is 0 or turns around;

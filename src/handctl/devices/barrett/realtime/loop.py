@@ -1,4 +1,4 @@
-"""The RealTime loop of one hand (barrett §6): enter, exchange blocks under guard, hand out what is proved, leave.
+"""The RealTime loop of one hand (barrett §6): enter, exchange blocks with guards, return verified rows, leave.
 
 Watching, the next block goes out as soon as the acknowledgement of the last one is seen, as §6.1 allows; never earlier.
 While anything is driven the whole feedback is awaited first, unless overlapping was asked for: the only practice known

@@ -1,4 +1,4 @@
-"""What comes back in the RealTime loop: positions, what the guards make of them, rows with what speaks against them.
+"""Rows of the RealTime loop: positions, the results of the guards, and the reason for doubt, if any.
 
 And of a loop that measures round trips, rate and the line's limits, as rows and as tables.
 """

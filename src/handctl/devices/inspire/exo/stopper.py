@@ -1,4 +1,4 @@
-"""The stop of an EH55BF1: all forces to 0, then every finger is commanded to stay where it is. The manual has no stop command.
+"""The stop of an EH55BF1: all forces to 0, then every finger is commanded to hold its position. The manual has no stop command.
 
 The forces need no place. Their answer tells where the fingers are (exo §2.2.1), and that a hand is there at all: so a hold
 is always from a place just read. The same bytes would be a write to a wrist: one quick read looks for that first.

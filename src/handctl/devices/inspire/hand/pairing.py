@@ -1,4 +1,4 @@
-"""Two hands: which is which, and a place of its own for each (rh56 §6, §7). Knows no command and no configuration file.
+"""Pair two hands: find out which is left, and give each its own id or address (rh56 §6, §7). Knows no command and no file.
 
 Both hands of a pair come with id 1 and one IP address, and no register holds a side. So one hand alone gets another
 id or address while the other is unplugged; then each moves a finger, and whoever stands there says which one it was.

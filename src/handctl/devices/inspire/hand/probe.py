@@ -1,4 +1,4 @@
-"""Is there an RH56 hand? Its angles are read, then what tells it from an exoskeleton hand (rh56 §1.1). Read-only.
+"""Detect an RH56 hand: read its angles, then what distinguishes it from an exoskeleton hand (rh56 §1.1). Read-only.
 
 What users of these hands complain about are checks of `handctl doctor` (rh56 §5, §6, §7): each a row of name, status, evidence,
 remedy. What the link itself does (holder, timer, errors) is checked elsewhere.

@@ -1,4 +1,4 @@
-"""The wrist by number: registers, frames of either wire, and what the manual's misprinted examples really do.
+"""Raw access to the wrist: registers, frames of both wires, and the real effect of the manual's misprinted examples.
 
 The register space of the hand that carries the wrist is read and written raw, in as many frames as the wire needs.
 """
