@@ -172,7 +172,7 @@ def _wanted(path: Path) -> bool:
 
 
 def _kept(parts: Sequence[str]) -> bool:
-    """Of the installer's notes only what tells version and licence."""
+    """Keep only the version and the license from the installer's metadata."""
     if not parts[0].endswith((".dist-info", ".egg-info")):
         return True
     return parts[1] in ("METADATA", "PKG-INFO", "licenses") or parts[1].startswith(

@@ -32,7 +32,7 @@ def plural(number: int, noun: str) -> str:
 
 
 def _open(text: str) -> bool:
-    """Whether a full stop is missing, and cannot be read as part of what stands before it."""
+    """Whether a full stop is missing and would not be read as part of the text before it."""
     words = text.split()
     if not words or text[-1] in ".!?:;,…" or text[-1].isspace():
         return False

@@ -208,7 +208,7 @@ class Device(ABC):
         return {"kind": self.kind}
 
     def identify(self) -> None:  # noqa: B027 - where whatever is read tells who it is, there is nothing to do
-        """Look who is there before anything is read for a plan: a stranger is named, not called silent. Raises NotIdentified."""
+        """Identify the device before reading for a plan, so that a different one is named instead of called silent. Raises NotIdentified."""
 
     def own_map(self) -> ParamMap[Any]:
         """The map of this very device, asked for where its family has several."""
@@ -224,7 +224,7 @@ class Device(ABC):
     # -- stopping ------------------------------------------------------------------------------------------------
 
     def aim(self) -> Aim:
-        """What its stopper may know of it: all that this program has found out."""
+        """The context of its stop sequence: everything this program knows about it."""
         options = self.options
         known = Known(getattr(self._line, "id", options.id), options.timeout, options.port, options.wire, options.own)
         return aimed(self.link, known)._replace(fixed=True, proven=True)
@@ -250,7 +250,7 @@ class Device(ABC):
 
     @contextmanager
     def driven(self, guide: Guide, *, beat: float = 0.0, powered: bool = False, what: str = "") -> Iterator[Guard]:
-        """Around what moves it: Ctrl-C and the death of this process stop it. Raises Interrupted, with `what` before what came of it."""
+        """Around a movement: Ctrl-C and the death of this process stop it. Raises Interrupted with `what` and the result of the stop."""
         with (
             self.guarded(beat=beat, powered=powered) as guard,
             stopped_by_ctrl_c(lambda: self.stop(powered=powered), guide, what),
@@ -276,7 +276,7 @@ class Device(ABC):
 
     @abstractmethod
     def valued(self, reading: Reading) -> Row:
-        """The keys of a row that say what was read: value, unit and what else this family tells."""
+        """The keys of a row for the value: value, unit and the family's own."""
 
     @staticmethod
     @abstractmethod
@@ -284,7 +284,7 @@ class Device(ABC):
         """How people see rows of readings."""
 
     def row(self, reading: Reading) -> Row:
-        """The data row of one reading; of one that failed, why. What the map tells by itself is the same in all families."""
+        """The data row of one reading, or its error. The keys that come from the map are the same in all families."""
         element, value, error = reading.element, reading.value, reading.error
         param, row = element.param, self.named(element)
         if error is not None or value is None:
@@ -302,7 +302,7 @@ class Device(ABC):
         return row
 
     def table(self, readings: Sequence[Reading], title: str = "") -> Table:
-        """Readings as a Table; what could not be read is its failure, and the rest is shown all the same."""
+        """Readings as a Table. If some could not be read, that is its failure, and the others are still shown."""
         failed = [reading for reading in readings if reading.error is not None]
         return Table(
             rows=[self.row(reading) for reading in readings],
@@ -341,7 +341,7 @@ class Device(ABC):
         hint: str = "",
         more: Callable[[], Sequence[str]] = tuple,
     ) -> Table:
-        """The table of `status`, its findings as warnings; with `check` they, and what `more` tells by itself, are exit 7."""
+        """The table of `status` with its findings as warnings; with `check`, findings and those of `more` give exit code 7."""
         for finding in findings:
             self.journal.warn("unhealthy", finding)
         every = [*more(), *findings]
@@ -387,7 +387,7 @@ class Device(ABC):
 
 
 class Gate:
-    """Open once somebody has looked, or once `--assume-identity` has said that nobody looks."""
+    """The gate before writes: open once the identity was checked, or with `--assume-identity`."""
 
     def __init__(self, assumed: bool = False) -> None:
         self.assumed = assumed
@@ -429,7 +429,7 @@ class Gate:
 
     @staticmethod
     def tell(journal: Journal) -> None:
-        """Say that nobody looks, once."""
+        """Report once that the identity is not checked."""
         if not any(message.code == "identity-assumed" for message in journal.messages):
             text = "the device's identity was not checked, because of --assume-identity"
             journal.warn("identity-assumed", text)

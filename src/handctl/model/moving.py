@@ -121,7 +121,7 @@ class Arrival(NamedTuple):
 
     @property
     def met(self) -> str:
-        """The verdict for what was expected: where there was no target, contact is what it was sent for."""
+        """The verdict to compare with --expect: without a target, contact counts as reached."""
         return REACHED if self.verdict == CONTACT and self.goal.target is None else self.verdict
 
     def __str__(self) -> str:
@@ -185,7 +185,7 @@ class Watch:
         return all(self._ended(axis) for axis in self._axes.values())
 
     def _stands(self, axis: _Axis) -> bool:
-        """A device that says that it stands needs no further time; one that says that it moves is not believed alone."""
+        """If the device reports that it has stopped, no more time is needed; its report that it moves is not enough by itself."""
         need = 0.0 if axis.seen.moves is False else max(self.still.seconds, axis.goal.patience)
         return axis.equal >= self.still.samples and self.now - axis.since >= need
 
@@ -199,7 +199,7 @@ class Watch:
 
     @property
     def short(self) -> list[str]:
-        """The axes that stand off their targets: of these a family may read more to say why."""
+        """The axes that are not at their targets. A family may read more about them to give the reason."""
         return [name for name, axis in self._axes.items() if not axis.near]
 
     def arrivals(self, deeper: Mapping[str, Seen] | None = None) -> list[Arrival]:

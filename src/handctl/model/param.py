@@ -73,7 +73,7 @@ class Param:
 
     @property
     def readable(self) -> bool:
-        """Whether the device can tell its value."""
+        """Whether it can be read from the device."""
         return "r" in self.access
 
     @property
@@ -93,7 +93,7 @@ class Param:
 
     @property
     def writable(self) -> bool:
-        """Whether `set` may write it: what has a command of its own is written by that only."""
+        """Whether `set` may write it: a parameter with its own command is only written by that."""
         return "w" in self.access and not self.verb
 
     @property
@@ -113,7 +113,7 @@ class Param:
 
     @property
     def alarms(self) -> Mapping[int, str]:
-        """The bits that stand for an error: mask -> name; {} where none do."""
+        """The bits that mean an error: mask -> name; {} if there are none."""
         return {1 << bit: name for bit, name in enumerate(self.bits)}
 
     @property

@@ -84,7 +84,7 @@ class Sampler:
         )
 
     def _next(self, due: float) -> float:
-        """When the next sample is due. Behind: the phase is kept, no burst makes up for it; a person is told how often."""
+        """When the next sample is due. Late samples keep the phase and are not made up for; a person sees how many."""
         due += 1 / self._rate
         missed = int((self._link.now() - due) * self._rate)
         if self._link.now() < due:

@@ -50,7 +50,7 @@ T = TypeVar("T")
 
 
 class Options(Protocol):
-    """The options that a stopper looks at: `options.Settings`."""
+    """The options that a stopper uses: `options.Settings`."""
 
     @property
     def id(self) -> int | None: ...
@@ -131,7 +131,7 @@ class Say(NamedTuple):
 
 
 class Stopped(NamedTuple):
-    """How a stop ended, from what came back.
+    """The result of a stop, from the replies.
 
     error     None where nothing speaks against it
     evidence  what shows that the device did it, where that is more than the acknowledgement of each frame; "" = nothing
@@ -157,7 +157,7 @@ QUIET = Step("listen", b"")
 
 @dataclass(frozen=True)
 class Heard(Generic[T]):
-    """What came of a step that was repeated: what was found, None for nothing; all that came; and the seconds that it took at most."""
+    """The result of a repeated step: the reply found, or None; all bytes received; and the longest time it can have taken, in s."""
 
     found: T | None
     came: Pieces
@@ -179,7 +179,7 @@ def insist(
 
 
 def settled(aim: Aim, heard: Heard[T]) -> Generator[Say, Pieces, T | None]:
-    """What was found, once the answers to the repetitions are here too: on a slow line the next question would get them."""
+    """Return what was found, after waiting for the replies to the repetitions: on a slow line the next request would get them."""
     if heard.found is not None and heard.seconds > aim.each:
         yield from silence(heard.seconds)
     return heard.found
@@ -228,7 +228,7 @@ def talk_of(kind: str, aim: Aim) -> Talk:
 
 
 def unheard(talk: Talk, *, reads: bool = False) -> list[Step]:
-    """What a stop writes when nothing ever comes back, each once: for who cannot listen.
+    """The writes of a stop without any reply, each once: for a link that cannot receive.
 
     Questions are left out but with `reads`: a stop that needs their answers, as a wrist's, is [] then.
     """
@@ -304,7 +304,7 @@ def drive(
 
 
 def aimed(link: Link, settings: Options) -> Aim:
-    """What a stopper may know of the device behind an open link."""
+    """The stop context of the device on an open link."""
     from handctl.link import FrameLink
 
     can = isinstance(link, FrameLink)
@@ -431,7 +431,7 @@ def leaving(
 
 @contextmanager
 def stopped_by_ctrl_c(stop: Callable[[], Stopped], guide: Guide, what: str = "") -> Iterator[None]:
-    """Around what moves: Ctrl-C stops it, undisturbed, and then tells `what` became of it. Raises Interrupted.
+    """Around a movement: Ctrl-C stops it, without being interrupted, and reports the result. Raises Interrupted.
 
     Where the stop was not acknowledged, what speaks against it is raised instead.
     """
@@ -442,7 +442,7 @@ def stopped_by_ctrl_c(stop: Callable[[], Stopped], guide: Guide, what: str = "")
 
 
 def stopped(stop: Callable[[], Stopped], guide: Guide, what: str = "") -> HandctlError:
-    """Stop what moves, undisturbed; the end of the command, with what became of it."""
+    """Stop the movement without being interrupted; returns the error that ends the command."""
     with guide.undisturbed():
         guide.done()
         try:

@@ -180,7 +180,7 @@ class Recording:
         return [name for name, there in reasons.items() if there]
 
     def write_sidecar(self, ended: str | None = None, **more: Any) -> None:
-        """Write the sidecar as things stand, with `more` keys; `ended` once the file is closed. Raises OutputError."""
+        """Write the present state of the sidecar, with the keys of `more`; `ended` once the file is closed. Raises OutputError."""
         line = self.timeline
         missing = self.missing(ended) if ended is not None else None
         content = {
@@ -234,7 +234,7 @@ def schema(kind: str) -> str:
 
 
 def _notes(place: Place) -> list[str]:
-    """What the mark of a row tells by itself."""
+    """Notes from the mark of a row."""
     words = {PORT_LOST: "[port lost]", RESTART: "[reboot]", CLOCKS: f"[clocks {place.off_ms / 1000:+.3f} s]"}
     notes = [words[reason] for reason in place.why]
     return [*notes, f"[gap {place.gap_ms / 1000:.3f} s]"] if place.gap_ms else notes
@@ -438,7 +438,7 @@ class _Loop:
             self._look()
 
     def _begin_segment(self) -> None:
-        """Tell of a restart; after one, or where there may have been one, read what it may have changed."""
+        """Report a restart. After one, or a possible one, read again what it may have changed."""
         segment = self._recording.timeline.segments[-1]
         if segment.rebooted:
             self._guide.say(f"The device restarted: its clock started at 0. Segment {segment.number} starts")
@@ -517,7 +517,7 @@ def record(
     guide: Guide,
     before: dict[str, Any] | None = None,
 ) -> HandctlError | None:
-    """Record until a limit is reached; returns what ended it before that. Raises nothing of its own.
+    """Record until a limit is reached; returns what ended it earlier, if anything. Never raises.
 
     mark     asked before each request for the text of a mark, "" for none
     before   the settings at the start: those at the first row of a segment are compared with them

@@ -59,7 +59,7 @@ class _Visit:
     over: bool = False
 
     def attempt(self, part: str, action: Callable[[], T]) -> T | None:
-        """What `action` returns; None when it fails, or when nobody is there any more. Usage errors are the caller's."""
+        """Return the result of `action`; None if it fails or the device is gone. Usage errors are raised."""
         if self.over:
             return None
         self.lines.append(f"# {part}")

@@ -170,7 +170,7 @@ def __summary_text(stats: dict[str, Any]) -> str:
 def _wide_lines(
     table: Table, samples: Generator[Sample, None, None], sink: Sink, context: Context
 ) -> Generator[Sample, None, None]:
-    """Write samples a line each where that is wished; what comes back is left for `_stream_lines`."""
+    """Write samples as one line each if requested; the returned ones are left for `_stream_lines`."""
     usual = table.wide or is_sheet(context.settings.output)
     sheet: Wide | None = None
     for sample in samples:
@@ -328,7 +328,7 @@ class Spool:
         self._file = tempfile.TemporaryFile("w+", encoding="utf-8", errors="surrogatepass", newline="\n")  # noqa: SIM115 - until the last line was read
 
     def take(self, rows: Iterable[Row]) -> None:
-        """Append them; what came before an error stays."""
+        """Append them; rows before an error are kept."""
         try:
             for row in rows:
                 self._file.write(dumps(row) + "\n")

@@ -29,7 +29,7 @@ def text_of(value: Any) -> str:
 def csv_lines(
     columns: Sequence[Column], rows: Sequence[Row], guard: Callable[[str], str], *, header: bool, with_errors: bool
 ) -> str:
-    """With a column of errors behind the others or without: it must be the same for all lines of a stream."""
+    """With or without a last column for errors, which must be the same for all lines of a stream."""
     import csv
     import io
 

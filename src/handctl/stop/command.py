@@ -91,7 +91,7 @@ def _last_speed(run: Run, name: str) -> int | None:
 
 
 def _ask_holder(run: Run, name: str, bound: Deadline | None) -> tuple[Lock | None, dict[str, Any] | None, bool]:
-    """The lock where it is free; else the holder's report, None without one; and whether somebody has just let go."""
+    """The lock if it is free; otherwise the holder's report, or None; and whether a holder has just ended."""
     try:
         return lock_for(run, name), None, False
     except InUse as exc:

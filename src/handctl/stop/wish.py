@@ -63,7 +63,7 @@ class Ear:
             self._after(frame)
 
     def _serve(self) -> bool:
-        """Answer one who waits; False when nobody does."""
+        """Serve one waiting process; False if there is none."""
         if not self._hear():
             return False
         import json
@@ -89,7 +89,7 @@ class Ear:
 
 
 def ask(lock: str, until: float, seconds: float = STOP_SECONDS) -> tuple[bool, dict[str, Any] | None]:
-    """Ask who holds `lock` to stop: whether it heard that before `until` (`clock.now`), and its report within `seconds`.
+    """Ask the holder of `lock` to stop. Returns whether it replied before `until` (`clock.now`), and its report within `seconds`.
 
     The report is None when it ended, or fell silent, on the way.
     """

@@ -66,7 +66,7 @@ def _topics() -> dict[str, str]:
 
 
 def _text(words: list[str]) -> str:
-    """What stands below a topic. Raises UsageError for one that is not there."""
+    """The text of a topic. Raises UsageError if there is none."""
     name = words[0]
     if len(words) == 1:
         from handctl.docgen import man

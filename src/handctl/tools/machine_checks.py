@@ -189,7 +189,7 @@ def room(folder: Path) -> Check:
 
 
 def locks(machine: Machine) -> Check:
-    """Lock files that a dead program left behind: other programs then call the port busy."""
+    """Check for lock files of dead programs, which make other programs report the port as busy."""
     stale = machine.stale_locks()
     if not stale:
         return Check("locks", "ok", "no stale lock of a port")

@@ -221,7 +221,7 @@ def _install(rule: str) -> str:
 
 
 def _view(rows: list[Row]) -> list[Grid]:
-    """Five narrow columns; what does not fit into 80 characters stands below, port by port."""
+    """Five narrow columns; whatever does not fit into 80 characters is listed below, port by port."""
     lines = []
     notes = []
     for row in rows:

@@ -141,7 +141,7 @@ def chosen_ids(run: Run, families: Sequence[str], wire: str, text: str | None) -
 
 
 def free_ports(machine: Machine, journal: Journal) -> list[str]:
-    """Serial ports that nobody holds and that we may open; of the others, why they are left out."""
+    """Serial ports that are free and that we may open, and for the others why they are skipped."""
     names = []
     for port in machine.ports():
         if port.free:
@@ -160,7 +160,7 @@ def free_ports(machine: Machine, journal: Journal) -> list[str]:
 
 @dataclass(slots=True)
 class Scan:
-    """Looks at one link after the other; `left` seconds are what --deadline leaves, by the clocks of those before."""
+    """Scan one link after the other; `left`: the seconds that --deadline leaves, by the clocks of the links before."""
 
     _run: Run
     _families: Sequence[str]

@@ -60,13 +60,13 @@ class Search:
     """That search was the only one."""
 
     def meet(self, step: Step, error: HandctlError) -> None:
-        """Note what a probe met; silence never hides what it met before."""
+        """Record the error of a probe; silence never replaces an earlier one."""
         if step not in self.met or error.code != NoAnswer.default_code:
             self.met[step] = error
 
 
 def report(searches: Sequence[Search], families: Sequence[str], journal: Journal) -> Table:
-    """All rows; for every link without a device, what was tried and what came instead."""
+    """All rows; for every link without a device, what was tried and the result."""
     rows = [row for search in searches for row in search.rows]
     more = [column for column in MORE if any(row.get(column.key) for row in rows)]
     table = Table(rows=rows, columns=(*COLUMNS[:-1], *more, COLUMNS[-1]))

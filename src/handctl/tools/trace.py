@@ -147,7 +147,7 @@ def decode(run: Run, family: str, hex_bytes: tuple[str, ...], side: str | None) 
 
 
 class _Telling:
-    """One transcript being told; `family` and `statistics` are known once the first row came."""
+    """The rows of one transcript; `family` and `statistics` are known after the first row."""
 
     def __init__(self, path: str, family: str | None) -> None:
         self.path = path

@@ -196,7 +196,7 @@ class Told:
         return "event" if self.piece is None else "frame" if self.piece.frame else "stray"
 
     def as_row(self) -> Row:
-        """For JSON and CSV. Keys of the family stand beside the common ones; what does not apply is left out."""
+        """For JSON and CSV: the common keys and the family's own, without those that do not apply."""
         piece = self.piece
         shown = piece or self.unanswered
         row: Row = {
@@ -274,7 +274,7 @@ class Statistics:
 
 
 class Teller:
-    """Lines -> told rows. `statistics` grow with what has been given out.
+    """Lines -> rows. `statistics` cover the rows returned so far.
 
     A comment ``# case NAME`` begins another conversation, as in a file of test vectors; an event ``! family NAME`` one
     with another device.
