@@ -77,7 +77,7 @@ def afresh() -> None:
 
 
 def gave_up() -> bool:
-    """Whether output was given up because nobody read it."""
+    """Whether output was abandoned because its reader sleeps."""
     return _state.left
 
 
@@ -134,14 +134,14 @@ def finish_on_signals() -> None:
 
 
 def _pressed() -> None:
-    """Told beside the signal, in another thread: a result may wait for a reader, and the main thread with it."""
+    """Called in another thread as well: the main thread may be waiting for the reader of a result."""
     if _state.finishing:
         _state.wish()
         _ring_soon()
 
 
 def done(*, last: bool) -> None:
-    """All is done and told: nobody is waited for; if the interpreter ends now, what comes changes neither exit code nor stderr."""
+    """The command has finished: from now on signals change neither exit code nor stderr."""
     if "handctl.system.signals" not in sys.modules:  # help: nothing was begun, and its start must not pay for this
         return
     from handctl.system import signals
@@ -195,7 +195,7 @@ def _ring(_number: int, _frame: Any) -> None:
 
 
 def has_room(descriptor: int, seconds: float | None = 0.0) -> bool:
-    """Wait until a pipe or a terminal takes something, or its reader is gone; None = for ever. A wish to end is raised here."""
+    """Wait until a pipe or a terminal accepts data, or its reader is gone; None = for ever. Interrupts are raised here."""
     from handctl.system import waits
 
     return descriptor < 0 or waits.takes(descriptor, seconds)
@@ -232,7 +232,7 @@ def forget(descriptor: int) -> None:
 
 @contextlib.contextmanager
 def handing_over(descriptor: int = -1) -> Iterator[None]:
-    """A wish that comes while a piece goes out takes effect behind it, unless the reader of the descriptor sleeps.
+    """Delay an interrupt until the chunk is written, unless the reader of the descriptor sleeps.
 
     So a piece is out and noted, or neither. Other threads than that of the command hear of no wish.
     """

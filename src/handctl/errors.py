@@ -18,7 +18,7 @@ from __future__ import annotations
 
 
 def joined(*texts: str, joint: str = ". ") -> str:
-    """Texts one behind the other. Sentences begin with a capital, but for a name that is typed."""
+    """Join texts. Sentences begin with a capital, except for a name as it is typed."""
     first, *rest = [text for text in texts if text] or [""]
     for text in rest:
         behind = text[:1].upper() + text[1:] if joint == ". " and _is_word(text) else text

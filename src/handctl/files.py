@@ -115,7 +115,7 @@ def clash(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> bool:
 
 @contextlib.contextmanager
 def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[Any]]:
-    """A file to be written: a new one beside `path`, at the end on the disk and in its place; gone when the body raises.
+    """A file to write: a temporary one next to `path` that replaces it at the end, or is removed if the body raises.
 
     What is replaced keeps its permissions and its owner, and a symbolic link stays one. A device or a pipe is written to, never
     replaced. `mode` "w" is UTF-8 with line ends as they come, and \\udcff for a byte of a file name that is none, or "wb".
@@ -145,7 +145,7 @@ def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[A
 
 
 def at_once(path: str, flags: int) -> int:
-    """An opener for `open`: a pipe that nobody reads is an error now, not a wait without end."""
+    """An opener for `open`: a pipe without a reader is an error at once, instead of an endless wait."""
     return disk.waiting(os.open(path, flags | disk.AT_ONCE, 0o666))
 
 
@@ -179,7 +179,7 @@ def in_turn(descriptor: int, seconds: float) -> Iterator[None]:
 
 
 def why_unwritable(path: str) -> str:
-    """Why no file can be written there, as far as can be told without trying; "" when nothing speaks against it."""
+    """Why no file can be written there, as far as that is known without trying; "" if there is no reason."""
     folder = os.path.dirname(path) or "."
     if os.path.isdir(path):
         return "it is a folder"

@@ -23,7 +23,7 @@ from handctl.model.param import Param
 
 
 class Value(NamedTuple):
-    """What may stand at one place of a command line.
+    """The possible values at one place of a command line.
 
     kind    "none" (anything), "choice" (one of `words`), "file", "dir", "link", "device" (a named one),
             or names of the map of `family`: "read", "set" (NAME=VALUE), "name" (all)

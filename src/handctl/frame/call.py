@@ -40,7 +40,7 @@ STOPPED = "stopped"
 
 
 class Caller(Guide):
-    """A program: nothing is said to it. What must not be disturbed keeps Ctrl-C waiting without a handler of its own."""
+    """The prompts of a calling program: silent. Critical sections delay Ctrl-C without a handler."""
 
     def __init__(self, confirm: Confirm) -> None:
         self.interactive = callable(confirm)
@@ -54,7 +54,7 @@ class Caller(Guide):
 
 
 class Returned(Outcome):
-    """Nothing is shown: it stands in the envelope, and a stream is taken by the caller, sample by sample."""
+    """Shows nothing: messages are in the envelope, and the caller takes a stream sample by sample."""
 
     def heard(self, message: Message) -> None:
         pass
@@ -144,7 +144,7 @@ class Call(Run):
 
 
 class Line:
-    """One device that is called again and again: its session, and what is said of its link."""
+    """One device with many calls: its session and the settings of its link."""
 
     def __init__(self, family: Family, settings: Settings, session: Session) -> None:
         self.family = family

@@ -160,7 +160,7 @@ def _toml(path: str, text: str) -> dict[str, Any]:
 
 
 class _Book:
-    """Checks one file's entries; knows where each stands."""
+    """Check the entries of one file and know the line of each."""
 
     def __init__(
         self,
@@ -184,7 +184,7 @@ class _Book:
 
     @contextlib.contextmanager
     def noted(self) -> Iterator[None]:
-        """What is wrong in here is passed over, where that is wished."""
+        """Ignore errors in here, if requested."""
         try:
             yield
         except UsageError as exc:
@@ -286,7 +286,7 @@ def _key(body: str) -> Iterator[str]:
 
 
 def lines_of(text: str) -> dict[tuple[str, ...], int]:
-    """Key -> number of the line where it, or the first thing below it, stands."""
+    """Key -> number of its line, or of the first line below it."""
     lines: dict[tuple[str, ...], int] = {}
     line, counted = 1, 0
     for statement in statements(text):

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Trace:
-    """The recording of one connection, or of several one behind the other."""
+    """The trace of one connection, or of several in sequence."""
 
     def __init__(self) -> None:
         self._file: TraceFile | None = None
@@ -54,10 +54,10 @@ class Trace:
 
 
 class Connection:
-    """What is open of one device. Opened once and closed once, whoever uses it meanwhile."""
+    """The open link of one device: opened once and closed once, for all of its users."""
 
     def __init__(self, trace: Trace | None = None, name: str = "") -> None:
-        """`trace` is one that goes on behind this connection, `name` its LINK where it is one of several."""
+        """`trace`: one that continues after this connection. `name`: its LINK if it is one of several."""
         self.name = name
         self.link: Link | None = None
         self.hold: Hold | None = None
@@ -244,7 +244,7 @@ class Session:
 
 
 def _discard(link: Link) -> None:
-    """What lies in the input belongs to nobody: a late answer, or what a device has said unasked since the last command."""
+    """Discard unread input: a late reply, or data that the device sent since the last command."""
     from handctl.link import ByteLink, FrameLink
 
     if link.replayed:

@@ -144,7 +144,7 @@ class TerminalGuide(Guide):
 
 
 def confirms(answer: str, word: str) -> bool:
-    """Whether what was typed is the word that was asked for. A decimal may be typed with fewer or more zeros behind it."""
+    """Whether the typed text is the requested word. A decimal may have fewer or more trailing zeros."""
     if answer == word:
         return True
     import re
@@ -186,13 +186,13 @@ def print_stderr(text: str) -> None:
 
 
 def _unless_asked_to_end() -> None:
-    """A message never waits for its reader when the command is to end: a device may have to be stopped behind it."""
+    """Print to stderr. After an interrupt a message never waits for its reader, because a device may have to be stopped."""
     if ending.asked():
         ending.make_room(ending.waits(sys.stderr))
 
 
 def _columns() -> int:
-    """Width of the terminal behind stderr; 80 where it does not know its own, as a serial console. Raises OSError."""
+    """Width of the terminal on stderr; 80 if it does not know its own, like a serial console. Raises OSError."""
     return os.get_terminal_size(sys.stderr.fileno()).columns or 80
 
 

@@ -29,7 +29,7 @@ UNASKED = "yes-unasked"
 
 
 class Invocation:
-    """What was asked, by whom and of which device; and that device, once it is open.
+    """One invocation of a command: settings, person, device, and the open device.
 
     listens  whether another process may ask this one to stop the device, by a signal
     said     what the command line and its levels share
@@ -67,7 +67,7 @@ class Invocation:
 
     @property
     def typed(self) -> TextIO:
-        """Where lines come from that a body reads beside its arguments."""
+        """A source of lines that a body reads in addition to its arguments."""
         return sys.stdin
 
     def only_reads(self) -> None:
@@ -148,7 +148,7 @@ class Invocation:
 
     @property
     def ledger(self) -> Ledger:
-        """What this command means to write and what came of it."""
+        """The writes that this command planned, and their results."""
         ledger = self.journal.ledger
         if self.writes and ledger.words is None and self.family is not None:
             from functools import partial

@@ -294,7 +294,7 @@ def _planned(one: Line) -> Plan:
 
 
 def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Plan]) -> list[Line]:
-    """The lines, with a yes where they ask for one: one question for all, behind the plan. Raises NotConfirmed."""
+    """The lines, confirmed where needed: one question for all, after showing the plan. Raises NotConfirmed."""
     open_ = [
         (one, plan)
         for one, plan in zip(lines, plans, strict=True)
@@ -459,7 +459,7 @@ class Shell:
         return True
 
     def carry_out(self, words: Sequence[str]) -> None:
-        """One line; what goes wrong is told, and the shell goes on."""
+        """Run one line; an error is shown, and the shell continues."""
         try:
             line(self._whole(words), self._given).run(self._session, self._run.journal)
         except click.exceptions.Exit:
@@ -507,7 +507,7 @@ class Shell:
 
 
 def shell(run: Run, context: click.Context, family: str) -> None:
-    """Open the prompt. Raises UsageError where nobody can type."""
+    """Open the prompt. Raises UsageError without an interactive terminal."""
     if not run.guide.interactive:
         raise UsageError("the shell needs a terminal", hint="send the lines to `handctl batch`", code="no-terminal")
     if run.settings.output:

@@ -108,7 +108,7 @@ WITHOUT_DEVICE = ("devices list", "devices add", "devices remove")
 
 
 def words_of(ctx: click.Context) -> list[str]:
-    """The words that lead to a command, behind `handctl`."""
+    """The words of a command after `handctl`."""
     above = words_of(ctx.parent) if ctx.parent is not None else []
     words = (ctx.info_name or "").split()
     return [*above, *words] if ctx.parent is not None else words[1:]

@@ -61,7 +61,7 @@ class Outcome:
             return weightier(table.failure, exc)
 
     def show(self, table: Table | None, failure: HandctlError | None, context: Context) -> None:
-        """Show a finished result, or what went wrong where a format tells that too. Raises OutputError."""
+        """Show a finished result, or the error in formats that include it. Raises OutputError."""
         from handctl.screen import render, sink
 
         if table is not None or render.speaks(self._asked.settings.format, failure):
@@ -137,7 +137,7 @@ def make_envelope(
 
 
 def in_file(key: str) -> Any:
-    """What the configuration file says of an option, for errors before the settings were known; None when it cannot tell."""
+    """The value of an option in the configuration file, for errors before the settings are known; None if unknown."""
     try:
         entry = read_config(config_path()).values.get(key)
     except HandctlError:
@@ -191,7 +191,7 @@ def as_told(run: Invocation, error: HandctlError) -> HandctlError:
 
 
 def _renamed(run: Invocation, error: HandctlError) -> HandctlError:
-    """The error, or whose bytes came instead of an answer, or the command that finds out who is there."""
+    """The error, or one that names the family whose bytes arrived, or the command that detects the device."""
     if run.family is None or error.exit_code not in (4, 5):
         return error
     from handctl.model.foreign import pointed, renamed
@@ -203,7 +203,7 @@ def _renamed(run: Invocation, error: HandctlError) -> HandctlError:
 
 
 def interrupted(run: Invocation) -> HandctlError:
-    """Ctrl-C where nobody inside answers to it. What this command has set going, and watches no more, is stopped."""
+    """Ctrl-C that no code inside has handled: stop the movement that this command started and no longer watches."""
     stop = run.journal.still_moving()
     if stop is None:
         return Interrupted("interrupted")
@@ -218,7 +218,7 @@ def judged(run: Invocation, error: HandctlError | None) -> HandctlError | None:
 
 
 def _with_cause(run: Invocation, error: HandctlError) -> HandctlError:
-    """The error; where --deadline was over, why it had not got on: bytes that came tell more than the end of the time."""
+    """The error. After --deadline, the reason for the delay if known: received bytes say more than the end of the time."""
     late = run.end is not None and run.link is not None and run.link.now() >= run.end - 1e-6
     if not late or error.exit_code not in (4, 5):
         return error
@@ -243,7 +243,7 @@ def from_click(exc: click.UsageError) -> UsageError:
 
 
 def weightier(error: HandctlError | None, lost: OutputError) -> HandctlError:
-    """Of what went wrong with the device and the output that was lost: the device's weighs more, and tells both."""
+    """Combine an error of the device with one of the output: the device's is more important, and its text covers both."""
     if error is None or isinstance(error, OutputError):
         return lost
     error.text, error.hint = joined(error.text, lost.text), joined(error.hint, lost.hint)

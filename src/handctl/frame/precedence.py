@@ -107,7 +107,7 @@ def _take_environment(
 
 
 class _Chosen:
-    """The settings so far, from the highest level down: what is there stays."""
+    """The settings so far, from the highest level down: a setting that is present is kept."""
 
     def __init__(self) -> None:
         self.values: dict[str, Any] = {}

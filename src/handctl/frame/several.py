@@ -37,7 +37,7 @@ POLL_SECONDS = 0.1
 
 
 def devices_in(words: Sequence[str]) -> tuple[int, str, tuple[str, ...]] | None:
-    """Where -d names several devices, as (position of the word, what stands before the names, the names); None where it does not."""
+    """The several devices of -d as (position of the word, text before the names, the names); None if there is only one."""
     for place, word in enumerate(words):
         if word == "--":
             break
@@ -56,7 +56,7 @@ def devices_in(words: Sequence[str]) -> tuple[int, str, tuple[str, ...]] | None:
 
 
 def _named(text: str, *, urgent: bool) -> tuple[str, ...]:
-    """The names, each once. Raises UsageError; with `urgent` not for an entry of the file that concerns nobody named."""
+    """The names, each once. Raises UsageError; with `urgent`, errors in entries of other devices are ignored."""
     config = read_config(config_path(), [] if urgent else None)
     names = list(config.devices) if text == "*" else [name.strip() for name in text.split(",") if name.strip()]
     if not names:

@@ -292,7 +292,7 @@ def _restored(
 
 
 def _in_words(params: ParamMap[Any], rows: Sequence[Row], columns: Sequence[Column]) -> tuple[Column, ...]:
-    """Give each row the meaning of its codes, and return the columns with one for it behind each that has any."""
+    """Add the meaning of codes to each row, and return the columns with one more after each that has any."""
     names = {"value": "label", "before": "before_label", "a": "a_label", "b": "b_label"}
     for row in rows:
         try:

@@ -86,7 +86,7 @@ class Hertz(FiniteRange):
 
 
 class InFile(click.Path):
-    """A file that a command reads. `beside` are the endings of files read with it."""
+    """A file that a command reads. `beside`: suffixes of files read with it."""
 
     def __init__(self, *, beside: tuple[str, ...] = ()) -> None:
         super().__init__(dir_okay=False)
@@ -94,7 +94,7 @@ class InFile(click.Path):
 
 
 class OutFile(click.Path):
-    """A file that a command writes. `beside` are the endings of files written with it; a record only `grows`."""
+    """A file that a command writes. `beside`: suffixes of files written with it. `grows`: it is only appended to."""
 
     def __init__(self, *, beside: tuple[str, ...] = (), grows: bool = False) -> None:
         super().__init__()  # a folder is refused where it is known what is to be written
@@ -103,7 +103,7 @@ class OutFile(click.Path):
 
 
 class Named(NamedTuple):
-    """A file of this run: what the user calls it, where it is, whether it is only added to."""
+    """A file of this run: its name for the user, its path, whether it is only appended to."""
 
     label: str
     path: str

@@ -109,7 +109,7 @@ class Link(ABC):
         return Deadline(self.now, self.now() + seconds)
 
     def event(self, text: str) -> None:  # noqa: B027 - only a tap records events
-        """Note something beside the bytes (speed change, power cycle) in a transcript, if one is recorded."""
+        """Note an event (change of baud rate, power-cycle) in the transcript, if one is recorded."""
 
     def outlet(self) -> Outlet | None:
         """The way out for a second process; None where there is none: inside this process, or inside a library."""

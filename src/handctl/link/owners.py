@@ -46,7 +46,7 @@ def processes(root: Path = ROOT) -> Iterator[Process]:
 
 
 def holders(device: str, root: Path = ROOT) -> list[Process]:
-    """Processes that have `device` open, as far as the system tells.
+    """Processes that have `device` open, as far as the system reports them.
 
     Who holds the master of a pseudo terminal is its device, and not one of two that ask it.
     """
@@ -63,7 +63,7 @@ def holders(device: str, root: Path = ROOT) -> list[Process]:
 
 
 def _descriptors(process: Process, root: Path) -> dict[str, str] | None:
-    """Number and file of what a process has open; None where it is not ours to look at."""
+    """Numbers and files of the open descriptors of a process; None if we may not see them."""
     folder = root / "proc" / str(process.pid) / "fd"
     try:
         names = os.listdir(folder)
@@ -91,7 +91,7 @@ def _has_master(process: Process, names: dict[str, str], number: str, root: Path
 
 
 class Rivals(NamedTuple):
-    """Who else has what a link has open: `names`, and whether there are processes that nobody lets us look at."""
+    """Other programs that have the port of a link open: `names`, and whether there are processes that we may not see."""
 
     names: list[Process]
     hidden: bool = False
@@ -142,7 +142,7 @@ def refuse_held(link: str, device: str) -> None:
 
 
 def busy(link: str, names: Sequence[Process]) -> LinkError:
-    """The port, or the server, is somebody else's already."""
+    """The error of a port or server that another program is using."""
     who = ", ".join(map(str, names)) if names else "another program (the system does not report its name)"
     return LinkError(
         f"{link}: the port is in use by {who}", hint="close that program, then run the command again", code="busy"

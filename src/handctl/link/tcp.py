@@ -122,7 +122,7 @@ class TcpLink(ByteLink):
         self._outlet.owes(b"")
 
     def reconnect(self, seconds: float) -> bool:
-        """See Link. What is still on its way there must not come behind what is sent then."""
+        """See Link. Data still in flight on the old connection must not arrive after what is sent next."""
         with contextlib.suppress(OSError):
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         self._socket.close()

@@ -56,7 +56,7 @@ class Counts:
 
 @dataclass(slots=True)
 class Attempt:
-    """What came while one answer was waited for; `sent_before` requests of ours went before it."""
+    """Data received while waiting for one reply; `sent_before` requests of ours were sent before it."""
 
     request: bytes
     sent_before: int

@@ -51,7 +51,7 @@ class EksoExplainer(Cutter):
         return first
 
     def _at(self, buffer: bytearray, place: int, side: str) -> Cut | None:
-        """What stands at `place`: a frame, one with a wrong CRC or length, a beginning ("waiting"), or nothing."""
+        """The data at `place`: a frame, one with a wrong CRC or length, an incomplete one ("waiting"), or nothing."""
         if buffer[place] not in EXCHANGES:
             return None
         view = bytes(buffer[place : place + LONGEST])

@@ -16,7 +16,7 @@ HINT = "use the device's own controls, and stay with the wearer"
 
 
 def stop_talk(aim: Aim) -> Talk:
-    """CancelAction, again until it is answered. Nothing tells what it cancelled, so nothing is looked at behind it."""
+    """Send CancelAction until it is answered. The device does not report what it cancelled, so nothing is checked afterwards."""
     mode = str(aim.settings.own.get("length_mode", "body"))
     request = encode(Command.CANCEL_ACTION, MSG_ID, cancel_body(), "body" if mode == "auto" else mode)
     step = Step("CancelAction: cancel the running action", request, moves=True)

@@ -66,7 +66,7 @@ def hint_for(code: str, family: str) -> str:
 
 
 def mishap(request: bytes, received: bytes) -> tuple[str, str]:
-    """Name what came instead of the answer: (code, text). Codes are the keys of HINTS."""
+    """Describe the data received instead of the reply: (code, text). Codes are the keys of HINTS."""
     rest = received
     if request in rest:
         rest = rest.replace(request, b"", 1)
@@ -194,12 +194,12 @@ class Bus(ByteBus):
         return bool(self._met) or self._quiet(request)
 
     def _quiet(self, request: bytes) -> bool:
-        """Whether a stranger on this line would not act upon it. What a recording plays is no stranger."""
+        """Whether no other device on this line would act on it. A recording has no other devices."""
         link = self.link
         return link.replayed or harmless(request, link.baud if link.can_set_baud else None)
 
     def _ask_quietly(self, device_id: int, retries: int | None) -> None:
-        """Before a question upon which a stranger would act: one upon which none does. Raises as `read` does."""
+        """Before a request that another device could act on, send one that none acts on. Raises as `read` does."""
         span = question(device_id, self.read_flag)
         if self._quiet(eb90.read_request(device_id, *span, self.read_flag)):
             self.read(*span, device_id=device_id, retries=retries)
@@ -278,7 +278,7 @@ class Bus(ByteBus):
         return frame, bytes(received), pieces
 
     def _let_speak(self) -> None:
-        """Wait until nobody speaks: on two wires a request into somebody's frame destroys both."""
+        """Wait until the line is idle: on two wires, a request sent into another frame destroys both."""
         end = self.deadline(SPEAKS_SECONDS)
         while not end.expired and (stray := self.link.read(self.link.deadline(PAUSE_SECONDS).earlier(end))):
             self.journal.counters.stray_bytes += len(stray)
@@ -303,7 +303,7 @@ class Bus(ByteBus):
         self.link.write(data, deadline or self.deadline(self.wire_seconds(len(data)) + self.timeout))
 
     def _ahead(self, request: bytes) -> bytes:
-        """What goes ahead of a question as long as nobody has answered: a stranger may hear it at another speed."""
+        """Bytes sent before a request until a device has replied: another device may hear it at a different baud rate."""
         link = self.link
         if self._met or not link.can_set_baud or not eb90.only_reads(request):
             return b""
@@ -375,5 +375,5 @@ class Bus(ByteBus):
 
 
 def _begins_request(stray: bytes) -> bool:
-    """Whether somebody else has begun to ask in these bytes."""
+    """Whether these bytes contain the beginning of another program's request."""
     return eb90.HOST in stray or stray[-1:] == eb90.HOST[:1]

@@ -70,7 +70,7 @@ class Frame(NamedTuple):
         return self.payload[2:]
 
     def encode(self) -> bytes:
-        """The frame as it stands on the wire."""
+        """The frame as bytes on the wire."""
         body = bytes([self.id, len(self.payload) + 1, self.flag]) + self.payload
         return self.header + body + bytes([checksum(body)])
 
@@ -261,7 +261,7 @@ class Decoder(Stream):
         return len(buffer)
 
     def _may_begin(self, place: int) -> bool:
-        """Whether one of the prefixes stands at `place`, or the beginning of one at the end of the buffer."""
+        """Whether one of the prefixes is at `place`, or the beginning of one at the end of the buffer."""
         buffer = self._buffer
         if place + 3 < len(buffer) and buffer[place + 3] < MIN_LENGTH:
             return False
@@ -291,7 +291,7 @@ class _Known(NamedTuple):
 
 
 def sign(data: bytes) -> str:
-    """What in `data` shows a device of this maker: a whole frame of its own. Which device, its bytes do not tell."""
+    """Evidence in `data` for a device of this maker: a complete frame. The bytes do not show which device."""
     decoder = Decoder([DEVICE])
     decoder.feed(data)
     found = decoder.finish()

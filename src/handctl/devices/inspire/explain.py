@@ -651,7 +651,7 @@ def _annotated(piece: Piece, explained: str | None) -> Piece:
 
 
 def _header(buffer: bytearray, start: int) -> int:
-    """Where a header stands from `start` on, len(buffer) if nowhere."""
+    """The position of the next header from `start` on, len(buffer) if there is none."""
     places = [place for place in (buffer.find(eb90.HOST, start), buffer.find(eb90.DEVICE, start)) if place >= 0]
     return min(places, default=len(buffer))
 

@@ -96,7 +96,7 @@ def address_in(text: str) -> int:
 
 
 def pushes(current: int) -> str:
-    """What the current of an actuator that stands shows, in words; "" = nothing."""
+    """What the current of a stopped actuator shows, in words; "" = nothing."""
     return f"it draws {current} mA" if abs(current) >= DRAWN else ""
 
 

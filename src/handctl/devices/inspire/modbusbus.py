@@ -361,7 +361,7 @@ class ModbusBus(ByteBus):
 
     @property
     def where(self) -> str:
-        """Device, id and link for messages; on TCP nobody looks at the unit."""
+        """Device, id and link for messages; over TCP the unit is ignored."""
         return self.link.name if self.tcp else f"id {self.id} on {self.link.name}{self.at_speed}"
 
     def _failure(self, request: bytes, received: bytes, odd: Sequence[Answer], since: float) -> HandctlError:

@@ -279,7 +279,7 @@ def wait_for_speed(hand: RegisterDevice, rate: int, guide: Guide, *, seconds: fl
 def wait_for_calibration(
     bus: RegisterBus, guide: Guide, seconds: float, more: str, power_off: str
 ) -> eb90.Frame | None:
-    """Wait for the frame that tells the end, or for the time where nobody tells it. Sends nothing."""
+    """Wait for the frame that reports the end, or for the usual time without one. Sends nothing."""
     started = bus.link.now()
     end = started + seconds
     try:

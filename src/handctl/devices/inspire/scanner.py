@@ -435,7 +435,7 @@ class Scanner(Asker):
 
     @property
     def _spent(self) -> bool:
-        """Whether nobody was heard for as long as a silent line is asked."""
+        """Whether the line was silent for the longest time allowed."""
         found = self.found
         heard = found.hits or found.damaged or found.beheaded or found.foreign or len(self.line.trips)
         return self._until is not None and self._until.expired and not heard

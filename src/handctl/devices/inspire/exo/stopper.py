@@ -24,7 +24,7 @@ POWER = "switch the power off if the hand still pushes or moves"
 
 
 def stop_talk(aim: Aim) -> Talk:
-    """Forces to 0 and a hold, both again and again until the hand has acknowledged them; then a second look."""
+    """Forces to 0, then a hold, each repeated until the hand has acknowledged it; then a second check."""
     number, came = aim.number, list[bytes]()
     step, wrist = asks(number, eb90.WRIST_READ)
     if not aim.proven:
@@ -89,7 +89,7 @@ def _targets(aim: Aim) -> Read:
 
 
 def hold(number: int, places: list[int]) -> tuple[Step, bytes, str]:
-    """Every finger stays where it is; how that is acknowledged, and in words. -1 moves none where a place is no target."""
+    """The command to hold all positions, its acknowledgement, and both in words. -1 for a position that is no valid target."""
     if len(places) == FINGERS and all(0 <= place <= 1000 for place in places):
         meaning = f"hold at {' '.join(map(str, places))}"
         data, prefix = eb90.command_request(number, eb90.POSITION_COMMAND, places), eb90.command_reply_prefix(number, eb90.POSITION_COMMAND)  # fmt: skip

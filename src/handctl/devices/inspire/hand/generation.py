@@ -59,7 +59,7 @@ def typed_model(settings: Options) -> str | None:
 
 
 def check(settings: Settings) -> None:
-    """Raise UsageError for a model that is not known, and for Modbus TCP on a port that nobody has said is a hand's.
+    """Raise UsageError for an unknown model, and for Modbus TCP on a port not known to be a hand's.
 
     Bytes to another port may reach a serial line. There function 03 is ^C, which ends a movement of a BarrettHand.
     """

@@ -26,7 +26,7 @@ FACTORY = "192.168.11.210"
 
 
 def show_speed(hand: Hand) -> Table:
-    """The speed code, and what lies beside it."""
+    """The baud rate code and its neighbouring register."""
     _tell_places(hand)
     return hand.table(hand.read(elements_of(hand.map["baud_code"])))
 

@@ -148,7 +148,7 @@ def plan_can(frame: CanFrame, force: bool, *, only_explain: bool = False) -> Ste
 
 
 def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
-    """Send one frame, listen for `wait` seconds, show what came: the same identifier is the answer, the rest is traffic."""
+    """Send one frame and listen for `wait` seconds: frames with the same identifier are replies, the others are traffic."""
     bus, explainer = wrist.bus, InspireExplainer(WRIST)
     assert isinstance(bus, CanBus)
     bus.pass_gate(frame)
