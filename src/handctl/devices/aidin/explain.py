@@ -59,7 +59,7 @@ class AidinExplainer:
         """See Explainer. Nothing in it concerns this family."""
 
     def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
-        """See Explainer. Feedback keys tell the hand, everything else the host."""
+        """See Explainer. Feedback keys come from the hand, everything else from the host."""
         device = any(f'"{key}"'.encode() in data for key in FEEDBACK_KEYS)
         direction = side or (DEVICE if device else HOST)
         return [*self.feed(direction, data), *self.flush()]

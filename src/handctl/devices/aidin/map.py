@@ -54,7 +54,7 @@ class AidinParam(Param):
 
     @property
     def address(self) -> str:
-        """Where it is in an object: its key."""
+        """Its key in an object."""
         return self.key
 
     @property

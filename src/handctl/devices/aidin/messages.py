@@ -34,7 +34,7 @@ Out = int | float | Sequence[int] | Sequence[float]
 
 
 class MalformedObject(ProtocolError):
-    """Bytes dropped by the decoder. `data` are they; `stray` tells that no object had begun in them."""
+    """Bytes dropped by the decoder, in `data`; `stray`: no object had begun in them."""
 
     def __init__(self, text: str, data: bytes, *, stray: bool = False) -> None:
         super().__init__(text, code="garbage" if stray else "bad-json")
@@ -202,7 +202,7 @@ class Decoder:
 
 
 class Twice(Exception):
-    """A key stands twice in one object: which of its values is right, nobody knows."""
+    """A key occurs twice in one object, so its value is unknown."""
 
 
 def _parse(data: bytes) -> dict[str, object] | None:

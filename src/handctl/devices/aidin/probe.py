@@ -20,7 +20,7 @@ ECHOES = False
 def probe(
     link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
 ) -> list[Row]:
-    """A row with the evidence. Raises NoAnswer, ProtocolError for what came instead."""
+    """A row with the evidence. Raises NoAnswer, ProtocolError for other data."""
     talk = Conversation(link, journal, timeout=timeout, retries=0, bound=deadline)
     talk.connect()
     how = "streams" if talk.exchange is ExchangeMode.STREAM else "replies to an empty object with"

@@ -126,7 +126,7 @@ class Ledger:
         _count(self._hand, self._journal, self._key, now)
 
     def count_unknown(self) -> None:
-        """Count one save of values that nobody knows any more: the next save writes everything."""
+        """Count one save of unknown values: the next save writes everything."""
         _count(self._hand, self._journal, self._key, {})
 
 

@@ -37,7 +37,7 @@ MOST = 256
 def probe(
     link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
 ) -> list[Row]:
-    """A row with the evidence. Raises NoAnswer, ProtocolError for what came instead."""
+    """A row with the evidence. Raises NoAnswer, ProtocolError for other data."""
     waiting = _until_prompt(link, link.deadline(0))
     if seen_in(waiting, b"") == connecting.COLON:
         raise _monitor(link, "a ':' arrived without a request")

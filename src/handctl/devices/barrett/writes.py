@@ -96,7 +96,7 @@ class BarrettWrites:
         return (Frame(data, ABORT, data, group="^C", unasked=not moving),)
 
     def _entered(self, data: bytes) -> Iterable[tuple[Hashable, bool]]:
-        """The answer to LOOP: * behind the echo, or ERR and the prompt."""
+        """The reply to LOOP: * after the echo, or ERR and the prompt."""
         self._tail = (self._tail + data)[-LONGEST:]
         size = len(self._echo)
         if self._tail[:size].upper() == self._echo and self._tail[size : size + 1] == bytes([ACKNOWLEDGE]):

@@ -199,7 +199,7 @@ def repeatable(patient: Patient) -> list[Finding]:
 
 
 def strain_limits(patient: Patient) -> list[Finding]:
-    """SG against HSG and LSG: a movement beyond a limit ends at once. SGFLIP stands among the parameters."""
+    """SG against HSG and LSG: a movement beyond a limit ends at once. SGFLIP is checked with the parameters."""
     found = []
     for finger in FINGERS:
         sg, high, low = (patient.values[name, finger] for name in ("SG", "HSG", "LSG"))
@@ -215,7 +215,7 @@ def strain_limits(patient: Patient) -> list[Finding]:
 
 
 def velocities(patient: Patient) -> list[Finding]:
-    """MOV and MCV of each motor: their own rows stand among the parameters when they are too low."""
+    """MOV and MCV of each motor: if they are too low, they have their own rows among the parameters."""
     slow = [
         f"{name}.{motor} {patient.values[name, motor]}"
         for name in ("MOV", "MCV")
@@ -281,7 +281,7 @@ def spread_greasing(patient: Patient) -> list[Finding]:
 
 
 def open_position(patient: Patient) -> list[Finding]:
-    """Where the fingers stand when they should be open."""
+    """The positions of the fingers when they should be open."""
     shown = ", ".join(f"{finger} {patient.values['P', finger]}" for finger in FINGERS)
     return [Finding("open_position", OK, f"{shown}. Compare the fingertips by eye", source="barrett §8")]
 
@@ -311,7 +311,7 @@ CHECKS: dict[str, Check] = {
 
 
 def communication(hand: BarrettHand, speed: int | None) -> Finding:
-    """A prompt at one of the speeds; each that was tried with what came. Raises LinkError when the port fails."""
+    """Check for a prompt at each baud rate; lists those tried and the data received. Raises LinkError if the port fails."""
     link, line = hand.link, hand.line
     if speed is not None:
         line.only = speed
@@ -356,7 +356,7 @@ def symptom_of(name: str) -> Symptom:
 
 
 def examine(patient: Patient, names: Sequence[str], speed: int | None) -> tuple[list[Finding], LinkError | None]:
-    """Communication, then the checks by name; all skipped once the line is dead. The link's own failure beside them."""
+    """Check communication, then run the checks by name; all are skipped once the line is dead. Also returns the link's error."""
     try:
         found = [communication(patient.hand, speed)]
     except LinkError as exc:

@@ -150,7 +150,7 @@ def offline(positions: Sequence[int], broken: Mapping[str, int]) -> Table:
 
 
 class Tips:
-    """Reads the positions of a hand, whether they mean anything, and where its clutches let go when its firmware tells.
+    """Read the positions of a hand, whether they are valid, and its breakaway positions if the firmware reports them.
 
     Whether the motors are initialized changes with a restart only: it is asked for once a second, not for each moment.
     """
@@ -209,7 +209,7 @@ def now(hand: BarrettHand) -> Table:
 
 
 def stream(hand: BarrettHand, *, rate: float, count: int | None, duration: float | None) -> Table:
-    """Fingertips again and again."""
+    """Fingertips as a stream."""
     ranges = dict(zip(JOINTS, ((0.0, limit) for limit in LIMITS), strict=True))
     return live(
         hand,

@@ -53,7 +53,7 @@ class Finding(NamedTuple):
 
 
 def verdict(check: str, source: str, good: str, wrong: str = "", remedy: str = "", status: str = WARNING) -> Finding:
-    """The outcome of a check that looks for one thing: what is `wrong` with its remedy, or else what is `good`."""
+    """The result of a check: what is `wrong`, with its remedy, or what is `good`."""
     return Finding(check, status, wrong, remedy, source) if wrong else Finding(check, OK, good, source=source)
 
 

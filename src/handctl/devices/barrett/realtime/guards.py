@@ -80,7 +80,7 @@ class _Watch:
 
 
 class Guards:
-    """All guards of one loop. `see` takes what came back, `allow` decides what may go out next.
+    """All guards of one loop. `see` takes the feedback, `allow` decides what may be sent next.
 
     limits     motor index -> Limits, of the motors that are driven
     positions  where they stand at the start, counts
