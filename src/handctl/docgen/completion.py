@@ -71,7 +71,6 @@ class Shell:
     # -- what is the same in all of them ---------------------------------------------------------------------------
 
     def script(self, tree: Node) -> str:
-        """The whole completion."""
         shared = tree.shared
         places = {
             "@MARK@": MARK,

@@ -62,7 +62,7 @@ class Invocation:
         self.end: float | None = None
 
     def person(self) -> Guide:
-        """Who is talked with."""
+        """The person at the terminal."""
         return TerminalGuide(self.settings.quiet)
 
     @property

@@ -161,7 +161,6 @@ class Incoming:
         return self._ahead[0] if self._ahead else None
 
     def take(self) -> Reply:
-        """The next one."""
         return self._ahead.popleft()
 
     def clear(self) -> None:

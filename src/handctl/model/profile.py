@@ -117,7 +117,6 @@ class RoundTrips:
         self._total = 0.0
 
     def add(self, seconds: float) -> None:
-        """One more."""
         self._counts[round(seconds * 1e6)] += 1
         self._count += 1
         self._total += seconds

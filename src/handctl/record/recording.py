@@ -85,12 +85,10 @@ class Recording:
 
     @property
     def sidecar(self) -> str:
-        """Path of the sidecar."""
         return f"{self.path}.json"
 
     @property
     def rows(self) -> int:
-        """Rows in the file."""
         return self.timeline.rows
 
     def add(self, sample: Sample, seq: int) -> bool:
@@ -211,7 +209,6 @@ class Recording:
         write_whole(self.sidecar, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
     def as_row(self) -> dict[str, Any]:
-        """The closing summary."""
         line = self.timeline
         return {
             "file": self.path,

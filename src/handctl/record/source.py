@@ -109,7 +109,6 @@ class Layout(ABC):
 
     @property
     def header(self) -> str:
-        """The first line."""
         return ",".join(map(quoted, self.names)) + "\r\n"
 
     @abstractmethod

@@ -59,7 +59,6 @@ class Place(NamedTuple):
 
     @property
     def rtt_ms(self) -> float:
-        """The round trip."""
         return (self.moment.answered - self.moment.sent) * 1000
 
     @property

@@ -155,7 +155,6 @@ class View:
         self.keyed = False
 
     def add(self, sample: Sample) -> None:
-        """Take a sample."""
         self._count += 1
         self._seconds = sample.t
         self._failed = ""

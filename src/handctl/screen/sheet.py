@@ -96,7 +96,6 @@ class Wide:
         """Columns that later samples had and the first one had not."""
 
     def line(self, rows: Sequence[Row], guard: Callable[[str], str], t: float | None = None) -> str:
-        """One sample."""
         found: Row = {"t_s": t} | {column_of(row): in_persons_unit(row) for row in rows}
         self.left_out |= dict.fromkeys(found.keys() - self._known - {"t_s"})
         for key in (*REMARKS, "error"):

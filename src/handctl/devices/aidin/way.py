@@ -22,7 +22,7 @@ COMMANDS = frozenset(param.key.lower() for param in AIDIN if not param.readable)
 
 
 class ExchangeMode(Enum):
-    """Who speaks first."""
+    """Who sends first."""
 
     UNKNOWN = "auto"
     STREAM = "stream"

@@ -218,7 +218,6 @@ class Decoder:
         self._expected = key_of(request)
 
     def feed(self, data: bytes) -> None:
-        """Add received bytes."""
         self._buffer += data
 
     @property

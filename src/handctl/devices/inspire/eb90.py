@@ -177,7 +177,6 @@ class Stream:
         self.skipped = 0
 
     def feed(self, data: bytes) -> None:
-        """Add received bytes."""
         self._buffer += data
 
     def rest(self) -> bytes:

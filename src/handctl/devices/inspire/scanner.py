@@ -690,7 +690,6 @@ class CanSearch:
         return self._bus.link.error_frames - self._before[0]
 
     def nothing(self, summary: str) -> HandctlError:
-        """Why nothing was found."""
         (errors, damaged), what, link = self._before, self._what, self._bus.link
         damaged, name, trouble = link.damaged - damaged, link.name, link.trouble(errors)
         if trouble is not None and trouble.code:

@@ -209,7 +209,6 @@ def now(hand: BarrettHand) -> Table:
 
 
 def stream(hand: BarrettHand, *, rate: float, count: int | None, duration: float | None) -> Table:
-    """Fingertips as a stream."""
     ranges = dict(zip(JOINTS, ((0.0, limit) for limit in LIMITS), strict=True))
     return live(
         hand,

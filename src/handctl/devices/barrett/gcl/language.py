@@ -257,7 +257,6 @@ class Decoder:
         self.echoed = False
 
     def feed(self, data: bytes) -> None:
-        """Add received bytes."""
         self._buffer += data
         self._folded += data.upper()
 

@@ -163,7 +163,6 @@ class Guards:
         watch.position, watch.taken = position, taken
 
     def heat(self, tenths: int) -> None:
-        """The board's temperature."""
         if "heat" in self._on and tenths > self._heat:
             text = f"{tenths / 10:.1f} °C, and the limit is {self._heat / 10:.1f} °C"
             self.events.append(Event(self._now, "heat", None, tenths / 10, self._heat / 10, 0.0, text, ends=True))
