@@ -49,7 +49,7 @@ class Argument(NamedTuple):
 
     @property
     def positional(self) -> bool:
-        """Whether it stands without its name."""
+        """Whether it is given without its name."""
         return isinstance(self.param, click.Argument)
 
     @property
@@ -155,7 +155,7 @@ class Device:
 
     @property
     def envelope(self) -> dict[str, Any]:
-        """What `--json` says of the last call beside its rows: device, line, messages, counters, writes."""
+        """The JSON of the last call without its rows: device, line, messages, counters, writes."""
         call = self._line.last
         assert call is not None
         return call.envelope(call.failure, call.extra)

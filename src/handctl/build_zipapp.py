@@ -1,8 +1,8 @@
 """`python -m handctl.build_zipapp [-o handctl.pyz]`: one file that runs with any Python 3.10+, without a network.
 
-It holds handctl and its runtime dependencies as they are installed beside it; nothing is downloaded. Compiled
-extensions stay out (crcmod and wrapt have equivalents in Python), so the file fits every machine. What older Pythons need
-beside that is taken where it is installed; without it the file asks for a Python that does not. Byte code of the building
+It contains handctl and its installed runtime dependencies; nothing is downloaded. Compiled extensions are left out (crcmod
+and wrapt have equivalents in Python), so the file runs on every machine. Packages that only older Pythons need are added
+if they are installed; otherwise the file requires a Python that does not need them. Byte code of the building
 Python is included: another version ignores it and starts slower. The same input gives the same bytes.
 """
 
@@ -172,7 +172,7 @@ def _wanted(path: Path) -> bool:
 
 
 def _kept(parts: Sequence[str]) -> bool:
-    """Of the installer's notes only what tells version and licence."""
+    """Keep only the version and the license from the installer's metadata."""
     if not parts[0].endswith((".dist-info", ".egg-info")):
         return True
     return parts[1] in ("METADATA", "PKG-INFO", "licenses") or parts[1].startswith(

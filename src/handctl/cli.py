@@ -1,4 +1,4 @@
-"""Entry point: streams that the caller closed, a stdout that cannot be written, and between them the root command.
+"""Entry point: replaces closed standard streams, runs the root command, and handles a stdout that cannot be written.
 
 `--version` is answered here and loads nothing; the commands, and what errors become as exit codes, are in `frame.clikit`.
 """

@@ -1,4 +1,4 @@
-"""Numbers in what somebody typed, set or sent. Python takes digits of every script for a number, and raises at 4,300 of them."""
+"""Parse numbers strictly. Python accepts the digits of every script, and raises for more than 4,300 of them."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""How a command ends when it is asked to: the device first, then the result, and never a wait for a reader that sleeps.
+"""Interrupts (Ctrl-C, SIGTERM, hang-up): stop the device first, then show the result, and never wait for a sleeping reader.
 
-The first wish to end raises KeyboardInterrupt wherever the command is, so that a device is stopped. From then on what is
-written beside the data (stderr, a trace) goes nowhere as soon as it would have to wait: no stop waits for a reader. Once
-the device has been served and only the result is to be shown, a wish is no error any more: the reader has FINISH_SECONDS
-for what is left of it. The second wish ends the process then, whatever is still open.
+The first interrupt raises KeyboardInterrupt wherever the command is, so that the device is stopped. From then on, stderr and
+the trace are discarded as soon as they would have to wait: no stop waits for a reader. Once the command is done with the
+device and only shows the result, an interrupt is no error any more: the reader has FINISH_SECONDS for the rest. A second
+interrupt then ends the process, whatever is still open.
 
 One process, one command: the state is that of this module. `system.signals` is imported when a command begins, not for help.
 """
@@ -19,17 +19,17 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 ONE_WISH_SECONDS = 0.5
-"""Ctrl-C pressed twice, or a hang-up with a SIGTERM behind it, is one wish: the second must not cut off the stop."""
+"""Ctrl-C pressed twice, or a hang-up followed by SIGTERM, is one interrupt: the second must not cut off the stop."""
 FINISH_SECONDS = 0.6
-"""How long a finished command waits for its reader once it is asked to end."""
+"""How long a finished command waits for its reader after an interrupt."""
 AGAIN_SECONDS = 0.2
-"""What still holds it up then is looked at this often; after a second wish it ends at the next look."""
+"""How often it then checks what is still waiting; after a second interrupt it ends at the next check."""
 
 Handler = Callable[[int, Any], None]
 
 
 class _State:
-    """What has been asked for, and what must not wait for anybody."""
+    """The interrupts so far, and the outputs that must not wait for a reader."""
 
     def __init__(self) -> None:
         self.wishes = 0
@@ -42,15 +42,15 @@ class _State:
         self.handing: int | None = None
         """Descriptor that a piece of the result is just being handed to, -1 where that cannot take long."""
         self.kept = False
-        """A wish came meanwhile."""
+        """An interrupt came meanwhile."""
         self.thread = get_ident()
-        """The thread that is told of a wish."""
+        """The thread that handles interrupts."""
         self.results: set[int] = set()
         self.beside: set[int] = set()
         """Descriptors of pipes and terminals that take a result, and those that take a trace; without stdout and stderr."""
 
     def wish(self) -> bool:
-        """Count a signal; False when it belongs to the wish before it. No stop waits for who reads stderr or a trace."""
+        """Count a signal; False if it belongs to the interrupt before it. No stop waits for the reader of stderr or a trace."""
         for descriptor in (waits(sys.stderr), *self.beside):
             make_room(descriptor)
         from handctl.system import clock
@@ -67,17 +67,17 @@ _state = _State()
 
 
 def asked() -> bool:
-    """Whether something has asked this command to end."""
+    """Whether this command has been interrupted."""
     return _state.wishes > 0
 
 
 def afresh() -> None:
-    """A wish to end has been answered, and something new begins: the next signal is a wish of its own, however soon."""
+    """An interrupt has been handled: the next signal counts as a new one, however soon it comes."""
     _state.last, _state.wishes = float("-inf"), 0
 
 
 def gave_up() -> bool:
-    """Whether output was given up because nobody read it."""
+    """Whether output was abandoned because its reader sleeps."""
     return _state.left
 
 
@@ -85,9 +85,9 @@ def gave_up() -> bool:
 
 
 def end_on_signals(*, suspend: bool) -> None:
-    """From now on KeyboardInterrupt is raised, once a wish, by what asks the program to end; by Ctrl-Z too with `suspend`.
+    """From now on every interrupt raises KeyboardInterrupt; with `suspend` Ctrl-Z does too.
 
-    SIGINT too: a script's background job starts with it ignored, and must be stoppable all the same.
+    SIGINT is taken even if it is ignored, as it is in a script's background job, which must be stoppable too.
     """
     from handctl.system import clock, signals, waits  # noqa: F401 - all that the handler needs: it must not import
 
@@ -109,17 +109,17 @@ def _end(_number: int, _frame: Any) -> None:
 
 
 def served() -> None:
-    """All that the command does to the device is done: from now on a wish raises nothing, in one step.
+    """The command is done with the device: from now on an interrupt raises nothing.
 
-    The last statement of what answers to KeyboardInterrupt: behind it nobody would. `finish_on_signals` follows.
+    Call it as the last statement inside the handler of KeyboardInterrupt. `finish_on_signals` follows.
     """
     _state.finishing = True
 
 
 def finish_on_signals() -> None:
-    """From now on only the link is to be closed and a result to be shown: a wish to end bounds the wait for its reader.
+    """From now on the command only closes the link and shows the result: an interrupt limits the wait for its reader.
 
-    So the link is closed once, and a result, JSON above all, is there whole and once where somebody reads it.
+    The link is closed once, and the result is written once and completely if someone reads it.
     """
     from handctl.system import signals
 
@@ -130,14 +130,14 @@ def finish_on_signals() -> None:
 
 
 def _pressed() -> None:
-    """Told beside the signal, in another thread: a result may wait for a reader, and the main thread with it."""
+    """Called in another thread as well: the main thread may be waiting for the reader of a result."""
     if _state.finishing:
         _state.wish()
         _ring_soon()
 
 
 def done(*, last: bool) -> None:
-    """All is done and told: nobody is waited for; if the interpreter ends now, what comes changes neither exit code nor stderr."""
+    """The command has finished: from now on signals change neither exit code nor stderr."""
     if "handctl.system.signals" not in sys.modules:  # help: nothing was begun, and its start must not pay for this
         return
     from handctl.system import signals
@@ -191,7 +191,7 @@ def _ring(_number: int, _frame: Any) -> None:
 
 
 def has_room(descriptor: int, seconds: float | None = 0.0) -> bool:
-    """Wait until a pipe or a terminal takes something, or its reader is gone; None = for ever. A wish to end is raised here."""
+    """Wait until a pipe or a terminal accepts data, or its reader is gone; None = for ever. Interrupts are raised here."""
     from handctl.system import waits
 
     return descriptor < 0 or waits.takes(descriptor, seconds)
@@ -228,7 +228,7 @@ def forget(descriptor: int) -> None:
 
 @contextlib.contextmanager
 def handing_over(descriptor: int = -1) -> Iterator[None]:
-    """A wish that comes while a piece goes out takes effect behind it, unless the reader of the descriptor sleeps.
+    """Delay an interrupt until the chunk is written, unless the reader of the descriptor sleeps.
 
     So a piece is out and noted, or neither. Other threads than that of the command hear of no wish.
     """

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 
 def joined(*texts: str, joint: str = ". ") -> str:
-    """Texts one behind the other. Sentences begin with a capital, but for a name that is typed."""
+    """Join texts. Sentences begin with a capital, except for a name as it is typed."""
     first, *rest = [text for text in texts if text] or [""]
     for text in rest:
         behind = text[:1].upper() + text[1:] if joint == ". " and _is_word(text) else text
@@ -32,12 +32,12 @@ def _is_word(text: str) -> bool:
 
 
 class Left:
-    """What a command leaves behind that ended in the middle: by Ctrl-C, a lost link, a deadline.
+    """What a command leaves behind when it ends early: by Ctrl-C, a lost link, a deadline.
 
-    text    told behind what happened
-    hint    what to do about it, before the next step that the error itself has; `joint` stands between the two
-    behind  the same, behind that step
-    moving  whatever moves could not be stopped: who can still stop it does, and tells something else instead
+    text    shown after what happened
+    hint    the next step for it, before the error's own; `joint` is put between the two
+    behind  a hint that is shown after the error's own
+    moving  the device may still be moving: a caller that can still stop it does, and replaces the text
     """
 
     def __init__(
@@ -57,19 +57,20 @@ JUDGED = 4096
 class HandctlError(Exception):
     """Base of all errors that handctl raises on purpose.
 
-    `text` says what happened, to which device, what was expected and what came; `hint` says the next step; both with
-    what is `left` behind. `code` is a short stable word for scripts, e.g. ``bad-checksum``. `came` are the
-    bytes that came instead of an answer, as far as they are known: they may name another device.
+    `text` says what happened, to which device, what was expected and what arrived; `hint` is the next step; both include
+    what is `left` behind. `code` is a short stable word for scripts, e.g. ``bad-checksum``. `came` has the bytes that
+    arrived instead of a reply, if known: they may belong to another device.
     """
 
     exit_code = 1
     default_code = "error"
+    default_hint = ""
     rows: tuple[dict[str, object], ...] = ()
-    """What a call of the library showed all the same."""
+    """The rows that a library call had before it failed."""
     bounded = False
-    """Whether it tells that --deadline cut it short."""
+    """Whether the text already says that --deadline cut it short."""
     shown = False
-    """True once it stands in the output (the JSON envelope)."""
+    """True once it is in the output (the JSON envelope)."""
     joint = ". "
     """Between what happened and what is left behind."""
 
@@ -80,7 +81,7 @@ class HandctlError(Exception):
         self.came = came[:JUDGED]
         self.left = left or Left()
         self._text = text
-        self._hint = hint
+        self._hint = hint or self.default_hint
         self.code = code or self.default_code
 
     def __str__(self) -> str:
@@ -88,7 +89,7 @@ class HandctlError(Exception):
 
     @property
     def text(self) -> str:
-        """What happened, and what that leaves behind. Set anew it says both."""
+        """What happened, and what that leaves behind. A new text replaces both."""
         return joined(self._text, self.left.text, joint=self.joint)
 
     @text.setter
@@ -99,7 +100,7 @@ class HandctlError(Exception):
 
     @property
     def hint(self) -> str:
-        """The next step; what to do about what is left behind comes first. Set anew it says both."""
+        """The next step, first for what is left behind. A new hint replaces both."""
         return joined(self.left.hint, self._hint, self.left.behind, joint=self.left.joint)
 
     @hint.setter
@@ -108,11 +109,11 @@ class HandctlError(Exception):
         self.left = Left(self.left.text, moving=self.left.moving)
 
     def leaves(self, left: Left) -> None:
-        """Tell what is left behind, beside what was told so far."""
+        """Add what is left behind to the text and the hint so far."""
         self._text, self._hint, self.left = self.text, self.hint, left
 
     def retold(self, text: str, *, hint: str | None = None, code: str = "") -> HandctlError:
-        """The same error in other words: its exit code and the bytes that came stay."""
+        """The same error with another text: it keeps its exit code and the received bytes."""
         other = type(self).__new__(type(self), text)
         other.__dict__.update(self.__dict__, left=Left(), code=code or self.code)
         other.text, other.hint = text, self.hint if hint is None else hint
@@ -120,13 +121,14 @@ class HandctlError(Exception):
 
 
 class OutputError(HandctlError):
-    """The output could not be written (full disk, lost file). Exit code 1, never a device matter."""
+    """The output could not be written (full disk, lost file). Exit code 1, never about the device."""
 
     default_code = "output"
+    default_hint = "check the free disk space and the permissions, or choose another file"
 
 
 class UsageError(HandctlError):
-    """Impossible request, or a value out of the documented range. Nothing was sent. Exit code 2."""
+    """The command makes no sense, or a value is outside the documented range. Nothing was sent. Exit code 2."""
 
     exit_code = 2
     default_code = "usage"
@@ -140,14 +142,14 @@ class LinkError(HandctlError):
 
 
 class NoAnswer(HandctlError):
-    """Silence until the deadline. Exit code 4."""
+    """The device did not reply in time. Exit code 4."""
 
     exit_code = 4
     default_code = "no-answer"
 
 
 class ProtocolError(HandctlError):
-    """Bytes came, but no valid answer: bad checksum, wrong id, echo, garbage, wrong speed. Exit code 5."""
+    """Data arrived, but no valid reply: bad checksum, wrong id, echo, noise, wrong baud rate. Exit code 5."""
 
     exit_code = 5
     default_code = "bad-answer"
@@ -168,10 +170,10 @@ class CheckFailed(HandctlError):
 
 
 class NotIdentified(HandctlError):
-    """Before the first write of a command: the device was not seen to be of this family. Nothing was written.
+    """Before the first write of a command: the device was not identified as one of this family. Nothing was written.
 
-    Made from what was met; exit code and code are its own: 3 (the link), 4 (silence), 5 (no valid answer), 6 (another
-    device). A class of its own, since it must never be taken for a write that was not acknowledged.
+    It takes its exit code and code from the error `met`: 3 (the link), 4 (silence), 5 (no valid reply), 6 (another device).
+    A separate class, because it must never be mistaken for a write that was not acknowledged.
     """
 
     default_code = "not-identified"

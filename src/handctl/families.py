@@ -1,4 +1,4 @@
-"""The device families, a row each, and the tools: what handctl has, before anything of it is loaded. Imports nothing.
+"""The table of device families and tools, so that nothing has to be loaded to list them. Imports nothing.
 
 The root group lists its commands from here, so that neither help nor completion imports a device family. This is the only
 place outside of a family's own folder and its simulator's that names it.
@@ -43,7 +43,7 @@ class OwnOption:
 
 
 class FamilyRow:
-    """One family: what is said of it, and where its modules are.
+    """One family: its help line, its modules, its place in a scan, its options.
 
     help      one line for the root's help, without a full stop
     package   its folder. What the machinery asks for lies there in a module named after the role, with that name in it:

@@ -1,4 +1,4 @@
-"""The one gate for files: what is read is a regular file of bounded size, what is written is whole or not there at all.
+"""Read and write files safely: only regular files of limited size are read, and a file is replaced only when complete.
 
 `read`, `read_text` and `opened` raise UsageError with a sentence for the user. `atomic_write` raises OSError: what a write that
 fails means is its callers' to say. `clash` tells two names of one file. Knows no device.
@@ -28,6 +28,7 @@ class NoFile(UsageError):
     default_code = "no-file"
 
 
+CHECK_NAME = "check the name of the file and its permissions"
 NOT_FILES = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a named pipe"),
@@ -37,7 +38,7 @@ NOT_FILES = (
 )
 
 
-def opened(path: str | os.PathLike[str], what: str, *, hint: str = "", code: str = "") -> BinaryIO:
+def opened(path: str | os.PathLike[str], what: str, *, hint: str = CHECK_NAME, code: str = "") -> BinaryIO:
     """FILE for reading, where `what` names the kind of file, such as "a snapshot".
 
     Raises NoFile, or UsageError for what is not a regular file (it could be without end) or cannot be read, at once or later.
@@ -87,7 +88,7 @@ def read(path: str | os.PathLike[str], what: str, most: int, *, hint: str = "", 
     return content
 
 
-def read_text(path: str | os.PathLike[str], what: str, most: int, *, hint: str = "", code: str = "") -> str:
+def read_text(path: str | os.PathLike[str], what: str, most: int, *, hint: str = CHECK_NAME, code: str = "") -> str:
     """The same as text in UTF-8."""
     try:
         return read(path, what, most, hint=hint, code=code).decode("utf-8")
@@ -114,7 +115,7 @@ def clash(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> bool:
 
 @contextlib.contextmanager
 def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[Any]]:
-    """A file to be written: a new one beside `path`, at the end on the disk and in its place; gone when the body raises.
+    """A file to write: a temporary one next to `path` that replaces it at the end, or is removed if the body raises.
 
     What is replaced keeps its permissions and its owner, and a symbolic link stays one. A device or a pipe is written to, never
     replaced. `mode` "w" is UTF-8 with line ends as they come, and \\udcff for a byte of a file name that is none, or "wb".
@@ -144,7 +145,7 @@ def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[A
 
 
 def at_once(path: str, flags: int) -> int:
-    """An opener for `open`: a pipe that nobody reads is an error now, not a wait without end."""
+    """An opener for `open`: a pipe without a reader is an error at once, instead of an endless wait."""
     return disk.waiting(os.open(path, flags | disk.AT_ONCE, 0o666))
 
 
@@ -178,7 +179,7 @@ def in_turn(descriptor: int, seconds: float) -> Iterator[None]:
 
 
 def why_unwritable(path: str) -> str:
-    """Why no file can be written there, as far as can be told without trying; "" when nothing speaks against it."""
+    """Why no file can be written there, as far as that is known without trying; "" if there is no reason."""
     folder = os.path.dirname(path) or "."
     if os.path.isdir(path):
         return "it is a folder"

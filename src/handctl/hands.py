@@ -1,4 +1,4 @@
-"""The classes of the devices that `handctl.connect` and `handctl.simulate` give, one for each family. Their types: `hands.pyi`."""
+"""The classes that `handctl.connect` and `handctl.simulate` return, one for each family. Their types: `hands.pyi`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A message as a sentence: the capital and the full stop that a text lacks when it leaves handctl; a moment as a text."""
+"""Wording of messages: capital and full stop, plurals, times as text, spelling slips."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def plural(number: int, noun: str) -> str:
 
 
 def _open(text: str) -> bool:
-    """Whether a full stop is missing, and cannot be read as part of what stands before it."""
+    """Whether a full stop is missing and would not be read as part of the text before it."""
     words = text.split()
     if not words or text[-1] in ".!?:;,…" or text[-1].isspace():
         return False

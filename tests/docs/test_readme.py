@@ -34,7 +34,7 @@ INDENTED = re.compile(r"^    (\S.*)$", re.MULTILINE)
 SPAN = re.compile(r"(?<!`)`([^`\n]*\bhandctl [^`\n]+)`(?!`)")
 OPERATORS = frozenset("();<>|&")
 MEANINGS = {
-    0: "Done", 1: "bug", 2: "out of the documented range", 3: "link", 4: "Silence", 5: "no valid answer", 6: "refused",
+    0: "Done", 1: "bug", 2: "outside the documented range", 3: "link", 4: "did not reply", 5: "no valid reply", 6: "refused",
     7: "check", 8: "confirmation", 130: "Ctrl-C",
 }  # fmt: skip
 """A word or two of each meaning, from the contract's table of exit codes."""

@@ -312,7 +312,7 @@ def test_output_that_cannot_be_written(tmp_path: Path) -> None:
         result = run("exo", "dump", "--fake", "--json", "-o", target)
         assert result.code not in (0, 130), target
         assert result.out == "" or result.json["ok"] is False
-        assert len(result.err.splitlines()) == 1, result
+        assert len(result.err.splitlines()) == 2 and "  Next: " in result.err, result
         assert str(target) in result.err
     assert list(tmp_path.iterdir()) == []
 

@@ -192,7 +192,7 @@ def test_full_disk_is_one_line_and_not_0(args: tuple[str, ...]) -> None:
     with refusing("full") as full:
         done = run(*args, stdout=full)
     assert done.code == 1
-    (line,) = [line for line in done.err.splitlines() if not line.startswith("  next:")]
+    (line,) = [line for line in done.err.splitlines() if not line.startswith("  Next:")]
     assert line.startswith("handctl: error: stdout")
 
 

@@ -78,3 +78,20 @@ def test_what_is_not_offered_is_still_refused_with_its_reason() -> None:
     ):
         done = run(*words)
         assert done.code == 2 and why in done.err
+
+
+def test_the_limits_of_a_number_are_words() -> None:
+    assert "End after S seconds.  [above 0, up to 1000000]" in help_of("exo", "watch")
+    assert "[1 or more]" in help_of("exo", "watch")
+
+
+def test_an_output_that_cannot_be_written_comes_with_a_next_step() -> None:
+    for words in (
+        ("exo", "status", "-o", "/proc/x"),
+        ("exo", "snapshot", "/proc/x.json"),
+        ("exo", "report", "/proc/x.html"),
+        ("exo", "status", "--trace", "/proc/x.txt"),
+        ("exo", "log", "/proc/x.csv", "--count", "1"),
+    ):
+        done = run(*words, "-p", "fake://exo?clock=virtual", "--json")
+        assert done.code == 1 and "Next: " in done.err, (words, done)

@@ -56,11 +56,11 @@ COVERED: Mapping[str, tuple[str, str]] = {
     "Exit code 0 means that Ctrl-C came too late": ("kernel/test_ending.py", "test_"),
     "the command is refused with exit code 6": ("promises/symptoms.py", "other_family"),
     "If the device does not reply": ("promises/sentences.py", "_silent"),
-    "A fault, an axis that is still moving": ("kernel/test_moving.py", "test_what_is_expected"),
+    "The other four results": ("kernel/test_moving.py", "test_what_is_expected"),
     "If two devices reply": ("inspire/test_twins.py", "test_nothing_that_strands_reaches_two_devices_with_one_id"),
     "If another program has the port open, handctl refuses to use it": ("link/test_rivals.py", "test_"),
     "show no table": ("contract/test_strangers.py", "test_a_stranger_is_never_shown_as_a_table"),
-    "Silence and invalid data prove nothing": ("contract/test_strangers.py", "test_"),
+    "They end with exit code 4 or 5": ("contract/test_strangers.py", "test_"),
 }
 """Words of a sentence -> the test that holds it against the families: file, and how its function begins."""
 

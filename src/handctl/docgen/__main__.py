@@ -28,7 +28,7 @@ def generate() -> dict[str, str]:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Write what differs, remove man pages of commands that are gone; tells each."""
+    """Write changed files and remove man pages of commands that no longer exist; print each."""
     if len(argv) > 1 or any(word.startswith("-") for word in argv):
         sys.stderr.write("usage: python -m handctl.docgen [DIRECTORY]\n")
         return 2

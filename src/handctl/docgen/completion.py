@@ -1,4 +1,4 @@
-"""The completions of bash, zsh, fish and PowerShell: one table of what may stand where, and how each shell writes it down.
+"""The completions of bash, zsh, fish and PowerShell: one table of what may follow where, written out for each shell.
 
 The walk over a line is the shell's own, in `completion.bash` and so on beside this file: the table is put into it. No process
 is started for a TAB. Options are looked up in words of the form `--opt=token`; see `tree.Value.token` for the tokens.
@@ -71,7 +71,6 @@ class Shell:
     # -- what is the same in all of them ---------------------------------------------------------------------------
 
     def script(self, tree: Node) -> str:
-        """The whole completion."""
         shared = tree.shared
         places = {
             "@MARK@": MARK,

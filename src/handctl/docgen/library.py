@@ -1,4 +1,4 @@
-"""`handctl/hands.pyi`: a class for each family with its commands as typed methods, for whoever writes programs."""
+"""`handctl/hands.pyi`: a class for each family with its commands as typed methods, for editors and type checkers."""
 
 from __future__ import annotations
 
@@ -45,7 +45,6 @@ WIDTH = 116
 
 
 def stub() -> str:
-    """The text of `hands.pyi`."""
     overloads = [*(_opening("connect", kind) for kind in FAMILIES), _any("connect")]
     overloads += [*(_opening("simulate", kind) for kind in FAMILIES), _any("simulate")]
     return "\n".join([HEAD, *map(_class, FAMILIES), "".join(overloads)])

@@ -110,7 +110,7 @@ def _own(family: str, name: str) -> Any:
 
 
 def _section(page: Page, family: str) -> None:
-    """What a family has to say beside its commands."""
+    """A family's own sections, in addition to its commands."""
     section = _own(family, "section")
     if section is None:
         return

@@ -1,4 +1,4 @@
-"""The tables of README.md and of the guides that say what the code says: devices, verbs, links, exit codes, symptoms.
+"""The generated tables of README.md and the guides: devices, verbs, links, exit codes, symptoms.
 
 Each stands between `<!-- NAME: … -->` and `<!-- end -->`; everything else of the page is left as it is.
 """
@@ -22,7 +22,7 @@ KNOWN = "Sources"
 
 
 def filled(text: str, tree: Node) -> str:
-    """The page with its generated sections made anew. Raises KeyError for a section that nobody makes."""
+    """The page with its sections generated again. Raises KeyError for an unknown section."""
     return SECTION.sub(lambda found: found[1] + "\n".join(MAKERS[found["name"]](tree)) + "\n" + found[3], text)
 
 
@@ -42,7 +42,7 @@ def _known(family: str) -> tuple[str, str, str]:
 
 
 def _verbs(tree: Node) -> Iterable[str]:
-    """Verbs that all devices have stand once, then those of each."""
+    """Verbs that all devices have, then those of each device."""
     by_family = {
         node.path[0]: [child.path[-1] for child in node.children] for node in tree.children if node.path[0] in FAMILIES
     }

@@ -42,7 +42,6 @@ class Page:
 
     @property
     def text(self) -> str:
-        """The finished page."""
         return "\n".join(self._lines) + "\n"
 
     def section(self, title: str) -> None:
@@ -54,13 +53,11 @@ class Page:
         self._lines.append(f".SS {escape(title)}")
 
     def para(self, text: str) -> None:
-        """A paragraph."""
         if not self._lines[-1].startswith((".SH", ".SS")):
             self._lines.append(".PP")
         self._fill(text)
 
     def item(self, tag: str, text: str) -> None:
-        """A tagged paragraph."""
         self._lines += [".TP", tag]
         self._fill(text)
 

@@ -1,4 +1,4 @@
-"""What the pages say beyond the command tree: links, output, files, and the promises that hold for every device.
+"""Texts of the pages that are not in the command tree: links, output, files, promises of every device.
 
 A page is looked up by its top-level command, "" is handctl(1). A family has its own files and examples in its module
 `page`: FILES as here, EXAMPLES as in `frame.usage`, and `section() -> title, paragraphs, (term, text, lines) items` where

@@ -1,4 +1,4 @@
-"""The command tree as plain data: what each command takes, and what may stand at each place of its line.
+"""The command tree as plain data: the options and arguments of each command.
 
 Reads click commands and parameter maps; knows no shell and no page. A family that follows the conventions of the
 others (its module has a `cli` and a ParamMap of its kind) is taken up without a word here.
@@ -24,7 +24,7 @@ from handctl.model.param import Param
 
 
 class Value(NamedTuple):
-    """What may stand at one place of a command line.
+    """The possible values at one place of a command line.
 
     kind    "none" (anything), "choice" (one of `words`), "file", "dir", "link", "device" (a named one),
             or names of the map of `family`: "read", "set" (NAME=VALUE), "name" (all)

@@ -1,4 +1,4 @@
-"""A command called from Python: the same body with values in place of words, nothing shown, no signal taken.
+"""Call a command from Python: the same body with values instead of words. Prints nothing and handles no signals.
 
 A question goes to `confirm`, the result is returned, what went wrong is raised. Ctrl-C stops what is being driven, as in a
 command, and is raised again.
@@ -38,7 +38,7 @@ MOST_BOUND = 1000
 
 
 class Caller(Guide):
-    """A program: nothing is said to it. What must not be disturbed keeps Ctrl-C waiting without a handler of its own."""
+    """The prompts of a calling program: silent. Critical sections delay Ctrl-C without a handler."""
 
     def __init__(self, confirm: Confirm) -> None:
         self.interactive = callable(confirm)
@@ -52,7 +52,7 @@ class Caller(Guide):
 
 
 class Returned(Outcome):
-    """Nothing is shown: it stands in the envelope, and a stream is taken by the caller, sample by sample."""
+    """Shows nothing: messages are in the envelope, and the caller takes a stream sample by sample."""
 
     def heard(self, message: Message) -> None:
         pass
@@ -145,7 +145,7 @@ class Call(Run):
 
 
 class Line:
-    """One device that is called again and again: its session, and what is said of its link."""
+    """One device with many calls: its session and the settings of its link."""
 
     def __init__(self, family: Family, settings: Settings, session: Session) -> None:
         self.family = family

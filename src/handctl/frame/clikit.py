@@ -122,7 +122,7 @@ class Command(Described):
 
 
 class Group(Described, click.Group):
-    """A group with the shared options. `first` are the commands that stand first below their heading, behind the usual."""
+    """A group with the shared options. `first`: commands listed first below their heading, after the common ones."""
 
     command_class = Command
 
@@ -151,7 +151,7 @@ class Group(Described, click.Group):
     def format_common(
         self, ctx: click.Context, formatter: click.HelpFormatter, options: Sequence[SharedOption]
     ) -> None:
-        """The options that a family has for itself in full, and where the rest stands."""
+        """List the family's own options in full, and say where the others are explained."""
         mine = [option for option in options if option.family]
         if mine:
             with formatter.section(f"Options of each {self.name} command"):

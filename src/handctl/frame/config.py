@@ -1,4 +1,4 @@
-"""The configuration file as data: which keys may stand in it, what they hold, and in which line each stands.
+"""Read and check the configuration file: its keys, their values, and the line of each.
 
     port = "/dev/ttyUSB0"        # any shared option, by its long name with _ for -
     format = "plain"
@@ -8,8 +8,8 @@
     port = "/dev/serial/by-id/usb-FTDI_FT232R_A1-if00-port0"
     id = 2
 
-Nothing in it is passed over: an unknown key, a wrong type or a value out of range is a UsageError with the line. What
-an option takes is said by the caller, one check per key. Knows no precedence and does not write.
+Nothing in it is ignored: an unknown key, a wrong type or a value out of range is a UsageError with the line. The caller
+provides one check per key. Knows no precedence and does not write.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ NAME_HELP = "letters, digits, - and _"
 
 
 class Entry(NamedTuple):
-    """One checked value and the line where it stands, None where the text does not tell."""
+    """One checked value and its line, None if it is not known."""
 
     value: Any
     line: int | None
@@ -160,7 +160,7 @@ def _toml(path: str, text: str) -> dict[str, Any]:
 
 
 class _Book:
-    """Checks one file's entries; knows where each stands."""
+    """Check the entries of one file and know the line of each."""
 
     def __init__(
         self,
@@ -184,7 +184,7 @@ class _Book:
 
     @contextlib.contextmanager
     def noted(self) -> Iterator[None]:
-        """What is wrong in here is passed over, where that is wished."""
+        """Ignore errors in here, if requested."""
         try:
             yield
         except UsageError as exc:
@@ -286,7 +286,7 @@ def _key(body: str) -> Iterator[str]:
 
 
 def lines_of(text: str) -> dict[tuple[str, ...], int]:
-    """Key -> number of the line where it, or the first thing below it, stands."""
+    """Key -> number of its line, or of the first line below it."""
     lines: dict[tuple[str, ...], int] = {}
     line, counted = 1, 0
     for statement in statements(text):

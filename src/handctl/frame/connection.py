@@ -1,4 +1,4 @@
-"""An open link with its lock, its trace and what is kept of a simulated device: of one command, or of several in a row."""
+"""An open link with its lock, its trace and the saved state of a simulated device, for one command or a session of several."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Trace:
-    """The recording of one connection, or of several one behind the other."""
+    """The trace of one connection, or of several in sequence."""
 
     def __init__(self) -> None:
         self._file: TraceFile | None = None
@@ -54,10 +54,10 @@ class Trace:
 
 
 class Connection:
-    """What is open of one device. Opened once and closed once, whoever uses it meanwhile."""
+    """The open link of one device: opened once and closed once, for all of its users."""
 
     def __init__(self, trace: Trace | None = None, name: str = "") -> None:
-        """`trace` is one that goes on behind this connection, `name` its LINK where it is one of several."""
+        """`trace`: one that continues after this connection. `name`: its LINK if it is one of several."""
         self.name = name
         self.key: Hashable = None
         self.link: Link | None = None
@@ -138,7 +138,7 @@ class Connection:
 
 
 def refuse_rivals(run: Invocation, link: Link) -> None:
-    """Raise LinkError where another program could command the device beside this command, as far as the system tells."""
+    """Raise LinkError if the system shows another program that could command the device at the same time."""
     from handctl.link.owners import busy, rivals
 
     names, hidden = rivals(link)

@@ -1,4 +1,4 @@
-"""stderr and stdin as a person meets them: messages, progress, questions. Knows no device and no data."""
+"""Messages, progress and questions on stderr and stdin. Knows no device and no data."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ class TerminalGuide(Guide):
 
 
 def confirms(answer: str, word: str) -> bool:
-    """Whether what was typed is the word that was asked for. A decimal may be typed with fewer or more zeros behind it."""
+    """Whether the typed text is the requested word. A decimal may have fewer or more trailing zeros."""
     if answer == word:
         return True
     import re
@@ -157,12 +157,12 @@ def confirms(answer: str, word: str) -> bool:
 
 
 def print_message(level: str, text: str, hint: str) -> None:
-    """A message with its next step. Neither can begin a line of its own: what a device said may stand in it."""
+    """Print a message and its next step, each on one line even if text from a device contains line breaks."""
     print_stderr(f"handctl: {level}: {shown(sentence(text))}" + (f"\n  Next: {shown(sentence(hint))}" if hint else ""))
 
 
 def print_writes(ledger: Ledger, settings: Settings, failure: HandctlError | None) -> None:
-    """The ledger, for people; with -q only where nobody knows what came of a write."""
+    """Print the record of writes; with -q only if a write is unconfirmed."""
     in_json = settings.format in ("json", "ndjson") and not isinstance(failure, OutputError)
     if in_json or settings.dry_run or (settings.quiet and not ledger.unconfirmed):
         return
@@ -186,13 +186,13 @@ def print_stderr(text: str) -> None:
 
 
 def _unless_asked_to_end() -> None:
-    """A message never waits for its reader when the command is to end: a device may have to be stopped behind it."""
+    """Print to stderr. After an interrupt a message never waits for its reader, because a device may have to be stopped."""
     if ending.asked():
         ending.make_room(ending.waits(sys.stderr))
 
 
 def _columns() -> int:
-    """Width of the terminal behind stderr; 80 where it does not know its own, as a serial console. Raises OSError."""
+    """Width of the terminal on stderr; 80 if it does not know its own, like a serial console. Raises OSError."""
     return os.get_terminal_size(sys.stderr.fileno()).columns or 80
 
 

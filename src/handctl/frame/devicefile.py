@@ -1,4 +1,4 @@
-"""Edits of the configuration file: one `[devices.NAME]` added, replaced or taken out, everything else byte for byte.
+"""Edit the configuration file: add, replace or remove one `[devices.NAME]` and keep everything else byte for byte.
 
 The standard library reads TOML but does not write it: so the text is edited by lines, read back, and refused when it
 does not say exactly what was meant. Written whole or not at all.

@@ -17,7 +17,7 @@ expect = click.option(
 
 
 def expected(given: str | None, *, waits: bool = True) -> str:
-    """What was given, or that every axis reaches its target. Raises UsageError where nobody waits for the end."""
+    """The given result, by default `reached`. Raises UsageError if the command does not wait for the end."""
     if given is not None and not waits:
         raise UsageError(
             f"--expect {given}: without --wait this command does not see how the movement ends",

@@ -1,4 +1,4 @@
-"""What the shared machinery knows of one device family. Each family's command group carries its own; `families` names them."""
+"""What the shared code knows about one device family. Each family's command group has one; `families` lists them."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def refuse_serial(family: Family, link: str) -> None:
 
 
 def wire_in(family: Family, link: str) -> str:
-    """Which of the wires of a family a LINK leads to: TCP is a wire of its own where the family has one."""
+    """The wire of a family that a LINK uses. TCP is a separate wire if the family has one."""
     from handctl.link import is_can
 
     if is_can(link):
@@ -105,7 +105,7 @@ def in_words(kind: str, data: bytes, can_id: int | None) -> str:
 
 
 def map_of(name: str) -> ParamMap[Any] | None:
-    """The parameter map of a top-level command: the one of its own kind in its module."""
+    """The parameter map of a top-level command."""
     from handctl.families import COMMANDS
     from handctl.model.param import ParamMap
 

@@ -1,5 +1,5 @@
-"""What was asked, by whom and of which device; and what must hold before it begins: which device is meant, and that no file is
-written over another. Sends nothing and opens no link.
+"""What a command was asked to do, and the checks before it starts: which device is meant, and that no output file replaces
+another file. Sends nothing and opens no link.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ UNASKED = "yes-unasked"
 
 
 class Invocation:
-    """What was asked, by whom and of which device; and that device, once it is open.
+    """One invocation of a command: settings, person, device, and the open device.
 
     context  click's, of the parsed line
     listens  whether another process may ask this one to stop the device, by a signal
@@ -70,7 +70,7 @@ class Invocation:
 
     @property
     def typed(self) -> TextIO:
-        """Where lines come from that a body reads beside its arguments."""
+        """A source of lines that a body reads in addition to its arguments."""
         return sys.stdin
 
     def only_reads(self) -> None:
@@ -151,7 +151,7 @@ class Invocation:
 
     @property
     def ledger(self) -> Ledger:
-        """What this command means to write and what came of it."""
+        """The writes that this command planned, and their results."""
         ledger = self.journal.ledger
         if self.writes and ledger.words is None and self.family is not None:
             from functools import partial

@@ -1,4 +1,4 @@
-"""Command lines as they are typed behind `handctl`: taken apart, planned without a device, and run in a session.
+"""Command lines of `batch` and `shell`: parse them, plan them without a device, and run them in one session.
 
 `batch` runs a script of them: all of it is understood, planned and confirmed before it begins. `shell` is a prompt, on links that
 stay open: a port that was lost is opened again by the next line.
@@ -310,7 +310,7 @@ def _planned(one: Line) -> Plan:
 
 
 def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Plan]) -> list[Line]:
-    """The lines, with a yes where they ask for one: one question for all, behind the plan. Raises NotConfirmed."""
+    """The lines, confirmed where needed: one question for all, after showing the plan. Raises NotConfirmed."""
     open_ = [
         (one, plan)
         for one, plan in zip(lines, plans, strict=True)
@@ -475,7 +475,7 @@ class Shell:
         return True
 
     def carry_out(self, words: Sequence[str]) -> None:
-        """One line; what goes wrong is told, and the shell goes on."""
+        """Run one line; an error is shown, and the shell continues."""
         try:
             line(self._whole(words), self._given).run(self._session, self._run.journal)
         except click.exceptions.Exit:

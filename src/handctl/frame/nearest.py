@@ -1,5 +1,5 @@
-"""What somebody may have meant: commands near by spelling and by meaning. A command that writes is never offered without
-what it does, and by spelling only where it is one slip away or no command that reads is near.
+"""Suggestions for a mistyped command, by spelling and by meaning. A command that writes is only suggested together with what it
+does, and by spelling only if it is one typing mistake away or no command that reads is similar.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def _said(name: str, command: Any) -> str:
 
 
 def elsewhere(words: Sequence[str]) -> str:
-    """What to type where a command of a device stands at the top, "" where it is none."""
+    """What to type instead of a device's command without its family; "" if it is none."""
     from handctl.frame.family import load
 
     name = words[0]
@@ -85,7 +85,7 @@ def top(words: Sequence[str]) -> str:
     """The sentence for a first word that is no command."""
     name = words[0]
     if name == "version":
-        return f" `handctl --version` shows that of handctl.{elsewhere(words)}"
+        return f" `handctl --version` shows the version of handctl.{elsewhere(words)}"
     if found := elsewhere(words):
         return found
     from handctl.frame.family import load

@@ -1,6 +1,6 @@
 """The options that every command, group and the root accept. Imports click only.
 
-The level nearest the verb wins; `frame.precedence` says what stands behind the command line.
+The level nearest the verb wins; `frame.precedence` adds the environment and the configuration file.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ WITHOUT_DEVICE = ("devices list", "devices add", "devices remove")
 
 
 def words_of(ctx: click.Context) -> list[str]:
-    """The words that lead to a command, behind `handctl`."""
+    """The words of a command after `handctl`."""
     above = words_of(ctx.parent) if ctx.parent is not None else []
     words = (ctx.info_name or "").split()
     return [*above, *words] if ctx.parent is not None else words[1:]

@@ -1,4 +1,4 @@
-"""What came of a command: the JSON envelope without rows (cli contract, section 4), and why it failed, in the words that help most."""
+"""The result of a command: the JSON envelope without rows (cli contract, section 4), and the most helpful error message."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class Outcome:
-    """What a person and a pipe are told of one command: messages behind the result, or as they come once a stream has begun."""
+    """Messages and result of one command: messages are shown after the result, or as they arrive once a stream has begun."""
 
     def __init__(self, asked: Invocation) -> None:
         self._asked = asked
@@ -72,7 +72,7 @@ class Outcome:
             return weightier(table.failure, exc)
 
     def show(self, table: Table | None, failure: HandctlError | None, context: Context) -> None:
-        """Show a finished result, or what went wrong where a format tells that too. Raises OutputError."""
+        """Show a finished result, or the error in formats that include it. Raises OutputError."""
         from handctl.screen import render, sink
 
         if table is not None or render.speaks(self._asked.settings.format, failure):
@@ -148,7 +148,7 @@ def make_envelope(
 
 
 def in_file(key: str) -> Any:
-    """What the configuration file says of an option, for errors before the settings were known; None when it cannot tell."""
+    """The value of an option in the configuration file, for errors before the settings are known; None if unknown."""
     try:
         entry = read_config(config_path()).values.get(key)
     except HandctlError:
@@ -214,7 +214,7 @@ def renamed(run: Invocation, error: HandctlError) -> HandctlError:
 
 
 def interrupted(run: Invocation) -> HandctlError:
-    """Ctrl-C where nobody inside answers to it. What this command has set going, and watches no more, is stopped."""
+    """Ctrl-C that no code inside has handled: stop the movement that this command started and no longer watches."""
     stop = run.journal.still_moving()
     if stop is None:
         return Interrupted("interrupted")
@@ -249,7 +249,7 @@ def from_click(exc: click.UsageError) -> UsageError:
 
 
 def weightier(error: HandctlError | None, lost: OutputError) -> HandctlError:
-    """Of what went wrong with the device and the output that was lost: the device's weighs more, and tells both."""
+    """Combine an error of the device with one of the output: the device's is more important, and its text covers both."""
     if error is None or isinstance(error, OutputError):
         return lost
     error.text, error.hint = joined(error.text, lost.text), joined(error.hint, lost.hint)

@@ -1,4 +1,4 @@
-"""What the settings of a command are: the command line, the environment, a named device and the configuration file, in that order.
+"""The settings of a command: from the command line, the environment, a named device and the configuration file, in that order.
 
 A device that the environment or the file names stands back when a level above it says where the device is.
 """
@@ -107,7 +107,7 @@ def _take_environment(
 
 
 class _Chosen:
-    """The settings so far, from the highest level down: what is there stays."""
+    """The settings so far, from the highest level down: a setting that is present is kept."""
 
     def __init__(self) -> None:
         self.values: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""`log FILE` of every family: a recording of its device, with its sidecar. The recorder itself is in `record`.
+"""The command `log FILE` of every family: record a device with a sidecar. The recorder itself is in `record`.
 
 A family whose rows are the values of its map gets the command with its map verbs; another one brings a `Source` of its own.
 """
@@ -117,7 +117,7 @@ def of_map(run: Run, names: Sequence[str], again: Callable[[], bool]) -> Source:
 
 
 def _reopen(run: Run) -> bool:
-    """Look once for the port that was lost; where only its path was known, tell that another device can get it."""
+    """Try once to reopen the lost port. If only its path is known, warn that another device can get it."""
     again = run.hold is not None and run.hold.reopen()
     link = run.open_link()
     if again and not link.name.startswith(OWN_NAMES):

@@ -1,4 +1,4 @@
-"""One command on several named devices at once: `-d left,right`, `-d '*'`. Each runs in a thread of its own, on its own link.
+"""One command on several named devices at once: `-d left,right`, `-d '*'`. Each runs in its own thread, on its own link.
 
 For what reads, and for stop. One table with a column for the device, one envelope with that of each device in `results`, and the highest of
 their exit codes.
@@ -40,7 +40,7 @@ POLL_SECONDS = 0.1
 
 
 def devices_in(words: Sequence[str]) -> tuple[int, str, tuple[str, ...]] | None:
-    """Where -d names several devices, as (position of the word, what stands before the names, the names); None where it does not."""
+    """The several devices of -d as (position of the word, text before the names, the names); None if there is only one."""
     for place, word in enumerate(words):
         if word == "--":
             break
@@ -59,7 +59,7 @@ def devices_in(words: Sequence[str]) -> tuple[int, str, tuple[str, ...]] | None:
 
 
 def _named(text: str, *, urgent: bool) -> tuple[str, ...]:
-    """The names, each once. Raises UsageError; with `urgent` not for an entry of the file that concerns nobody named."""
+    """The names, each once. Raises UsageError; with `urgent`, errors in entries of other devices are ignored."""
     config = read_config(config_path(), [] if urgent else None)
     names = list(config.devices) if text == "*" else [name.strip() for name in text.split(",") if name.strip()]
     if not names:

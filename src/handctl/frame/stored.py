@@ -1,7 +1,7 @@
-"""snapshot, diff and restore, for every device over its parameter map, and the file.
+"""The commands snapshot, diff and restore of every device with a parameter map, and the snapshot file.
 
-A snapshot holds settings and set-points. Settings are what a device is to be; set-points are what it was told to do a
-moment ago, and writing one moves or pushes: `diff` and `restore` leave them alone unless they are asked for.
+A snapshot contains settings and set points. Writing a set point moves or pushes, so `diff` and `restore` only use them
+on request.
 
     {"schema": "handctl-snapshot/1", "kind": "exo", "device": {…}, "tool": {"name": "handctl", "version": "…"},
      "time": "2026-01-31T12:00:00+00:00", "link": "…", "fake": false,
@@ -283,7 +283,7 @@ def _restored(
 
 
 def _in_words(params: ParamMap[Any], rows: Sequence[Row], columns: Sequence[Column]) -> tuple[Column, ...]:
-    """Give each row the meaning of its codes, and return the columns with one for it behind each that has any."""
+    """Add the meaning of codes to each row, and return the columns with one more after each that has any."""
     names = {"value": "label", "before": "before_label", "a": "a_label", "b": "b_label"}
     for row in rows:
         try:

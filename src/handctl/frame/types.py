@@ -1,7 +1,6 @@
-"""What commands take, as types of click: numbers, which say in words what they accept, and files.
+"""The types of options and arguments: numbers, whose messages say what they accept, and files.
 
-Every parameter that takes a file has one of these types, so that the check that no output is an input, and the tests, know all of
-them.
+Every parameter that takes a file has one of these types, so the check that no output is also an input finds them all.
 """
 
 from __future__ import annotations
@@ -31,6 +30,9 @@ def in_words(kind: click.IntRange | click.FloatRange) -> str:
 class FiniteRange(click.FloatRange):
     """A finite number in a range."""
 
+    def _describe_range(self) -> str:
+        return in_words(self)
+
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         try:
             number = float(value)
@@ -46,6 +48,9 @@ class FiniteRange(click.FloatRange):
 
 class WholeRange(click.IntRange):
     """A whole number in a range."""
+
+    def _describe_range(self) -> str:
+        return in_words(self)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         try:
@@ -82,7 +87,7 @@ class Hertz(FiniteRange):
 
 
 class InFile(click.Path):
-    """A file that a command reads. `beside` are the endings of files read with it."""
+    """A file that a command reads. `beside`: suffixes of files read with it."""
 
     def __init__(self, *, beside: tuple[str, ...] = ()) -> None:
         super().__init__(dir_okay=False)
@@ -90,7 +95,7 @@ class InFile(click.Path):
 
 
 class OutFile(click.Path):
-    """A file that a command writes. `beside` are the endings of files written with it; a record only `grows`."""
+    """A file that a command writes. `beside`: suffixes of files written with it. `grows`: it is only appended to."""
 
     def __init__(self, *, beside: tuple[str, ...] = (), grows: bool = False) -> None:
         super().__init__()  # a folder is refused where it is known what is to be written
@@ -99,7 +104,7 @@ class OutFile(click.Path):
 
 
 class Named(NamedTuple):
-    """A file of this run: what the user calls it, where it is, whether it is only added to."""
+    """A file of this run: its name for the user, its path, whether it is only appended to."""
 
     label: str
     path: str

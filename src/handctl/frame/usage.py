@@ -1,4 +1,4 @@
-"""What `-h` shows, and which of the common options a command offers. Imports click and data only.
+"""The help that `-h` shows, and which of the common options a command offers. Imports click and data only.
 
 A command shows its arguments, its own options and its examples; of the common options only the names, and of those only
 what it accepts: `Described.refused` is the one rule, which man pages and completions follow too.
@@ -103,7 +103,7 @@ def _written_plainly(option: click.Option | None) -> click.Option | None:
 
 
 class Described(click.Command):
-    """Accepts the common options, offers those that make sense, and names them behind its own.
+    """A command that accepts the common options, and lists those that make sense after its own.
 
     They are made when a command is parsed, not when it is defined: most commands of a family are never used in a run.
     """
@@ -117,7 +117,7 @@ class Described(click.Command):
     _parser: tuple[list[click.Parameter], Any] | None = None
 
     def refused(self) -> frozenset[str]:
-        """Common options that this command cannot use, by key; "" stands for all that concern a link.
+        """Common options that this command cannot use, by key; "" means all options of the link.
 
         Who gives one all the same is told why (`frame.invocation`, `clikit.Command`).
         """

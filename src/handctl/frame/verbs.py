@@ -1,4 +1,4 @@
-"""The verbs that mean the same for every device, over its parameter map: one implementation, not five.
+"""get, set, describe and watch, the same for every device with a parameter map.
 
 snapshot, diff and restore are in `stored`. What they need of a device is `model.device.Device`; its own peculiarities (an id that answers elsewhere once written) live in its `write`.
 """

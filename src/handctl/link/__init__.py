@@ -1,4 +1,4 @@
-"""Links: where the device is. `open_link(LINK)` picks the back end; nothing here knows a protocol.
+"""Links to a device: serial port, TCP, CAN, simulator, replay. `open_link(LINK)` picks the back end. Knows no protocol.
 
     /dev/ttyUSB0, COM3, spy:// socket:// rfc2217:// loop://   serial.py   (pyserial)
     usb:VID:PID[:SERIAL]                                      serial.py   (found by pyserial, then opened)
@@ -47,7 +47,7 @@ def open_link(
     exclusive: bool = True,
     simulator: Mapping[str, str] | None = None,
 ) -> Link:
-    """Open `link`; `baud` in bit/s for serial ports, `tcp_port` for a tcp:// without a port of its own.
+    """Open `link`; `baud` in bit/s for serial ports, `tcp_port` for a tcp:// without a port.
 
     With `tap`, everything that passes is recorded. Not `exclusive` is for a stop only, which must go out although
     another program has the port. `simulator` are options of a simulated device beyond those of its LINK.

@@ -1,4 +1,4 @@
-"""What every link is: a clock with deadlines, frames or bytes, an end. Says what a back end must do; opens none."""
+"""The interface of every link: a clock with deadlines, and bytes or CAN frames. Opens none."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ class Link(ABC):
         return Deadline(self.now, self.now() + seconds)
 
     def event(self, text: str) -> None:  # noqa: B027 - only a tap records events
-        """Note something beside the bytes (speed change, power cycle) in a transcript, if one is recorded."""
+        """Note an event (change of baud rate, power-cycle) in the transcript, if one is recorded."""
 
     def outlet(self) -> Outlet | None:
         """The way out for a second process; None where there is none: inside this process, or inside a library."""

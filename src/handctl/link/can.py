@@ -161,7 +161,7 @@ class CanLink(FrameLink):
             raise self._not_sent(exc) from exc
 
     def _not_sent(self, exc: Exception) -> HandctlError:
-        """Why a frame did not go out: Linux tells a queue that no one empties from an interface that is down."""
+        """Why a frame was not sent. Linux distinguishes a full queue from an interface that is down."""
         number = getattr(exc, "error_code", None) or getattr(exc, "errno", None)
         if number == errno.ENOBUFS:
             return NoAnswer(
@@ -206,7 +206,7 @@ class CanLink(FrameLink):
         )
 
     def _next(self, seconds: float) -> can.Message | None:
-        """The next frame. python-can's own `recv` looks at the time of day: it goes on waiting when that is set back."""
+        """The next frame. python-can's own `recv` uses the time of day, so it would wait longer if the clock is set back."""
         if self._slcan is not None:
             return self._slcan.recv(seconds)
         return self._bus._recv_internal(seconds)[0]  # there are no filters
@@ -289,7 +289,7 @@ class CanLink(FrameLink):
 
 
 def _open_bus(settings: dict[str, Any], *, meet: bool) -> can.BusABC:
-    """python-can's bus; ours for slcan. Who only stops does not `meet` the adapter: the answers go to who has it open."""
+    """python-can's bus; ours for slcan. A stop does not query the adapter, because the replies would go to the program using it."""
     config = _by_link_alone(settings)
     if config["interface"] != "slcan":
         return can.Bus(**config, ignore_config=True)
@@ -354,7 +354,7 @@ def _possible(message: can.Message) -> bool:
 
 
 def _lock(link: str, port: str) -> int | None:
-    """Lock a serial adapter before python-can opens it: its opening alone would end the channel of who has it open.
+    """Lock a serial adapter before python-can opens it, because opening it would close the channel of another program.
 
     Returns a descriptor to keep. Raises LinkError when another program has it open, or has locked it.
     """

@@ -47,7 +47,7 @@ Warn = Callable[[str, str, str], object]
 
 
 class Shot(NamedTuple):
-    """A write before the stop, and the seconds of silence behind it."""
+    """A write before the stop, and the seconds of silence after it."""
 
     data: bytes
     pause: float = 0.0
@@ -55,7 +55,7 @@ class Shot(NamedTuple):
 
 @contextmanager
 def guarding(link: Link, stop: Stop, warn: Warn, *, beat: float = 0.0) -> Iterator[Guard]:
-    """Around whatever drives a device and promises to stop it. `warn` is told where the link cannot be guarded.
+    """Around code that moves a device: guard it with a child process. `warn` is called if the link cannot be guarded.
 
     A simulator in this process and a transcript need no guard: nothing outlives this process. Raises LinkError when no
     child can be started: then nothing must be driven.
@@ -150,7 +150,7 @@ class Guard:
         self._start()
 
     def _start(self) -> None:
-        """Fork, and see that the child is ready. All at once for signals: nobody must lose sight of a child."""
+        """Fork and wait until the child is ready, with signals blocked so that no child is lost."""
         outlet, stop = self._outlet, self._stop
         assert outlet is not None
 
@@ -199,7 +199,7 @@ def act_for(outlet: Outlet, stop: Stop, message: bytes) -> None:
 
 
 def _unread(text: str, code: str) -> LinkError:
-    """An error in the child, which nobody reads: there is no next step in it."""
+    """An error in the child. It is never shown, so it has no next step."""
     return LinkError(text, code=code)
 
 
@@ -216,7 +216,7 @@ class _Raw(Link):
                 data = data[os.write(self._outlet.descriptor, data) :]
             except BlockingIOError:
                 if not writable(self._outlet.descriptor, deadline.remaining):
-                    raise _unread("the link takes nothing", "write-timeout") from None
+                    raise _unread("the link accepts no data", "write-timeout") from None
             except OSError as exc:
                 raise _unread("the link is lost", "lost") from exc
 

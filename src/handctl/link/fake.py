@@ -100,7 +100,7 @@ class _Simulated(Link):
             clock.sleep(max(0.0, moment - clock.now()))
 
     def _say(self, feed: Callable[..., object], *what: Any) -> None:
-        """Send this. Time may not stand still for ever meanwhile."""
+        """Send this. The virtual clock must go on meanwhile."""
         if self._virtual is not None:
             since, count = self._stands
             self._stands = self._virtual, count + 1 if since == self._virtual else 1
@@ -266,7 +266,7 @@ class Kept:
 
     @property
     def text(self) -> str:
-        """How the device is found, or left, and how to begin afresh."""
+        """A note about the saved state of the device, and how to reset it."""
         state = "has the state that it was left in" if self.before is not None else "keeps its state until you log out"
         return f"the simulated {self.kind} {state}. `handctl sim forget {self.kind}` resets it"
 
@@ -302,7 +302,7 @@ def _file_name(link: str) -> str:
 
 
 def _path(name: str, *, make: bool) -> str:
-    """Where the file is; else where it is going to be if it may be made, "" where it cannot."""
+    """The path of the file, or where it can be created; "" if nowhere."""
     for folder in _folders():
         if os.path.lexists(path := os.path.join(folder, name)):
             return path

@@ -1,7 +1,7 @@
-"""One process at a time on a device: an advisory lock held while a link is open, and what is known of who holds it.
+"""The lock of a device: one process at a time, held while a link is open. Its file names the holder.
 
-The lock is an flock on a file of this user, so it ends with its process however that ends. The file tells who holds
-it and what it does there: its first line, empty when nobody does. The second is the family of the last command that had one. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan, spy:// or alt://) are
+The lock is an flock on a file of this user, so the system releases it when the process ends. Its first line names the
+holder and its command, and is empty if there is none. The second is the family of the last command that had one. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan, spy:// or alt://) are
 one lock. Knows no link's inside.
 """
 
@@ -27,7 +27,7 @@ LIBRARY = "handctl library"
 
 
 class Holder(NamedTuple):
-    """Who has a device, as its lock file tells.
+    """The program that is using a device, from the lock file.
 
     start   when the process began, as the system counts; "" where it does not tell
     family  "" for a command that has none, as scan
@@ -47,14 +47,14 @@ class Holder(NamedTuple):
 
     @property
     def line(self) -> str:
-        """As it stands in the lock file: fields with tabs between them."""
+        """The line for the lock file: fields separated by tabs."""
         kind = "writes" if self.writes else "reads"
         fields = (str(self.pid), self.start, self.family, kind, self.link, self.command)
         return "\t".join(" ".join(field.split()) for field in fields) + "\n"
 
 
 class InUse(LinkError):
-    """The device is in use. `holder` is None where its file does not tell; `path` is the lock file."""
+    """The device is in use. `holder` is None if the lock file does not name it; `path` is the lock file."""
 
     def __init__(self, link: str, holder: Holder | None, path: str, family: str) -> None:
         who = str(holder) if holder is not None else "another handctl"
@@ -65,7 +65,7 @@ class InUse(LinkError):
 
 
 class Lock:
-    """A held lock; `release` may be called twice. `unrecorded` says why others cannot see who holds it."""
+    """A held lock; `release` may be called twice. `unrecorded`: why its file does not name the holder."""
 
     def __init__(self, descriptor: int, path: str) -> None:
         self._descriptor = descriptor
@@ -74,7 +74,7 @@ class Lock:
         self.unrecorded = ""
 
     def record(self, holder: Holder) -> None:
-        """Tell who holds it. A full disk does not keep it from being held."""
+        """Write the holder to the file. The lock works even if the disk is full."""
         self._family = holder.family or self._family
         try:
             _write(self._descriptor, holder.line, self._family)
@@ -83,7 +83,7 @@ class Lock:
 
     @property
     def descriptors(self) -> tuple[int, ...]:
-        """What is open while it is held: whoever keeps it open keeps the lock."""
+        """The open descriptors of the lock: a process that keeps them open keeps the lock."""
         return (self._descriptor,) if self._descriptor >= 0 else ()
 
     def release(self) -> None:
@@ -108,7 +108,7 @@ def hold(
     patience: float | None = None,
     kept: bool = False,
 ) -> Lock | None:
-    """Lock what `link` leads to; `command`, its `family` and whether it `writes` are told to those who come second.
+    """Lock the device at `link`. The file tells later processes the `command`, its `family` and whether it `writes`.
 
     `tcp_port` is that of a tcp:// without one, `patience` the seconds for a dead holder's last stop, `kept` whether a simulated
     device is that of several commands. None where there is nothing to lock. Raises InUse naming the holder,
@@ -135,7 +135,7 @@ def hold(
 
 
 def last_family(link: str, tcp_port: int | None = None) -> str:
-    """The family of the command that has, or had last, what `link` leads to; "" where no lock file tells."""
+    """The family of the command that is using the device at `link` or used it last; "" if no lock file says so."""
     name = _file_name(canonical(link, tcp_port))
     for folder in private_folders():
         try:

@@ -1,4 +1,4 @@
-"""Who has a port open and whose it is, as the system tells. Opens nothing.
+"""The processes that have a port open, and its group, as the system reports them. Opens nothing.
 
 `root` is where the system's own files begin: "/" but for tests, which build a small system of their own.
 """
@@ -51,7 +51,7 @@ def _named(pid: int, root: Path) -> Process:
 
 
 def holders(device: str, root: Path = ROOT) -> list[Process]:
-    """Processes that have `device` open, as far as the system tells.
+    """Processes that have `device` open, as far as the system reports them.
 
     Who holds the master of a pseudo terminal is its device, and not one of two that ask it.
     """
@@ -96,7 +96,7 @@ def _has_master(pid: int, names: dict[str, str], number: str, root: Path) -> boo
 
 
 class Rivals(NamedTuple):
-    """Who else has what a link has open: `names`, and whether there are processes that nobody lets us look at."""
+    """Other programs that have the port of a link open: `names`, and whether there are processes that we may not see."""
 
     names: list[Process]
     hidden: bool = False
@@ -147,7 +147,7 @@ def refuse_held(link: str, device: str) -> None:
 
 
 def busy(link: str, names: Sequence[Process]) -> LinkError:
-    """The port, or the server, is somebody else's already."""
+    """The error of a port or server that another program is using."""
     who = ", ".join(map(str, names)) if names else "another program (the system does not report its name)"
     return LinkError(
         f"{link}: the port is in use by {who}", hint="close that program, then run the command again", code="busy"

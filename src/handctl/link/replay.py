@@ -47,7 +47,7 @@ Reply = tuple[float, Key]
 
 
 class Recording:
-    """The exchanges of a transcript: where each request stands, and what followed it, read from the file when asked for.
+    """The exchanges of a transcript: the position of each request, and the data after it, read on demand.
 
     So a recording of hours needs little memory. Reads the file through once; raises UsageError for a damaged line.
     """
@@ -83,7 +83,7 @@ class Recording:
         return None
 
     def stands_at(self, index: int, request: Key) -> bool:
-        """Whether the request with this index is this one; looks at no other."""
+        """Whether the request with this index is this one."""
         return index < len(self) and self._hashes[index] == hash(request)
 
     def pause(self, index: int) -> float:
@@ -91,7 +91,7 @@ class Recording:
         return max(0.0, self._times[index] - (self._times[index - 1] if index else 0.0))
 
     def replies(self, index: int) -> Iterator[Reply]:
-        """What followed a request, -1 = what came before the first. Lines without a time come at once."""
+        """The data after a request, -1 = before the first. Lines without a time arrive at once."""
         start = self._times[index] if index >= 0 else 0.0
         for _, entry in self._entries(self._places[index] if index >= 0 else 0):
             if entry.mark == ">":
@@ -161,7 +161,6 @@ class Incoming:
         return self._ahead[0] if self._ahead else None
 
     def take(self) -> Reply:
-        """The next one."""
         return self._ahead.popleft()
 
     def clear(self) -> None:

@@ -110,7 +110,7 @@ def find_usb(link: str) -> Any:
 
 
 def _adapter(port: Any) -> str:
-    """What tells one adapter from another of its kind: its serial number, else the USB socket it is in."""
+    """What distinguishes adapters of the same kind: the serial number, otherwise the USB socket."""
     if port.serial_number:
         return f"serial number {port.serial_number}"
     return f"USB socket {port.location}" if getattr(port, "location", None) else ""

@@ -1,4 +1,4 @@
-"""slcan adapters through python-can: what its own interface leaves out is bridged here, and nowhere else.
+"""slcan adapters through python-can, with what its own interface is missing.
 
     asks V and N before anything else   a port that is not an adapter's gets no command that another device could take
     C, S, O, F in one go, their answers read    BEL for a bitrate or a channel is an error, not silence
@@ -82,7 +82,7 @@ class SlcanBus(slcanBus):
     # -- opening ------------------------------------------------------------------------------------------------------
 
     def set_bitrate(self, bitrate: int, data_bitrate: int | None = None) -> None:
-        """Called by python-can as soon as the port is open: who is there comes before any setting."""
+        """Called by python-can once the port is open: identify the adapter before any setting."""
         if not self._meet or bitrate not in self._BITRATES:
             super().set_bitrate(bitrate, data_bitrate)
             return
@@ -152,7 +152,7 @@ class SlcanBus(slcanBus):
             raise can.CanInitializationError("the adapter does not open its channel (BEL)")
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """As python-can's, with one bound for all frames: a new one for each would set up the port anew."""
+        """Like python-can's, with one timeout for all frames: a new one for each would reconfigure the port."""
         if self.serialPortOrig.write_timeout is None and self._terminal is None:
             self.serialPortOrig.write_timeout = WRITE_SECONDS
         super().send(msg, self.serialPortOrig.write_timeout)
@@ -254,7 +254,7 @@ class SlcanBus(slcanBus):
         return None
 
     def _note(self, report: re.Match[bytes]) -> None:
-        """A change of state, or errors on the bus, told unasked."""
+        """A change of state, or bus errors, reported without a request."""
         self.left = report[1] == b"b" or (self.left and report[1] is None)
         self.errors += report[1] in (b"b", b"p") or report[2] is not None
 
@@ -265,7 +265,7 @@ class SlcanBus(slcanBus):
     # -- status -------------------------------------------------------------------------------------------------------
 
     def flags(self, seconds: float = MORE_SECONDS) -> int | None:
-        """The status flags, which this clears; None where the adapter does not tell them."""
+        """Read and clear the status flags; None if the adapter does not report them."""
         self._write("F")
         end = clock.now() + seconds
         while (line := self._line(end - clock.now())) is not None:

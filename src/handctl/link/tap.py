@@ -103,7 +103,7 @@ def parse_line(line: str, number: int) -> Entry:
 
 
 class Observer(Protocol):
-    """Who is told of everything that passes on a link, with its moment on the link's clock. Must not raise."""
+    """Observes all traffic of a link, with times of the link's clock. Must not raise."""
 
     def opened(self, now: float) -> None:
         """A link is observed from now on."""
@@ -114,12 +114,12 @@ class Observer(Protocol):
         ...
 
     def event(self, now: float, text: str) -> None:
-        """Something beside the bytes: a speed, a power cycle, the end of the link."""
+        """An event: a baud rate, a power-cycle, the end of the link."""
         ...
 
 
 def observed(link: L, observer: Observer) -> L:
-    """From now on `observer` is told of what passes on this link; returns the link."""
+    """Send all traffic of this link to `observer` from now on; returns the link."""
     observer.opened(link.now())
     if not link.observers:
         _overheard(link)
@@ -128,7 +128,7 @@ def observed(link: L, observer: Observer) -> L:
 
 
 def _overheard(link: Any) -> None:
-    """Put others in place of the methods that talk: they tell the link's observers. A check in those would cost every frame."""
+    """Replace the methods that send and receive by ones that also call the observers. A check in those would cost every frame."""
     frames = isinstance(link, FrameLink)
     speak, hear = (link.send, link.receive) if frames else (link.write, link.read)
     lost = False
@@ -237,7 +237,7 @@ READER_SECONDS = 0.3
 
 
 class TraceFile(Tap):
-    """A transcript that is being written. `failure` says why it ends early; what is on the line goes on all the same."""
+    """A transcript that is being written. `failure`: why it ended early; the traffic itself goes on."""
 
     def __init__(self, path: str | None, header: str, verbose: bool) -> None:
         """Begin with a line of comment. Raises OutputError: nothing has been sent yet."""

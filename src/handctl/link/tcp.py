@@ -14,7 +14,7 @@ from handctl.system.waits import connect, readable, writable
 CONNECT_SECONDS = 3.0
 QUICKACK = getattr(socket, "TCP_QUICKACK", None)
 """Linux: acknowledge what arrives at once. The system forgets it again, so it is asked for before each wait."""
-TAKEN = "Another program may hold the device: many serve one client only"
+TAKEN = "Another program may be using the device: many devices accept only one client"
 
 
 def split_address(link: str, default_port: int | None = None) -> tuple[str, int]:
@@ -122,7 +122,7 @@ class TcpLink(ByteLink):
         self._outlet.owes(b"")
 
     def reconnect(self, seconds: float) -> bool:
-        """See Link. What is still on its way there must not come behind what is sent then."""
+        """See Link. Data still in flight on the old connection must not arrive after what is sent next."""
         with contextlib.suppress(OSError):
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         self._socket.close()

@@ -1,1 +1,1 @@
-"""What a device is, to the kernel: its quantities, its results, its recorded bytes, its ledger of writes."""
+"""The device model: parameters, results, movements, stops, recorded bytes and the record of writes. Knows no family."""

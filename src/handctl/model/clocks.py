@@ -1,4 +1,4 @@
-"""A device's clock and ours as two witnesses of the time between two answers. Pure arithmetic.
+"""Compare the time between two replies by the device's clock and by ours. Pure arithmetic.
 
     ours      request 1 |....| answer 1        request 2 |..............| answer 2
     device               ^ its clock was read              ^ somewhere in between

@@ -1,4 +1,4 @@
-"""What a device is to the kernel, and what every family's device and line would otherwise repeat.
+"""Base classes of every family's device and line, as the common commands use them.
 
 For who writes a family: its `Line` asks one question and judges the answer, its `Device` knows names and values and no
 bytes. What a family overrides is its protocol; what it inherits is what every verb expects. Knows no family, does no I/O.
@@ -175,16 +175,16 @@ class Line:
 class Device(ABC):
     """One device behind a line, as the verbs know it (`frame.verbs`, `frame.stored`, `report`).
 
-    kind         command and simulator are named so
-    product      its model, where the answer to any read tells that; "" = it does not
+    kind         the name of its command and its simulator
+    product      its model, if the reply to any read identifies it; "" = it does not
     map          its parameters; what is not in it does not exist for the verbs
     columns      of its tables; `plain` of --format plain, where these are fewer
-    live         what changes during use: the default of `watch`
-    beside       what a person at the live view sees too, where no quantity was named; `slowly` once a second
+    live         the quantities that change during use: the default of `watch`
+    beside       also shown in the live view when no quantity was named; those in `slowly` once a second
     scales       ends of the live view's bars where no range is documented: ours, and wider as soon as more is seen
-    worn         a person may wear it: what moves it is asked for first
+    worn         a person may be wearing it, so movements need a confirmation
     courses      set-points and where they lead, `releases` the writes that let an axis go there (`Course`, `Release`)
-    not_covered  what a snapshot cannot hold, told by `restore`
+    not_covered  what a snapshot cannot contain; `restore` reports it
 
     A family writes `read`, `named`, `valued` and `view`; `plan` and `write` where values can be set by name; and overrides
     what its device does otherwise, by calling this one first where it adds to it.
@@ -236,7 +236,7 @@ class Device(ABC):
         return {"kind": self.kind}
 
     def identify(self) -> None:  # noqa: B027 - where whatever is read tells who it is, there is nothing to do
-        """Look who is there before anything is read for a plan: a stranger is named, not called silent. Raises NotIdentified."""
+        """Identify the device before reading for a plan, so that a different one is named instead of called silent. Raises NotIdentified."""
 
     def own_map(self) -> ParamMap[Any]:
         """The map of this very device, asked for where its family has several."""
@@ -252,7 +252,7 @@ class Device(ABC):
     # -- stopping ------------------------------------------------------------------------------------------------
 
     def aim(self) -> Aim:
-        """What its stopper may know of it: all that this program has found out."""
+        """The context of its stop sequence: everything this program knows about it."""
         options = self.options
         known = Known(getattr(self._line, "id", options.id), options.timeout, options.port, options.wire, options.own)
         return aimed(self.link, known)._replace(fixed=True, proven=True)
@@ -278,7 +278,7 @@ class Device(ABC):
 
     @contextmanager
     def driven(self, guide: Guide, *, beat: float = 0.0, powered: bool = False, what: str = "") -> Iterator[Guard]:
-        """Around what moves it: Ctrl-C and the death of this process stop it. Raises Interrupted, with `what` before what came of it."""
+        """Around a movement: Ctrl-C and the death of this process stop it. Raises Interrupted with `what` and the result of the stop."""
         with (
             self.guarded(beat=beat, powered=powered) as guard,
             stopped_by_ctrl_c(lambda: self.stop(powered=powered), guide, what),
@@ -304,7 +304,7 @@ class Device(ABC):
 
     @abstractmethod
     def valued(self, reading: Reading) -> Row:
-        """The keys of a row that say what was read: value, unit and what else this family tells."""
+        """The keys of a row for the value: value, unit and the family's own."""
 
     @staticmethod
     @abstractmethod
@@ -312,7 +312,7 @@ class Device(ABC):
         """How people see rows of readings."""
 
     def row(self, reading: Reading) -> Row:
-        """The data row of one reading; of one that failed, why. What the map tells by itself is the same in all families."""
+        """The data row of one reading, or its error. The keys that come from the map are the same in all families."""
         element, value, error = reading.element, reading.value, reading.error
         param, row = element.param, self.named(element)
         if error is not None or value is None:
@@ -330,7 +330,7 @@ class Device(ABC):
         return row
 
     def table(self, readings: Sequence[Reading], title: str = "") -> Table:
-        """Readings as a Table; what could not be read is its failure, and the rest is shown all the same."""
+        """Readings as a Table. If some could not be read, that is its failure, and the others are still shown."""
         failed = [reading for reading in readings if reading.error is not None]
         return Table(
             rows=[self.row(reading) for reading in readings],
@@ -369,7 +369,7 @@ class Device(ABC):
         hint: str = "",
         more: Callable[[], Sequence[str]] = tuple,
     ) -> Table:
-        """The table of `status`, its findings as warnings; with `check` they, and what `more` tells by itself, are exit 7."""
+        """The table of `status` with its findings as warnings; with `check`, findings and those of `more` give exit code 7."""
         for finding in findings:
             self.journal.warn("unhealthy", finding)
         every = [*more(), *findings]
@@ -415,7 +415,7 @@ class Device(ABC):
 
 
 class Gate:
-    """Open once somebody has looked, or once `--assume-identity` has said that nobody looks."""
+    """The gate before writes: open once the identity was checked, or with `--assume-identity`."""
 
     def __init__(self, assumed: bool = False) -> None:
         self.assumed = assumed
@@ -443,7 +443,7 @@ class Gate:
 
     @staticmethod
     def tell(journal: Journal) -> None:
-        """Say that nobody looks, once."""
+        """Report once that the identity is not checked."""
         if not any(message.code == "identity-assumed" for message in journal.messages):
             text = "the device's identity was not checked, because of --assume-identity"
             journal.warn("identity-assumed", text)

@@ -1,4 +1,4 @@
-"""Other devices than the one that is meant: whose bytes came, and upon which of ours one of them acts.
+"""Bytes of other families: recognize whose they are, and check whether any device on the line could act on ours.
 
 Knows no bytes itself: each family's own code says what it recognises, the registry what it acts upon.
 """
@@ -14,7 +14,7 @@ from handctl.families import FAMILIES
 
 
 def renamed(error: HandctlError, own: str) -> HandctlError:
-    """The error as it is; where its bytes show the protocol of another family than `own`, exit code 6 and its command."""
+    """The same error, or exit code 6 with the right command if the received bytes belong to a family other than `own`."""
     if error.exit_code != 5 or not error.came:
         return error
     shown = {family: sign for family in FAMILIES if (sign := _sign(family, error.came))}
@@ -29,7 +29,7 @@ def renamed(error: HandctlError, own: str) -> HandctlError:
 
 
 def pointed(error: HandctlError, link: str) -> HandctlError:
-    """The error of a link on which nothing valid came, with the command that asks in every family's way."""
+    """Add `handctl scan` to the hint of an error for a link without a valid reply."""
     advice = f"`handctl scan -p {link}` shows which device is there"
     if advice not in error.hint:
         error.hint = joined(error.hint, advice)
@@ -47,9 +47,9 @@ def _sign(family: str, came: bytes) -> str:
 
 @lru_cache(256)
 def harmless(data: bytes, baud: int | None) -> bool:
-    """Whether no device acts upon these bytes that is not meant; None = they reach whoever is there as they are.
+    """Whether no other device on the line can act on these bytes. `baud` None = every device receives them unchanged.
 
-    At a speed that is too fast for it, a device hears none of them as they are.
+    A device that listens at a slower baud rate than `baud` receives garbage.
     """
     triggers = (row.trigger for row in FAMILIES.values() if row.trigger is not None)
     return not any(set(data) & set(bytes_) for most, bytes_ in triggers if baud is None or baud <= most)

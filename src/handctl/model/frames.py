@@ -1,4 +1,4 @@
-"""What every family's decoder is to the kernel, and the frames that are whole in it. Knows no protocol, does no I/O."""
+"""The interface of every family's frame decoder, and the complete frames in a block of bytes. Knows no protocol, does no I/O."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Decoder(Protocol[F_co]):
 
 
 def frames_in(decoder: Decoder[F], damaged: Callable[[ProtocolError], object] = lambda _error: None) -> Iterator[F]:
-    """The frames that are whole now. What is none is passed over, and `damaged` told of it."""
+    """The frames that are complete now. Invalid bytes are skipped and reported to `damaged`."""
     while True:
         try:
             frame = decoder.next()

@@ -1,4 +1,4 @@
-"""Guide: how a procedure talks with the person at the device. The silent base serves tests and scripts.
+"""How a procedure talks to the person at the device: lines, progress, questions. The base class is silent, for tests and scripts.
 
 Procedures get one and never print; the terminal's own guide lives in `console`.
 """
@@ -24,9 +24,9 @@ class Presses:
 
 
 class Guide:
-    """Says nothing. `interactive` tells whether somebody can answer, `moving` whether progress is seen.
+    """Silent. `interactive`: someone can answer. `moving`: progress is visible.
 
-    present  somebody stands at the device, who sees it and can do something to it
+    present  someone is at the device, can see it and switch it off
     """
 
     interactive = False
@@ -48,15 +48,15 @@ class Guide:
         """The progress line is over."""
 
     def ask(self, question: str, word: str) -> bool:
-        """Yes or no, or a word to be typed; nobody there is a no."""
+        """Ask yes or no, or for a word to type; without a person the answer is no."""
         return False
 
     def choose(self, question: str, words: Sequence[str]) -> str:
-        """The one of `words` that is the answer; "" for any other answer, and when nobody is there."""
+        """The answer if it is one of `words`; "" for any other, and without a person."""
         return ""
 
     def wait_for_enter(self, text: str) -> bool:
-        """Show what to do and wait until it is done; False when nobody is there."""
+        """Show an instruction and wait for Enter; False without a person."""
         return False
 
     @contextmanager
@@ -66,7 +66,7 @@ class Guide:
 
     @contextmanager
     def undisturbed(self) -> Iterator[None]:
-        """While the device is being stopped and put back, Ctrl-C waits: every step in here has a deadline of its own."""
+        """Delay Ctrl-C while the device is stopped and restored: every step in here has its own deadline."""
         yield
 
     @contextmanager

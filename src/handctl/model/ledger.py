@@ -1,7 +1,7 @@
-"""The ledger of a command that writes: what it meant to write, what went over the wire, and what came of it.
+"""The record of writes of one command: which were planned, which were sent, and which were confirmed or refused.
 
-It watches the link, not the commands: a family's `WriteWords` tell which of the bytes that pass write and what
-acknowledges them. A device adds the evidence that no acknowledgement gives: read back, seen in feedback. Knows no
+It observes the link, not the commands: a family's `WriteWords` know which bytes write and what acknowledges them.
+A device adds the evidence that is not an acknowledgement: a read-back, or its feedback. Knows no
 protocol and does no I/O.
 """
 

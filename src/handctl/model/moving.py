@@ -1,20 +1,18 @@
-"""The one watcher of a movement: what became of each axis, and whether that is what was expected. Knows no device.
+"""Watch a movement until every axis has ended, and judge the result of each against --expect. Knows no device.
 
 An axis has ended its movement when it is exactly at its target, when the device reports that something blocks it, or
-when it has stood still: so many readings in a row, over so long a time. How many and how long is the family's
-(`Stillness`). What then became of it is one of
+when it has stopped: a number of equal readings over a time that the family defines (`Stillness`). The result is one of
 
-    reached   it stands at its target
-    contact   it stands short of it, and the device reports an object or a stall, or it pushes: its current or force shows it
-    short     it stands short of it, and nothing shows why
+    reached   it is at its target
+    contact   it stopped before its target, and the device reports an object or a stall, or its current or force shows a push
+    short     it stopped before its target for no visible reason
     blocked   the device reports a fault that ended the movement, such as a locked rotor
     moving    its readings still changed when the wait was over
-    no-speed  it stands short of it, and its set speed is 0
-    unread    its place could not be read
+    no-speed  it is not at its target, and its set speed is 0
+    unread    its position could not be read
 
-`--expect` says which of these are a success. `reached`: every axis is at its target. `contact`: at least one axis has met
-something, and all others have met something or reached their targets. `any`: every axis has ended its movement in one of
-the first three ways. A fault, an axis that still moves, has no speed or could not be read is never a success.
+`--expect` selects which of these are a success. `reached`: every axis is at its target. `contact`: at least one axis
+touches something, and the others touch something or are at their targets. `any`: each axis is one of the first three. A fault, an axis that still moves, has no speed or could not be read is never a success.
 """
 
 from __future__ import annotations
@@ -56,7 +54,7 @@ SHOWN = 6
 
 
 class Stillness(NamedTuple):
-    """When an axis of a family stands still.
+    """When an axis of a family counts as stopped.
 
     samples, seconds  so many readings in a row, over so long a time, do not differ by more than the goal's `jitter`
     refresh           seconds between two readings: asking faster only repeats values
@@ -123,7 +121,7 @@ class Arrival(NamedTuple):
 
     @property
     def met(self) -> str:
-        """The verdict for what was expected: where there was no target, contact is what it was sent for."""
+        """The verdict to compare with --expect: without a target, contact counts as reached."""
         return REACHED if self.verdict == CONTACT and self.goal.target is None else self.verdict
 
     def __str__(self) -> str:
@@ -187,7 +185,7 @@ class Watch:
         return all(self._ended(axis) for axis in self._axes.values())
 
     def _stands(self, axis: _Axis) -> bool:
-        """A device that says that it stands needs no further time; one that says that it moves is not believed alone."""
+        """If the device reports that it has stopped, no more time is needed; its report that it moves is not enough by itself."""
         need = 0.0 if axis.seen.moves is False else max(self.still.seconds, axis.goal.patience)
         return axis.equal >= self.still.samples and self.now - axis.since >= need
 
@@ -201,7 +199,7 @@ class Watch:
 
     @property
     def short(self) -> list[str]:
-        """The axes that stand off their targets: of these a family may read more to say why."""
+        """The axes that are not at their targets. A family may read more about them to give the reason."""
         return [name for name, axis in self._axes.items() if not axis.near]
 
     def arrivals(self, deeper: Mapping[str, Seen] | None = None) -> list[Arrival]:

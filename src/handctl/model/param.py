@@ -1,4 +1,4 @@
-"""Param: one quantity of a device as its manual describes it; ParamMap: the ordered book of them.
+"""Param: one quantity of a device as its manual describes it. ParamMap: all of them, in order.
 
 A name meets its place on the wire in one table per device, made of these (or of a subclass that adds the place).
 Everything that reads, writes, prints, explains, stores or completes a quantity asks the Param. Knows no wire.
@@ -73,7 +73,7 @@ class Param:
 
     @property
     def readable(self) -> bool:
-        """Whether the device can tell its value."""
+        """Whether it can be read from the device."""
         return "r" in self.access
 
     @property
@@ -93,7 +93,7 @@ class Param:
 
     @property
     def writable(self) -> bool:
-        """Whether `set` may write it: what has a command of its own is written by that only."""
+        """Whether `set` may write it: a parameter with its own command is only written by that."""
         return "w" in self.access and not self.verb
 
     @property

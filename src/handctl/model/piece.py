@@ -1,4 +1,4 @@
-"""Piece: a stretch of recorded bytes with its meaning, and Explainer, which a family makes for them. Data; imports nothing.
+"""Piece: recorded bytes with their meaning. Explainer: the interface of a family that decodes them. Data; imports nothing.
 
 A family turns the bytes of a transcript into pieces, in the order of each direction; whoever shows, compares or counts
 transcripts sees pieces only and knows no protocol.
@@ -36,7 +36,7 @@ T = TypeVar("T")
 
 
 class Later(Sequence[T], Generic[T]):
-    """What `make` gives, made when somebody looks: a long recording is mostly shown without its values and parts."""
+    """The result of `make`, created on first use: a long recording is mostly shown without values and parts."""
 
     def __init__(self, make: Callable[[], Iterable[T]]) -> None:
         self._make = make
@@ -113,11 +113,11 @@ class Explainer(Protocol):
         ...
 
     def event(self, text: str) -> None:
-        """An event of the transcript, behind a `flush`: it may say what the bytes after it are."""
+        """Handle an event of the transcript, after a `flush`: it may say what the bytes after it are."""
         ...
 
     def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
-        """Frames from a manual or a scope, without a conversation around them; `side` "" = tell from the bytes."""
+        """Explain single frames from a manual or a scope; `side` "" = decide from the bytes."""
         ...
 
     def recognises(self, data: bytes, can_id: int | None = None) -> bool:

@@ -1,4 +1,4 @@
-"""What a command has learned of the line it used: round trip, echo, direction, others. Knows no device, does no I/O."""
+"""Measured properties of a line: round trip, echo, half duplex, traffic of others. Knows no device, does no I/O."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a scan looks for on one link, and what came of it: between the scan and a maker's way of looking. Does no I/O."""
+"""A scan of one link: what to search for, and what was found. Passed from the scan to a family's search. Does no I/O."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Quest:
-    """Asked for by the scan, filled by who looks.
+    """The scan sets the first fields; the search fills the others.
 
     ids       to ask, the likely ones first; () = every id that such a device can have
     find_all  go on behind the first device, and ask a silent line again with more patience

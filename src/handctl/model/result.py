@@ -1,4 +1,4 @@
-"""What a command returns: rows with named columns, how people may see them, and what happened on the way.
+"""What a command returns: rows with named columns, tables for people, messages and counters.
 
 Knows no terminal, no device and no file; imports only the standard library. Rows are plain dicts of JSON values.
 """
@@ -125,7 +125,7 @@ class Table:
 
 
 class Message(NamedTuple):
-    """Something the user should know beside the data. `level` is "info", "warning" or "error"."""
+    """A message next to the data. `level` is "info", "warning" or "error"."""
 
     level: str
     code: str
@@ -133,7 +133,7 @@ class Message(NamedTuple):
     hint: str = ""
 
     def as_row(self) -> Row:
-        """The message as it stands in the JSON envelope."""
+        """The message for the JSON envelope."""
         return {"level": self.level, "code": self.code, "text": self.text, "hint": self.hint}
 
 
@@ -157,7 +157,7 @@ class Counters:
     keys: dict[str, dict[str, int]] | None = None
 
     def as_row(self) -> dict[str, Any]:
-        """The counters as they stand in the JSON envelope."""
+        """The counters for the JSON envelope."""
         return {
             "sent": self.sent,
             "received": self.received,
@@ -202,7 +202,7 @@ class Journal:
             self.kept = table
 
     def moves(self, stop: Callable[[], Stopped]) -> None:
-        """What is written from now on moves the device, which goes on by itself. `stop` stops it and tells what came of that."""
+        """From now on, writes move the device and the movement goes on without this command. `stop` stops it and reports the result."""
         self._moving = stop, self._moving[1] if self._moving is not None else self.ledger.mark
 
     def still_moving(self) -> Callable[[], Stopped] | None:
@@ -218,7 +218,7 @@ class Journal:
 
     @property
     def blamed(self) -> HandctlError | None:
-        """What came instead of an answer since the last valid frame, None where nothing did."""
+        """Bytes received instead of a reply since the last valid frame, None if there were none."""
         error, received = self._blamed or (None, 0)
         return error if received == self.counters.received else None
 

@@ -1,6 +1,6 @@
-"""A device asked for the same again and again at a rate: the stream behind every `watch`. Knows no device, no parameter.
+"""Read the same quantities at a fixed rate: the stream of every `watch`. Knows no device, no parameter.
 
-Keeps its phase when it is late instead of bursting, tells the true rate, and gives up after three failures in a row.
+Late samples keep the phase and are not made up for. It reports the true rate, and ends after three failures in a row.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Sampler:
         )
 
     def _next(self, due: float) -> float:
-        """When the next sample is due. Behind: the phase is kept, no burst makes up for it; a person is told how often."""
+        """When the next sample is due. Late samples keep the phase and are not made up for; a person sees how many."""
         due += 1 / self._rate
         missed = int((self._link.now() - due) * self._rate)
         if self._link.now() < due:

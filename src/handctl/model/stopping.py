@@ -1,15 +1,15 @@
-"""One stop for each family, and one way to carry it out, from wherever it comes. Knows no device and no link's inside.
+"""Stop sequences: the steps that stop a device, one generator per family, and the code that runs them. Knows no device.
 
 A family's `stopper` is a module with one function:
 
-    stop_talk(aim) -> Talk    yields `Say`s, is sent the pieces that came back, returns `Stopped`
+    stop_talk(aim) -> Talk    yields `Say`s, receives the bytes that came back, returns `Stopped`
 
-It does no input or output of its own, so whoever has the link runs it with `carry_out`: the command `stop`, a command that
-another process asks to stop, Ctrl-C inside a command, and the child that outlives a command that died.
+It does no I/O, so the owner of the link runs it with `carry_out`: the command `stop`, a command that another process asks
+to stop, Ctrl-C inside a command, and the child process of a command that was killed.
 
-What every plan keeps to: a step goes out again until it is acknowledged or its second is over; what needs no place goes out
-first; a place is read anew for each hold; and a device that has acknowledged is looked at again after a silence, for it may
-have another master.
+Every sequence follows these rules: a step is repeated until it is acknowledged, for up to a second; steps that need no
+position come first; a position is read immediately before each command to hold it; and a device that has acknowledged is
+checked again after a silence, because another program may be commanding it.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ T = TypeVar("T")
 
 
 class Options(Protocol):
-    """The options that a stopper looks at: `options.Settings`."""
+    """The options that a stopper uses: `options.Settings`."""
 
     @property
     def id(self) -> int | None: ...
@@ -75,14 +75,14 @@ class Known(NamedTuple):
 
 
 class Aim(NamedTuple):
-    """What a stopper may know of the device: the options that were given, and the wire.
+    """What a stopper knows about the device: the options given, and the wire.
 
     can     the link carries CAN frames
     speed   the speed of the port in bit/s, None where the link has none that is ours
-    fixed   the port stays at its speed: who has the link cannot change it, or the device is known to be there
-    proven  this program has met the device: it is of this family, and has this address
-    powered what holds the device up is left on where its movement could be ended by itself
-    within  seconds in which a step goes out again
+    fixed   the baud rate of the port stays: it cannot be changed, or the device is known to use it
+    proven  this program has identified the device: its family and its address
+    powered keep the motor power on if the movement ends without switching it off
+    within  seconds for which a step is repeated
     """
 
     settings: Options
@@ -110,15 +110,15 @@ class Aim(NamedTuple):
 
 
 class Say(NamedTuple):
-    """One write of a stop, and the wait for what it brings back.
+    """One write of a stop, and how long to wait for the reply.
 
     step     the exact bytes and what they do in words
     seconds  how long to listen at most, beyond the time of the wire
     enough   whether the pieces that came answer it
-    reads    it changes nothing: it asks who is there, or where the device stands
-    size     bytes of an answer, whose time on the wire is waited for as well
-    ahead    goes out before the step and is none of it: so that nobody else who may be there acts upon that
-    baud     the speed of the port at which it goes out, None as it is; where the port cannot have it, nothing goes out
+    reads    it changes nothing: it asks for the device's identity or position
+    size     bytes of a reply: their time on the wire is added to the wait
+    ahead    bytes sent before the step, so that no other device on the line acts on it
+    baud     the baud rate to send it at, None = unchanged. If the port does not support it, nothing is sent
     """
 
     step: Step
@@ -131,7 +131,7 @@ class Say(NamedTuple):
 
 
 class Stopped(NamedTuple):
-    """How a stop ended, from what came back.
+    """The result of a stop, from the replies.
 
     error     None where nothing speaks against it
     evidence  what shows that the device did it, where that is more than the acknowledgement of each frame; "" = nothing
@@ -157,7 +157,7 @@ QUIET = Step("listen", b"")
 
 @light(frozen=True)
 class Heard(Generic[T]):
-    """What came of a step that was repeated: what was found, None for nothing; all that came; and the seconds that it took at most."""
+    """The result of a repeated step: the reply found, or None; all bytes received; and the longest time it can have taken, in s."""
 
     found: T | None
     came: Pieces
@@ -179,7 +179,7 @@ def insist(
 
 
 def settled(aim: Aim, heard: Heard[T]) -> Generator[Say, Pieces, T | None]:
-    """What was found, once the answers to the repetitions are here too: on a slow line the next question would get them."""
+    """Return what was found, after waiting for the replies to the repetitions: on a slow line the next request would get them."""
     if heard.found is not None and heard.seconds > aim.each:
         yield from silence(heard.seconds)
     return heard.found
@@ -197,12 +197,12 @@ def insisting(step: Step, answer: bytes, done: str, aim: Aim) -> Talk:
 
 
 def silence(seconds: float = SILENCE) -> Generator[Say, Pieces, Pieces]:
-    """Say nothing for a while; what the device, or somebody else, says meanwhile."""
+    """Send nothing for a while and return what arrives."""
     return (yield Say(QUIET, seconds, lambda _pieces: False, reads=True, size=0))
 
 
 def taken_over(stopped: Stopped, what: str) -> Stopped:
-    """The end of a stop that was acknowledged, and did not last."""
+    """The result of a stop that was acknowledged but did not last."""
     text = f"{stopped.text}. {SILENCE:g} s later {what}: it does not obey, or another program is commanding it"
     return Stopped(text, FIND_WHO, DeviceRefused)
 
@@ -228,7 +228,7 @@ def talk_of(kind: str, aim: Aim) -> Talk:
 
 
 def unheard(talk: Talk, *, reads: bool = False) -> list[Step]:
-    """What a stop writes when nothing ever comes back, each once: for who cannot listen.
+    """The writes of a stop without any reply, each once: for a link that cannot receive.
 
     Questions are left out but with `reads`: a stop that needs their answers, as a wrist's, is [] then.
     """
@@ -246,7 +246,7 @@ def unheard(talk: Talk, *, reads: bool = False) -> list[Step]:
 def carry_out(
     link: Link, talk: Talk, sent: list[Sent] | None = None, ledger: Ledger | None = None, until: Deadline | None = None
 ) -> Stopped:
-    """Run a plan over an open link. Raises no error: a lost link is how it ended.
+    """Run a stop over an open link. Never raises: a lost link is one of its results.
 
     `until` bounds it; the first step that changes something goes out all the same.
     """
@@ -273,7 +273,7 @@ def drive(
     before: Callable[[Step], object] = lambda _step: None,
     until: Deadline | None = None,
 ) -> Stopped:
-    """Hold the talk over an open link. What was sent is appended to `sent`, also when LinkError ends it.
+    """Exchange the steps over an open link. Sent steps are appended to `sent`, also when LinkError ends it.
 
     `before` is told of each step that is not a question.
     """
@@ -304,7 +304,7 @@ def drive(
 
 
 def aimed(link: Link, settings: Options) -> Aim:
-    """What a stopper may know of the device behind an open link."""
+    """The stop context of the device on an open link."""
     from handctl.link import FrameLink
 
     can = isinstance(link, FrameLink)
@@ -410,7 +410,7 @@ def leaving(
     by: type[HandctlError] = LinkError,
     interrupt: bool = True,
 ) -> Iterator[None]:
-    """Around what is not undone when it ends early: errors of the kind `by` tell what is `left`, and so does Ctrl-C.
+    """Around steps that are not undone when they end early: add what is `left` to errors of the kind `by` and to Ctrl-C.
 
     With `since`, the counters of the journal, only once a write was sent in here. Without `interrupt` somebody else
     answers to Ctrl-C. Raises Interrupted.
@@ -431,7 +431,7 @@ def leaving(
 
 @contextmanager
 def stopped_by_ctrl_c(stop: Callable[[], Stopped], guide: Guide, what: str = "") -> Iterator[None]:
-    """Around what moves: Ctrl-C stops it, undisturbed, and then tells `what` became of it. Raises Interrupted.
+    """Around a movement: Ctrl-C stops it, without being interrupted, and reports the result. Raises Interrupted.
 
     Where the stop was not acknowledged, what speaks against it is raised instead.
     """
@@ -442,7 +442,7 @@ def stopped_by_ctrl_c(stop: Callable[[], Stopped], guide: Guide, what: str = "")
 
 
 def stopped(stop: Callable[[], Stopped], guide: Guide, what: str = "") -> HandctlError:
-    """Stop what moves, undisturbed; the end of the command, with what became of it."""
+    """Stop the movement without being interrupted; returns the error that ends the command."""
     with guide.undisturbed():
         guide.done()
         try:

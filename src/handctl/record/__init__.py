@@ -1,1 +1,1 @@
-"""Recordings that lose nothing: one row per answer in a CSV file, and a sidecar that says what the file holds. Knows no family."""
+"""Recordings without loss: one row per reply in a CSV file, and a sidecar that describes it. Knows no family."""

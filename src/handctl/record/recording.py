@@ -1,4 +1,4 @@
-"""Recording a device into a CSV file with a sidecar: one whole row per good answer, whatever ends the run.
+"""Record a device into a CSV file with a sidecar: one complete row per valid reply, however the recording ends.
 
     gait.csv        header, then a row per answer, handed to the system at once
     gait.csv.json   written at the start ("closed": false) and at the end; always whole
@@ -86,12 +86,10 @@ class Recording:
 
     @property
     def sidecar(self) -> str:
-        """Path of the sidecar."""
         return f"{self.path}.json"
 
     @property
     def rows(self) -> int:
-        """Rows in the file."""
         return self.timeline.rows
 
     def add(self, sample: Sample, seq: int) -> bool:
@@ -185,7 +183,7 @@ class Recording:
         return [name for name, there in reasons.items() if there]
 
     def write_sidecar(self, ended: str | None = None, **more: Any) -> None:
-        """Write the sidecar as things stand, with `more` keys; `ended` once the file is closed. Raises OutputError."""
+        """Write the present state of the sidecar, with the keys of `more`; `ended` once the file is closed. Raises OutputError."""
         line = self.timeline
         missing = self.missing(ended) if ended is not None else None
         content = {
@@ -216,7 +214,6 @@ class Recording:
         write_whole(self.sidecar, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
     def as_row(self) -> dict[str, Any]:
-        """The closing summary."""
         line = self.timeline
         return {
             "file": self.path,
@@ -239,7 +236,7 @@ def schema(kind: str) -> str:
 
 
 def _notes(place: Place) -> list[str]:
-    """What the mark of a row tells by itself."""
+    """Notes from the mark of a row."""
     words = {PORT_LOST: "[port lost]", RESTART: "[reboot]", CLOCKS: f"[clocks {place.off_ms / 1000:+.3f} s]"}
     notes = [words[reason] for reason in place.why]
     return [*notes, f"[gap {place.gap_ms / 1000:.3f} s]"] if place.gap_ms else notes
@@ -448,7 +445,7 @@ class _Loop:
             self._look()
 
     def _begin_segment(self) -> None:
-        """Tell of a restart; after one, or where there may have been one, read what it may have changed."""
+        """Report a restart. After one, or a possible one, read again what it may have changed."""
         segment = self._recording.timeline.segments[-1]
         if segment.rebooted:
             self._guide.say(f"The device restarted: its clock started at 0. Segment {segment.number} starts")
@@ -527,7 +524,7 @@ def record(
     guide: Guide,
     before: dict[str, Any] | None = None,
 ) -> HandctlError | None:
-    """Record until a limit is reached; returns what ended it before that. Raises nothing of its own.
+    """Record until a limit is reached; returns what ended it earlier, if anything. Never raises.
 
     mark     asked before each request for the marks that have come
     before   the settings at the start: those at the first row of a segment are compared with them

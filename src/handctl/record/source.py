@@ -1,4 +1,4 @@
-"""What a recording takes its rows from: a device, as far as the recorder has to know it."""
+"""The source of the rows of a recording: what the recorder needs from a device."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ class Source(ABC):
 
     @abstractmethod
     def settings(self) -> Mapping[str, Mapping[str, Any]]:
-        """Its settings by name, each with `value`, `unit` and what else the family tells."""
+        """Its settings by name, each with `value`, `unit` and the family's own keys."""
 
     def about(self) -> dict[str, Any]:
         """What the sidecar says of the device and its link."""
         return {}
 
     def look(self, place: Place, row: int) -> bool:
-        """What is asked once a second beside the rows; `place` is that of the last row, whose number is `row`.
+        """Additional requests once a second; `place` is that of the last row, whose number is `row`.
 
         Returns whether the answer shows that the device has restarted since the look before.
         """
@@ -109,7 +109,6 @@ class Layout(ABC):
 
     @property
     def header(self) -> str:
-        """The first line."""
         return ",".join(map(quoted, self.names)) + "\r\n"
 
     @abstractmethod

@@ -29,7 +29,7 @@ PORT_LOST, RESTART, CLOCKS = "port-lost", "restart", "clocks"
 
 
 class Place(NamedTuple):
-    """Where a row stands.
+    """The times of a row.
 
     boot_ms   the device's clock, None = it has none
     moment    the host's
@@ -59,7 +59,6 @@ class Place(NamedTuple):
 
     @property
     def rtt_ms(self) -> float:
-        """The round trip."""
         return (self.moment.answered - self.moment.sent) * 1000
 
     @property
@@ -139,7 +138,7 @@ class Segment:
         return Span(moment.sent * 1000 - self.answered_least, moment.answered * 1000 - self.sent_most).off(ms)
 
     def take(self, place: Place, *, clocked: bool) -> None:
-        """A row of it; `clocked`: the device's clock tells its time."""
+        """Take a row; `clocked`: its time comes from the device's clock."""
         self.rows += 1
         self.last = place
         ms = place.t_ms - self.first.t_ms
@@ -219,7 +218,7 @@ class Timeline:
             hole.rebooted = True if hole.segment == segment.number else hole.rebooted
 
     def place(self, boot_ms: int | None, moment: Moment, *, reopened: bool = False) -> Place:
-        """Where a row of these clocks would stand; `count` it once it is written. `reopened`: the port was lost before it.
+        """The place of a row with these clock readings; `count` it once it is written. `reopened`: the port was lost before it.
 
         A gap is an interval above three periods. A restart is told where the device's clock says that it was switched on since the
         row before: it counts no more time than has passed since. A clock that fell back and yet counts more, or that parts from

@@ -1,7 +1,7 @@
-"""`report`: one page about one device, to be attached to a service ticket, over any device's map. Only reads.
+"""`report`: one page about one device for a service ticket, for any device with a map. Only reads.
 
-Each part is asked for by itself: what cannot be read leaves a hole with its reason, the page is written all the same,
-and the exit code is that of the first error. Knows no family and no HTML.
+Each part is read separately: if one cannot be read, the page says why and is written anyway, and the exit code is that
+of the first error. Knows no family and no HTML.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class _Visit:
     over: bool = False
 
     def attempt(self, part: str, action: Callable[[], T]) -> T | None:
-        """What `action` returns; None when it fails, or when nobody is there any more. Usage errors are the caller's."""
+        """Return the result of `action`; None if it fails or the device is gone. Usage errors are raised."""
         if self.over:
             return None
         self.lines.append(f"# {part}")

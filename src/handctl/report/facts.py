@@ -1,4 +1,4 @@
-"""What a report tells about this computer: system, Python, packages, the port. No user, no host name, no folder."""
+"""The section of a report about this computer: system, Python, packages, the port. No user, no host name, no folder."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _version(package: str) -> str:
 
 
 def port(link: str) -> Facts:
-    """What the system says of the serial port or CAN interface behind `link`; nothing for links that are no port of it."""
+    """What the system reports about the serial port or CAN interface of `link`; nothing for other links."""
     from handctl.tools.machine import Machine
 
     machine = Machine()

@@ -57,7 +57,6 @@ POLICY = "; ".join(("default-src 'none'", "style-src 'unsafe-inline'", "base-uri
 
 
 def page(report: Report) -> str:
-    """The whole page."""
     style = files(__package__).joinpath("page.css").read_text(encoding="utf-8")
     title = f"{_name(report.kind)}: service report, {report.made}"
     bodies = (

@@ -1,8 +1,7 @@
-"""What a report must not tell unless it is asked for: serial numbers, the pilot's number, users, home folders.
+"""Private data that a report leaves out unless requested: serial numbers, the pilot's number, users, home folders.
 
-Values are blanked where they are still rows of a quantity, before anything is drawn. Bytes that a device with such a
-quantity sent are left out whole: a late or damaged answer has no place where the number is sure to stand. Knows no
-device, no page and no file.
+Values are blanked while they are still rows, before anything is drawn. For a device with such a quantity, all bytes that it
+sent are left out, because the number could be anywhere in a late or damaged reply. Knows no device, no page and no file.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""What reaches a person or a pipe: tables, live views, text with no character that acts on a terminal."""
+"""Output for people and pipes: tables, live views, CSV, JSON, and text without terminal control characters."""

@@ -1,4 +1,4 @@
-"""The one gate for text on its way to a person: terminal, CSV, plain values, messages. JSON does not pass here: it is lossless.
+"""Make text safe to show: terminal, CSV, plain values, messages. JSON is not changed here: it is lossless.
 
 A device, a file, the environment and a peer may hold anything: an escape sequence that fills the clipboard, a bidi mark
 that turns a line round, a byte that is not UTF-8. `shown` spells such characters out. `encodable` names what stands in

@@ -216,7 +216,6 @@ class View:
         self._span = SPANS[min(max(0, SPANS.index(self._span) + step), len(SPANS) - 1)]
 
     def add(self, sample: Sample) -> None:
-        """Take a sample."""
         self._count += 1
         self._lost += all(row.get("error") for row in sample.rows)
         if self.frozen:
@@ -411,7 +410,7 @@ class View:
         return any(series.value is None or (series.name in self._flags and series.label != "ok") for series in group)
 
     def _worded(self, group: Sequence[Series]) -> bool:
-        """Whether words tell more than numbers: bits, and a quantity without a unit of which every element has a label."""
+        """Whether to show words instead of numbers: for bits, and for a quantity without a unit whose elements all have labels."""
         return group[0].name in self._flags or (not group[0].unit and all(series.label for series in group))
 
     def _widths(self, groups: dict[str, list[Series]], width: int) -> Widths:
@@ -682,7 +681,7 @@ def _stacked(text: str) -> tuple[str, str]:
 
 
 def heading(series: Series) -> str:
-    """A quantity's name, with its unit where that does not stand behind the values."""
+    """A quantity's name, with its unit if that is not shown with the values."""
     united = series.unit and (series.limits is not None or series.element)
     return f"{series.name} [{series.unit}]" if united else series.name
 

@@ -34,7 +34,7 @@ class Metric(NamedTuple):
 
 
 def exposition(rows: Sequence[Row], context: Context, failure: HandctlError | None = None) -> str:
-    """One look at a device: its values, and beside them `up` and `unread`; valid whatever the rows hold."""
+    """The metrics of one reading: its values, `up` and `unread`. Valid output for any rows."""
     device = context.envelope(failure)["device"] or {}
     kind = _word(str(device.get("kind") or context.command.split(" ", maxsplit=1)[0]))
     common = {"device": context.settings.device or device.get("link") or "", "id": device.get("id")}

@@ -188,7 +188,7 @@ def __summary_text(stats: dict[str, Any]) -> str:
 def _wide_lines(
     table: Table, samples: Generator[Sample, None, None], sink: Sink, context: Context
 ) -> Generator[Sample, None, None]:
-    """Write samples a line each where that is wished; what comes back is left for `_stream_lines`."""
+    """Write samples as one line each if requested; the returned ones are left for `_stream_lines`."""
     usual = table.wide or is_sheet(context.settings.output)
     sheet: Wide | None = None
     for sample in samples:

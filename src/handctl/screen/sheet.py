@@ -1,4 +1,4 @@
-"""CSV: a row a value, or wide: a row a sample and a column a quantity. Knows no sink and no terminal."""
+"""CSV: one row per value, or wide: one row per sample with a column per quantity. Knows no sink and no terminal."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def text_of(value: Any) -> str:
 def csv_lines(
     columns: Sequence[Column], rows: Sequence[Row], guard: Callable[[str], str], *, header: bool, with_errors: bool
 ) -> str:
-    """With a column of errors behind the others or without: it must be the same for all lines of a stream."""
+    """With or without a last column for errors, which must be the same for all lines of a stream."""
     import csv
     import io
 
@@ -96,7 +96,6 @@ class Wide:
         """Columns that later samples had and the first one had not."""
 
     def line(self, rows: Sequence[Row], guard: Callable[[str], str], t: float | None = None) -> str:
-        """One sample."""
         found: Row = {"t_s": t} | {column_of(row): in_persons_unit(row) for row in rows}
         self.left_out |= dict.fromkeys(found.keys() - self._known - {"t_s"})
         for key in (*REMARKS, "error"):

@@ -1,4 +1,4 @@
-"""Where results go: stdout, or a file that appears whole. Knows nothing of what is written."""
+"""The output of a command: stdout, or a file that is replaced only when complete. Knows nothing about the content."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Sink:
 
     @property
     def terminal(self) -> bool:
-        """Whether a person looks at it directly."""
+        """Whether it is a terminal."""
         return not self._path and self.file.isatty()
 
     def __enter__(self) -> Sink:
@@ -65,7 +65,7 @@ class Sink:
             self.flush()
 
     def write_sample(self, text: str) -> None:
-        """All rows of one sample: written and counted, or neither, whenever a wish to end comes."""
+        """Write and count all rows of one sample, or none of them if an interrupt comes."""
         with ending.handing_over():
             self._kept.append(text)
             self._size += len(text)
@@ -73,7 +73,7 @@ class Sink:
         self.flush()
 
     def write_whole(self, text: str) -> None:
-        """A sample that stands for itself: a file holds nothing else, and has it at once."""
+        """Write a sample that replaces the previous one: the file contains nothing else."""
         if self._path and self._atomic is None:
             self._open(self._path)
         self.write_sample(text)
@@ -98,7 +98,7 @@ class Sink:
             raise OutputError(f"{self._path}: cannot be written: {error.strerror or error}") from error
 
     def flush(self) -> None:
-        """Let the reader see what has been written. While it sleeps a wish to end is raised, and nothing is lost or told twice."""
+        """Flush to the reader. If it sleeps, an interrupt is raised, and nothing is lost or written twice."""
         try:
             while self._size and not self.broken:
                 self._hand_over()

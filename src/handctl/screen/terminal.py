@@ -56,7 +56,7 @@ def console_on(file: IO[str], color: str) -> Console:
 
 
 def print_grids(grids: Sequence[Grid], sink: Sink, mark: str) -> None:
-    """Print `grids`; `mark` ("simulated") stands in the first title."""
+    """Print `grids`; the first title contains `mark` ("simulated")."""
     console = console_for(sink)
     try:
         for number, grid in enumerate(grids):
@@ -251,7 +251,7 @@ def hanging(text: Text, console: Console, indent: int) -> list[Text]:
 
 
 def flowing(items: Sequence[Text], width: int, *, head: str = "", gap: int = 1) -> list[Text]:
-    """Items one after the other behind `head`, on as many lines as they need; further lines are indented like it.
+    """`head` and the items after it, on as many lines as needed; further lines are indented.
 
     Where the head takes more than half of the width, further lines are indented by GAP only.
     """

@@ -1,1 +1,1 @@
-"""Stopping a device at once, whoever holds it and whatever happens to this process."""
+"""Stop a device at once, even if another process is using it or this one is killed."""

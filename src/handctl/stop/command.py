@@ -1,7 +1,7 @@
-"""The command `stop` of every family: the bytes first, then words. Asks nothing, needs no lock, disk or configuration.
+"""The command `stop` of every family: it sends first and reports afterwards. Works without lock, disk or configuration.
 
-Who has the device is asked to stop it (`stop.wish`); one that does not answer is ended if it is ours, and the bytes go out
-from here. A port that another program has open is written to all the same.
+If another handctl command is using the device, it is asked to stop it (`stop.wish`). If it does not reply, it is killed
+and the bytes are sent from here. They are also sent to a port that another program has open.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ COLUMNS = (Column("step", "Step", right=True), Column("bytes", "Bytes"), Column(
 
 
 def stop(run: Run, talk: Callable[[Aim], Talk] | None = None, otherwise: Callable[[Any], str] | None = None) -> Table:
-    """Stop the device of this run, by who has it or from here; rows with the bytes that went out and what came back.
+    """Stop the device of this run, through its holder or from here. Rows with the bytes sent and received.
 
-    `talk` takes the place of the family's stopper. `otherwise` is tried where it heard nothing: device -> what was seen.
+    `talk` replaces the family's stopper. `otherwise` is tried if there was no reply: device -> evidence.
     """
     began = clock.now()
     fall_back(run)
@@ -91,7 +91,7 @@ def _last_speed(run: Run, name: str) -> int | None:
 
 
 def _ask_holder(run: Run, name: str, bound: Deadline | None) -> tuple[Lock | None, dict[str, Any] | None, bool]:
-    """The lock where it is free; else the holder's report, None without one; and whether somebody has just let go."""
+    """The lock if it is free; otherwise the holder's report, or None; and whether a holder has just ended."""
     try:
         return lock_for(run, name), None, False
     except InUse as exc:
@@ -108,7 +108,7 @@ def _ask_holder(run: Run, name: str, bound: Deadline | None) -> tuple[Lock | Non
             heard, told = ask(busy.path, until, _left(bound, STOP_SECONDS))
             if told is not None:
                 by = str(who) if who is not None else "another handctl"
-                run.journal.info("asked", f"{by} has the device and was asked to stop it")
+                run.journal.info("asked", f"{by} is using the device and was asked to stop it")
                 return None, told, True
             if heard or clock.now() >= until:
                 break

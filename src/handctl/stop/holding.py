@@ -1,8 +1,8 @@
-"""A device in use by this command: the lock that tells others, and the way to have it stopped at once.
+"""The command's exclusive access to a device: its lock, and stopping the device when another process or a key asks for it.
 
-The wish comes from another process (`stop.wish`) or from the stop key of a live view. Either way the family's stopper
-runs on this command's own link between two steps of the program, ahead of all else; then nothing more is written, and
-the command ends by the way of Ctrl-C.
+The request comes from another process (`stop.wish`) or from the stop key of a live view. The family's stop sequence then
+runs on this command's own link, between two steps of the program and before anything else. Nothing more is written
+afterwards, and the command ends as by Ctrl-C.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ LONG = 60
 
 
 def lock_for(run: Invocation, name: str, patience: float | None = None) -> Lock | None:
-    """The lock of the LINK `name`, None where nobody else can reach it. Raises InUse, LinkError.
+    """The lock of the LINK `name`, None if no other process can reach it. Raises InUse, LinkError.
 
     `patience`: seconds for the last stop of a holder that died, None as long as one takes, but 0 in a command that stops.
     """
@@ -58,7 +58,7 @@ def lock_for(run: Invocation, name: str, patience: float | None = None) -> Lock 
 
 
 class Hold:
-    """What one command has of a device while its link is open. `stopped` is how it was stopped on a wish, None before.
+    """The access of one command to a device while its link is open. `stopped`: the error after a requested stop, None before.
 
     link   the open link, None before it is
     """
@@ -75,7 +75,7 @@ class Hold:
         self._keep(lock)
 
     def _keep(self, lock: Lock | None) -> None:
-        """Others are kept off by this lock, and heard beside it."""
+        """Keep this lock and listen for requests next to it."""
         run = self._run
         self._lock = lock
         troubles = [lock.unrecorded] if lock is not None and lock.unrecorded else []
@@ -125,7 +125,7 @@ class Hold:
         return self.link is not None and self.link.reopen()
 
     def finish(self) -> None:
-        """The link is about to be closed: who wishes a stop from now on is told that this command ends."""
+        """Call before the link is closed: a stop request from now on is told that this command is ending."""
         self.link = None
 
     def release(self) -> None:
@@ -192,7 +192,7 @@ def stopped_at(
 
 
 def report(stopped: Stopped | None, sent: Sequence[Sent], *, refused: bool = False) -> dict[str, Any]:
-    """How a stop ended, as JSON: what `stop` shows, whoever sent it."""
+    """The result of a stop as JSON, as `stop` shows it."""
     return {
         "rows": rows(sent),
         "wire": wire(sent),
@@ -206,7 +206,7 @@ def report(stopped: Stopped | None, sent: Sequence[Sent], *, refused: bool = Fal
 
 
 def rows(sent: Sequence[Sent]) -> list[dict[str, Any]]:
-    """What went out and what came back, a row a step; what was sent several times running is one row."""
+    """Sent and received bytes, one row per step; repetitions are one row."""
     from handctl.model.stopping import runs
 
     return [
@@ -223,7 +223,7 @@ def rows(sent: Sequence[Sent]) -> list[dict[str, Any]]:
 
 
 def wire(sent: Sequence[Sent]) -> list[dict[str, Any]]:
-    """What passed on the wire, for the ledger of who asked: a step as often as it went out, and what came back last."""
+    """The traffic for the ledger of the process that asked: each step as often as it was sent, and the last reply."""
     from handctl.model.stopping import runs
 
     return [
@@ -240,7 +240,7 @@ def wire(sent: Sequence[Sent]) -> list[dict[str, Any]]:
 
 
 def _short(data: bytes) -> str | None:
-    """What came back; of a long answer its beginning, and how long it is."""
+    """The received bytes; for long ones their beginning and their length."""
     text = data[:MOST].hex(" ").upper()
     return f"{text} … ({len(data)} bytes)" if len(data) > MOST else text or None
 

@@ -1,9 +1,9 @@
-"""The wish to stop the device that this process holds: of another process, and of who presses s at a live view.
+"""Listen for requests to stop the device of this process: from another process, or the key s in a live view.
 
-Another process connects to a socket beside the lock file (`system.local`). The system tells by a signal (SIGIO), so nobody polls
-and no thread waits, but on Windows, where a thread does. The handler runs between two steps of the program, also while that waits
-for the device or, but for Windows, for a reader of its output. It answers `heard` at once, then one line of JSON with what was sent.
-For the key a thread waits, so the loop on the wire never looks.
+Another process connects to a socket next to the lock file (`system.local`). A signal (SIGIO) reports it, so nothing polls; on
+Windows a thread waits instead. The handler runs between two steps of the program, even while that waits for the device or (not
+on Windows) for a reader of its output. It replies `heard` at once, then one line of JSON with the bytes sent.
+A thread waits for the key, so the loop on the wire never checks for it.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Ear:
             self._after(frame)
 
     def _serve(self) -> bool:
-        """Answer one who waits; False when nobody does."""
+        """Serve one waiting process; False if there is none."""
         if not self._hear():
             return False
         import json
@@ -78,7 +78,7 @@ class Ear:
         return True
 
     def _hear(self) -> bool:
-        """Tell one who waits that it was heard; it gets the report later. False when nobody waits."""
+        """Reply `heard` to a waiting process; it gets the report later. False if none is waiting."""
         try:
             peer = self._door.accept()
         except OSError:
@@ -90,7 +90,7 @@ class Ear:
 
 
 def ask(lock: str, until: float, seconds: float = STOP_SECONDS) -> tuple[bool, dict[str, Any] | None]:
-    """Ask who holds `lock` to stop: whether it heard that before `until` (`clock.now`), and its report within `seconds`.
+    """Ask the holder of `lock` to stop. Returns whether it replied before `until` (`clock.now`), and its report within `seconds`.
 
     The report is None when it ended, or fell silent, on the way.
     """

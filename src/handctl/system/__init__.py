@@ -1,4 +1,4 @@
-"""What differs between Linux, macOS and Windows, one matter a module. No other module asks which system it is.
+"""Differences between Linux, macOS and Windows, one subject per module. No other module checks which system it is.
 
     clock      the monotonic clock, and sleep
     signals    what asks the program to end, alarms, what runs in the main thread at once

@@ -1,4 +1,4 @@
-"""What a person does about a matter on this system, in words. `where` is replaced by tests."""
+"""Instructions for this system, in words. `where` is replaced by tests."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def set_encoding(where: str = sys.platform) -> str:
 
 
 def terminal_is_named(where: str = sys.platform) -> bool:
-    """Whether a terminal tells what it is by the variable TERM."""
+    """Whether terminals set the variable TERM."""
     return where != "win32"
 
 
@@ -37,7 +37,7 @@ def set_latency(path: str, milliseconds: int, where: str = sys.platform) -> str:
 
 
 def find_driver(chip: str, where: str = sys.platform) -> str:
-    """An adapter is plugged in and has no port; "" where the system's own log tells more."""
+    """An adapter is plugged in but has no port; "" if the system's own log explains it better."""
     if where == "win32":
         return (
             f"install the driver that the maker of the {chip} offers, then plug the adapter in again. "

@@ -1,4 +1,4 @@
-"""A process that outlives this one and acts when it dies: a plain fork, see `link.deadman`."""
+"""A child process that outlives this one and acts when it dies: a plain fork, see `link.deadman`."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ PULSE = b"\0\0"
 
 
 def message(text: bytes, beat: float) -> bytes:
-    """What the child is told from now on: 2 bytes of length, then the `beat` in milliseconds and the text.
+    """A message to the child: 2 bytes of length, then the `beat` in milliseconds and the text.
 
     beat   seconds without a message after which a parent that lives counts as dead, 0 = it may be silent
     """
@@ -189,7 +189,7 @@ else:
                     os.close(int(name))
 
     def _last_message(orders: int, parent: int, first: bytes) -> bytes:
-        """Wait until the parent is dead, or silent for longer than it may be; the text that it told last.
+        """Wait until the parent is dead, or silent for too long. Returns its last text.
 
         Its end of the pipe closes with it. Where a process that it forked holds that end too, the parent itself is watched.
         """

@@ -16,7 +16,7 @@ if sys.platform == "win32":
     """Seconds on a monotonic clock; `time.monotonic` ticks at 15.6 ms here, before Python 3.13."""
 
     def sleep(seconds: float) -> None:
-        """Let time pass, in slices: between two of them a wish to end is heard."""
+        """Sleep in slices, so that interrupts are handled between them."""
         end = now() + seconds
         while (left := end - now()) > 0:
             time.sleep(min(left, SLICE))

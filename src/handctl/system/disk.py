@@ -1,4 +1,4 @@
-"""Files: how they are opened, and what is on the disk for good."""
+"""Files: how they are opened, and flushing them to the disk."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def sync(descriptor: int) -> None:
 
 
 def sync_folder(folder: str | os.PathLike[str]) -> None:
-    """Wait until the names in a folder are on the disk. Raises OSError. Windows keeps them in a journal of its own."""
+    """Wait until the names in a folder are on the disk. Raises OSError. Windows keeps them in its own journal."""
     if sys.platform == "win32":
         return
     handle = os.open(folder, os.O_RDONLY)
@@ -51,7 +51,7 @@ def sync_folder(folder: str | os.PathLike[str]) -> None:
 
 
 def read_at(descriptor: int, size: int, place: int) -> bytes:
-    """`size` bytes from `place`, wherever the descriptor stands. Raises OSError."""
+    """Read `size` bytes at `place`, without moving the file position. Raises OSError."""
     if sys.platform == "win32":
         os.lseek(descriptor, place, os.SEEK_SET)
         return os.read(descriptor, size)

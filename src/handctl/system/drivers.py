@@ -84,7 +84,6 @@ else:
         return Driver()
 
     def without() -> list[tuple[str, str]]:
-        """The same."""
         return []
 
 

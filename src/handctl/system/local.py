@@ -1,4 +1,4 @@
-"""How a program is reached by another one of this machine and user: a socket with a path.
+"""Sockets between processes of the same user on this machine.
 
 `_socket` is what `socket` is made of, and costs a tenth of its time to import.
 """
@@ -24,7 +24,7 @@ TOKEN_SECONDS = 0.3
 
 
 class Listener:
-    """Somebody to be reached at `path`; who comes is taken by `accept`, which does not wait.
+    """A listening socket at `path`. `accept` takes a connection and does not wait.
 
     On Windows that is a port of the loopback and a file at `path`, which only its user can read: it holds the port, and a
     token that who comes says first.
@@ -43,7 +43,7 @@ class Listener:
         return self._socket.fileno()
 
     def accept(self) -> Peer:
-        """Raises OSError when nobody waits."""
+        """Raises OSError if no connection is waiting."""
         number, _ = self._socket._accept()  # type: ignore[attr-defined]  # what socket.accept itself calls
         peer = Peer(fileno=number)
         if self._token:
@@ -153,7 +153,7 @@ def remove_dead(path: str) -> None:
 
 
 def _is_ours(path: str) -> bool:
-    """Whether what is there leads to a listener, alive or dead. Raises OSError."""
+    """Whether the file belongs to a listener, running or not. Raises OSError."""
     if sys.platform != "win32":
         return stat.S_ISSOCK(os.stat(path).st_mode)
     with open(path, "rb") as file:
@@ -161,7 +161,7 @@ def _is_ours(path: str) -> bool:
 
 
 def tell_at_once(listener: Listener, called: Callable[[Any], None]) -> None:
-    """From now on `called` runs in the main thread, between two of its steps, as soon as somebody comes; with its frame.
+    """From now on each connection runs `called` in the main thread, between two of its steps, with its frame.
 
     Raises OSError, ValueError where it cannot be.
     """

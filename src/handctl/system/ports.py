@@ -1,4 +1,4 @@
-"""Serial ports as the system has them: their names, one place for each, and the descriptor of an open one. Opens none but to lock it."""
+"""Serial ports of the system: names, one canonical path for each, and the descriptor of an open one. Opens one only to lock it."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def descriptor(port: Any) -> int | None:
 
 
 def name_of(descriptor: int) -> str:
-    """The name of the port that is open there; "" where it is none, or the system does not tell."""
+    """The name of the open port; "" if it is none, or the system does not report it."""
     if sys.platform == "win32":
         return ""
     try:
@@ -66,7 +66,7 @@ def name_of(descriptor: int) -> str:
 
 
 def trouble(exc: BaseException) -> int | None:
-    """The number (errno) of what kept a port from being opened; None where none is told.
+    """The errno of a port that could not be opened; None if there is none.
 
     On Windows pyserial tells it in words only, and what another program holds is "access denied": EBUSY here.
     """
@@ -107,7 +107,7 @@ _OF_WINDOWS = {
 
 
 def held_by_name(path: str) -> bool:
-    """Whether the system tells by the name of this port who has it open."""
+    """Whether the system reports who has this port open by its name."""
     if sys.platform == "darwin":
         return path.startswith(("/dev/cu.", "/dev/tty."))
     return sys.platform.startswith("linux") and os.path.realpath(path).startswith(NAMED)
@@ -117,12 +117,12 @@ NAMED = ("/dev/tty", "/dev/rfcomm", "/dev/pts/", "/dev/hidraw")
 
 
 def asked_holders(path: str) -> list[tuple[int, str]]:
-    """Who has a port open, number and name, where that must be asked for (macOS); [] elsewhere, where /proc tells."""
+    """The processes that have a port open, on a system without /proc (macOS); [] elsewhere."""
     return of_lsof(path) if sys.platform == "darwin" else []
 
 
 def of_lsof(path: str) -> list[tuple[int, str]]:
-    """The same as `lsof` tells it, for both names of the port."""
+    """The same from the output of `lsof`, for both names of the port."""
     import subprocess
 
     cu = one_of_two(path)

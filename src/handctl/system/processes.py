@@ -1,4 +1,4 @@
-"""Other processes: whether one lives, when it began, how it is ended."""
+"""Other processes: whether one is running, when it started, how to end it."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def lives(pid: int) -> bool:
 
 
 def _stat(pid: int) -> tuple[str, str, str]:
-    """State, parent and start of a process; "" where the system does not tell."""
+    """State, parent and start time of a process; "" if the system does not report them."""
     try:
         with open(f"/proc/{pid}/stat", "rb") as file:
             words = file.read().rpartition(b")")[2].split()

@@ -1,4 +1,4 @@
-"""What asks the program to end, alarms, and what is to run in the main thread at once.
+"""Signals: requests to end the program, alarms, and code that must run in the main thread at once.
 
 On Windows there is no alarm and no signal between processes: what a thread hears reaches the main thread between two of
 its steps, and every wait is cut into slices (`clock.SLICE`) for it.
@@ -181,7 +181,7 @@ else:
 
 
 def listen(pressed: Callable[[], None]) -> None:
-    """What ends a program without a signal, as the closing of a window on Windows, is the wish to end of SIGTERM from now on.
+    """Treat what ends a program without a signal, such as closing a window on Windows, like SIGTERM from now on.
 
     `pressed` is told there of Ctrl-C at once, in another thread: the main one hears of it when it waits for nothing.
     """
@@ -204,7 +204,7 @@ if sys.platform == "win32":
     """What the system calls must not be collected."""
 
     def _watch(pressed: Callable[[], None]) -> None:
-        """`pressed` is told of Ctrl-C and Ctrl-Break in a thread of the system, beside Python's own handler."""
+        """Call `pressed` on Ctrl-C and Ctrl-Break, in a system thread, in addition to Python's own handler."""
         if _kept:
             return
         import _thread
@@ -230,7 +230,7 @@ if sys.platform == "win32":
         threading.Thread(target=_window, args=(closing,), daemon=True).start()
 
     def _window(closing: Callable[[], None]) -> None:
-        """A window that nobody sees, for what is told to windows only."""
+        """An invisible window, for messages that only windows receive."""
         import ctypes
         from ctypes import wintypes
 
@@ -316,7 +316,7 @@ def _call(_number: int, frame: Any) -> None:
 
 
 class Served:
-    """What a server hears beside its clients: an end (SIGTERM, SIGINT) or a power cycle (SIGUSR1); `reader` wakes its select."""
+    """Signals for a server: end (SIGTERM, SIGINT) or power-cycle (SIGUSR1). `reader` wakes its select."""
 
     def __init__(self) -> None:
         self.stop = False

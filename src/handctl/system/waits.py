@@ -12,7 +12,7 @@ if sys.platform == "win32":
     from handctl.system.clock import SLICE, now
 
     def _ready(reads: list[Any], writes: list[Any], fails: list[Any], seconds: float) -> bool:
-        """Whether one is; in slices: between two of them a wish to end is heard."""
+        """Whether one is ready. Waits in slices, so that interrupts are handled between them."""
         end = now() + seconds
         while True:
             left = max(0.0, end - now())
@@ -72,17 +72,17 @@ CHANGES_LINE_ENDS = sys.platform == "win32"
 
 
 def settings(stream: Any) -> dict[str, str]:
-    """What `reconfigure` is told of stdout and stderr: on Windows a pipe or a file gets UTF-8 and plain line ends, too."""
+    """Arguments of `reconfigure` for stdout and stderr: on Windows, pipes and files get UTF-8 and plain line ends too."""
     if sys.platform == "win32" and not stream.isatty():
         return {"encoding": "utf-8", "newline": "\n"}
     return {}
 
 
 def takes(descriptor: int, seconds: float | None) -> bool:
-    """Wait until a pipe or a terminal takes something, or its reader is gone; None = for ever. Where it cannot be told: True."""
+    """Wait until a pipe or a terminal accepts data, or its reader is gone; None = for ever. True if that is not known."""
     return sys.platform == "win32" or _polled(descriptor, select.POLLOUT, seconds)
 
 
 def gives(descriptor: int, seconds: float | None) -> bool:
-    """Wait until there is something to read, or the end, as long; a pipe that nobody has opened to write has no end yet."""
+    """Wait just as long for data or the end of input; a pipe that has no writer yet has not ended."""
     return sys.platform == "win32" or _polled(descriptor, select.POLLIN, seconds)

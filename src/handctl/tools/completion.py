@@ -1,4 +1,4 @@
-"""`handctl completion SHELL [--install]`: print the completion script of a shell, or put it where the shell looks.
+"""`handctl completion SHELL [--install]`: print the completion script of a shell, or install it for this user.
 
 The script is generated at once, so that it fits this version also where no data files are installed.
 """

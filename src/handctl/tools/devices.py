@@ -286,7 +286,7 @@ def _check_path(link: str) -> None:
 
 
 def from_scan(text: str, kind: str | None, given: dict[str, Any]) -> dict[str, Any]:
-    """The one device that a scan's JSON tells of (and that fits `kind` and what is given): kind, port, id, baud.
+    """The only device in a scan's JSON that matches `kind` and the given settings: kind, port, id, baud.
 
     Takes the envelope, a list of rows, or one row a line. Raises UsageError when none fits, or several do.
     """

@@ -151,7 +151,7 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
 
 
 def _on_network(machine: Machine, name: str, probe: Any, device: Any, make: Any) -> Iterator[Check]:
-    """Of a device that answers, or is silent: our address towards its own, and who has that."""
+    """For a network device, replying or silent: compare our address with its own, and check who has that."""
     host = host_in(name)
     held = probe.address_of(device) if hasattr(probe, "address_of") else ""
     if held and host and held != host and not is_local(host):
@@ -183,7 +183,7 @@ LATE = 0.05
 
 
 def present(run: Run, link: Link, bound: Deadline) -> tuple[str, int | None, Check]:
-    """Look for a device of any family: the one that answers ("" = none that is known), its id, the row that says so.
+    """Search for a device of any family. Returns the family ("" = none known), its id and the row of the check.
 
     Leaves the port at the speed at which it was found. Raises LinkError.
     """

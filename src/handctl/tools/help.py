@@ -1,4 +1,4 @@
-"""`handctl help [TOPIC]`: the manual's pages, the guides and the common options as text, also where there is no man(1).
+"""`handctl help [TOPIC]`: man pages, guides and the common options as text, even without man(1).
 
 The pages are made at once from what the man pages are made of, so they fit this version and need neither files nor a network.
 """
@@ -65,7 +65,7 @@ def _topics() -> dict[str, str]:
 
 
 def _text(words: list[str]) -> str:
-    """What stands below a topic. Raises UsageError for one that is not there."""
+    """The text of a topic. Raises UsageError if there is none."""
     name = words[0]
     if len(words) == 1:
         from handctl.docgen import man

@@ -1,4 +1,4 @@
-"""The checks of `handctl doctor` that concern one link: does it open, does the device answer, how fast, how reliably.
+"""The checks of `handctl doctor` for one link: whether it opens, whether the device replies, how fast and how reliably.
 
 Asks nothing but the family's cheapest documented read. A bitrate is looked for by listening only: the controller neither sends
 nor acknowledges then, so that a wrong one disturbs no one. Every check has an end; what an answer means is not known here, and
@@ -72,7 +72,7 @@ class Wire:
         self.speeds: list[str] = []
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Start again."""
         self.written = self.came = b""
 
     def opened(self, now: float) -> None:
@@ -250,7 +250,7 @@ def _answer(it: LinkChecks) -> Verdict:
 
 
 def _bus(it: LinkChecks) -> Verdict:
-    """What the controller reports after the reads. Reads that failed have told it already: to ask clears it."""
+    """The report of the CAN controller after the reads. Failed reads have shown it already, and reading clears it."""
     status, trouble = "warning" if it.answered else "fail", it.link.trouble(it.before)
     for code in it.series.failed:
         if code in BUS:
@@ -323,7 +323,7 @@ def _speed(it: LinkChecks) -> Verdict:
 
 
 def _other_speeds(it: LinkChecks) -> Verdict:
-    """Nobody at this speed: does one answer at another?"""
+    """No reply at this baud rate: check the others."""
     link, first, tried = it.link, it.first, []
     end = link.deadline(SPEED_SECONDS).earlier(it.bound)
     try:

@@ -1,4 +1,4 @@
-"""What the operating system tells about its ports: serial ports, CAN interfaces, programs that grab them. Opens no port.
+"""Serial ports, CAN interfaces and programs that grab them, as the operating system reports them. Opens no port.
 
 Everything is read below `Machine.root`, so that tests build a small system of their own. On Linux /sys, /dev and /proc
 are read; elsewhere pyserial's list is all there is.
@@ -28,7 +28,7 @@ COM_WAYS = ("ttyUSB", "ttyACM", "ttyAMA", "ttyTHS", "ttymxc", "ttyS", "rfcomm")
 
 @dataclass(frozen=True, slots=True)
 class Port:
-    """One serial port. `usb` is VID:PID[:SERIAL] in hex as `usb:` links take it; `held` who has it open."""
+    """One serial port. `usb` is VID:PID[:SERIAL] in hex as in `usb:` links; `held`: the processes that have it open."""
 
     path: str
     by_id: str = ""
@@ -56,7 +56,7 @@ class Port:
 
 @dataclass(frozen=True, slots=True)
 class CanInterface:
-    """One CAN interface of the kernel; `bitrate` in bit/s where the system tells."""
+    """One CAN interface of the kernel; `bitrate` in bit/s if the system reports it."""
 
     name: str
     state: str

@@ -1,4 +1,4 @@
-"""The checks of `handctl doctor` that concern this computer: versions, permissions, programs in the way, room, clock."""
+"""The checks of `handctl doctor` for this computer: versions, permissions, interfering programs, disk space, clock."""
 
 from __future__ import annotations
 
@@ -189,7 +189,7 @@ def room(folder: Path) -> Check:
 
 
 def locks(machine: Machine) -> Check:
-    """Lock files that a dead program left behind: other programs then call the port busy."""
+    """Check for lock files of dead programs, which make other programs report the port as busy."""
     stale = machine.stale_locks()
     if not stale:
         return Check("locks", "ok", "no stale lock of a port")

@@ -1,4 +1,4 @@
-"""`handctl ports`: serial ports and CAN interfaces, what they are, who holds them, and what to do about it.
+"""`handctl ports`: serial ports and CAN interfaces, the programs that have them open, problems and remedies.
 
 Opens no port and writes to none: all of it is what the system already knows.
 """
@@ -220,7 +220,7 @@ def _install(rule: str) -> str:
 
 
 def _view(rows: list[Row]) -> list[Grid]:
-    """Five narrow columns; what does not fit into 80 characters stands below, port by port."""
+    """Five narrow columns; whatever does not fit into 80 characters is listed below, port by port."""
     lines = []
     notes = []
     for row in rows:

@@ -1,4 +1,4 @@
-"""What a family offers for being looked for: its module `probe`."""
+"""The interface of a family's module `probe`, which detects its device."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`handctl scan`: which device answers on a port. Read-only probes of each family, in an order that disturbs none.
+"""`handctl scan`: detect the device on a port. Read-only probes of each family, in an order that disturbs no other device.
 
 On a serial port, after listening:
  1. ekso   GetTime is 6 bytes without a start byte. It goes first: an EksoNR that has got part of anything else may wait
@@ -14,10 +14,10 @@ So it is asked at 9600 behind those, and other speeds wait until the port was op
 On TCP the AIDIN-hand is looked for first: binary requests might upset a server that parses text, while its empty object
 is harmless to all; a pause behind it lets an EksoNR forget it. Whose own port the LINK names is asked first of all.
 CAN has the wrist, then the hand.
-What talks by itself before anything was asked is left alone: none of the serial devices does.
+A line with traffic before the first request is left alone: none of the serial devices sends without one.
 
-Each probe waits as long as a cable needs. An answer over a slower line comes behind it, and finds nobody: where bytes came
-and no device was found, this speed is asked a second time with more patience.
+Each probe waits as long as a cable needs. A reply over a slower line arrives too late: if bytes arrived but no device was
+found, this baud rate is tried again with a longer timeout.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def chosen_ids(run: Run, families: Sequence[str], wire: str, text: str | None) -
 
 
 def free_ports(machine: Machine, journal: Journal) -> list[str]:
-    """Serial ports that nobody holds and that we may open; of the others, why they are left out."""
+    """Serial ports that are free and that we may open, and for the others why they are skipped."""
     names = []
     for port in machine.ports():
         if port.free:
@@ -159,7 +159,7 @@ def free_ports(machine: Machine, journal: Journal) -> list[str]:
 
 @dataclass(slots=True)
 class Scan:
-    """Looks at one link after the other; `left` seconds are what --deadline leaves, by the clocks of those before."""
+    """Scan one link after the other; `left`: the seconds that --deadline leaves, by the clocks of the links before."""
 
     _run: Run
     _families: Sequence[str]

@@ -1,4 +1,4 @@
-"""All probes of a scan on one open link, and the searches of makers behind them: see `scan` for their order."""
+"""Run all probes of a scan on one open link, then the searches over ids and baud rates. `scan` explains the order."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class Looking:
         search.expired = self._bound.expired  # the last probe may have been cut short
 
     def _sweep(self, looks: Callable[..., None], families: Sequence[str], *, first: bool) -> None:
-        """One maker's own search for these families; `first`: nobody has asked for the usual id."""
+        """Run a maker's own search for these families; `first`: the usual id has not been tried."""
         link, search, settings = self._link, self._search, self._run.settings
         bounded = not (self._all or self._ids)
         before = link.now() - self._opened if first else 0.0
@@ -171,14 +171,14 @@ class Looking:
         return not self._met <= ECHOES and "boot-monitor" not in self._met and self._run.settings.timeout is None
 
     def _late(self, counted: int) -> bool:
-        """After one speed: whether something comes now, or has come, when nobody waited for it."""
+        """After one baud rate: whether data arrives, or has arrived, without a request."""
         settled = self._search.rows or self._run.settings.timeout is not None
         if settled or self._guard(self._before) or self._met:
             return False
         return not isinstance(self._link, ByteLink) or bool(self._listened(self._link)) or self._counted() > counted
 
     def _listened(self, link: ByteLink) -> bytes:
-        """What comes when nobody waits for it."""
+        """Data that arrives without a request."""
         self._run.guide.progress(f"{self._progress}: listening for late answers")
         late = listened(link, link.deadline(LATE).earlier(self._bound))
         self._run.journal.counters.stray_bytes += len(late)
@@ -301,7 +301,7 @@ def safe_speeds(steps: Sequence[Step]) -> frozenset[int] | None:
 
 
 def makers_of(families: Iterable[str]) -> list[tuple[Callable[..., None] | None, list[str]]]:
-    """The families by what looks for all ids of several of them at once, None = they have no ids."""
+    """Group the families by the search that covers all ids of several of them at once; None = they have no ids."""
     found: dict[Callable[..., None] | None, list[str]] = {}
     for family in dict.fromkeys(families):
         found.setdefault(getattr(probe_of(family), "sweep", None), []).append(family)

@@ -1,4 +1,4 @@
-"""What a search for devices came to: the rows that were found, and of every link without a device why there is none."""
+"""The result of a scan: a row per device found, and for every link without one the reason."""
 
 from __future__ import annotations
 
@@ -60,13 +60,13 @@ class Search:
     """That search was the only one."""
 
     def meet(self, step: Step, error: HandctlError) -> None:
-        """Note what a probe met; silence never hides what it met before."""
+        """Record the error of a probe; silence never replaces an earlier one."""
         if step not in self.met or error.code != NoAnswer.default_code:
             self.met[step] = error
 
 
 def report(searches: Sequence[Search], families: Sequence[str], journal: Journal) -> Table:
-    """All rows; for every link without a device, what was tried and what came instead."""
+    """All rows; for every link without a device, what was tried and the result."""
     rows = [row for search in searches for row in search.rows]
     more = [column for column in MORE if any(row.get(column.key) for row in rows)]
     table = Table(rows=rows, columns=(*COLUMNS[:-1], *more, COLUMNS[-1]))
@@ -120,7 +120,7 @@ def _nothing(search: Search) -> HandctlError:
     if len(unasked) >= TALKATIVE:
         shown = hex_bytes(unasked[:24])
         if is_modbus(unasked):
-            text = f"{name}: a Modbus RTU master or device talks on this line ({shown})"
+            text = f"{name}: a Modbus RTU master or device is communicating on this line ({shown})"
             return ProtocolError(text, hint=f"{MODBUS_HINT}. Nothing was sent.", code="modbus")
         for family, ids in search.overheard.items():
             text = f"{name}: another program or master communicates with {family} id {', '.join(map(str, ids))} on this line ({shown})"
@@ -150,7 +150,7 @@ def _nothing(search: Search) -> HandctlError:
 
 
 SILENCE = (
-    "check power, cable, crossed TX and RX, RS-232 on RS-485. --all asks with more patience. For a CAN adapter give "
+    "check power, cable, crossed TX and RX, RS-232 on RS-485. --all waits longer for each reply. For a CAN adapter give "
     "-p can:slcan:PORT"
 )
 GARBAGE = "check for another kind of device, a disturbed line, two devices with one id, or an slcan adapter (-p can:slcan:PORT)"

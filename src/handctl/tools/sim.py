@@ -1,4 +1,4 @@
-"""`handctl sim`: the simulators' own commands, and `forget` for what plain --fake keeps of them."""
+"""`handctl sim`: the commands of the simulators, and `forget`, which resets the saved state of plain --fake."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`handctl stop`: stop a device at once, named by its LINK or its name, whatever family it is of.
+"""`handctl stop`: stop a device of any family at once, given its LINK or its name.
 
 Nothing that is asked to find that out writes to a device or moves it: they are the questions of a scan, each once, in its order.
 """
@@ -42,7 +42,7 @@ def cli(run: Run) -> Table:
 
 
 def _kind(run: Run) -> str:
-    """The family of the device that was named. Raises UsageError where nothing tells it."""
+    """The family of the named device. Raises UsageError if it cannot be determined."""
     settings = run.settings
     if settings.kind is not None:
         return settings.kind
@@ -68,7 +68,7 @@ EACH = 0.03
 
 
 def family_at(run: Run) -> str:
-    """The family of the device at --port: of who has it or had it last, of a named device there, of who answers.
+    """The family of the device at --port: from its holder, the last holder, a named device there, or its reply.
 
     What a named device there says of it holds, as with -d. Raises UsageError where nothing tells the family.
     """
@@ -97,7 +97,7 @@ def _place(link: str, kind: str) -> str:
 
 
 def _named_at(link: str) -> list[Device]:
-    """The named devices whose LINK leads to the same place. What is wrong in the file tells nothing."""
+    """The named devices whose LINK is the same port. Errors in the file are ignored."""
     try:
         devices = read_config(config_path(), []).devices.values()
     except UsageError:
@@ -107,7 +107,7 @@ def _named_at(link: str) -> list[Device]:
 
 
 def _as_named(run: Run, named: list[Device]) -> None:
-    """Take over what the named device says and nobody else does; of several on one line only that there are several."""
+    """Use the settings of the named device that nothing else sets; if several are on one line, only note that."""
     if len(named) > 1:
         names = ",".join(one.name for one in named)
         run.journal.warn("several", f"{names} are at {run.settings.port}", f"`handctl stop -d {names}` stops each")
@@ -122,7 +122,7 @@ def _as_named(run: Run, named: list[Device]) -> None:
 
 
 def _answering(run: Run, link: str) -> str:
-    """Who answers within SECONDS, with the speed that it was asked at; "" for nobody, or where somebody has the link."""
+    """The family that replies within SECONDS, and the baud rate; "" without a reply, or if the link is in use."""
     if link.startswith("replay:") or run.settings.dry_run:
         return ""
     wire = wire_of(link)

@@ -1,4 +1,4 @@
-"""`handctl trace`: recorded transcripts and single frames in words, without a device. Draws nothing from any family."""
+"""`handctl trace`: explain recorded transcripts and single frames, without a device. Knows no family."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def diff(run: Run, a: str, b: str, family: str | None) -> Table:
     from handctl.tools.trace_diff import compare, exchanges
 
     if a == b == "-":
-        raise UsageError("stdin can be read once only", hint="give a file for A or B")
+        raise UsageError("stdin can only be read once", hint="give a file for A or B")
     one = _Telling(a, family)
     rows_a = one.rows(run)
     first = next(rows_a, None)
@@ -147,7 +147,7 @@ def decode(run: Run, family: str, hex_bytes: tuple[str, ...], side: str | None) 
 
 
 class _Telling:
-    """One transcript being told; `family` and `statistics` are known once the first row came."""
+    """The rows of one transcript; `family` and `statistics` are known after the first row."""
 
     def __init__(self, path: str, family: str | None) -> None:
         self.path = path
@@ -161,7 +161,7 @@ class _Telling:
         with opened(self.path) as source:
             self.family, by_bytes, lines = chosen(lines_of(source, self.path), self.family, self.path)
             if by_bytes:
-                text = f"{self.path}: taken for {self.family} by its bytes"
+                text = f"{self.path}: recognized as {self.family} by its bytes"
                 run.journal.info("family", text, hint="choose another with --family")
             teller = Teller(self.family)
             self.statistics = teller.statistics

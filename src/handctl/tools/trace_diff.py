@@ -1,4 +1,4 @@
-"""Two transcripts compared by what was said, not by when or in which pieces.
+"""Compare two transcripts by their requests and replies, not by time or chunks.
 
 An exchange is a request with its answer, or something that came by itself. The exchanges of both sides are walked side
 by side; where they part, the nearest place within a window where they meet again is taken. Knows no protocol.

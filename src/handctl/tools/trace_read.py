@@ -1,4 +1,4 @@
-"""Transcripts as a stream of told lines: which family, which pieces, which answer belongs to which request, how long.
+"""Read a transcript into explained rows: family, frames, the request of each reply, round-trip times.
 
 Reads line by line and keeps what is open only, so that a file of any size needs little memory. Knows no protocol: a
 family's explainer, found by name in `families`, makes the pieces.
@@ -154,12 +154,12 @@ class Stamp(NamedTuple):
 
 @light()
 class Told:
-    """One row of `trace show`: a piece, an event, a comment, or a request that stayed without an answer.
+    """One row of `trace show`: explained bytes, an event, a comment, or a request without a reply.
 
-    first, last   where its first and last byte stand
-    request       where the request stands that it answers
+    first, last   place and time of its first and last byte
+    request       place and time of its request
     round_trip    seconds from there to its last byte, None without times
-    unasked       an answer to nothing that was asked
+    unasked       a reply without a request
     """
 
     first: Stamp
@@ -197,7 +197,7 @@ class Told:
         return "event" if self.piece is None else "frame" if self.piece.frame else "stray"
 
     def as_row(self) -> Row:
-        """For JSON and CSV. Keys of the family stand beside the common ones; what does not apply is left out."""
+        """For JSON and CSV: the common keys and the family's own, without those that do not apply."""
         piece = self.piece
         shown = piece or self.unanswered
         row: Row = {
@@ -276,7 +276,7 @@ class Statistics:
 
 
 class Teller:
-    """Lines -> told rows. `statistics` grow with what has been given out.
+    """Lines -> rows. `statistics` cover the rows returned so far.
 
     A comment ``# case NAME`` begins another conversation, as in a file of test vectors; an event ``! family NAME`` one
     with another device.

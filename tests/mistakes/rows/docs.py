@@ -10,8 +10,8 @@ ROWS = (
         LIES,
         "src/handctl/guides/links.md",
         "",
-        "`devices add` gives a device a name, which is shorter still. The name is a table of the configuration file. To store `--model` and `--side` of an RH56 hand there, add two lines yourself:",
-        "`devices add` gives a device a name, which is shorter still. The name is a table of the configuration file:",
+        "`devices add` gives a device a name, which is shorter still. It is stored as a table in the configuration file. To store `--model` and `--side` of an RH56 hand too, add two lines yourself:",
+        "`devices add` gives a device a name, which is shorter still. It is stored as a table in the configuration file:",
         "tests/docs/test_named.py::test_what_a_topic_is_said_to_show_is_in_it",
     ),
     mistake(
@@ -28,8 +28,8 @@ ROWS = (
         LIES,
         "src/handctl/guides/output.md",
         "",
-        "| 4 | Silence until the deadline. |",
-        "| 4 | Bytes came, but no valid answer. |",
+        "| 4 | The device did not reply in time. |",
+        "| 4 | Data arrived, but no valid reply. |",
         "tests/docs/test_readme.py::test_exit_codes",
     ),
     mistake(

@@ -1,4 +1,4 @@
-"""The AIDIN-hand: its feedback as readings and rows, its status, its commands as bytes, and the way to stop. See `model.device`.
+"""The AIDIN-hand: readings and rows from its feedback, status, commands as bytes, stop. See `model.device`.
 
 Mode and data always travel in one object. Ctrl-C during anything that moves sends the stop mode, motor power off. There is no acknowledge and no error message: feedback is the only proof of anything (dossier 3).
 """
@@ -74,7 +74,7 @@ class AidinHand(Device):
         }
 
     def valued(self, taken: Reading) -> Row:
-        """Angles in degrees, and in `rad` as they stand on the wire."""
+        """Angles in degrees, and in `rad` as on the wire."""
         param = param_of(taken.element)
         row: Row = {"value": taken.value, "unit": param.unit}
         return {**row, "rad": float(taken.raw)} if param.angles else row
@@ -114,7 +114,7 @@ def param_of(element: Element) -> AidinParam:
 
 
 def reading(where: str, element: Element, found: Wire | ProtocolError) -> Reading:
-    """One element of what came for its key, on the link `where`."""
+    """One element of the received value of its key, on the link `where`."""
     number = number_of(where, element, param_of(element), found)
     if isinstance(number, ProtocolError):
         return Reading(element, None, b"", number)
@@ -131,7 +131,7 @@ def outside(param: AidinParam, index: int, value: float, share: float = SLACK) -
 
 
 def unhealthy(rows: Sequence[Row]) -> list[str]:
-    """What a technician must look at: elements out of their range, by quantity."""
+    """Findings: elements out of their range, by quantity."""
     found = []
     for param in FEEDBACK:
         mine = [row for row in rows if row["name"] == param.name and "value" in row]
@@ -208,7 +208,7 @@ def step_of(meaning: str, data: bytes, end: bytes) -> Step:
 
 
 def stop_after(hand: AidinHand, exc: HandctlError) -> None:
-    """What was driving the fingers has failed: the hand is stopped, and the error tells what became of it.
+    """A movement has failed: stop the hand, and add the result of the stop to the error.
 
     Of a link that is lost `stopped_if_cut_short` tells.
     """
@@ -231,7 +231,7 @@ def in_force(what: str, *, moving: bool = True) -> AbstractContextManager[None]:
 
 @contextmanager
 def stopped_if_cut_short(hand: AidinHand, guide: Guide, what: str = "", *, beat: float = 0.0) -> Iterator[None]:
-    """Around whatever moves: Ctrl-C, and anything that nobody expected, stops the hand before a word is said.
+    """Around a movement: Ctrl-C and any unexpected error stop the hand before anything is reported.
 
     The death of this process stops it, too. Where the link was lost it is opened again for that, whatever was to be kept
     up: nobody sees the hand any more.
@@ -264,7 +264,7 @@ def stopped_if_cut_short(hand: AidinHand, guide: Guide, what: str = "", *, beat:
 
 
 def _stop_again(hand: AidinHand, guide: Guide, presses: int) -> tuple[Stopped | None, str]:
-    """Open a lost connection again and stop the hand: what came of it, or None and why it could not be opened.
+    """Reopen a lost connection and stop the hand. Returns the result, or None and why it could not be opened.
 
     So many `presses` of Ctrl-C are passed over, for they ask for what is being done; one more ends it.
     """

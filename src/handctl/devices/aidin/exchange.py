@@ -1,4 +1,4 @@
-"""The conversation with one AIDIN-hand: find out who speaks first, ask for what is wanted, send one object a period.
+"""The connection to one AIDIN-hand: detect its exchange mode, request values, send one object per period.
 
 The manual does not say who speaks first: listen, then ask with an empty object, never with a mode (dossier 6). Feedback is
 merged key by key; a key that is wrong is refused by itself.
@@ -240,7 +240,7 @@ class Conversation(Line):
     # -- who is there ----------------------------------------------------------------------------------------------
 
     def identify(self) -> None:
-        """Before a first command: feedback was seen, which nobody else sends. Raises NotIdentified, Interrupted.
+        """Before the first command: check that feedback arrived, which no other device sends. Raises NotIdentified, Interrupted.
 
         A hand that is said to answer commands only cannot be asked: what it says unasked must not speak against it.
         """
@@ -296,7 +296,7 @@ class Conversation(Line):
             raise self._silent(moving=True)
 
     def _check_sight(self, param: AidinParam) -> None:
-        """Nothing is driven on by a quantity that the hand no longer tells."""
+        """Stop driving if the hand no longer reports a quantity that is needed."""
         key = param.key
         missing = self._last - self._good.get(key, self._last) > (self._patience)  # other keys still came
         if missing or self.feedback.wrong.get(key, 0) >= CYCLES:
@@ -399,7 +399,7 @@ class Conversation(Line):
     # -- what went wrong -------------------------------------------------------------------------------------------
 
     def nothing_came(self) -> HandctlError:
-        """The error of a hand that has sent no feedback: silence, or what came instead."""
+        """The error of a hand that has sent no feedback: silence, or other data."""
         instead = self._junk or self._strange or self._decoder.pending or self._echoes
         return self._no_feedback() if instead else self._silent()
 
@@ -436,7 +436,7 @@ class Conversation(Line):
         )
 
     def _closed(self, exc: LinkError) -> HandctlError:
-        """A connection that ended before any feedback came: junk tells who it was, silence that the hand is taken."""
+        """The error of a connection that was closed before any feedback: other data shows what it was, silence that the hand is in use."""
         if self.journal.counters.received:
             return exc
         if self._junk:

@@ -1,4 +1,4 @@
-"""What recorded bytes of the AIDIN-hand mean: JSON objects in words, by its book of keys and modes.
+"""Explain recorded bytes of the AIDIN-hand: JSON objects in words, from the map of its keys and modes.
 
 Bytes in, pieces out; knows no link. The hand streams by itself; only the neutral object ``{}`` asks for something.
 """
@@ -58,7 +58,7 @@ class AidinExplainer:
         """See Explainer. Nothing in it concerns this family."""
 
     def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
-        """See Explainer. Feedback keys tell the hand, everything else the host."""
+        """See Explainer. Feedback keys come from the hand, everything else from the host."""
         device = any(f'"{key}"'.encode() in data for key in FEEDBACK_KEYS)
         direction = side or (DEVICE if device else HOST)
         return [*self.feed(direction, data), *self.flush()]

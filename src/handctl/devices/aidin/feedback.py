@@ -1,4 +1,4 @@
-"""What a hand tells: the newest value of every key, or why it was refused. Knows no bytes and no link."""
+"""Feedback of the hand: the newest value of every key, or why it was rejected. Knows no bytes and no link."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def values_of(param: AidinParam, wire: Wire) -> list[Number]:
 
 
 def named(where: str, param: AidinParam, found: Wire | ProtocolError) -> Wire | ProtocolError:
-    """What came for a key; an error says which hand, which key, and which of its elements as `get` takes them."""
+    """The received value of a key; an error names the hand, the key and the elements as `get` accepts them."""
     if isinstance(found, WrongNumbers):
         texts = (f"{Element(param, place).full_name} {exc.text}" for place, exc in found.wrong.items())
         return _spelled(where, "; ".join(texts), found)

@@ -1,4 +1,4 @@
-"""The book of the AIDIN-hand: JSON keys, their elements by finger, units, ranges, modes. Knows no bytes and no link.
+"""The map of the AIDIN-hand: JSON keys, their elements by finger, units, ranges, modes. Knows no bytes and no link.
 
 Every array is ordered thumb, index, middle, ring, little (aidin, Command keys and Feedback keys). Angles are radians on
 the wire and degrees everywhere else, as in the manual's ranges.
@@ -54,7 +54,7 @@ class AidinParam(Param):
 
     @property
     def address(self) -> str:
-        """Where it is in an object: its key."""
+        """Its key in an object."""
         return self.key
 
     @property

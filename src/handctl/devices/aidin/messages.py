@@ -41,7 +41,7 @@ Out = int | float | Sequence[int] | Sequence[float]
 
 
 class MalformedObject(ProtocolError):
-    """Bytes dropped by the decoder. `data` are they; `stray` tells that no object had begun in them."""
+    """Bytes dropped by the decoder, in `data`; `stray`: no object had begun in them."""
 
     def __init__(self, text: str, data: bytes, *, stray: bool = False) -> None:
         super().__init__(text, code="garbage" if stray else "bad-json")
@@ -72,7 +72,7 @@ def encode(fields: Mapping[str, Out]) -> bytes:
     data = b"{" + body.encode("ascii") + b"}"
     if len(data) + LONGEST_END > LARGEST_OUT:
         raise UsageError(
-            f"an object of {len(data)} bytes: the hand takes {LARGEST_OUT}",
+            f"an object of {len(data)} bytes: the hand accepts at most {LARGEST_OUT}",
             hint="send fewer keys in one object",
             code="too-long",
         )
@@ -211,7 +211,7 @@ class Decoder:
 
 
 class Twice(Exception):
-    """A key stands twice in one object: which of its values is right, nobody knows."""
+    """A key occurs twice in one object, so its value is unknown."""
 
 
 def _parse(data: bytes) -> dict[str, object] | None:

@@ -1,4 +1,4 @@
-"""Homing, the initial position, sensor bias and maximum torque of the AIDIN-hand (aidin, Modes), proved by its feedback.
+"""Homing, initial position, sensor bias and maximum torque of the AIDIN-hand (aidin, Modes), checked by its feedback.
 
 The encoders are incremental: homing makes the open position their origin, and a power cycle loses it. The hand does not
 tell whether it is homed: it sets 0 wherever a finger stands. So it counts where a motor rested before that, judged by what
@@ -107,7 +107,7 @@ class Way:
 
 
 class Travel:
-    """Looks at all encoders, each with its time."""
+    """Readings of all encoders, each with its time."""
 
     def __init__(self) -> None:
         self._looks: list[tuple[float, Counts]] = []
@@ -288,7 +288,7 @@ def _judged(hand: AidinHand, ways: list[Way], mark: int) -> Table:
 
 
 def _motors(hand: AidinHand, values: Wire) -> Table:
-    """The encoders that were told last."""
+    """The last encoder values reported."""
     return hand.table([reading(hand.link.name, element, values) for element in elements_of(MOTOR_POS)])
 
 
@@ -343,7 +343,7 @@ def _hold(hand: AidinHand, data: bytes, guide: Guide, seen: Travel, *, blind: bo
 
 
 def _origin(hand: AidinHand, data: bytes, *, blind: bool) -> tuple[int, ...]:
-    """The encoders after the hold; a hand that only answers commands has told them with its answers."""
+    """The encoders after the hold; a hand that only answers commands has sent them with its replies."""
     talk = hand.talk
     if not blind:
         found = talk.refresh((MOTOR_POS,))[MOTOR_POS.key]
@@ -369,7 +369,7 @@ def named(param: AidinParam, indices: list[int], values: tuple[Number, ...] | li
 
 
 def check_homed(hand: AidinHand, *, assume: bool) -> None:
-    """Refuse position commands to encoders outside their ranges: the hand cannot tell whether it was homed.
+    """Refuse position commands if encoders are outside their ranges, because the hand does not report whether it was homed.
 
     Raises CheckFailed; nothing has been sent then.
     """
@@ -518,7 +518,7 @@ def _look(hand: AidinHand) -> tuple[Wire, Wire]:
 
 
 def _compared(hand: AidinHand, before: Wire, earlier: Wire) -> tuple[Table, list[str]]:
-    """The sensors now beside those `before`, and which did not come nearer to 0 than noise explains."""
+    """The sensors now and `before`, and those that did not get closer to 0 than noise explains."""
     table = hand.table(hand.read(elements_of(SENSOR_STATE)))
     table.columns = (*hand.columns[:3], Column("before", "Before", right=True), *hand.columns[3:])
     worse = []

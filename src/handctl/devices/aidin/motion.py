@@ -1,4 +1,4 @@
-"""Targets of the AIDIN-hand: encoders, joints, fingertips, on a ramp and watched until they arrive; currents.
+"""Movements of the AIDIN-hand: encoders, joints and fingertips on a ramp until they reach their targets; currents.
 
 An object is sent every 20 ms; there is no acknowledge, so that feedback alone proves arrival (aidin, Modes). Currents go up a
 ramp from 0, are held, go back to 0, and stop (aidin, Modes: current control): there is no position limit, so however it ends,
@@ -125,7 +125,7 @@ def move(hand: AidinHand, goal: Goal, guide: Guide, *, assume_homed: bool, expec
 
 
 def _check_start(hand: AidinHand, target: Target, here: list[Number], *, assume: bool) -> None:
-    """Raise CheckFailed where a ramp cannot begin at what the hand tells: its first step would be a jump to a limit."""
+    """Raise CheckFailed if a ramp cannot begin at the reported positions: its first step would be a jump to a limit."""
     param, name = target.feedback, hand.link.name
     if param.angles and any(abs(value) > degrees(LARGEST_RADIAN) for value in here):
         raise CheckFailed(
@@ -183,7 +183,7 @@ def element_of(row: Row) -> str:
 
 
 def _pushing(hand: AidinHand, seen: Watch) -> dict[str, Seen]:
-    """Of elements that are off their targets: whether a motor of the same finger pushes, by the last currents that were told."""
+    """For elements that are not at their targets: whether a motor of the same finger pushes, by the last reported currents."""
     told = hand.talk.feedback
     if CURRENT.key in told.errors or CURRENT.key not in told.values:
         return {}
@@ -199,7 +199,7 @@ def _pushing(hand: AidinHand, seen: Watch) -> dict[str, Seen]:
 def mark(
     hand: AidinHand, table: Table, values: list[float], arrivals: Sequence[Arrival], expect: str = REACHED
 ) -> None:
-    """Set each row beside its target, with what became of it; what was not as expected is the table's failure."""
+    """Add target and result to each row; an unexpected result is the table's failure."""
     at = {one.goal.name: one for one in arrivals}
     for value, row in zip(values, table.rows, strict=True):
         one = at.get(element_of(row))  # q4 goes with q3
@@ -271,7 +271,7 @@ def currents(
 
 
 def _tell_stop(hand: AidinHand, stopped: Stopped) -> None:
-    """What the hand has said behind the stop."""
+    """Report the hand's feedback after the stop."""
     free = "Without power the fingers move freely. The maximum torque stays at 1000"
     if stopped.error is not None:
         hand.journal.warn("not-stopped", stopped.text, stopped.hint)
@@ -303,7 +303,7 @@ def _values(hand: AidinHand, goal: Goal, cap: float, *, blind: bool) -> list[flo
 
 
 class _Drive:
-    """Currents on their way; `at` is what the hand was told last."""
+    """A ramp of currents; `at`: the currents sent last."""
 
     def __init__(self, hand: AidinHand, goal: Goal, guide: Guide) -> None:
         self._hand = hand

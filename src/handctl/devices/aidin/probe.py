@@ -1,4 +1,4 @@
-"""Is there an AIDIN-hand? Listen, and after silence an empty object: it has no key, so it asks for nothing (dossier 6)."""
+"""Detect an AIDIN-hand: listen, and after silence send an empty object, which has no key and so commands nothing (dossier 6)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ECHOES = False
 def probe(
     link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
 ) -> list[Row]:
-    """A row with the evidence. Raises NoAnswer, ProtocolError for what came instead."""
+    """A row with the evidence. Raises NoAnswer, ProtocolError for other data."""
     talk = Conversation(link, journal, timeout=timeout, retries=0, bound=deadline)
     talk.connect()
     how = "streams" if talk.exchange is ExchangeMode.STREAM else "replies to an empty object with"

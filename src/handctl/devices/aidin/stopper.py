@@ -25,7 +25,7 @@ HINT = "watch the hand, and switch its power off if it still moves"
 
 
 def stop_talk(aim: Aim) -> Talk:
-    """The stop mode, three times, and again until the hand tells that no current flows; then what it tells behind a silence.
+    """Send the stop mode three times, then until the hand reports that no current flows; then check again after a silence.
 
     What it tells between two of our own objects shows nothing: somebody else may command currents 50 times a second.
     """
@@ -75,7 +75,7 @@ def flow(currents: Sequence[float]) -> bool:
 
 
 def _currents(decoder: Decoder, pieces: Pieces) -> list[tuple[int, ...]]:
-    """The motor currents in what came, in 0.1 %; what is damaged is passed over."""
+    """The motor currents in the received data, in 0.1 %; damaged data is skipped."""
     decoder.feed(b"".join(pieces))
     found: list[tuple[int, ...]] = []
     for content in frames_in(decoder):

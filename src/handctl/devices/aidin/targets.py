@@ -1,4 +1,4 @@
-"""What a user types as targets -> a whole vector for the wire, checked by finger (aidin, Ranges).
+"""Typed targets to a complete vector for the wire, checked for each finger (aidin, Ranges).
 
 Values are in the manual's units: counts, degrees, mm. Out of range is refused, never clamped. Knows no link.
 """

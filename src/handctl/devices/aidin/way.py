@@ -1,6 +1,6 @@
-"""How a hand speaks where the manual is silent: who begins, what asks, what ends an object (dossier 2, 6).
+"""Settings for what the manual leaves open: who sends first, what requests feedback, what ends an object (dossier 2, 6).
 
-Says nothing of bytes that come, and knows no link. The defaults find out by themselves.
+Knows no link. By default, handctl detects all of them.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ COMMANDS = frozenset(param.key.lower() for param in AIDIN if not param.readable)
 
 
 class ExchangeMode(Enum):
-    """Who speaks first."""
+    """Who sends first."""
 
     UNKNOWN = "auto"
     STREAM = "stream"
@@ -32,7 +32,7 @@ class ExchangeMode(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """What is said about a hand.
+    """How to talk to a hand.
 
     exchange  UNKNOWN = listen, then ask
     poll      the object that asks for feedback and commands nothing, without its terminator

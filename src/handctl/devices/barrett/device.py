@@ -64,7 +64,7 @@ class BarrettHand(Device):
         return super().stop(powered=True)
 
     def stop(self, *, powered: bool = False) -> Stopped:
-        """See Device. Where the motors keep their power, it tells where they stand."""
+        """See Device. If the motors keep their power, it also reports their positions."""
         stopped = super().stop(powered=powered)
         if stopped.error is not None or not powered:
             return stopped
@@ -165,7 +165,7 @@ class BarrettHand(Device):
         return [int(reading.value or 0) for reading in found]
 
     def by_name(self, *names: str, motors: Collection[int] = range(4)) -> dict[tuple[str, str | None], int]:
-        """Values by mnemonic and motor; what they tell of the hand itself is kept. Raises why one could not be read."""
+        """Values by mnemonic and motor; facts about the hand itself are kept. Raises the error if one cannot be read."""
         found: dict[tuple[str, str | None], int] = {}
         for reading in self.read(BARRETT.elements(*names, motors=motors)):
             if reading.error is not None:
@@ -241,7 +241,7 @@ class BarrettHand(Device):
         return [_step(text) for text, _ in self._commands(changes)]
 
     def _commands(self, changes: Changes) -> list[tuple[str, Changes]]:
-        """The lines that write `changes`, each with those that stand in it, in their order."""
+        """The lines that write `changes`, each with its changes, in order."""
         same: dict[tuple[str, Number], list[tuple[Element, Number]]] = {}
         for change in sorted(changes, key=_is_speed):
             same.setdefault((gcl_name(change[0]), change[1]), []).append(change)
@@ -305,7 +305,7 @@ class BarrettHand(Device):
             raise error
 
     def _read_back(self, changes: Changes, commands: Sequence[tuple[str, Changes]]) -> list[Reading]:
-        """What the hand holds now. Raises CheckFailed where it is not what `commands` wrote."""
+        """Read the values back. Raises CheckFailed if they are not what `commands` wrote."""
         readings = self.read([element for element, _ in changes])
         now = {reading.element.full_name: reading.value for reading in readings}
         for command, mine in commands:

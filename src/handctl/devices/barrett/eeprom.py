@@ -1,4 +1,4 @@
-"""FSAVE and PSAVE: at most 5,000 in the life of a hand, so they are compared first and counted (barrett §5.2.2, §5.2.3).
+"""FSAVE and PSAVE: the EEPROM is rated for 5,000, so values are compared first and saves are counted (barrett §5.2.2, §5.2.3).
 
 The hand does not tell how often it was saved. handctl keeps its own journal per serial number, below the user's state
 folder; saves made by other programs are not in it.
@@ -126,7 +126,7 @@ class Ledger:
         _count(self._hand, self._journal, self._key, now)
 
     def count_unknown(self) -> None:
-        """Count one save of values that nobody knows any more: the next save writes everything."""
+        """Count one save of unknown values: the next save writes everything."""
         _count(self._hand, self._journal, self._key, {})
 
 

@@ -1,4 +1,4 @@
-"""What recorded bytes of the BarrettHand mean: GCL lines, RealTime blocks and the boot monitor's records in words.
+"""Explain recorded bytes of the BarrettHand: GCL lines, RealTime blocks and the boot monitor's records.
 
 Bytes in, pieces out; knows no link. Three languages share the line: which one is spoken follows from the conversation
 (LOOP was acknowledged; "X" was answered by ":"). The layout of RealTime blocks follows from the flags that were read or
@@ -223,7 +223,7 @@ class BarrettExplainer:
         return piece
 
     def _unasked(self, came: bytes) -> Piece | None:
-        """A prompt by itself: at power-on, behind a reset, or the blank that a prompt was cut off from."""
+        """A prompt alone: at power-on, after a reset, or the blank of a prompt that was cut off."""
         if came == b" ":
             return self._take(_piece(DEVICE, came, "the space of the prompt"))
         end = came.find(b"=>")
@@ -251,7 +251,7 @@ class BarrettExplainer:
         )  # fmt: skip
 
     def _entered(self, came: bytes, asked: Asked, place: int) -> list[Piece]:
-        """The echo of LOOP with the acknowledgement right behind it (barrett §6.1)."""
+        """The echo of LOOP with the acknowledgement right after it (barrett §6.1)."""
         sent = asked.command.upper().encode("ascii", "replace")
         start = came.upper().find(sent)
         if start < 0 or came[start + len(sent) : start + len(sent) + 1] != b"*":
@@ -285,7 +285,7 @@ def _piece(direction: str, raw: bytes, meaning: str, **more: object) -> Piece:
 
 
 def _changes_speed(command: str, came: bytes) -> bool:
-    """Whether `came` is the echo of a command behind which the port's speed was changed (dossier 1.2)."""
+    """Whether `came` is the echo of a command after which the port's baud rate was changed (dossier 1.2)."""
     return came.upper() == command.upper().encode("ascii", "replace") and "BAUD" in command.upper().split()
 
 

@@ -1,4 +1,4 @@
-"""Small files of this machine about hands, below the user's state folder: JSON objects, read whole, written whole.
+"""Small JSON files about hands in the user's state folder: last baud rate, EEPROM saves, greasing.
 
 A hand keeps no record of its care; the host does, per serial number. And the speed at which each port's hand was found
 last: it saves the search, and nothing depends on it: a file that cannot be read or written is as good as none.

@@ -1,4 +1,4 @@
-"""The parameter map of the BarrettHand: mnemonic, name, range, defaults, what to be careful about (barrett §5.3, §5.4).
+"""The parameter map of the BarrettHand: mnemonic, name, range, defaults, precautions (barrett §5.3, §5.4).
 
 Values are the hand's own integers; the unit says what one count is. And what else is so of every hand. Knows no wire.
 """

@@ -1,4 +1,4 @@
-"""Movements: send one, wait for its prompt, tell per motor how it ended (barrett §5.2.1, §5.5).
+"""Movements: send one, wait for its prompt, report how it ended for each motor (barrett §5.2.1, §5.5).
 
 A supervisory movement blocks the line: no position can be read while it runs. ^C ends it.
 """

@@ -1,4 +1,4 @@
-"""Is there a BarrettHand? The question of a connect asks for its prompt, then its serial number is read (barrett §5.1.1).
+"""Detect a BarrettHand: ask for its prompt, then read its serial number (barrett §5.1.1).
 
 It moves nothing, ends no movement and is no command: an empty line with a mark. Other prompts look alike: only an answer
 to PGET SN counts. A hand in its boot monitor is told and left alone.
@@ -37,7 +37,7 @@ MOST = 256
 def probe(
     link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
 ) -> list[Row]:
-    """A row with the evidence. Raises NoAnswer, ProtocolError for what came instead."""
+    """A row with the evidence. Raises NoAnswer, ProtocolError for other data."""
     waiting = _until_prompt(link, link.deadline(0))
     if seen_in(waiting, b"") == connecting.COLON:
         raise _monitor(link, "a ':' arrived without a request")

@@ -34,7 +34,7 @@ OFF = "switch the power supply off if the hand still moves"
 
 
 class Turn(NamedTuple):
-    """What was tried at one speed, None where the link has none, and what came."""
+    """The attempt at one baud rate (None if the link has none), and its reply."""
 
     speed: int | None
     answer: Answer | None
@@ -49,7 +49,7 @@ def stop_talk(aim: Aim) -> Talk:
 
 
 def power_off(aim: Aim, prefix: str = "") -> Talk:
-    """^C, which stops all motors, then T for the motors of `prefix` ("" = all); what is said behind a silence tells of others.
+    """^C, which stops all motors, then T for the motors of `prefix` ("" = all); data after a silence shows another program.
 
     Where the motors are to stay `powered`, T goes out only when ^C brings no prompt.
     """

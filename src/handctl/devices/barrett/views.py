@@ -1,4 +1,4 @@
-"""What the BarrettHand's values mean to people: in words, as findings, as tables. Pure; sends nothing.
+"""Values of the BarrettHand for people: words, findings, tables. Pure; sends nothing.
 
 And what must hold for a value to mean what it seems to: initialized, a gauge, a firmware that has it.
 """
@@ -74,7 +74,7 @@ def audit(rows: Sequence[Row]) -> list[str]:
 
 
 def unhealthy(rows: Sequence[Row]) -> list[str]:
-    """What a technician must look at. A hand that only waits for HI (status 4) is healthy."""
+    """Findings. A hand that only waits for HI (status 4) is healthy."""
     found = []
     at = {(row["parameter"], row["motor"]): row.get("value") for row in rows}
     for motor in MOTORS:
@@ -141,7 +141,7 @@ def _parameter_grid(rows: list[Row], names: list[str]) -> Grid:
 
 
 def _unit(row: Row) -> str:
-    """The unit behind a value of the hand; what the view shows in degrees has none of its own."""
+    """The unit of a value of the hand; values shown in degrees have none."""
     return "" if row["unit"] == TENTHS else str(row["unit"] or "")
 
 
@@ -215,14 +215,14 @@ def status_view(rows: list[Row]) -> list[Grid]:
 
 
 def row_of(name: str, parameter: str | None, motor: str | None, value: object, unit: str | None, **more: object) -> Row:
-    """A row as `get` has it, and what else is told of it."""
+    """A row as in `get`, with additional keys."""
     return {"name": name, "parameter": parameter, "motor": motor, "value": value, "unit": unit, **more}
 
 
 def live(
     hand: Device, read: Callable[[], list[Row]], *, rate: float, count: int | None, duration: float | None, **shown: Any
 ) -> Table:
-    """`read` again and again; a moment without a valid answer repeats the last rows with the error as value."""
+    """Call `read` as a stream; a sample without a valid reply repeats the last rows with the error as value."""
     from handctl.model.sampling import Sampler
 
     rows: list[Row] = []
@@ -250,7 +250,7 @@ FIRST = {"4.34": (4, 3, 4), "4.4": (4, 4, 0)}
 
 
 def mark_not_homed(rows: Sequence[Row]) -> None:
-    """Say of each position whose motor's status stands beside it whether it means anything."""
+    """Mark positions that are not valid, by the status of their motors in the same table."""
     status = {row["motor"]: row.get("value") for row in rows if row.get("parameter") == "S"}
     for row in rows:
         code = status.get(row["motor"]) if row.get("parameter") == "P" and "value" in row else None

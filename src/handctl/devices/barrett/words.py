@@ -1,4 +1,4 @@
-"""What the frames of the BarrettHand's three languages say. Pieces and words; knows no wire.
+"""Explain the frames of the BarrettHand's three protocols in words. Knows no wire.
 
 GCL (barrett §5): what a command line asks for, what its answer says. RealTime (§6): the flags that shape the blocks, control
 blocks, feedback blocks, the way out. The boot monitor (dossier 7.2): records from the host, their echoes from the monitor:
@@ -178,7 +178,7 @@ LONGEST_ERROR = 64
 
 
 class Flags:
-    """The flags as the conversation told them so far."""
+    """The flags as far as the recording shows them."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[str, str], int] = {}
@@ -384,7 +384,7 @@ class LoopWords:
 
 
 def _behind(data: bytes, end: int) -> int:
-    """Behind the prompt, with its blank if that has come."""
+    """The position after the prompt, with its blank if that has arrived."""
     return end + 3 if data[end + 2 : end + 3] == b" " else end + 2
 
 
@@ -438,7 +438,7 @@ def _whole(data: bytes) -> int:
 
 
 class MonitorWords:
-    """One download. A record is told once it is whole, its echo once every byte came back.
+    """One download. A record is explained once it is complete, its echo once every byte has come back.
 
     Whether the monitor echoes the triggers too is found out with the first echo.
     """
@@ -491,7 +491,7 @@ class MonitorWords:
         return pieces, b""
 
     def device(self, data: bytes) -> list[Piece]:
-        """Echoes. One that differs is told with what was sent."""
+        """Echoes. One that differs is explained together with the byte sent."""
         pieces: list[Piece] = []
         for byte in data:
             self._decide(byte)
@@ -531,11 +531,11 @@ class MonitorWords:
         return [Piece(direction=DEVICE, raw=raw, meaning=text, answers=key)]
 
     def _odd(self, byte: int, text: str) -> list[Piece]:
-        """A byte that is no echo; the record's echo can no longer be told whole."""
+        """A byte that is not an echo; the record's echo can no longer be complete."""
         return [*self._told(), Piece(direction=DEVICE, raw=bytes([byte]), meaning=text, problem="wrong-echo")]
 
     def _told(self) -> list[Piece]:
-        """The echoes so far, before something else is told."""
+        """The echoes so far, before something else is explained."""
         raw = bytes(self._back)
         self._back.clear()
         if raw and self._ends:

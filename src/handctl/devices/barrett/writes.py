@@ -1,4 +1,4 @@
-"""Which bytes write to a BarrettHand, what acknowledges them, what to read when nothing does (see `ledger`).
+"""Which bytes write to a BarrettHand, what acknowledges them, and what to read if nothing does (see `ledger`).
 
 A line is acknowledged by its echo and the prompt behind it, refused by ERR n (barrett §5.1.3). What is no query writes.
 In RealTime every block with values is a command, and the loop itself tells which blocks the hand answered. ^C counts where
@@ -96,7 +96,7 @@ class BarrettWrites:
         return (Frame(data, ABORT, data, group="^C", unasked=not moving),)
 
     def _entered(self, data: bytes) -> Iterable[tuple[Hashable, bool]]:
-        """The answer to LOOP: * behind the echo, or ERR and the prompt."""
+        """The reply to LOOP: * after the echo, or ERR and the prompt."""
         self._tail = (self._tail + data)[-LONGEST:]
         size = len(self._echo)
         if self._tail[:size].upper() == self._echo and self._tail[size : size + 1] == bytes([ACKNOWLEDGE]):

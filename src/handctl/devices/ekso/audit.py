@@ -91,7 +91,7 @@ class AuditLog:
             ) from exc
 
     def unfinished(self) -> dict[str, Any] | None:
-        """The intent that the log ends with: a write whose result nobody noted. None when there is none."""
+        """The intent at the end of the log: a write without a result. None if there is none."""
         try:
             lines = self.tail()
         except OutputError:
@@ -219,7 +219,7 @@ class Checked(NamedTuple):
 
 
 def linked(entry: bytes, before: str) -> bytes:
-    """A JSON object as the line of an entry behind `before`."""
+    """A JSON object as the line of an entry after `before`."""
     return entry[:-1] + b', "chain": "' + _digest(before.encode() + entry).encode() + b'"}'
 
 
@@ -275,7 +275,7 @@ def told(checked: Checked) -> Iterator[str]:
 
 
 def _link(line: bytes) -> str | None:
-    """What the entry behind this line builds on; None for a line that is no whole entry."""
+    """The link for the entry after this line; None if the line is not a complete entry."""
     found = _LINK.search(line)
     if found is not None:
         return found[1].decode()

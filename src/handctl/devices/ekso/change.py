@@ -1,4 +1,4 @@
-"""A change of one setting: its limits, whether the wearer keeps still for it, and what came of it. Knows no link.
+"""A change of one setting: its limits, whether the device stands still for it, and its result. Knows no link.
 
 The limits are this tool's policy (`ekso policy` shows them), never those of the device.
 """
@@ -69,7 +69,7 @@ class Change(NamedTuple):
         return [Change(self.param, *pair) for pair in pairwise(places)]
 
     def check_code(self) -> None:
-        """Raise UsageError for a code that nobody knows."""
+        """Raise UsageError for an unknown code."""
         if self.param.choices and self.new not in self.param.choices:
             text = f"{self.text}: this code is not documented, so handctl does not write it"
             raise gates.refusal(gates.LISTED, text, NOTHING_SENT)
@@ -158,7 +158,7 @@ STILL: Mapping[str, Callable[[Looks], str | None]] = {
 
 
 def moving(first: Sequence[int], second: Sequence[int], span: Span, sitting: Sequence[Word] = ()) -> str | None:
-    """Why two GetData that are `span` apart are not those of somebody who sits or stands still; None when they are.
+    """Why two GetData `span` apart show that the wearer moves; None if they show a wearer who sits or stands still.
 
     `sitting` are settings that are written only while sitting.
     """

@@ -1,4 +1,4 @@
-"""The line to an EksoNR: one request, one answer, a deadline on everything; reads are repeated, writes never (ekso §6).
+"""The line to an EksoNR: one request, one reply, a deadline for each; reads are retried, writes never (ekso §6).
 
 `DataPort` speaks in frames and words; what the words mean is not known here. What is not the answer is dropped and
 counted.
@@ -56,7 +56,7 @@ class Counts:
 
 @dataclass(slots=True)
 class Attempt:
-    """What came while one answer was waited for; `sent_before` requests of ours went before it."""
+    """Data received while waiting for one reply; `sent_before` requests of ours were sent before it."""
 
     request: bytes
     sent_before: int

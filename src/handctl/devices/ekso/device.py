@@ -1,4 +1,4 @@
-"""What an EksoNR can tell and be told through its DataPort, and how people see it; returns Tables. See `model.device`.
+"""The EksoNR: reading and writing through its DataPort, and its tables. See `model.device`.
 
 Knows words and names, no bytes: those are the port's.
 """
@@ -148,7 +148,7 @@ class Ekso(Device):
         return self._port
 
     def identity(self) -> dict[str, object]:
-        """What tells one unit from another: the protocol has no serial number; the pilot's is personal and stays out."""
+        """The identity of a unit: the protocol has no serial number, and the pilot's number is personal and left out."""
         return {"kind": self.kind, "serial_number": None}
 
     # -- reading -------------------------------------------------------------------------------------------------
@@ -262,7 +262,7 @@ class Ekso(Device):
         return Table(rows=rows, columns=columns, view=dump_view, failure=failure)
 
     def status(self, check: bool) -> Table:
-        """What to look at first; with `check`, findings are exit 7."""
+        """The health summary; with `check`, findings give exit code 7."""
         from handctl.devices.ekso.status import status
 
         return status(self, check)

@@ -1,4 +1,4 @@
-"""What recorded bytes of the EksoNR DataPort mean: frames in words, by the words of its messages (ekso §6).
+"""Explain recorded bytes of the EksoNR DataPort (ekso §6).
 
 Bytes in, pieces out; knows no link. There is no start byte: a frame is where a command, a length that it may have and a
 fitting CRC stand. Both directions have the same shape; the size of the body tells a request from its answer.
@@ -51,7 +51,7 @@ class EksoExplainer(Cutter):
         return first
 
     def _at(self, buffer: bytearray, place: int, side: str) -> Cut | None:
-        """What stands at `place`: a frame, one with a wrong CRC or length, a beginning ("waiting"), or nothing."""
+        """The data at `place`: a frame, one with a wrong CRC or length, an incomplete one ("waiting"), or nothing."""
         if buffer[place] not in EXCHANGES:
             return None
         view = bytes(buffer[place : place + LONGEST])

@@ -60,7 +60,7 @@ class Exchange(NamedTuple):
 
     @property
     def writes(self) -> bool:
-        """Whether it changes something: whatever tells nothing but a status, and whatever nobody knows."""
+        """Whether it changes something: commands that return only a status, and unknown ones."""
         return not self.words
 
 
@@ -218,7 +218,6 @@ class Decoder:
         self._expected = key_of(request)
 
     def feed(self, data: bytes) -> None:
-        """Add received bytes."""
         self._buffer += data
 
     @property
@@ -272,7 +271,7 @@ class Decoder:
         return len(self._buffer) >= at + 4 and key_of(bytes(self._buffer[at : at + 4])) == self._expected
 
     def _look(self, at: int) -> Frame | ProtocolError | bool:
-        """What stands at `at`: a frame, a broken answer, something that may still become one (True), nothing (False)."""
+        """The data at `at`: a frame, a damaged reply, a possible beginning (True), or nothing (False)."""
         sizes = EXCHANGES[self._buffer[at]].answers
         view = bytes(self._buffer[at : at + OVERHEAD + max(sizes) + 6])
         if len(view) < 4:

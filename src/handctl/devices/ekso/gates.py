@@ -1,4 +1,4 @@
-"""What must hold before one SetValue goes out, as one table in the order in which it is asked; the writer runs on it.
+"""All checks before a SetValue is sent, as one table in the order in which the writer runs them.
 
 Limits stand with the words (`map`) and in `ekso policy`. All of it is this tool's policy but what the ParameterID table of the
 manual says. Knows no bytes and no link; sans I/O. `dossier` in a source is the protocol dossier, `ekso` the manual.

@@ -1,4 +1,4 @@
-"""An EksoNR as a recording sees it: GetData for each row, GetFeedback once a second, GetSettings at both ends (manual §6).
+"""An EksoNR as the source of a recording: GetData for each row, GetFeedback once a second, GetSettings at both ends (manual §6).
 
 One row per good GetData. The quantities come from the map; only the two words that make BootTime and the one that is also told
 in words are named here.
@@ -43,7 +43,7 @@ class EksoSource(Source):
         return Sample(self._port.moment, words, boot_ms(words))
 
     def settings(self) -> dict[str, dict[str, Any]]:
-        """The 22 words of GetSettings, raw and scaled; the wearer's number only where it is wanted."""
+        """The 22 words of GetSettings, raw and scaled; the wearer's number only on request."""
         return {
             param.name: {
                 "raw": raw,
@@ -63,7 +63,7 @@ class EksoSource(Source):
         }
 
     def _device_time(self) -> dict[str, Any] | None:
-        """The device's clock beside the host's own time of day; None when it does not tell."""
+        """The device's clock next to the host's time of day; None if it does not report it."""
         from datetime import datetime
 
         with suppress(NoAnswer, ProtocolError, ValueError):

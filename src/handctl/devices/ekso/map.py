@@ -103,7 +103,7 @@ class Word(Param):
         return self.from_raw(self.raw_of(word))
 
     def label(self, value: Number) -> str | None:
-        """A code in words, ``unknown (17)`` for one nobody knows; bits in hex."""
+        """A code in words, ``unknown (17)`` for an unknown one; bits in hex."""
         if self.name == "state":
             return state_text(int(value))
         if self.hex:
@@ -123,7 +123,7 @@ class Word(Param):
         return str(self.choices[value]) if value in self.choices else self.text(value)
 
     def check(self, value: Number, where: str = "") -> None:
-        """Raise UsageError when `value` does not fit the wire type; a code may be one that nobody knows."""
+        """Raise UsageError if `value` does not fit the wire type; an unknown code is allowed."""
         if not self.choices:
             Param.check(self, value, where)
         if self.from_raw(self.to_raw(value)) != value or (self.choices and not 0 <= value <= 0xFFFF):

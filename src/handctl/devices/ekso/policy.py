@@ -46,7 +46,7 @@ MOST_TOLD = 3
 
 
 def look_through(audit: AuditLog, journal: Journal) -> CheckFailed | None:
-    """Whether the audit log is as it was written, told as a note, or as the failure. Raises UsageError."""
+    """Check the audit log: a note if it is unchanged, otherwise the failure. Raises UsageError."""
     checked = audit.checked(whole=True)
     if checked.findings and not checked.chained + checked.unchained:
         raise UsageError(

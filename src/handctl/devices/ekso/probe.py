@@ -1,4 +1,4 @@
-"""Is there an EksoNR? GetTime, the shortest read, with a checked CRC and our own msgID in its answer (ekso §6). Read-only."""
+"""Detect an EksoNR: GetTime, the shortest read, with a valid CRC and our msgID in the reply (ekso §6). Read-only."""
 
 from __future__ import annotations
 

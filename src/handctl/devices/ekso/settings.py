@@ -137,7 +137,7 @@ class Writer:
             self._ask(f"{change.text}: this changes how the device drives. Really", "yes")
 
     def _write_one(self, change: Change, shown: Raws) -> Raws:
-        """One step, alone: from the look at the last writes until its result is noted no other handctl may write."""
+        """One step, exclusively: no other handctl may write between reading the last writes and recording the result."""
         begun = self.port.link.now()
         while True:
             with self.audit.alone():
@@ -269,7 +269,7 @@ class Writer:
         return after
 
     def _still(self, changes: Sequence[Change], _shown: Raws) -> None:
-        """Two looks at least 100 ms apart. Raises CheckFailed naming the condition that fails."""
+        """Read twice, at least 100 ms apart. Raises CheckFailed naming the condition that fails."""
         port, sitting = self.port, [change.param for change in changes if change.param.sitting]
         first, moment = port.read(Command.GET_DATA).words, port.moment
         port.link.sleep(APART)
@@ -295,7 +295,7 @@ class Writer:
         self.audit.record(event, self.port.link.now(), **said, override=self.override, **more)
 
     def _result(self, change: Change, answer: Frame | None, after: Raws | None, verdict: str) -> OutputError | None:
-        """Note what came of it; returned is why that failed, which must not hide what came of it. Nor must a Ctrl-C."""
+        """Record the result. Returns the error of the log, if any; neither that nor Ctrl-C may hide the result."""
         failure: OutputError | None = None
         said = (
             {"answer": hex_bytes(answer.data), "status": answer.status}

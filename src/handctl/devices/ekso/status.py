@@ -1,4 +1,4 @@
-"""`ekso status`: posture, joints, feet, currents, clocks, and whether what the device says fits together.
+"""`ekso status`: posture, joints, feet, currents, clocks, and whether the values are consistent.
 
 The limits are this tool's policy, not the device's.
 """
@@ -28,7 +28,7 @@ CLOCK_SECONDS = 60.0
 
 
 def status(ekso: Ekso, check: bool) -> Table:
-    """Two looks at the data, settings, feedback, clock. Raises what went wrong when the data cannot be read."""
+    """Read data twice, settings, feedback and clock. Raises the error if the data cannot be read."""
     first, moment = ekso.readings("data"), ekso.port.moment
     ekso.link.sleep(APART)
     second, later = ekso.readings("data"), ekso.port.moment
@@ -74,7 +74,7 @@ def _row(name: str, value: int | float | str | None, raw: int | None, unit: str 
 
 
 def _boot(passed: int, span: Span, data: int, feedback: int) -> list[str]:
-    """BootTime runs with the host, and both messages tell the same."""
+    """Check that BootTime runs like the host's clock, and is the same in both messages."""
     found = []
     if passed == 0:
         found.append("BootTime does not advance, so the values are not fresh")
@@ -116,7 +116,7 @@ def unfit(data: dict[str, float], settings: dict[str, float]) -> list[str]:
 
 
 def _remarks(data: list[Reading], settings: list[Reading]) -> list[str]:
-    """What is worth knowing and no fault: codes nobody knows, an unknown posture, modes that stand out."""
+    """Remarks that are no faults: unknown codes, an unknown posture, unusual modes."""
     found = []
     for reading in settings:
         param = reading.element.param

@@ -1,4 +1,4 @@
-"""The nearest thing to a stop that the EksoNR's DataPort has: CancelAction (ekso §6). What it cancels is not documented."""
+"""The closest to a stop that the EksoNR's DataPort has: CancelAction (ekso §6). Its effect is not documented."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HINT = "use the device's own controls, and stay with the wearer"
 
 
 def stop_talk(aim: Aim) -> Talk:
-    """CancelAction, again until it is answered. Nothing tells what it cancelled, so nothing is looked at behind it."""
+    """Send CancelAction until it is answered. The device does not report what it cancelled, so nothing is checked afterwards."""
     mode = str(aim.settings.own.get("length_mode", "body"))
     request = encode(Command.CANCEL_ACTION, MSG_ID, cancel_body(), "body" if mode == "auto" else mode)
     step = Step("CancelAction: cancel the running action", request, moves=True)

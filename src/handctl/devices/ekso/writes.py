@@ -1,4 +1,4 @@
-"""Which bytes write to an EksoNR, what acknowledges them, what to read when nothing does (see `ledger`).
+"""Which bytes write to an EksoNR, what acknowledges them, and what to read if nothing does (see `ledger`).
 
 The answer repeats command and msgID; its status word says accepted (0) or why not (ekso §6). A bare acknowledgement,
 which may be an echo, proves nothing.

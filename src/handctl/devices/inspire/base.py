@@ -1,4 +1,4 @@
-"""A device of registers: reading, writing and reading back by name, over either wire. Knows no particular device.
+"""A device with registers: read, write and read back by name, over any wire. Knows no particular device.
 
 Everything is checked against the map before a byte is sent; a write is sent once, and the read-back decides.
 
@@ -185,7 +185,7 @@ class RegisterDevice(Device):
         """Whether this command has set something going: a stop is for that, whichever write it meets."""
 
     def identity(self) -> dict[str, object]:
-        """What tells this device from another. The manuals document no serial number, model or firmware register."""
+        """The identity of this device. The manuals document no serial number, model or firmware register."""
         return {"kind": self.kind, "id": self.bus.id}
 
     def identify(self) -> None:
@@ -199,7 +199,7 @@ class RegisterDevice(Device):
         return ask()
 
     def meet(self, *, keeps: bool = True) -> None:
-        """Look closer who is there before a question is put; with `keeps` before what lasts is written. Raises as `identify` does."""
+        """Identify the device more closely before asking the user; `keeps`: before a permanent write. Raises as `identify` does."""
 
     def will_move(self) -> None:
         super().will_move()
@@ -347,7 +347,7 @@ class RegisterDevice(Device):
     def moved(
         self, this: Movement, start: Callable[[], object], guide: Guide, *, wait: float, expect: str
     ) -> tuple[Table, list[Arrival]]:
-        """Start a movement, and watch until all stands still or `wait` seconds have passed; the death of this process and Ctrl-C stop it.
+        """Start a movement and watch until it has ended or `wait` seconds have passed. Ctrl-C and the death of this process stop it.
 
         Rows have the target and what became of it; what was not as expected is the table's failure.
         """

@@ -1,4 +1,4 @@
-"""Register access over the serial wire: one question, one answer, a deadline, retries for reads only.
+"""Register access over the serial wire: one request, one reply, a deadline, retries for reads only.
 
 `read(address, n)` and `write(address, data)`; what the bytes mean is not known here.
 """
@@ -194,12 +194,12 @@ class Bus(ByteBus):
         return bool(self._met) or self._quiet(request)
 
     def _quiet(self, request: bytes) -> bool:
-        """Whether a stranger on this line would not act upon it. What a recording plays is no stranger."""
+        """Whether no other device on this line would act on it. A recording has no other devices."""
         link = self.link
         return link.replayed or harmless(request, link.baud if link.can_set_baud else None)
 
     def _ask_quietly(self, device_id: int, retries: int | None) -> None:
-        """Before a question upon which a stranger would act: one upon which none does. Raises as `read` does."""
+        """Before a request that another device could act on, send one that none acts on. Raises as `read` does."""
         span = question(device_id, self.read_flag)
         if self._quiet(eb90.read_request(device_id, *span, self.read_flag)):
             self.read(*span, device_id=device_id, retries=retries)
@@ -219,7 +219,7 @@ class Bus(ByteBus):
         if ack.data != bytes([eb90.ACCEPTED]):
             raise DeviceRefused(
                 f"{self.where}: the device answered {hex_bytes(ack.data)} instead of 01 to the write at {address}",
-                hint="read the value before you write again: the device did not take it. The manual does not explain any other reply",
+                hint="read the value before you write again: the device did not accept it. The manual does not explain any other reply",
             )
 
     def write_step(self, address: int, data: bytes, meaning: str) -> Step:
@@ -282,7 +282,7 @@ class Bus(ByteBus):
         return frame, bytes(received), pieces
 
     def _let_speak(self) -> None:
-        """Wait until nobody speaks: on two wires a request into somebody's frame destroys both."""
+        """Wait until the line is idle: on two wires, a request sent into another frame destroys both."""
         end = self.deadline(SPEAKS_SECONDS)
         while not end.expired and (stray := self.link.read(self.link.deadline(PAUSE_SECONDS).earlier(end))):
             self.journal.counters.stray_bytes += len(stray)
@@ -307,7 +307,7 @@ class Bus(ByteBus):
         self.link.write(data, deadline or self.deadline(self.wire_seconds(len(data)) + self.timeout))
 
     def _ahead(self, request: bytes) -> bytes:
-        """What goes ahead of a question as long as nobody has answered: a stranger may hear it at another speed."""
+        """Bytes sent before a request until a device has replied: another device may hear it at a different baud rate."""
         link = self.link
         if self._met or not link.can_set_baud or not eb90.only_reads(request):
             return b""
@@ -380,5 +380,5 @@ class Bus(ByteBus):
 
 
 def _begins_request(stray: bytes) -> bool:
-    """Whether somebody else has begun to ask in these bytes."""
+    """Whether these bytes contain the beginning of another program's request."""
     return eb90.HOST in stray or stray[-1:] == eb90.HOST[:1]

@@ -79,7 +79,7 @@ class CanBus(RegisterBus):
         return Step(meaning, payload, can_id=identifier)
 
     def drain(self) -> None:
-        """Pass over what waits in the input: late answers belong to nobody, the rest to others."""
+        """Discard waiting input: late replies and traffic of others."""
         now = self.link.deadline(0)
         for _ in range(4096):
             frame = self.receive(now)
@@ -158,7 +158,7 @@ class CanBus(RegisterBus):
         return self.silence(request, errors, self.timeout, since, hint)
 
     def mishap(self, request: CanFrame, odd: Sequence[CanFrame]) -> ProtocolError:
-        """The error of what came to the same flag and address, and is no answer."""
+        """The error for a frame with the same flag and address that is not a reply."""
         others = [frame for frame in odd if frame != request]
         if not others:
             code, text = "echo", f"only our own frame came back: {request}"

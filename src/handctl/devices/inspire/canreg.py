@@ -38,7 +38,6 @@ class Access(NamedTuple):
 
     @property
     def identifier(self) -> int:
-        """The 29-bit identifier."""
         return self.flag << 26 | self.address << 14 | self.hand_id
 
 

@@ -70,7 +70,7 @@ class Frame(NamedTuple):
         return self.payload[2:]
 
     def encode(self) -> bytes:
-        """The frame as it stands on the wire."""
+        """The frame as bytes on the wire."""
         body = bytes([self.id, len(self.payload) + 1, self.flag]) + self.payload
         return self.header + body + bytes([checksum(body)])
 
@@ -177,7 +177,6 @@ class Stream:
         self.skipped = 0
 
     def feed(self, data: bytes) -> None:
-        """Add received bytes."""
         self._buffer += data
 
     def rest(self) -> bytes:
@@ -293,7 +292,7 @@ class _Known(NamedTuple):
 
 
 def sign(data: bytes) -> str:
-    """What in `data` shows a device of this maker: a whole frame of its own. Which device, its bytes do not tell."""
+    """Evidence in `data` for a device of this maker: a complete frame. The bytes do not show which device."""
     decoder = Decoder([DEVICE])
     decoder.feed(data)
     found = decoder.finish()

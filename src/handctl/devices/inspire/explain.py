@@ -1,4 +1,4 @@
-"""What recorded bytes of the Inspire family mean: EB 90, CAN and Modbus frames in words, by the map of their device.
+"""Explain recorded bytes of the Inspire family: EB 90, CAN and Modbus frames, with the map of their device.
 
 Bytes in, pieces out; knows no link. The wrist's registers are reached through flags 30 and 31 (CAN 4 and 5), a hand's
 through 11 and 12 (CAN 0 and 1): what lies in the other space has no names here. Which of two protocols on one pair a
@@ -663,7 +663,7 @@ def _annotated(piece: Piece, explained: str | None) -> Piece:
 
 
 def _header(buffer: bytearray, start: int) -> int:
-    """Where a header stands from `start` on, len(buffer) if nowhere."""
+    """The position of the next header from `start` on, len(buffer) if there is none."""
     places = [place for place in (buffer.find(eb90.HOST, start), buffer.find(eb90.DEVICE, start)) if place >= 0]
     return min(places, default=len(buffer))
 

@@ -1,4 +1,4 @@
-"""Who answers: an EH55BF1, a wrist module, or a hand of the same maker. Read-only (inspire §4.15, rh56 §1.1).
+"""Identify the device: an EH55BF1, a wrist module, or a hand of the same maker. Read-only (inspire §4.15, rh56 §1.1).
 
 One frame is spoken by all of them, and the same bytes mean another thing to each: before the first frame of a command
 that is no read, a gate asks. What is read is judged by itself where it can be, else by one question more, once a session.
@@ -165,7 +165,7 @@ SIX_HINT = "use `handctl hand` for the hand itself, `handctl wrist` for a wrist 
 
 
 class Look:
-    """One look at the id of `bus`: asks the family's own question first, then what would speak against it.
+    """One identity check of the id of `bus`: the family's own request first, then requests that could contradict it.
 
     held  what was read there already, in its own space: that is not asked for again; None = nothing
     """
@@ -203,7 +203,7 @@ class Look:
             return None
 
     def who(self, own: Kind) -> Kind:
-        """The kind of device. Raises NoAnswer, ProtocolError where nobody answers as one of these does, LinkError."""
+        """The kind of device. Raises NoAnswer, ProtocolError without a valid reply of one of these, LinkError."""
         wrist, states, more = TABLE[:1], TABLE[1:3], TABLE[3:]
         if own in (F1_HAND, DG2_HAND) and (kind := self._try([sign for sign in TABLE if sign.kind is own])):
             return kind
@@ -294,7 +294,7 @@ class Look:
         return data
 
     def _again(self, space: str, span: Span) -> bytes | None:
-        """Once more, with the patience of any read: somebody may have answered what only a sibling answers."""
+        """Try again with the timeout and retries of any read: a device may have replied to a request that only a sibling answers."""
         try:
             return self._bus.at(space).read(*span)
         except (NoAnswer, ProtocolError, DeviceRefused) as exc:
@@ -337,7 +337,7 @@ def within(blocks: Collection[tuple[int, bytes | None]]) -> At:
 
 
 class FamilyGate(Gate):
-    """Lets frames that are no reads pass after one look at who is there; `own` is the family that was typed."""
+    """The gate before frames that are not reads: one identity check. `own` is the family that was typed."""
 
     def __init__(self, own: Kind, assumed: bool) -> None:
         super().__init__(assumed)
@@ -532,7 +532,7 @@ def _alike(device: RegisterDevice) -> Span:
 
 
 def _ask(bus: RegisterBus, span: Span, tally: _Tally, *, behind: bool = False) -> None:
-    """One read, asked once, and whether another answer comes behind it."""
+    """One read, sent once, and whether a second reply follows it."""
     tally.asked += 1
     try:
         data = bus.read(*span, retries=0)

@@ -1,4 +1,4 @@
-"""The register maps of the Inspire family: where each name lives. The single source for everything that names one.
+"""The register maps of the Inspire family: the address of each name. The only source for names and addresses.
 
 Finger order everywhere: little, ring, middle, index, thumb (exo §2.2.1). Element k of a 2-byte group lies at
 address + 2k, of a 1-byte group at address + k. Knows no wire.
@@ -96,7 +96,7 @@ def address_in(text: str) -> int:
 
 
 def pushes(current: int) -> str:
-    """What the current of an actuator that stands shows, in words; "" = nothing."""
+    """What the current of a stopped actuator shows, in words; "" = nothing."""
     return f"it draws {current} mA" if abs(current) >= DRAWN else ""
 
 

@@ -1,4 +1,4 @@
-"""Register access over Modbus, RTU on a serial line and TCP: one question, one answer, retries for reads only.
+"""Register access over Modbus, RTU on a serial line and TCP: one request, one reply, retries for reads only.
 
 Above it a register is what it is on the other wires: bytes in the order of their addresses. On byte maps the word at
 address a is the bytes a and a+1, so a block of n bytes is a read of n/2 registers (rh56 §2.2). What the bytes mean is
@@ -336,7 +336,7 @@ class ModbusBus(ByteBus):
             return NoAnswer(f"{self.where}: the gateway got no answer to {sent}: {name}", hint=hint, code="gateway")
         hint = "check the address against `handctl hand describe`"
         if not self.only_reads(request):
-            hint = "read the value before you write again: the hand reports that it did not take it"
+            hint = "read the value before you write again: the hand reports that it did not accept it"
         if code in modbus.AT_WORK:
             hint = "wait for one second, read the values, then run the command again"
         return DeviceRefused(f"{self.where}: the hand refused {sent} with {name}", hint=hint, code=f"modbus-{code}")
@@ -361,7 +361,7 @@ class ModbusBus(ByteBus):
 
     @property
     def where(self) -> str:
-        """Device, id and link for messages; on TCP nobody looks at the unit."""
+        """Device, id and link for messages; over TCP the unit is ignored."""
         return self.link.name if self.tcp else f"id {self.id} on {self.link.name}{self.at_speed}"
 
     def _failure(self, request: bytes, received: bytes, odd: Sequence[Answer], since: float) -> HandctlError:

@@ -1,4 +1,4 @@
-"""Finding a hand and changing where it is found: probes, id, baud. For the EH55BF1 and the RH56 hands.
+"""Probe a hand, change its id and baud rate, save, reset to factory defaults. For the EH55BF1 and the RH56 hands.
 
 Each writes once, then finds out by reading what became of it; none repeats a write. The order of steps and the waits
 are those of the manual (cited) and, where it is silent, of the sibling hand; what is unknown on this hardware is said.
@@ -279,7 +279,7 @@ def wait_for_speed(hand: RegisterDevice, rate: int, guide: Guide, *, seconds: fl
 def wait_for_calibration(
     bus: RegisterBus, guide: Guide, seconds: float, more: str, power_off: str
 ) -> eb90.Frame | None:
-    """Wait for the frame that tells the end, or for the time where nobody tells it. Sends nothing."""
+    """Wait for the frame that reports the end, or for the usual time without one. Sends nothing."""
     started = bus.link.now()
     end = started + seconds
     try:

@@ -1,4 +1,4 @@
-"""What the registers of one device id are to everything above: read, write, who is there, and time; whichever wire.
+"""The registers of one device id, over any wire: read, write, check the identity, deadlines.
 
 `bus.Bus` is the serial wire, `canbus.CanBus` the CAN bus; what the bytes mean is not known here.
 
@@ -63,7 +63,7 @@ AHEAD = {19200: 1, 57600: 2, 921600: 32}
 
 
 def ahead(baud: int | None) -> bytes:
-    """What goes ahead of a read at a speed in bit/s at which nobody has answered yet; None = the port has none."""
+    """Bytes sent before a read at a baud rate at which no device has replied yet; None = the port has no baud rate."""
     return bytes(AHEAD.get(baud or 0, 0))
 
 
@@ -75,7 +75,7 @@ DEFAULT_TIMEOUT = 0.3
 
 @contextmanager
 def may_still_move(what: str) -> Iterator[None]:
-    """Whatever keeps a movement from being watched to its end is told with: it may still move."""
+    """If watching a movement is cut short, the error also says that it may still move."""
     try:
         yield
     except (NoAnswer, ProtocolError, LinkError) as exc:
@@ -179,7 +179,7 @@ class RegisterBus(Line, ABC):
         """`count` bytes from `address`. Raises UsageError, NoAnswer, ProtocolError, LinkError."""
 
     def quiet(self, address: int, count: int) -> bool:
-        """Whether this read may be sent now: somebody has answered, or no stranger on the line would act upon it."""
+        """Whether this read may be sent now: a device has replied, or no other device on the line would act on it."""
         return True
 
     def pace(self, seconds: float) -> float | None:
@@ -198,7 +198,7 @@ class RegisterBus(Line, ABC):
         return None
 
     def behind(self, address: int, count: int, seconds: float) -> bytes | None:
-        """What comes behind the answer to this read as another answer to it; None = nothing, or this wire cannot tell."""
+        """A second reply to this read; None = none, or this wire cannot show it."""
         return None
 
     @abstractmethod
@@ -206,7 +206,7 @@ class RegisterBus(Line, ABC):
         """Write `data` once; `acknowledged_by` are further ids whose acknowledgement counts, where it names one. Raises DeviceRefused; NoAnswer, ProtocolError when it is unknown whether it arrived."""
 
     def try_write(self, address: int, data: bytes, what: str, then: str, **more: Sequence[int]) -> HandctlError | None:
-        """Write once; where no acknowledgement came, that is told and returned: `then` says what decides instead.
+        """Write once. Without an acknowledgement, warn and return the error; `then` says what decides instead.
 
         Raises what kept it from being sent.
         """
@@ -243,7 +243,7 @@ class RegisterBus(Line, ABC):
         self.journal.counters.writes += not self.only_reads(request)
 
     def identify(self) -> None:
-        """Look who is there, unless that is done: also called before a process is made that will write by itself."""
+        """Identify the device unless that is done; also called before starting a process that can write on its own."""
         if self.gate is not None:
             self.gate.look(self)
 
@@ -269,7 +269,7 @@ class RegisterBus(Line, ABC):
             self.timeout = wanted
 
     def leaving(self, what: str, hint: str) -> AbstractContextManager[None]:
-        """Around one write and what follows it: Ctrl-C, or a lost link, tells `what` that leaves behind once it was sent."""
+        """Around one write and its follow-up: after it was sent, Ctrl-C or a lost link reports `what` is left behind."""
         return leaving(Left(what, hint, joint=". "), since=self.journal.counters)
 
 
@@ -281,7 +281,7 @@ class ByteBus(RegisterBus):
     """What came behind the last accepted frame: perhaps a frame that the device sends by itself."""
 
     def drain(self) -> bytes:
-        """Throw away what lies in the input: late answers belong to nobody. Returns and counts it."""
+        """Discard unread input, such as late replies. Returns and counts it."""
         stale, self._rest = self._rest, b""
         now = self.link.deadline(0)
         while len(stale) <= MOST and (chunk := self.link.read(now)):

@@ -1,4 +1,4 @@
-"""The scan for this maker's devices on one link, in every protocol they speak, and what came of it in words. Read-only.
+"""Scan one link for this maker's devices in all their protocols, and describe the result. Read-only.
 
 On a serial line one question in EB90 finds them all (dossier 4.15), and who answers is told by a look; a wrist wanted alone is
 asked with the flag that only it has. Modbus RTU is asked behind the first pass: at 115200 bit/s alone, unless it was typed.
@@ -442,7 +442,7 @@ def at_text(speed: int | None) -> str:
 def nothing(
     name: str, what: str, family: str, found: Findings, twins: Sequence[int], summary: str
 ) -> ProtocolError | None:
-    """The error of what came instead of a device, None where nothing came. `twins` are ids that two devices have."""
+    """The error for data received without a device, None for silence. `twins`: ids that two devices have."""
     twice = [device_id for device_id, count in found.damaged.items() if count >= 2]
     code, text, hint = "", "", ""
     if twins:
@@ -507,7 +507,7 @@ class Probing:
         device.answered(lambda: device.bus.read(*self.live, retries=0))
 
     def identify(self, device: RegisterDevice) -> tuple[str, str, str]:
-        """Status, evidence and remedy of a look at who answers. Raises what the look raises."""
+        """Status, evidence and remedy of an identity check. Raises as the check does."""
         own, look = self.target.own, Look(device.bus)
         kind = look.who(own)
         if kind is own:
@@ -516,7 +516,7 @@ class Probing:
         return "fail", f"this is {kind.words}, not {own.words}: {look.evidence}", command
 
     def further(self, device: RegisterDevice, answered: bool) -> Iterator[Row4]:
-        """Whether one device has this id: what only reading again and again shows."""
+        """Whether only one device has this id, which only repeated reading shows."""
         if answered or device.bus.journal.counters.bad_frames:
             yield same_id(device)
 

@@ -1,4 +1,4 @@
-"""Looking for devices on a serial line: ids and speeds, read-only, never mistaking an echo or noise for a device.
+"""Search a serial line for devices, over ids and baud rates. Read-only; never mistakes an echo or noise for a device.
 
 A probe reads two bytes of a register that the id may be asked for on any line (`registers.question`): its reply is longer than the
 request and names its id. One id is asked at a time, with room for its answer on the wire and no more: so answers collide with
@@ -435,7 +435,7 @@ class Scanner(Asker):
 
     @property
     def _spent(self) -> bool:
-        """Whether nobody was heard for as long as a silent line is asked."""
+        """Whether the line was silent for the longest time allowed."""
         found = self.found
         heard = found.hits or found.damaged or found.beheaded or found.foreign or len(self.line.trips)
         return self._until is not None and self._until.expired and not heard
@@ -690,7 +690,6 @@ class CanSearch:
         return self._bus.link.error_frames - self._before[0]
 
     def nothing(self, summary: str) -> HandctlError:
-        """Why nothing was found."""
         (errors, damaged), what, link = self._before, self._what, self._bus.link
         damaged, name, trouble = link.damaged - damaged, link.name, link.trouble(errors)
         if trouble is not None and trouble.code:

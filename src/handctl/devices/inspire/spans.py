@@ -1,4 +1,4 @@
-"""A span of registers in words: the elements of a map that bytes at an address hold. Knows no wire."""
+"""Describe a span of registers: which elements of a map the bytes at an address contain. Knows no wire."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the stops of this maker's devices have in common: questions and writes on each wire, and a look at what still moves.
+"""Shared parts of the stop sequences of this maker's devices: requests and writes on each wire, and checks for movement.
 
 Knows no device: its stopper says which registers tell where it is, and where it is to go.
 """
@@ -37,13 +37,13 @@ def answer(pieces: Pieces, prefix: bytes) -> eb90.Frame | None:
 
 
 def asks(number: int, flag: int) -> tuple[Step, bytes]:
-    """What to ask an id first, so that nobody else who may be there acts upon it; and how its answer begins."""
+    """The first request to an id that no other device could act on, and the beginning of its reply."""
     span = question(number, flag)
     return Step("ask who is there", eb90.read_request(number, *span, flag)), eb90.read_reply_prefix(number, *span, flag)
 
 
 def lead(aim: Aim) -> bytes:
-    """What goes ahead of a frame to whom nobody has met: a stranger may hear it at another speed."""
+    """Bytes sent before a frame to an unidentified device: another device may hear it at a different baud rate."""
     return b"" if aim.proven or aim.can else ahead(aim.speed)
 
 

@@ -1,4 +1,4 @@
-"""What the commands that all three families have do: read, raw, id, baud, save, clear-errors, factory-reset.
+"""Commands that all three families have: read, raw, id, baud, save, clear-errors, factory-reset.
 
 A family's `cli` has their words, its device what differs. What a command needs is imported when it runs.
 """

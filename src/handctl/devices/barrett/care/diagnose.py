@@ -1,4 +1,4 @@
-"""Troubleshooting as checks that only read (barrett §8, with the limits of `health`), and what is left for hands.
+"""Troubleshooting as read-only checks (barrett §8, with the limits of `health`), and the steps to do by hand.
 
 Without an answer there are rows all the same: the speeds that were tried, and every other check skipped. A warning or a
 fail is a finding. Nothing here moves the hand or writes to it; `trials` does, when it is asked to.
@@ -88,7 +88,7 @@ def firmware(patient: Patient) -> list[Finding]:
 
 
 def said(error: HandctlError) -> str:
-    """What the hand said, without the link and the command line that it said it to."""
+    """The reply of the hand, without the link and the command line."""
     return "ERR" + error.text.rpartition("ERR")[2] if error.code.startswith("err-") else error.text
 
 
@@ -101,7 +101,7 @@ def doubtful(check: str, evidence: str) -> Finding:
 def status(patient: Patient) -> list[Finding]:
     """S of each motor, one row when all say the same; and whether it moves, which S does not say: P is read twice."""
     moving = [
-        Finding("moving", WARNING, f"P changes: {motor}", "`handctl barrett stop` ends it", "barrett §5.3.2, §6.1")
+        Finding("moving", WARNING, f"P changes: {motor}", "`handctl barrett stop` stops it", "barrett §5.3.2, §6.1")
         for motor in look_for_motion(patient.hand.line)
     ]
     return [*_statuses(patient), *moving]
@@ -199,7 +199,7 @@ def repeatable(patient: Patient) -> list[Finding]:
 
 
 def strain_limits(patient: Patient) -> list[Finding]:
-    """SG against HSG and LSG: a movement beyond a limit ends at once. SGFLIP stands among the parameters."""
+    """SG against HSG and LSG: a movement beyond a limit ends at once. SGFLIP is checked with the parameters."""
     found = []
     for finger in FINGERS:
         sg, high, low = (patient.values[name, finger] for name in ("SG", "HSG", "LSG"))
@@ -215,7 +215,7 @@ def strain_limits(patient: Patient) -> list[Finding]:
 
 
 def velocities(patient: Patient) -> list[Finding]:
-    """MOV and MCV of each motor: their own rows stand among the parameters when they are too low."""
+    """MOV and MCV of each motor: if they are too low, they have their own rows among the parameters."""
     slow = [
         f"{name}.{motor} {patient.values[name, motor]}"
         for name in ("MOV", "MCV")
@@ -281,7 +281,7 @@ def spread_greasing(patient: Patient) -> list[Finding]:
 
 
 def open_position(patient: Patient) -> list[Finding]:
-    """Where the fingers stand when they should be open."""
+    """The positions of the fingers when they should be open."""
     shown = ", ".join(f"{finger} {patient.values['P', finger]}" for finger in FINGERS)
     return [Finding("open_position", OK, f"{shown}. Compare the fingertips by eye", source="barrett §8")]
 
@@ -311,7 +311,7 @@ CHECKS: dict[str, Check] = {
 
 
 def communication(hand: BarrettHand, speed: int | None) -> Finding:
-    """A prompt at one of the speeds; each that was tried with what came. Raises LinkError when the port fails."""
+    """Check for a prompt at each baud rate; lists those tried and the data received. Raises LinkError if the port fails."""
     link, line = hand.link, hand.line
     if speed is not None:
         line.only = speed
@@ -356,7 +356,7 @@ def symptom_of(name: str) -> Symptom:
 
 
 def examine(patient: Patient, names: Sequence[str], speed: int | None) -> tuple[list[Finding], LinkError | None]:
-    """Communication, then the checks by name; all skipped once the line is dead. The link's own failure beside them."""
+    """Check communication, then run the checks by name; all are skipped once the line is dead. Also returns the link's error."""
     try:
         found = [communication(patient.hand, speed)]
     except LinkError as exc:

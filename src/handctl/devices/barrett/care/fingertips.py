@@ -1,4 +1,4 @@
-"""Where the fingertips are: positions of a hand, or given ones, through the kinematics (barrett §9.5, §9.6).
+"""Fingertip positions by forward kinematics, from the joint positions of a hand or given ones (barrett §9.5, §9.6).
 
 Reading moves nothing. Angles in degrees, lengths in mm, in the frame of the palm's centre. The manual's closed form (Eq. 3)
 has three misprints; what stands here is the product of the four matrices of Table 9:
@@ -150,7 +150,7 @@ def offline(positions: Sequence[int], broken: Mapping[str, int]) -> Table:
 
 
 class Tips:
-    """Reads the positions of a hand, whether they mean anything, and where its clutches let go when its firmware tells.
+    """Read the positions of a hand, whether they are valid, and its breakaway positions if the firmware reports them.
 
     Whether the motors are initialized changes with a restart only: it is asked for once a second, not for each moment.
     """
@@ -209,7 +209,6 @@ def now(hand: BarrettHand) -> Table:
 
 
 def stream(hand: BarrettHand, *, rate: float, count: int | None, duration: float | None) -> Table:
-    """Fingertips again and again."""
     ranges = dict(zip(JOINTS, ((0.0, limit) for limit in LIMITS), strict=True))
     return live(
         hand,

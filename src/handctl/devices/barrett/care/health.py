@@ -1,4 +1,4 @@
-"""What counts as healthy: limits of the manual as verdicts (barrett §2, §5.3, §5.4, §7.3, §7.4). Pure; sends nothing.
+"""Health limits of the manual as verdicts (barrett §2, §5.3, §5.4, §7.3, §7.4). Pure; sends nothing.
 
 And whether a motor can move now, without moving it (§5.3, §5.4, §5.5). What a movement command needs: electronics,
 initialization, a temperature below OTEMP, strain within its limits, a gain, an acceleration that the motor controller can
@@ -53,7 +53,7 @@ class Finding(NamedTuple):
 
 
 def verdict(check: str, source: str, good: str, wrong: str = "", remedy: str = "", status: str = WARNING) -> Finding:
-    """The outcome of a check that looks for one thing: what is `wrong` with its remedy, or else what is `good`."""
+    """The result of a check: what is `wrong`, with its remedy, or what is `good`."""
     return Finding(check, status, wrong, remedy, source) if wrong else Finding(check, OK, good, source=source)
 
 

@@ -80,7 +80,7 @@ def loaded_fingers(hand: BarrettHand) -> list[str]:
 
 
 def warn_if_loaded(hand: BarrettHand) -> list[str]:
-    """Which fingers do not stand open, with the reason; a message says so."""
+    """Warn about fingers that are not open; returns them with the reason."""
     loaded = loaded_fingers(hand)
     if loaded:
         hand.journal.warn(
@@ -174,7 +174,7 @@ def beside(value: int) -> tuple[int | None, str]:
 
 
 def stream(hand: BarrettHand, *, rate: float, count: int | None, duration: float | None) -> Table:
-    """Readings again and again: the bar's ends are 100 and 140, half full is the middle of the window."""
+    """Readings as a stream: the bar's ends are 100 and 140, and half full is the middle of the window."""
     warn_if_loaded(hand)
     low, high = health.NO_LOAD
     return live(

@@ -1,4 +1,4 @@
-"""The book of symptoms: the manual's troubleshooting (barrett §8) as checks, movements to try, and steps by hand.
+"""The symptoms of the manual's troubleshooting chapter (barrett §8): checks, movements to try, and steps to do by hand.
 
 And its maintenance procedures (§3.7, §7). Data only. `checks` and `trials` are names of functions in `diagnose` and `trials`; a test says that they all exist.
 Steps are what no program can do, each with its section, in the manual's order.

@@ -1,4 +1,4 @@
-"""Checks of the troubleshooting that move the hand (barrett §8): short movements, and what came of them.
+"""Checks of the troubleshooting chapter that move the hand (barrett §8): short movements and their results.
 
 Every trial tells its command lines beforehand, so that a dry run shows the bytes. Ctrl-C stops the hand by ^C. After a
 trial that the hand did not carry out the rest is skipped.

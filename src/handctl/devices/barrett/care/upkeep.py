@@ -1,4 +1,4 @@
-"""Maintenance: odometer to strokes and cycles, greasing by point with a journal, temperatures, periodic work (barrett §7).
+"""Maintenance: strokes and cycles from the odometer, greasing points with a journal, temperatures, periodic work (barrett §7).
 
 The odometer is never reset, so "due" needs its value at the last greasing: the host's own journal keeps it, per serial
 number and, where that is not unique, a name. Nothing here writes to the hand.

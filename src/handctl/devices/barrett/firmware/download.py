@@ -1,4 +1,4 @@
-"""Loading firmware (barrett §3.7): guide the operator through the power switch, send every record, see the hand alive again.
+"""Load firmware (barrett §3.7): ask the operator to power-cycle the hand, send every record, check that the hand replies again.
 
 The order and the waits are the dossier's (7.3). Only RAM is written: parameters are in EEPROM, and a hand that was left
 half-loaded is repaired by doing it again from the start.
@@ -45,7 +45,7 @@ WHOLE = "no data was sent, so the firmware has not changed. Switch the hand off 
 
 
 class Download(NamedTuple):
-    """What came out of it."""
+    """The result of a download."""
 
     rows: list[Row]
     mismatch: HandctlError | None
@@ -143,7 +143,7 @@ class Loader:
         link.event("power cycle for the download")
 
     def _await_monitor(self) -> None:
-        """Wait for `:` with nothing behind it. Text means that the old firmware started: the moment was missed."""
+        """Wait for `:` with nothing after it. Text means that the old firmware has started, so it is too late."""
         link = self.link
         deadline = self.hand.line.deadline(READY_SECONDS)
         seconds, missed = deadline.remaining, False

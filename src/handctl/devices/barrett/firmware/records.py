@@ -44,7 +44,7 @@ GOOD = {
 
 
 class Record(NamedTuple):
-    """One data record: where it stands in the file, its address and bytes."""
+    """One data record: its line in the file, its address and its bytes."""
 
     line: int
     address: int
@@ -271,7 +271,7 @@ class EchoError(ProtocolError):
 
 
 class Transfer:
-    """One record on its way: `take` gives what may be sent now, `feed` checks what came back.
+    """The transfer of one record: `take` returns the bytes that may be sent now, `feed` checks the echoes.
 
     window          bytes that may be without their echo, 1 as the reference; up to 2 nothing can be lost, 4 is an assumption
                     (dossier 7.7); each trigger waits for all echoes before it
@@ -331,7 +331,7 @@ class Transfer:
         return out
 
     def feed(self, data: bytes) -> None:
-        """Check echoes. Raises EchoError naming the address, what was sent and what came."""
+        """Check echoes. Raises EchoError with the address, the byte sent and the byte received."""
         for byte in data:
             if self._echoed >= self._sent:
                 raise EchoError(f"at {self.where}: {byte:02X} arrived although nothing was expected", code="extra-byte")

@@ -1,1 +1,1 @@
-"""The Grasper Control Language: meeting the hand, its speed, its commands, the passthrough (barrett §5)."""
+"""The Grasper Control Language: connecting, baud rate, commands, passthrough (barrett §5)."""

@@ -1,4 +1,4 @@
-"""How a hand is met, as one table: the state, what is seen, the next state, what may be sent on the way, what it means.
+"""How handctl connects to a hand, as one table: state, received data, next state, what may be sent, meaning.
 
 No I/O: `line` carries it out, the manual page prints it, the tests walk it. Passive first: listen, then a question that
 no state of the hand takes for a command. Nothing that the boot monitor at 9600 could hear as FF, its trigger, is sent
@@ -188,7 +188,7 @@ PAGE = (
     "If a port is silent for 3 s and then sends bytes, the firmware of the hand may have just started, so handctl tries "
     "all baud rates once more.",
     "A hand does not reply while it moves or saves. If it replies at no baud rate, it may be in the middle of a long "
-    "movement. `handctl barrett stop` ends it.",
+    "movement. `handctl barrett stop` stops it.",
     "A banner, or a single : from the monitor, also ends every later wait for a reply: the hand has restarted because of "
     "its power or its cable, and needs `init`.",
 )

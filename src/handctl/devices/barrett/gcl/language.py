@@ -257,7 +257,6 @@ class Decoder:
         self.echoed = False
 
     def feed(self, data: bytes) -> None:
-        """Add received bytes."""
         self._buffer += data
         self._folded += data.upper()
 
@@ -302,7 +301,7 @@ class Decoder:
         return Answer(self._command, tuple(data), status, bytes(buffer[: end + 3]))
 
     def drop_prompt(self) -> None:
-        """Take out the first prompt behind the echo: it belonged to something earlier."""
+        """Remove the first prompt after the echo: it belonged to an earlier command."""
         start = self._echo_at()
         if start is not None:
             end = _prompt_at(self._buffer, start + len(self._sent), 0)
@@ -311,7 +310,7 @@ class Decoder:
                 self._prompts = 0
 
     def _echo_at(self) -> int | None:
-        """Where the echo of this command stands: behind a line, a prompt or noise, before a line end (or nothing yet).
+        """The position of this command's echo: after a line, a prompt or noise, before a line end (or nothing yet).
 
         Not behind a character that a command can have: that is the end of another, longer command's echo.
         """
@@ -349,7 +348,7 @@ class Lead:
 
 
 def _parts(data: bytes) -> list[bytes]:
-    """What stands between line ends, whichever they are."""
+    """The text between line ends of any kind."""
     return data.replace(b"\r", b"\n").split(b"\n")
 
 
@@ -371,7 +370,7 @@ def _bytes_of(answer: Answer, line: str) -> str:
 
 
 def _prompt_at(buffer: bytearray, start: int, known: int) -> int | None:
-    """Where the prompt stands at the start of a line, from `start` on; before `known` there is none."""
+    """The position of a prompt at the start of a line, from `start` on; there is none before `known`."""
     place = buffer.find(PROMPT, max(start, known))
     while place >= 0:
         if place > start and buffer[place - 1] in b"\r\n":
@@ -381,13 +380,13 @@ def _prompt_at(buffer: bytearray, start: int, known: int) -> int | None:
 
 
 def has_colon(data: bytes) -> bool:
-    """Whether `data` ends with the boot monitor's ':'. Behind a quotation mark it is a key of JSON: another device."""
+    """Whether `data` ends with the boot monitor's ':'. After a quotation mark it is a JSON key: another device."""
     text = data.rstrip(b"\r\n\0 ")
     return text.endswith(b":") and not text[:-1].rstrip().endswith(b'"')
 
 
 def has_prompt(data: bytes | bytearray) -> bool:
-    """Whether `data` ends with a prompt on a line of its own."""
+    """Whether `data` ends with a prompt on its own line."""
     tail = data[-5:].strip()
     end = data[-6:].rstrip()  # a tail that ends with a prompt has lost three bytes at the most
     return tail.endswith(PROMPT) and (len(end) == 2 or end[-3:-2] in (b"\n", b"\r"))

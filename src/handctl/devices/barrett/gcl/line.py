@@ -1,4 +1,4 @@
-"""One conversation with a BarrettHand: find its speed, send a command, wait for its prompt, stop what moves.
+"""One connection to a BarrettHand: find its baud rate, send a command, wait for its prompt, stop a movement.
 
 The table of `connecting` says how the hand is met. One command at a time; nothing but ^C is sent before the prompt.
 """
@@ -90,7 +90,7 @@ class GclLine(Line):
         self._connected = True
 
     def waiting(self) -> bytes:
-        """What has come and was taken for no answer: it tells the next connect in which state the hand is."""
+        """Received data that was no reply: the next connect learns the state of the hand from it."""
         came, self._unread = self._unread + self.drain(), b""
         return came
 
@@ -221,7 +221,7 @@ class GclLine(Line):
             raise ProtocolError(f"{self.link.name}: {exc.text}", hint=DISTURBED, code=exc.code) from exc
 
     def _answer(self, command: str, whole: Patience, echo: Patience) -> Answer:
-        """The answer within `whole`; without an echo within `echo` nobody is there, and waiting longer is useless."""
+        """The reply within `whole`; without an echo within `echo` there is no hand, and waiting longer is useless."""
         decoder, since = Decoder(command), self.link.now()
         while True:
             answer = decoder.next()
@@ -244,7 +244,7 @@ class GclLine(Line):
             self._judge_restart(command, decoder, chunk, whole)
 
     def _judge_restart(self, command: str, decoder: Decoder, chunk: bytes, whole: Patience) -> None:
-        """Raise Restarted at the banner, or at a ':' that stands alone: the boot monitor's. `chunk` came last."""
+        """Raise Restarted at the banner, or at a single ':' of the boot monitor. `chunk` arrived last."""
         size, more = len(chunk), True
         while chunk.endswith(b":") and more:  # a help text goes on behind it
             chunk = self.link.read(self.link.deadline(COLON_ALONE + self.wire_seconds(2)))
@@ -322,7 +322,7 @@ class GclLine(Line):
         return has_prompt(came)
 
     def reconnect(self) -> None:
-        """Look for the hand again, perhaps at another speed (after RESET, PDEF, PLOAD)."""
+        """Find the hand again, perhaps at another baud rate (after RESET, PDEF, PLOAD)."""
         self._connected = False
         self.connect()
 
@@ -459,7 +459,7 @@ class Restarted(ProtocolError):
 
 
 def restarted_in(data: bytes, command: str) -> bool:
-    """Whether a banner stands in what came; in the answer to VERS the same words may be the version, behind its echo."""
+    """Whether the data contains a banner; in the reply to VERS the same words may be the version, after its echo."""
     before, banner, _ = data.upper().partition(BANNER)
     return bool(banner) and not (command.upper().startswith("VERS") and b"VERS" in before)
 

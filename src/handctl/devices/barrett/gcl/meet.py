@@ -1,4 +1,4 @@
-"""Carries out the table of `connecting` on one line: sends what a row allows, waits, looks, goes on to the next state."""
+"""Start a session: run the table of `connecting` on one line. Send what a row allows, wait, and go to the next state."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ MOST = 2
 
 
 class Meeting:
-    """One connect. `told` are the meanings of the rows that were taken, for whoever asks what was found."""
+    """One connect. `told`: the meanings of the rows taken."""
 
     def __init__(self, line: GclLine) -> None:
         self.line = line
@@ -80,7 +80,7 @@ class Meeting:
         self._ready(came)
 
     def _next(self, state: str, wanted: str) -> str:
-        """The state that `wanted` means here: remembered speed, speeds that are left, an echo that cannot be told."""
+        """The state that `wanted` means here: remembered baud rate, baud rates left, an undecidable echo."""
         if wanted == table.ASKED and state == table.AGAIN:
             if self._woke and not self._repeated:
                 self._repeated, self._others = True, self._all_others
@@ -159,7 +159,7 @@ class Meeting:
         return early + came
 
     def _hear(self, seconds: float) -> bytes:
-        """What comes within `seconds`; what has begun by then is heard to its end: it may be the banner."""
+        """Data within `seconds`; if it has begun by then, also its rest: it may be the banner."""
         came = self.line.until_prompt(seconds)
         end = self.link.deadline(MIDDLE + self.line.wire_seconds(64))
         while came and not has_prompt(came) and not end.expired:
@@ -251,7 +251,7 @@ def comes_back(link: ByteLink) -> bool:
 
 
 def look_for_motion(line: GclLine) -> list[str]:
-    """Two reads of P: the motors whose position differs, told as a warning; [] when they stand or cannot be read."""
+    """Read P twice and warn about the motors whose position differs; [] if none moves or P cannot be read."""
     try:
         first, second = _places(line), _places(line, APART)
     except HandctlError:
@@ -265,7 +265,7 @@ def look_for_motion(line: GclLine) -> list[str]:
         line.journal.warn(
             "moving",
             f"{line.link.name}: the hand is moving: {', '.join(moving)} counts in {APART:g} s",
-            hint="`handctl barrett stop` ends it",
+            hint="`handctl barrett stop` stops it",
         )
     return moving
 

@@ -1,4 +1,4 @@
-"""Any GCL: as arguments, as a script, or at an interactive prompt. The hand's own text, its errors in words."""
+"""Send any GCL: as arguments, from a script, or at a prompt. Shows the hand's own text and explains its errors."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def refuse(text: str) -> None:
 
 
 def notes(text: str) -> list[str]:
-    """What speaks against the values of an FSET or PSET: carried out all the same, as it was typed, but not in silence."""
+    """Objections to the values of an FSET or PSET: it is sent as typed, but with a warning."""
     prefix, command, words = split(text)
     if command is None or command.name not in ("FSET", "PSET"):
         return []
@@ -175,7 +175,7 @@ def candidates(line: str, word: str) -> list[str]:
 
 
 def explain_help(text: str) -> str:
-    """What the manual says, beside the hand's own help."""
+    """The manual's description, in addition to the hand's own help."""
     _, _, arguments = split(text)
     if not arguments:
         return "\n".join(f"  {name:<8} {command.doc}" for name, command in COMMANDS.items())

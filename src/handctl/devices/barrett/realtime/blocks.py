@@ -186,7 +186,6 @@ class Decoder:
         return bytes(self._buffer)
 
     def feed(self, data: bytes) -> None:
-        """Add received bytes."""
         self._buffer += data
 
     def next(self) -> Feedback | LoopError | bool | None:

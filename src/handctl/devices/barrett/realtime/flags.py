@@ -197,7 +197,7 @@ def _heat(hand: BarrettHand, wish: Wish, now: Mapping[tuple[str, int], int]) -> 
 
 
 def refuse_disabled(hand: BarrettHand) -> None:
-    """Motors that nobody named are not to move when they are disabled (barrett §5.3.4 EN). Raises UsageError."""
+    """Refuse disabled motors that were not named (barrett §5.3.4 EN). Raises UsageError."""
     enabled = hand.numbers(BARRETT.elements("EN"))
     off = [motor for motor, on in zip(MOTORS, enabled, strict=True) if not on]
     if off:

@@ -1,4 +1,4 @@
-"""The guards of the RealTime loop: what the hand does not do by itself there (barrett §6; dossier 6.6). Sans I/O, no clock.
+"""The guards of the RealTime loop, for limits that the hand does not apply there (barrett §6; dossier 6.6). Sans I/O, no clock.
 
 TSTOP, CT, HSG and LSG act in movement commands only (§5.5); in the loop a motor is driven as long as the host says so.
 A guard that trips has velocity 0 sent for its motor from the next block on, until the command is 0 or turns around;
@@ -80,7 +80,7 @@ class _Watch:
 
 
 class Guards:
-    """All guards of one loop. `see` takes what came back, `allow` decides what may go out next.
+    """All guards of one loop. `see` takes the feedback, `allow` decides what may be sent next.
 
     limits     motor index -> Limits, of the motors that are driven
     positions  where they stand at the start, counts
@@ -163,7 +163,6 @@ class Guards:
         watch.position, watch.taken = position, taken
 
     def heat(self, tenths: int) -> None:
-        """The board's temperature."""
         if "heat" in self._on and tenths > self._heat:
             text = f"{tenths / 10:.1f} °C, and the limit is {self._heat / 10:.1f} °C"
             self.events.append(Event(self._now, "heat", None, tenths / 10, self._heat / 10, 0.0, text, ends=True))

@@ -1,4 +1,4 @@
-"""The RealTime loop of one hand (barrett §6): enter, exchange blocks under guard, hand out what is proved, leave.
+"""The RealTime loop of one hand (barrett §6): enter, exchange blocks with guards, return verified rows, leave.
 
 Watching, the next block goes out as soon as the acknowledgement of the last one is seen, as §6.1 allows; never earlier.
 While anything is driven the whole feedback is awaited first, unless overlapping was asked for: the only practice known
@@ -147,7 +147,7 @@ class RealtimeLoop:
         self.session.decoder = Decoder(self.session.layout)
 
     def _stop_for_reader(self) -> HandctlError:
-        """Nobody takes the rows, so no block would go out and the motors would keep their last velocity."""
+        """Stop the motors if no reader takes the rows: without blocks they would keep their last velocity."""
         self._leave()
         stopped = "the motors were stopped" if self.failure is None else f"stopping failed: {self.failure.text}"
         return OutputError(
@@ -342,7 +342,7 @@ class RealtimeLoop:
             raise ProtocolError(f"{self.hand.link.name}: {exc.text}", hint=hint, code=exc.code) from exc
 
     def _look_for_restart(self) -> None:
-        """Raise Restarted when the boot monitor's ':' stands where '*' must, or a banner came: no motor has power then."""
+        """Raise Restarted at the boot monitor's ':' in place of '*', or at a banner: the motors have no power then."""
         line, came = self.hand.line, self.session.decoder.received
         if came.startswith(b":"):
             came += line.until_prompt(COLON_ALONE)

@@ -1,4 +1,4 @@
-"""What comes back in the RealTime loop: positions, what the guards make of them, rows with what speaks against them.
+"""Rows of the RealTime loop: positions, the results of the guards, and the reason for doubt, if any.
 
 And of a loop that measures round trips, rate and the line's limits, as rows and as tables.
 """
@@ -61,7 +61,7 @@ class Taken(NamedTuple):
 
 
 class Positions:
-    """Where the motors are by their feedback: told, or added up from what `FGET P` said (barrett §6.2.3)."""
+    """Motor positions from the feedback: absolute, or summed up from `FGET P` (barrett §6.2.3)."""
 
     def __init__(self, layout: Layout, start: Mapping[int, int], *, discards: bool) -> None:
         self._deltas = {
@@ -118,7 +118,7 @@ class Intake:
         self.forget()
 
     def begin(self, positions: Mapping[int, int]) -> None:
-        """The motors stand here, and LOOP is to follow."""
+        """Set the positions before LOOP."""
         prepared = self.prepared
         self._positions = Positions(prepared.layout, positions, discards=prepared.discards)
         if prepared.limits:
@@ -126,7 +126,7 @@ class Intake:
             self.guards = Guards(prepared.limits, positions, self._wish.guards, prepared.heat, now)
 
     def forget(self) -> None:
-        """Times and counts begin anew; positions and guards stay."""
+        """Reset times and counts; keep positions and guards."""
         self.trips = RoundTrips()
         self.answers = self.samples = self.late = 0
         self._first = self._last = self.cycle = 0.0
@@ -226,7 +226,7 @@ class Intake:
 def rows_of(
     taken: Taken, layout: Layout, shown: Mapping[int, tuple[str, ...]], temperature: bool, doubt: str
 ) -> Iterator[Row]:
-    """Rows of one moment: per motor what was sent and what came, of the feedback only what is `shown`.
+    """Rows of one moment: for each motor the values sent and received, of the feedback only those `shown`.
 
     `doubt` is what speaks against the whole block, "" when nothing does.
     """
@@ -310,7 +310,7 @@ def _fits(loop: RealtimeLoop) -> Iterable[Row]:
 
 
 def _advise(run: Run, found: dict[str, Any]) -> None:
-    """A link that is much slower than its bytes: pipelined blocks queue, so the rate tells, not the round trip."""
+    """Warn about a link that is much slower than its bytes: pipelined blocks queue, so the rate shows it, not the round trip."""
     limits, rate = found["loop"]["line_limit_hz"], found["stream"]["rate_hz"]
     if limits is None or not rate:
         return

@@ -93,7 +93,7 @@ class Schedule(Controls):
 
 
 class Live(Controls):
-    """Lines that count when they come. Somebody else runs `listen`, in a thread: the loop never waits for a line.
+    """Lines that apply when they arrive. `listen` runs in another thread: the loop never waits for a line.
 
     When none has come for `stale` seconds, velocities are 0 until one does: nothing else stops a hand whose controlling
     program hangs (dossier 6.6).
@@ -114,7 +114,7 @@ class Live(Controls):
         return LIMITS["velocity"]
 
     def listen(self) -> None:
-        """Take every line as it comes, until the input ends or a line is bad; `at` tells the loop."""
+        """Take every line as it arrives, until the input ends or a line is invalid; the loop reads them with `at`."""
         try:
             for _, change in self._rows:
                 self._arrived.append(change)
@@ -422,7 +422,7 @@ class Lines:
             yield rest.decode("utf-8", "replace")
 
     def _chunk(self, descriptor: int) -> bytes:
-        """What has come; b"" at the end. A pipe that nobody has opened for writing has no end yet."""
+        """The data received; b"" at the end. A pipe that has no writer yet has not ended."""
         left = None if self.begun else SILENCE if self._end is None else max(0.0, self._end - clock.now())
         if not gives(descriptor, left):
             where = "stdin" if self._path == "-" else self._path

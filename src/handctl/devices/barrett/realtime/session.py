@@ -38,7 +38,7 @@ NOT_INITIALIZED = 4
 
 
 class Session:
-    """Where one loop stands with its hand, and how it is left.
+    """The state of one loop and how to leave it.
 
     drives      control values are sent
     layout      of the blocks, and the decoder of their answers
@@ -126,7 +126,7 @@ class Session:
         self.undo.clear()
 
     def leave(self) -> None:
-        """Never raises: what fails is told and sets `failure`."""
+        """Never raises: a failure is reported and sets `failure`."""
         self._tell_first((), LEAVING_SECONDS)  # at the prompt a control block would be text, perhaps a command
         self.hand.line.bound = None  # stopping has deadlines of its own
         moved = bool(self.last) or (self.asked and self.drives)

@@ -140,7 +140,7 @@ class ExoHand(RegisterDevice):
         return [*([identity.SIX_FINGERS] if told else []), *([sixth] if bits else [])]
 
     def status(self, check: bool) -> Table:
-        """What a technician looks at first, per finger. With `check`, anything unhealthy is a CheckFailed (exit 7)."""
+        """The health summary for each finger. With `check`, any finding is a CheckFailed (exit code 7)."""
         names = ("id", "baud_code", "system_voltage", "position_set", "force_set", *LIVE)
         readings = self.read([element for name in names for element in elements_of(EXO[name])])
         table = self.table(readings)
@@ -215,7 +215,7 @@ def _plausible(reading: Reading) -> bool:
 
 
 def unhealthy(readings: Sequence[Reading]) -> list[str]:
-    """What a technician must look at: error bits, values outside the documented range, a supply reading of 0."""
+    """Findings: error bits, values outside the documented range, a supply reading of 0."""
     by_name = {reading.element.full_name: reading.value for reading in readings}
     found = []
     for reading in readings:
@@ -387,7 +387,7 @@ def command(hand: ExoHand, which: str, values: Mapping[int, int], guide: Guide) 
 
 
 def move(hand: ExoHand, values: Mapping[int, int], guide: Guide, *, wait: float, expect: str = REACHED) -> Table:
-    """Send a position command, then watch until the fingers stand still or `wait` seconds have passed.
+    """Send a position command, then watch until the fingers have stopped or `wait` seconds have passed.
 
     `values` by index of the finger; others are left alone. Ctrl-C stops the hand. Rows have the target and what became of
     it; what was not as expected is the table's failure.
@@ -403,7 +403,7 @@ def move(hand: ExoHand, values: Mapping[int, int], guide: Guide, *, wait: float,
 
 
 def _evidence(hand: ExoHand) -> dict[str, Seen]:
-    """Why fingers stand off their targets: error bits, or a current that only something in their way draws."""
+    """Why fingers are not at their targets: error bits, or a current that shows something in their way."""
     readings = hand.read([element for name in ("error", "current") for element in elements_of(EXO[name])])
     at = {reading.element.full_name: int(reading.value or 0) for reading in readings}
     return {

@@ -1,4 +1,4 @@
-"""Is there an EH55BF1? Two bytes of system_voltage are read at the link's present speed (exo §2.3). Read-only.
+"""Detect an EH55BF1: two bytes of system_voltage are read at the link's present speed (exo §2.3). Read-only.
 
 The hands of the same maker answer it as well: a wrist is looked for first, and what answers both is a wrist.
 """

@@ -1,4 +1,4 @@
-"""The stop of an EH55BF1: all forces to 0, then every finger is commanded to stay where it is. The manual has no stop command.
+"""The stop of an EH55BF1: all forces to 0, then every finger is commanded to hold its position. The manual has no stop command.
 
 The forces need no place. Their answer tells where the fingers are (exo §2.2.1), and that a hand is there at all: so a hold
 is always from a place just read. The same bytes would be a write to a wrist: one quick read looks for that first.
@@ -24,7 +24,7 @@ POWER = "switch the power off if the hand still pushes or moves"
 
 
 def stop_talk(aim: Aim) -> Talk:
-    """Forces to 0 and a hold, both again and again until the hand has acknowledged them; then a second look."""
+    """Forces to 0, then a hold, each repeated until the hand has acknowledged it; then a second check."""
     number, came = aim.number, list[bytes]()
     step, wrist = asks(number, eb90.WRIST_READ)
     if not aim.proven:
@@ -89,7 +89,7 @@ def _targets(aim: Aim) -> Read:
 
 
 def hold(number: int, places: list[int]) -> tuple[Step, bytes, str]:
-    """Every finger stays where it is; how that is acknowledged, and in words. -1 moves none where a place is no target."""
+    """The command to hold all positions, its acknowledgement, and both in words. -1 for a position that is no valid target."""
     if len(places) == FINGERS and all(0 <= place <= 1000 for place in places):
         meaning = f"hold at {' '.join(map(str, places))}"
         data, prefix = eb90.command_request(number, eb90.POSITION_COMMAND, places), eb90.command_reply_prefix(number, eb90.POSITION_COMMAND)  # fmt: skip

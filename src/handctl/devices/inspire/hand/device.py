@@ -97,14 +97,14 @@ class Hand(RegisterDevice):
         return [one._replace(closing=0) for one in COURSES] if self._known == DG2 else COURSES
 
     def identity(self) -> dict[str, object]:
-        """What tells this device from another: the hand has no register for model, side or serial number (rh56 §1)."""
+        """The identity of this device: the hand has no register for model, side or serial number (rh56 §1)."""
         self.know()
         return {"kind": self.kind, "id": self.bus.id, "model": self._known}
 
     # -- who it is -----------------------------------------------------------------------------------------------
 
     def identify(self) -> None:
-        """Look who is there, and whether it may be written to. Raises NotIdentified."""
+        """Identify the device and check whether it may be written to. Raises NotIdentified."""
         if not self.gate.assumed:
             found = self.answered(lambda: self.gate.seen(self.bus, self._other))
             if found.kind.family == self.kind and found.model is not None and self._known is None:
@@ -149,7 +149,7 @@ class Hand(RegisterDevice):
                 bus.presence = (self.map["angle_actual"].address, 2)
 
     def answered(self, ask: Callable[[], T]) -> T:
-        """What `ask` returns; where nobody answers on the first wire, asked once more on the other."""
+        """The result of `ask`; without a reply on the first wire, asked again on the other."""
         try:
             return ask()
         except (NoAnswer, ProtocolError) as exc:
@@ -229,7 +229,7 @@ class Hand(RegisterDevice):
         return self._with_blocks(self.table(readings))
 
     def status(self, check: bool) -> Table:
-        """What a technician looks at first, per finger. With `check`, anything unhealthy is exit 7."""
+        """The health summary for each finger. With `check`, any finding gives exit code 7."""
         self.know()
         names = [one for one in self.has if one.name in SHOWN]
         readings = self.read([element for one in names for element in elements_of(one)])

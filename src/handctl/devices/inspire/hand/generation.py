@@ -1,4 +1,4 @@
-"""Which generation of RH56 hand answers: DF, TP, F1 or DG2. Read-only (rh56 §1.1).
+"""Detect the generation of an RH56 hand: DF, TP, F1 or DG2. Read-only (rh56 §1.1).
 
 No register holds a model. Byte maps and word maps are told apart by what is plausible in both: where one is, the other's
 addresses read as nonsense. Inside the byte map an IP address shows a TP, a supply voltage and current limits a DF.
@@ -59,7 +59,7 @@ def typed_model(settings: Options) -> str | None:
 
 
 def check(settings: Settings) -> None:
-    """Raise UsageError for a model that is not known, and for Modbus TCP on a port that nobody has said is a hand's.
+    """Raise UsageError for an unknown model, and for Modbus TCP on a port not known to be a hand's.
 
     Bytes to another port may reach a serial line. There function 03 is ^C, which ends a movement of a BarrettHand.
     """

@@ -124,7 +124,7 @@ def _released(hand: Hand, changes: Sequence[tuple[Element, Number]]) -> list[dev
 
 
 def tell_no_speed(hand: Hand, changes: Sequence[tuple[Element, Number]], before: Before) -> None:
-    """Tell which fingers keep their place, since their speed is 0: the target waits for the next speed."""
+    """Warn about fingers that do not move because their speed is 0: the target waits for the next speed."""
     held = before | {element.full_name: value for element, value in changes}
     still = [e.part or "" for e, _ in changes if e.param.name in MOVED and held.get(f"speed_set.{e.part}") == 0]
     if still:
@@ -145,7 +145,7 @@ def move(
     expect: str = REACHED,
     before: Before | None = None,
 ) -> Table:
-    """Write set-points once, then watch until the fingers stand still or `wait` seconds have passed.
+    """Write set points once, then watch until the fingers have stopped or `wait` seconds have passed.
 
     `before` is what was read for the question, with the speeds: at 0 none will move. Ctrl-C sets the speed to 0. Rows have the target and what became of it; what was not as expected is the table's failure.
     """
@@ -204,7 +204,7 @@ class Nudge(NamedTuple):
 
 
 def plan_nudge(hand: Hand) -> Nudge:
-    """Read the hand, and what a small movement would write. Raises CheckFailed, DeviceRefused where it is not fit for one."""
+    """Read the hand and plan a small movement. Raises CheckFailed or DeviceRefused if the hand is not fit for it."""
     before = fit_to_move(hand)
     if hand.map is not BYTE_MAP:
         raise DeviceRefused(

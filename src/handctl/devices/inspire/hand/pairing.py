@@ -1,4 +1,4 @@
-"""Two hands: which is which, and a place of its own for each (rh56 §6, §7). Knows no command and no configuration file.
+"""Pair two hands: find out which is left, and give each its own id or address (rh56 §6, §7). Knows no command and no file.
 
 Both hands of a pair come with id 1 and one IP address, and no register holds a side. So one hand alone gets another
 id or address while the other is unplugged; then each moves a finger, and whoever stands there says which one it was.
@@ -40,7 +40,7 @@ WAIT_SECONDS, AGAIN_SECONDS = 120.0, 1.0
 
 
 class Paired(NamedTuple):
-    """One hand, where it is and which side it is."""
+    """One hand with its link, id and side."""
 
     hand: Hand
     link: str
@@ -62,7 +62,7 @@ class Bench(Protocol):
         """The same behind the first link when that is opened again. Raises LinkError."""
 
     def elsewhere(self, link: str) -> Hand:
-        """A hand behind another LINK. Raises UsageError, LinkError."""
+        """A hand on another LINK. Raises UsageError, LinkError."""
 
     def confirm(self, question: str, steps: Sequence[Step], *, word: str = "") -> None:
         """Ask before something that moves or strands. Raises NotConfirmed."""
@@ -164,7 +164,7 @@ def ids_on(hand: Hand, guide: Guide) -> list[int]:
 
 
 def _one_line(bench: Bench) -> list[Hand]:
-    """The two hands on one line, each with an id of its own."""
+    """The two hands on one line, each with its own id."""
     hand = bench.hand()
     ids = ids_on(hand, bench.guide)
     if not ids:
@@ -291,7 +291,7 @@ def _wait_for(bench: Bench, opened: Callable[[], Hand], octets: Sequence[int], c
 
 
 def _done(bench: Bench, what: str) -> None:
-    """What a person must do now. Raises NotConfirmed where nobody is there."""
+    """Ask the person to do something. Raises NotConfirmed without a person."""
     if not bench.guide.wait_for_enter(f"{what}."):
         raise NotConfirmed(
             f"someone has to do this at the hands: {what.splitlines()[-1]}",

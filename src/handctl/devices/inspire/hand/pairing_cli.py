@@ -1,4 +1,4 @@
-"""`handctl hand pair`: which of two hands is which, and both get a name in the configuration file."""
+"""`handctl hand pair`: tell two hands apart and save a name for each in the configuration file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a hand is found: the speed of its line and the address of its network. Changed once, read back, saved.
+"""Baud rate and network address of a hand: changed once, read back, saved.
 
 Two sources place the speed code at 1001 and five at 1002 (rh56 §6 Q1): both are read first, and told.
 """
@@ -26,7 +26,7 @@ FACTORY = "192.168.11.210"
 
 
 def show_speed(hand: Hand) -> Table:
-    """The speed code, and what lies beside it."""
+    """The baud rate code and its neighbouring register."""
     _tell_places(hand)
     return hand.table(hand.read(elements_of(hand.map["baud_code"])))
 

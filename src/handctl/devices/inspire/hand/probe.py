@@ -1,4 +1,4 @@
-"""Is there an RH56 hand? Its angles are read, then what tells it from an exoskeleton hand (rh56 §1.1). Read-only.
+"""Detect an RH56 hand: read its angles, then what distinguishes it from an exoskeleton hand (rh56 §1.1). Read-only.
 
 What users of these hands complain about are checks of `handctl doctor` (rh56 §5, §6, §7): each a row of name, status, evidence,
 remedy. What the link itself does (holder, timer, errors) is checked elsewhere.
@@ -169,7 +169,7 @@ def refresh(device: Hand) -> Row4:
 
 
 def _held(device: Hand) -> Values:
-    """What the checks look at. Raises NoAnswer, ProtocolError."""
+    """The values that the checks use. Raises NoAnswer, ProtocolError."""
     device.know()
     wanted = ("error", "status", "temperature", "speed_set", "default_speed", "current_limit")
     own = [register for register in device.has if register.name in wanted]
@@ -295,7 +295,7 @@ def probe(
     link: ByteLink | FrameLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,),
     timeout: float | None = None,
 ) -> list[Row]:  # fmt: skip
-    """Rows family, link, baud, id, evidence. Raises NoAnswer on silence, ProtocolError for what came instead."""
+    """Rows with family, link, baud, id and evidence. Raises NoAnswer on silence, ProtocolError for other data."""
     if link.name.startswith("tcp://") and not link.name.endswith(OWN_PORT):
         # Whoever listens elsewhere may pass the bytes on to a serial line, where another device would act on them.
         raise NoAnswer(f"{link.name}: not tried: a hand uses Modbus TCP port 6000", hint=LABEL, code="not-asked")

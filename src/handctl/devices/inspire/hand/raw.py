@@ -1,4 +1,4 @@
-"""Bytes by number: a write at an address, and frames as they are typed, in EB 90 or Modbus (rh56 §2, §9).
+"""Raw access: write at an address, and send typed frames in EB 90 or Modbus (rh56 §2, §9).
 
 What no command sends is refused here too: what starts a stored movement, and what lies beside the triggers.
 """

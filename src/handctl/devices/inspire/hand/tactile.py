@@ -109,7 +109,7 @@ def tactile(hand: Hand, zones: Sequence[Zone], *, wide: bool = True) -> Table:
 
 
 def watch(hand: Hand, zones: Sequence[Zone], *, rate: float, count: int | None, duration: float | None) -> Table:
-    """The same again and again."""
+    """The same as a stream."""
     zones = _ready(hand, zones)
 
     def read() -> tuple[list[Row], HandctlError | None]:

@@ -120,7 +120,7 @@ class Wrist(RegisterDevice):
     def move(
         self, changes: Sequence[tuple[Element, Number]], guide: Guide, *, wait: float | None, expect: str = REACHED
     ) -> Table:
-        """Write a movement and watch until the axes stand still; tells targets and what was reached.
+        """Write a movement and watch until the axes have stopped; rows with targets and positions.
 
         `wait` bounds the watching, default the movement time half as long again and 2 s. Ctrl-C stops it. What was not as
         expected is the table's failure.
@@ -174,7 +174,7 @@ def value_text(row: Row) -> str:
 
 
 def arrival_view(rows: list[Row]) -> list[Grid]:
-    """Where each axis stands beside its target."""
+    """The position of each axis next to its target."""
     lines = []
     for row in rows:
         reached: str | Cell = Cell("?", "bad") if "error" in row else value_text(row)

@@ -1,4 +1,4 @@
-"""Is there a wrist module? Two bytes of a current are read, and of pitch_actual where it is answered (wrist §2.1). Read-only.
+"""Detect a wrist module: read two bytes of a current, and if it replies, two of pitch_actual (wrist §2.1). Read-only.
 
 On a serial line nobody knows yet who listens, and at a BarrettHand's own speed 03 is ^C, which ends a movement: pitch_actual
 lies at 1020, FC 03 on the line, the current at 1024, 00 04.

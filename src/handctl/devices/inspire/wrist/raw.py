@@ -1,4 +1,4 @@
-"""The wrist by number: registers, frames of either wire, and what the manual's misprinted examples really do.
+"""Raw access to the wrist: registers, frames of both wires, and the real effect of the manual's misprinted examples.
 
 The register space of the hand that carries the wrist is read and written raw, in as many frames as the wire needs.
 """
@@ -148,7 +148,7 @@ def plan_can(frame: CanFrame, force: bool, *, only_explain: bool = False) -> Ste
 
 
 def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
-    """Send one frame, listen for `wait` seconds, show what came: the same identifier is the answer, the rest is traffic."""
+    """Send one frame and listen for `wait` seconds: frames with the same identifier are replies, the others are traffic."""
     bus, explainer = wrist.bus, InspireExplainer(WRIST)
     assert isinstance(bus, CanBus)
     bus.pass_gate(frame)

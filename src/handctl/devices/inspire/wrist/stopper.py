@@ -1,4 +1,4 @@
-"""The stop of a wrist module: both axes are commanded to stay where they are, since its manual has no stop command.
+"""The stop of a wrist module: both axes are commanded to hold their position, because its manual has no stop command.
 
 That needs their angles, and so they are read anew for every hold. On a serial line that nobody has met a wrist on, a question
 goes before that no other device acts upon. Whatever else may answer, only a wrist's own bytes go out.
