@@ -75,7 +75,7 @@ def test_live_view(rows: int, wire: str) -> None:
     assert "simulated" in lines[0] and "wrist watch" in lines[0] and "8 samples" in lines[0]
     (rate,) = re.findall(r"([0-9.]+) Hz", lines[0])
     assert 0 < float(rate) <= 21
-    assert lines[-1].startswith("sent "), lines
+    assert lines[-1].startswith("Ctrl-C ends"), lines
     assert ("foreign_frames 0" in lines[-1]) is (wire == "can"), lines[-1]
     assert len(lines) <= rows
     for name in LIVE:

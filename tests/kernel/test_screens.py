@@ -256,6 +256,7 @@ class Context:
 
     command = "exo watch"
     simulated = False
+    stoppable = False
     journal = Journal()
     settings = Settings()
 

@@ -177,6 +177,12 @@ def motion_is_whole(bench: Bench) -> None:
     assert f"nRows={len(rows)}" in header and len(rows) == 20
 
 
+def strides_are_whole(bench: Bench) -> None:
+    """The header, and as many columns in each line."""
+    lines = (bench.folder / "steps.csv").read_text(encoding="utf-8").splitlines()
+    assert len(lines) > 2 and {line.count(",") for line in lines} == {12}
+
+
 CASES = [
     Case("exo", "set force_set.index=-9 -y", 0.03, is_("get 1504 2", "F7 FF"), ("set force_set.index=11 -y",)),
     Case("exo", "set position_set.index=100 -y", 0.03, is_("get 1492 2", "64 00"), OPEN, still=POSITIONS),
@@ -290,6 +296,7 @@ CASES = [
     Case("machine", "completion zsh --install --json", 0.8, completes("data/zsh/site-functions/_handctl"), fresh=("data/zsh/site-functions/_handctl",)),
     Case("machine", "completion fish --install --json", 0.8, completes("config/fish/completions/handctl.fish"), fresh=("config/fish/completions/handctl.fish",)),
     Case("machine", "ekso export {}/gait.csv -o {}/gait.mot --format mot", 0.3, motion_is_whole, ("ekso log {}/gait.csv -p fake://ekso?clock=virtual --count 20 --rate 50 --force",), fresh=("gait.mot",)),
+    Case("machine", "ekso gait {}/walk.csv --steps {}/steps.csv", 0.3, strides_are_whole, ("ekso log {}/walk.csv -p fake://ekso?clock=virtual&posture=walking --count 2000 --force",), fresh=("steps.csv",)),
 ]  # fmt: skip
 DOWNLOAD = "barrett firmware download"
 BY_NAME = {str(case): case for case in CASES}
