@@ -276,6 +276,23 @@ scan_options = together(
 """How far a search goes."""
 
 
+LIMIT = click.option(
+    "--limit",
+    "limits",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.",
+)
+UNTIL = click.option(
+    "--until",
+    "until",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.",
+)
+BOUNDS = together(LIMIT, UNTIL)
+
+
 log_options = together(
     click.argument("file", type=OutFile(beside=(".json",))),
     streaming(0.0),
@@ -289,6 +306,7 @@ log_options = together(
         help="End after S seconds without a valid reply. handctl also waits this long for a lost port to come back.",
     ),
     click.option("--force", is_flag=True, help="Overwrite FILE."),
+    BOUNDS,
 )
 """FILE, and the options of `recorder.Wishes`."""
 suspendable = click.option(

@@ -16,7 +16,7 @@ import click
 
 from handctl.families import COMMANDS
 from handctl.frame import stored, verbs
-from handctl.frame.clikit import Group, log_options, reads_option, scan_options, stream_options
+from handctl.frame.clikit import BOUNDS, LIMIT, Group, log_options, reads_option, scan_options, stream_options
 from handctl.frame.console import is_terminal
 from handctl.frame.run import Run
 from handctl.frame.types import FiniteRange, InFile, OutFile
@@ -33,20 +33,6 @@ SETPOINTS = click.option(
 """Offered where a map has quantities whose writing commands something."""
 IDS = click.option("--include-ids", is_flag=True, help="Include the serial number in `device` of the JSON.")
 """Offered where a device reports one."""
-LIMIT = click.option(
-    "--limit",
-    "limits",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.",
-)
-UNTIL = click.option(
-    "--until",
-    "until",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.",
-)
 
 
 def add_map_verbs(
@@ -117,8 +103,7 @@ def add_map_verbs(
 
     @click.argument("names", nargs=-1, metavar=NAMES)
     @stream_options
-    @LIMIT
-    @UNTIL
+    @BOUNDS
     def watch(
         run: Run,
         names: tuple[str, ...],
@@ -150,7 +135,9 @@ def add_map_verbs(
         """
         from handctl.frame import recorder
 
-        return recorder.log(run, file, recorder.Wishes(**wishes), lambda again: recorder.of_map(run, names, again))
+        return recorder.log(
+            run, file, recorder.Wishes(**wishes), mapped(run), lambda again: recorder.of_map(run, names, again)
+        )
 
     @click.argument("file", type=OutFile())
     def snapshot(run: Run, file: str) -> Table:

@@ -15,6 +15,7 @@ from handctl.model.result import Column, Row, Sample, Table
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
+    from handctl.model.bound import Bounds, Named
     from handctl.model.device import Device
 
 
@@ -244,15 +245,28 @@ def watch(
 
 
 def bounded(
-    run: Run, params: ParamMap[Any], read: Callable[[], Table], limits: Sequence[str], until: Sequence[str] = ()
+    run: Run,
+    named: ParamMap[Any] | Named,
+    read: Callable[[], Table],
+    limits: Sequence[str],
+    until: Sequence[str] = (),
 ) -> Table:
     """What `read` returns, compared with the bounds that --limit and --until give. Raises UsageError before anything is read."""
-    if not (limits or until):
-        return read()
-    from handctl.model.bound import bounds_in, within
+    bounds = bounds_of(run, named, limits, until)
+    return read() if bounds is None else bounds.kept(read())
 
-    kept = bounds_in(limits, params, "--limit"), bounds_in(until, params, "--until")
-    return within(read(), *kept, run.link_name(), run.journal)
+
+def bounds_of(run: Run, named: ParamMap[Any] | Named, limits: Sequence[str], until: Sequence[str]) -> Bounds | None:
+    """What --limit and --until give, None where neither is there. Raises UsageError."""
+    if not (limits or until):
+        return None
+    from handctl.model.bound import Bounds, bounds_in
+
+    if isinstance(named, ParamMap):
+        params = meant(run, named, [text.partition("=")[0].strip() for text in (*limits, *until)])
+        named = lambda name: [element.path for element in select(params, [name])]  # noqa: E731
+    kept = bounds_in(limits, named, "--limit"), bounds_in(until, named, "--until")
+    return Bounds(*kept, run.link_name(), run.journal)
 
 
 def _all_read(samples: Iterator[Sample], unread: dict[str, HandctlError | None]) -> Iterator[Sample]:

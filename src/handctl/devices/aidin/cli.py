@@ -13,7 +13,7 @@ from handctl.devices.aidin.map import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, M
 from handctl.devices.aidin.way import way_of
 from handctl.errors import UsageError
 from handctl.frame import verbs
-from handctl.frame.clikit import Group, stream_options, suspendable
+from handctl.frame.clikit import BOUNDS, Group, stream_options, suspendable
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
@@ -58,11 +58,18 @@ add_map_verbs(
 @cli.verb("watch", "Look", streams=True)
 @click.argument("names", nargs=-1, metavar="[NAME[.PART]]...")
 @stream_options
-def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None) -> Table:
+@BOUNDS
+def watch(
+    run: Run, names: tuple[str, ...], limits: tuple[str, ...] = (), until: tuple[str, ...] = (), **timing: Any
+) -> Table:
     """Show live values on a terminal, or stream rows. Default: motors, joints, currents, fingertip forces."""
-    verbs.select(AIDIN, names)
-    run.device().talk.connect()  # finding out how the hand speaks takes 0.3 s: no part of the first sample
-    return verbs.watch(run, AIDIN, names, rate=rate, count=count, duration=duration)
+
+    def watched() -> Table:
+        verbs.select(AIDIN, names)
+        run.device().talk.connect()  # finding out how the hand speaks takes 0.3 s: no part of the first sample
+        return verbs.watch(run, AIDIN, names, **timing)
+
+    return verbs.bounded(run, AIDIN, watched, limits, until)
 
 
 def _step(run: Run, meaning: str, mode: Mode, **data: int) -> Step:

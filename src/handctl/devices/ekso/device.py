@@ -161,6 +161,10 @@ class Ekso(Device):
             self.known = raws
         return raws
 
+    def rows_of(self, message: str, words: Sequence[int]) -> list[Row]:
+        """A message that came, as rows of `get`."""
+        return [self.row(_reading(word, word.raw_of(raw))) for word, raw in zip(MESSAGES[message], words, strict=True)]
+
     def readings(self, message: str) -> list[Reading]:
         """A whole message, each word as a Reading."""
         if message not in MESSAGES:

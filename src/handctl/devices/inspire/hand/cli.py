@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from shutil import get_terminal_size
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -29,13 +29,13 @@ from handctl.devices.inspire.hand.map import BYTE_MAP, DG2, SPEEDS
 from handctl.devices.inspire.hand.pairing_cli import add_pairing
 from handctl.devices.inspire.map import ALONE, address_in
 from handctl.errors import UsageError
-from handctl.frame.clikit import Group, streaming
+from handctl.frame.clikit import BOUNDS, Group, streaming
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
 from handctl.frame.run import Run
 from handctl.frame.types import NEGATIVE_NUMBERS, Seconds
-from handctl.frame.verbs import ask_released
+from handctl.frame.verbs import ask_released, bounded
 from handctl.link import FrameLink
 from handctl.model.device import limits_of
 from handctl.model.param import COMMAND, Changes, Element, Number, Step, given
@@ -430,8 +430,14 @@ SIDE_BY_SIDE = 60
     "--watch", "live", is_flag=True, help="Keep reading: a live picture on a terminal, otherwise a stream of rows."
 )
 @streaming(5.0)
+@BOUNDS
 def tactile(
-    run: Run, zones: tuple[str, ...], live: bool, rate: float, count: int | None, duration: float | None
+    run: Run,
+    zones: tuple[str, ...],
+    live: bool,
+    limits: tuple[str, ...] = (),
+    until: tuple[str, ...] = (),
+    **timing: Any,
 ) -> Table:
     """Show the tactile sensors of an RH56DFTP. Only reads.
 
@@ -441,10 +447,13 @@ def tactile(
     from handctl.devices.inspire.hand import tactile as skin
 
     chosen = skin.chosen(zones)
-    if not live and (count is not None or duration is not None):
-        raise UsageError("--count and --duration need --watch", hint="add --watch")
+    if not live and (timing["count"] is not None or timing["duration"] is not None or until):
+        raise UsageError("--count, --duration and --until need --watch", hint="add --watch")
     run.streams = live
-    hand = run.device()
-    if live:
-        return skin.watch(hand, chosen, rate=rate, count=count, duration=duration)
-    return skin.tactile(hand, chosen, wide=get_terminal_size().columns >= SIDE_BY_SIDE)
+
+    def read() -> Table:
+        if live:
+            return skin.watch(run.device(), chosen, **timing)
+        return skin.tactile(run.device(), chosen, wide=get_terminal_size().columns >= SIDE_BY_SIDE)
+
+    return bounded(run, skin.named, read, limits, until)
