@@ -99,8 +99,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--setpoints	Include set points: commanded positions and forces. Forces need a separate confirmation.' '-h	Show this help.' '--help	Show this help.'
             set args 'file'
         case 'exo log'
-            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.'
-            set takes --rate=none --count=none --duration=none --mark=none --silence=none
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.'
+            set takes --rate=none --count=none --duration=none --mark=none --silence=none --limit=none --until=none
             set args 'file' 'read:exo*'
             set lacks -n --dry-run -y --yes
         case 'wrist'
@@ -182,8 +182,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--setpoints	Include set points: commanded positions and forces. Forces need a separate confirmation.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
             set args 'file'
         case 'wrist log'
-            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
-            set takes --rate=none --count=none --duration=none --mark=none --silence=none
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
+            set takes --rate=none --count=none --duration=none --mark=none --silence=none --limit=none --until=none
             set args 'file' 'read:wrist*'
             set lacks -n --dry-run -y --yes
         case 'barrett'
@@ -224,8 +224,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set args 'none'
             set lacks --id -n --dry-run -y --yes
         case 'barrett fingertips'
-            set opts '--positions	Use these counts instead of the hand\'s. Needs no device.' '--breakaway	With --positions: the clutch broke away at COUNTS.' '--live	Keep reading: a live view on a terminal, otherwise a stream.' '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
-            set takes --positions=none --breakaway=none --rate=none --count=none --duration=none
+            set opts '--positions	Use these counts instead of the hand\'s. Needs no device.' '--breakaway	With --positions: the clutch broke away at COUNTS.' '--live	Keep reading: a live view on a terminal, otherwise a stream.' '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
+            set takes --positions=none --breakaway=none --rate=none --count=none --duration=none --limit=none --until=none
             set lacks --id -n --dry-run -y --yes
         case 'barrett stop'
             set opts '--motors	Motors: digits 1 to 4, G for the fingers, S for the spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
@@ -314,8 +314,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes --greased=none --steps=choice:lubrication,fasteners,pretension,strain,firmware --hand=none
             set lacks --id -n --dry-run -y --yes
         case 'barrett strain'
-            set opts '--open	MOVES the hand: initialize it, free the spread and open the fingers first.' '--live	Show the readings live while you turn the potentiometer. The bar spans 100 to 140.' '--check	Exit with code 7 if a reading is outside 100 to 140.' '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
-            set takes --rate=none --count=none --duration=none
+            set opts '--open	MOVES the hand: initialize it, free the spread and open the fingers first.' '--live	Show the readings live while you turn the potentiometer. The bar spans 100 to 140.' '--check	Exit with code 7 if a reading is outside 100 to 140.' '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
+            set takes --rate=none --count=none --duration=none --limit=none --until=none
             set lacks --id
         case 'barrett scan'
             set opts '--ids	Ids to try, such as 1-20 (default: --id, or all, the usual one first).' '--all	Keep searching after the first device, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
@@ -354,8 +354,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set args 'file'
             set lacks --id
         case 'barrett log'
-            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
-            set takes --rate=none --count=none --duration=none --mark=none --silence=none
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
+            set takes --rate=none --count=none --duration=none --mark=none --silence=none --limit=none --until=none
             set args 'file' 'read:barrett*'
             set lacks --id -n --dry-run -y --yes
         case 'ekso'
@@ -450,8 +450,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set args 'file'
             set lacks --id
         case 'ekso log'
-            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '--raw	Append the 27 raw words to each row.' '--include-pilot-id	Keep the wearer\'s number in the sidecar.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
-            set takes --rate=none --count=none --duration=none --mark=none --silence=none --length-mode=none
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--raw	Append the 27 raw words to each row.' '--include-pilot-id	Keep the wearer\'s number in the sidecar.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
+            set takes --rate=none --count=none --duration=none --mark=none --silence=none --limit=none --until=none --length-mode=none
             set args 'file'
             set lacks --id -n --dry-run -y --yes
         case 'ekso export'
@@ -478,8 +478,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set args 'read:aidin*'
             set lacks --id --baud -n --dry-run -y --yes
         case 'aidin watch'
-            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
-            set takes --rate=none --count=none --duration=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
+            set takes --rate=none --count=none --duration=none --limit=none --until=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'read:aidin*'
             set lacks --id --baud -n --dry-run -y --yes
         case 'aidin describe'
@@ -541,8 +541,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes --ids=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set lacks --id --baud -n --dry-run -y --yes
         case 'aidin log'
-            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
-            set takes --rate=none --count=none --duration=none --mark=none --silence=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
+            set takes --rate=none --count=none --duration=none --mark=none --silence=none --limit=none --until=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'file' 'read:aidin*'
             set lacks --id --baud -n --dry-run -y --yes
         case 'hand'
@@ -572,8 +572,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set args 'name:hand*'
             set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
         case 'hand tactile'
-            set opts '--watch	Keep reading: a live picture on a terminal, otherwise a stream of rows.' '--rate	Samples per second (0: as fast as the device replies). Default: 5.' '--count	End after N samples.' '--duration	End after S seconds.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
-            set takes --rate=none --count=none --duration=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
+            set opts '--watch	Keep reading: a live picture on a terminal, otherwise a stream of rows.' '--rate	Samples per second (0: as fast as the device replies). Default: 5.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
+            set takes --rate=none --count=none --duration=none --limit=none --until=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'none*'
             set lacks -n --dry-run -y --yes
         case 'hand stop'
@@ -668,8 +668,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'file'
         case 'hand log'
-            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
-            set takes --rate=none --count=none --duration=none --mark=none --silence=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
+            set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
+            set takes --rate=none --count=none --duration=none --mark=none --silence=none --limit=none --until=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'file' 'read:hand*'
             set lacks -n --dry-run -y --yes
         case 'ports'

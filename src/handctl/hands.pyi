@@ -72,6 +72,8 @@ class Exo(Device):
         mark: str = "",
         silence: Number = 60.0,
         force: bool = False,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
     ) -> list[Row]:
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def snapshot(self, file: Path) -> list[Row]:
@@ -213,6 +215,8 @@ class Wrist(Device):
         mark: str = "",
         silence: Number = 60.0,
         force: bool = False,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
     ) -> list[Row]:
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def snapshot(self, file: Path) -> list[Row]:
@@ -319,6 +323,8 @@ class Barrett(Device):
         mark: str = "",
         silence: Number = 60.0,
         force: bool = False,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
     ) -> list[Row]:
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def snapshot(self, file: Path) -> list[Row]:
@@ -543,6 +549,8 @@ class Barrett(Device):
         rate: Number = 10.0,
         count: int | None = None,
         duration: Number | None = None,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
@@ -556,6 +564,8 @@ class Barrett(Device):
         rate: Number = 10.0,
         count: int | None = None,
         duration: Number | None = None,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
     ) -> list[Row]:
         """Show each fingertip's position in mm and its joint angles (§9.5, §9.6)."""
     def diagnose(
@@ -627,6 +637,8 @@ class Ekso(Device):
         mark: str = "",
         silence: Number = 60.0,
         force: bool = False,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
         raw: bool = False,
         include_pilot_id: bool = False,
         length_mode: str | None = None,
@@ -718,6 +730,8 @@ class Aidin(Device):
         mark: str = "",
         silence: Number = 60.0,
         force: bool = False,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
     ) -> list[Row]:
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def report(
@@ -737,6 +751,8 @@ class Aidin(Device):
         rate: Number = 10.0,
         count: int | None = None,
         duration: Number | None = None,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
     ) -> Iterator[list[Row]]:
         """Show live values on a terminal, or stream rows. Default: motors, joints, currents, fingertip forces."""
     def home(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
@@ -822,6 +838,8 @@ class Hand(Device):
         mark: str = "",
         silence: Number = 60.0,
         force: bool = False,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
     ) -> list[Row]:
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def snapshot(self, file: Path) -> list[Row]:
@@ -955,6 +973,8 @@ class Hand(Device):
         rate: Number = 5.0,
         count: int | None = None,
         duration: Number | None = None,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
     ) -> list[Row]:
         """Show the tactile sensors of an RH56DFTP. Only reads."""
 
