@@ -214,7 +214,7 @@ def connect(family: str, link: str, **settings: Any) -> Device:
             known = ", ".join((*SHARED, *HOST, *options))
             raise UsageError(f"{name}: no such setting of {family}", hint=f"known: {known}")
     known_family: Family = load(family, "cli").cli.family
-    chosen = Settings(kind=family, port=str(link), format="json", quiet=True, own=own, **shared)
+    chosen = Settings(kind=family, port=str(link), format="json", quiet=True, time=True, own=own, **shared)
     line = Line(known_family, chosen, Session("library", writes=True))
     try:
         line.open()

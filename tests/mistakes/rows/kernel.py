@@ -398,4 +398,22 @@ ROWS = (
         "tests/contract/test_waiting.py::test_nothing_is_let_go_unasked",
         "tests/inspire/test_rh56_arrival.py::test_a_speed_that_lets_a_finger_go_on_is_asked_for",
     ),
+    mistake(
+        "append-leaves-half-a-row",
+        "a row cut short in a file that a timer fills",
+        "handctl.files",
+        "appended",
+        "os.ftruncate(descriptor, size)",
+        "os.lseek(descriptor, size, os.SEEK_SET)",
+        "tests/kernel/test_append.py::test_a_row_that_finds_no_room_is_taken_back",
+    ),
+    mistake(
+        "append-below-another-header",
+        "values below the name of another quantity",
+        "handctl.files",
+        "appended",
+        'if size and there.split(b"\\n")[0].rstrip(b"\\r") != header.rstrip(b"\\r"):',
+        'if size and not there.startswith(header.rstrip(b"\\r")):',
+        "tests/kernel/test_append.py::test_a_file_that_begins_alike_is_another_one",
+    ),
 )
