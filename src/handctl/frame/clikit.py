@@ -276,6 +276,7 @@ scan_options = together(
 """How far a search goes."""
 
 
+ALWAYS = click.option("--always", is_flag=True, help="Write settings even if they already have this value.")
 LIMIT = click.option(
     "--limit",
     "limits",

@@ -185,7 +185,7 @@ def _check_columns(run: Invocation) -> None:
     from handctl.screen.sheet import stream_format
 
     settings = run.settings
-    how = stream_format(settings, run.sources) if run.streams else settings.format
+    how = stream_format(run) if run.streams else settings.format
     append = settings.append and how == "csv" and bool(settings.output) and not run.streams
     time = settings.time and how not in ("table", "openmetrics")
     if settings.append and not append and run.sources.get("append") == COMMAND_LINE:

@@ -16,7 +16,7 @@ import click
 
 from handctl.families import COMMANDS
 from handctl.frame import stored, verbs
-from handctl.frame.clikit import BOUNDS, LIMIT, Group, log_options, reads_option, scan_options, stream_options
+from handctl.frame.clikit import ALWAYS, BOUNDS, LIMIT, Group, log_options, reads_option, scan_options, stream_options
 from handctl.frame.console import is_terminal
 from handctl.frame.run import Run
 from handctl.frame.types import FiniteRange, InFile, OutFile
@@ -88,8 +88,9 @@ def add_map_verbs(
     get.__doc__ = f"Read quantities by name{shown}."
 
     @click.argument("assignments", nargs=-1, required=True, metavar=f"{named}=VALUE...")
-    def set_(run: Run, assignments: tuple[str, ...]) -> Table:
-        return verbs.set_values(run, mapped(run), assignments)
+    @ALWAYS
+    def set_(run: Run, assignments: tuple[str, ...], always: bool = False) -> Table:
+        return verbs.set_values(run, mapped(run), assignments, always=always)
 
     set_.__doc__ = f"Write quantities by name and read them back.{f' For example `{setting}`.' if setting else ''}"
 

@@ -183,9 +183,7 @@ def restore(
     left = [element.full_name for element, _ in found if not setpoints and element.param.kind == COMMAND]
     _tell_left_out(run, params, left, "written")
     if run.settings.dry_run:
-        run.journal.info(
-            "plan", "all values are listed: without reading the device, handctl cannot skip those it already has"
-        )
+        tell_all_listed(run)
         return run.dry_run(_steps(run.planner(), changes))
     if changes:
         run.need_answer(f"{_restoring(params, changes)}, where they differ")
@@ -211,6 +209,13 @@ def restore(
             if reading.value is not None:
                 after[reading.element.full_name] = reading.value
     return _restored(params, differing, live, after)
+
+
+def tell_all_listed(run: Run) -> None:
+    """Of a dry run of what leaves out what the device has."""
+    run.journal.info(
+        "plan", "all values are listed: without reading the device, handctl cannot skip those it already has"
+    )
 
 
 def _checked(params: ParamMap[Any], values: dict[str, Number], path: str) -> list[Change]:

@@ -9,8 +9,9 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError, joined
+from handctl.frame.stored import Change, tell_all_listed
 from handctl.model.device import pending, question, released
-from handctl.model.param import PUSHES, Changes, Element, FromTo, Number, Param, ParamMap, Reading, Step
+from handctl.model.param import PUSHES, SETTING, Changes, Element, FromTo, Number, Param, ParamMap, Reading, Step
 from handctl.model.result import Column, Row, Sample, Table
 
 if TYPE_CHECKING:
@@ -66,36 +67,105 @@ def get(run: Run, params: ParamMap[Any], names: Sequence[str]) -> Table:
     return table
 
 
-def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str]) -> Table:
-    """Check, confirm where it moves or strands, write, read back."""
+def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str], *, always: bool = False) -> Table:
+    """Check, look what is there already, confirm where it moves or strands, write, read back."""
     changes = params.assignments(texts)
     planner = run.planner()
     steps = planner.plan(changes)
-    if (plan := run.planned(steps)) is not None:
+    if (plan := planned(run, changes, steps, always)) is not None:
         return plan
-    asks = any(step.strands or (step.moves and planner.worn) for step in steps)
-    if asks:
+    if asks := _asks(planner, steps):
         run.need_answer(f"{_consequence(steps)}: {', '.join(texts)}")
     device: Device = run.device()
-    if asks:
-        run.confirm(_consequence(steps), steps, changes=going(run, device, changes))
-    ask_released(run, device, changes, steps)
-    return device.table(device.write(changes))
+    places = _places(device, changes).values() if asks and run.asks else ()
+    held, wanted = unequal(run, device, changes, always, further=list(places))
+    steps = device.plan(wanted)
+    if _asks(device, steps):
+        run.confirm(_consequence(steps), steps, changes=_from_to(device, wanted, held))
+    ask_released(run, device, wanted, steps)
+    return written(run, device, changes, held, wanted)
 
 
-def going(run: Run, device: Device, changes: Sequence[tuple[Element, Number]], what: str = "Setting") -> Changes:
-    """The table of a question: what is set, from and to. It is read only where somebody will see it.
+def planned(run: Run, changes: Sequence[Change], steps: Sequence[Step], always: bool) -> Table | None:
+    """See `Run.planned`, of a `set`."""
+    if run.settings.dry_run and not (always or all(_acts(element) for element, _ in changes)):
+        tell_all_listed(run)
+    return run.planned(steps)
 
-    A set point begins where its axis is, as far as the device can tell. With another word than "Setting" a line has the part alone.
+
+def _asks(device: Device, steps: Sequence[Step]) -> bool:
+    return any(step.strands or (step.moves and device.worn) for step in steps)
+
+
+Held = dict[str, Reading]
+"""What a device holds, by path."""
+
+
+def unequal(
+    run: Run, device: Device, changes: Sequence[Change], always: bool, further: Sequence[Element] = ()
+) -> tuple[Held, list[Change]]:
+    """What the device holds of `changes`, and those of them that are to be written: no setting that is there already.
+
+    What moves or commands is written whatever it holds: a set point that is equal does not mean that the axis is there.
+    One read, of `further` elements too.
     """
-    now: dict[str, Number | None] = {}
+    device.identify()
+    elements = dict.fromkeys((*(element for element, _ in changes if element.param.readable), *further))
+    held = {reading.element.path: reading for reading in device.read(list(elements))}
+
+    def there(element: Element, value: Number) -> bool:
+        reading = held.get(element.path)
+        return not _acts(element) and reading is not None and reading.error is None and reading.value == value
+
+    wanted = [change for change in changes if always or not there(*change)]
+    run.ledger.forget()  # what was planned before the device was known
+    run.ledger.plan(device.plan(wanted))
+    if len(wanted) < len(changes):
+        equal = [element.full_name for element, value in changes if (element, value) not in wanted]
+        hint = "--always writes it all the same" if not wanted else ""
+        run.journal.info("equal", f"not written, because the device has it already: {', '.join(equal)}", hint)
+    return held, wanted
+
+
+def _acts(element: Element) -> bool:
+    return element.param.kind != SETTING or element.param.moves
+
+
+def written(run: Run, device: Device, changes: Sequence[Change], held: Held, wanted: Sequence[Change]) -> Table:
+    """Write `wanted`, read it back, and show all `changes` with what was there before.
+
+    `changed` is true where the value is another one, and of what acts whenever it is written.
+    """
+    now = {reading.element.path: reading for reading in (device.write(wanted) if wanted else ())}
+    table = device.table([now.get(element.path) or held[element.path] for element, _ in changes])
+    for row, (element, _) in zip(table.rows, changes, strict=True):
+        before = held[element.path].value if element.path in held else None
+        row |= {"before": before, "changed": element.path in now and (_acts(element) or before != row.get("value"))}
+    table.plain = table.plain or tuple(column.key for column in table.columns)
+    table.columns = (*table.columns, Column("before", "Before", right=True), Column("changed", "Changed"))
+    return table
+
+
+def going(run: Run, device: Device, changes: Sequence[Change], what: str = "Setting") -> Changes:
+    """The table of a question: what is set, from and to. It is read only where somebody will see it."""
+    held: Held = {}
     if run.asks:
         device.identify()
-        places = {course.target: device.map[course.actual] for course in device.courses}
-        begins = {one.path: Element(places.get(one.param.name, one.param), one.index) for one, _ in changes}
-        read = device.read([one for one in begins.values() if one.param.readable])
-        found = {reading.element.path: reading.value for reading in read}
-        now = {path: found.get(one.path) for path, one in begins.items()}
+        begins = [one for one in _places(device, changes).values() if one.param.readable]
+        held = {reading.element.path: reading for reading in device.read(begins)}
+    return _from_to(device, changes, held, what)
+
+
+def _places(device: Device, changes: Sequence[Change]) -> dict[str, Element]:
+    """Where each begins: a set point where its axis is, as far as the device can tell; by path."""
+    places = {course.target: device.map[course.actual] for course in device.courses}
+    return {one.path: Element(places.get(one.param.name, one.param), one.index) for one, _ in changes}
+
+
+def _from_to(device: Device, changes: Sequence[Change], held: Held, what: str = "Setting") -> Changes:
+    """The lines of that table. With another word than "Setting" a line has the part alone."""
+    begins = {path: held.get(one.path) for path, one in _places(device, changes).items()}
+    now = {path: reading.value for path, reading in begins.items() if reading is not None}
     units = {element.param.unit for element, _ in changes}
     rows = [
         FromTo((what != "Setting" and one.part) or one.full_name, now.get(one.path), value) for one, value in changes
@@ -103,7 +173,7 @@ def going(run: Run, device: Device, changes: Sequence[tuple[Element, Number]], w
     return Changes(what, (len(units) == 1 and units.pop()) or "", rows)
 
 
-def ask_released(run: Run, device: Device, changes: Sequence[tuple[Element, Number]], steps: Sequence[Step]) -> None:
+def ask_released(run: Run, device: Device, changes: Sequence[Change], steps: Sequence[Step]) -> None:
     """Ask before a write that lets the device go on to targets that it holds. Raises NotConfirmed; nothing was written."""
     names = {element.param.name for element, _ in changes}
     if not any(release.by in names for release in device.releases):

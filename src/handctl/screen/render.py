@@ -135,7 +135,7 @@ def _stream(table: Table, samples: Generator[Sample, None, None], how: str, sink
 def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
     """Write a stream as it comes; returns what ended it, None for its natural end. A closed pipe ends it quietly."""
     assert table.samples is not None
-    how = stream_format(context.settings, context.sources)
+    how = stream_format(context)
     failure: HandctlError | None = None
     samples = _told(iter(table.samples), how)
     try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from handctl.model.param import scale_of
 from handctl.model.result import Column, Row
@@ -11,6 +11,15 @@ from handctl.model.result import Column, Row
 if TYPE_CHECKING:
     from handctl.frame.options import Settings
     from handctl.screen.render import Context
+
+    class Asked(Protocol):
+        """What the user said, and where."""
+
+        @property
+        def settings(self) -> Settings: ...
+        @property
+        def sources(self) -> Mapping[str, object]: ...
+
 
 PARTS = ("finger", "motor", "element")
 """Keys of a row that say which part of its quantity it is, where it has no path."""
@@ -70,10 +79,11 @@ def is_sheet(path: str | None) -> bool:
     return bool(path) and str(path).lower().endswith(".csv")
 
 
-def stream_format(settings: Settings, sources: Mapping[str, object]) -> str:
+def stream_format(asked: Asked) -> str:
     """The format of a stream: what was said, else CSV in a file that is named so."""
+    settings = asked.settings
     named = settings.format == "table" and is_sheet(settings.output)
-    return "csv" if named and "format" not in sources else settings.format
+    return "csv" if named and "format" not in asked.sources else settings.format
 
 
 def is_wide(context: Context, rows: Sequence[Row], *, by_default: bool) -> bool:

@@ -30,7 +30,7 @@ from handctl.devices.barrett.realtime.cli import add_realtime
 from handctl.devices.barrett.views import GCL, row_of
 from handctl.errors import UsageError
 from handctl.frame import stored, verbs
-from handctl.frame.clikit import Group
+from handctl.frame.clikit import ALWAYS, Group
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
@@ -206,7 +206,10 @@ def help_(run: Run, command: str | None) -> Table:
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME[.MOTOR]=VALUE...")
 @MOTORS_OPTION
 @FORCE
-def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool) -> Table:
+@ALWAYS
+def set_(
+    run: Run, assignments: tuple[str, ...], motors: str | None, force: bool = False, always: bool = False
+) -> Table:
     """Set parameters in RAM and read them back.
 
     `MCV=80` sets all motors, or those in --motors. `HSG.F1=150` sets one.
@@ -215,12 +218,16 @@ def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool
     for objection in check_careful(changes, force):
         run.journal.warn("careful", objection)
     steps = run.planner().plan(changes)
-    if (plan := run.planned(steps)) is not None:
+    if (plan := verbs.planned(run, changes, steps, always)) is not None:
         return plan
     if any(step.strands for step in steps):
-        run.confirm(SPEED, steps)
+        run.need_answer(SPEED)
     hand: BarrettHand = run.device()
-    return hand.table(hand.write(changes))
+    held, wanted = verbs.unequal(run, hand, changes, always)
+    strands = [step for step in hand.plan(wanted) if step.strands]
+    if strands:
+        run.confirm(SPEED, hand.plan(wanted))
+    return verbs.written(run, hand, changes, held, wanted)
 
 
 @cli.verb("baud", "Settings", writes=True)

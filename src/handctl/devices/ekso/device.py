@@ -412,7 +412,12 @@ def written_table(ekso: Ekso, before: Sequence[int], readings: Sequence[Reading]
     for row in table.rows:
         param = EKSO[row["name"]]
         old = param.from_raw(before[param.word])
-        row |= {"before": old, "before_label": param.label(old)}
-    table.columns = (*ekso.columns[:3], Column("before", "Before", right=True), *ekso.columns[3:])
+        row |= {"before": old, "before_label": param.label(old), "changed": old != row.get("value")}
+    table.columns = (
+        *ekso.columns[:3],
+        Column("before", "Before", right=True),
+        *ekso.columns[3:],
+        Column("changed", "Changed"),
+    )
     table.view = written_view
     return table

@@ -29,13 +29,13 @@ from handctl.devices.inspire.hand.map import BYTE_MAP, DG2, SPEEDS
 from handctl.devices.inspire.hand.pairing_cli import add_pairing
 from handctl.devices.inspire.map import ALONE, address_in
 from handctl.errors import UsageError
-from handctl.frame.clikit import BOUNDS, Group, streaming
+from handctl.frame.clikit import ALWAYS, BOUNDS, Group, streaming
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
 from handctl.frame.run import Run
 from handctl.frame.types import NEGATIVE_NUMBERS, Seconds
-from handctl.frame.verbs import ask_released, bounded
+from handctl.frame.verbs import ask_released, bounded, planned, unequal, written
 from handctl.link import FrameLink
 from handctl.model.device import limits_of
 from handctl.model.param import COMMAND, Changes, Element, Number, Step, given
@@ -108,11 +108,12 @@ add_map_verbs(
 
 @cli.verb("set", "Settings", writes=True)
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME[.FINGER]=VALUE...")
-def set_(run: Run, assignments: tuple[str, ...]) -> Table:
+@ALWAYS
+def set_(run: Run, assignments: tuple[str, ...], always: bool = False) -> Table:
     """Write quantities by name and read them back.
 
     For example `speed_set.index=300 force_limit.index=500`."""
-    return write_asked(run, map_of(run.settings).assignments(assignments))
+    return write_asked(run, map_of(run.settings).assignments(assignments), always=always)
 
 
 # -- what moves it ------------------------------------------------------------------------------------------------
@@ -221,33 +222,45 @@ def _changes(run: Run, name: str, texts: Sequence[str]) -> list[tuple[Element, N
 
 
 def write_asked(
-    run: Run, changes: Sequence[tuple[Element, Number]], wait: float | None = None, expect: str | None = None
+    run: Run,
+    every: Sequence[tuple[Element, Number]],
+    wait: float | None = None,
+    expect: str | None = None,
+    always: bool | None = None,
 ) -> Table:
-    """Write what was checked, and read it back. What moves the hand is shown with speed and force limit, and asked."""
+    """Write what was checked, and read it back. What moves the hand is shown with speed and force limit, and asked.
+
+    With `always` it is a `set`: see `frame.verbs.unequal`.
+    """
     from handctl.devices.inspire.hand import motion
 
     ending = expected(expect, waits=wait is not None)
-    changes = _without_left(changes)
+    changes = every = _without_left(every)
     planner: Hand = run.planner()
     steps = planner.plan(changes)
-    if (plan := run.planned(steps)) is not None:
+    if (plan := planned(run, changes, steps, always is None or always)) is not None:
         return plan
     if any(step.moves or step.strands for step in steps):
         run.need_answer(_consequence(steps))
     hand: Hand = run.device()
     hand.identify()
+    held, changes = ({}, every) if always is None else unequal(run, hand, every, always)
+    steps = hand.plan(changes)
     before: motion.Before | None = None
     if any(step.moves for step in steps):
         before = motion.fit_to_move(hand)
         question, shown = motion.question(hand, changes, before)
-        run.confirm(question, hand.plan(changes), changes=shown)
+        run.confirm(question, steps, changes=shown)
     elif any(step.strands for step in steps):
-        run.confirm(_consequence(steps), hand.plan(changes))
+        run.confirm(_consequence(steps), steps)
     else:
-        ask_released(run, hand, changes, hand.plan(changes))
+        ask_released(run, hand, changes, steps)
     if wait is not None:
         return motion.move(hand, changes[0][0].param.name, changes, run.guide, wait=wait, expect=ending, before=before)
-    table = hand.table(hand.write(changes))
+    if always is not None:
+        table = written(run, hand, every, held, changes)
+    else:
+        table = hand.table(hand.write(changes))
     if before is not None:
         motion.tell_no_speed(hand, changes, before)
     return table
