@@ -46,7 +46,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'none*'
         case 'exo set'
-            set opts '-h	Show this help.' '--help	Show this help.'
+            set opts '--always	Write settings even if they already have this value.' '-h	Show this help.' '--help	Show this help.'
             set args 'set:exo*'
         case 'exo id'
             set opts '-h	Show this help.' '--help	Show this help.'
@@ -139,7 +139,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes --time=none --expect=choice:reached,contact,any
             set lacks --time
         case 'wrist set'
-            set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
+            set opts '--always	Write settings even if they already have this value.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
             set args 'set:wrist*'
         case 'wrist report'
             set opts '--watch	Record curves for S seconds (0: none). Default: 3.' '--include-ids	Include serial numbers, pilot ids, and the replies that contain them.' '--force	Replace FILE.html if it exists.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
@@ -277,7 +277,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes --motors=none --send=none --receive=none --velocity=none --gain=none --control=file --measure=none --no-guard=choice:stall,window,strain,opening,heat,all --delta-unit=none --rate=none --count=none --duration=none
             set lacks --id
         case 'barrett set'
-            set opts '--motors	Motors: digits 1 to 4, G for the fingers, S for the spread (default: all).' '--force	Write a value the manual warns about, or save unchanged values.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
+            set opts '--motors	Motors: digits 1 to 4, G for the fingers, S for the spread (default: all).' '--force	Write a value the manual warns about, or save unchanged values.' '--always	Write settings even if they already have this value.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set takes --motors=none
             set args 'set:barrett*'
             set lacks --id
@@ -598,7 +598,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'none*'
         case 'hand set'
-            set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
+            set opts '--always	Write settings even if they already have this value.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'set:hand*'
         case 'hand id'

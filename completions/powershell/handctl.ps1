@@ -24,7 +24,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'exo stop' { $found.opts = '-h --help' }
         'exo position' { $found.opts = '--wait --expect -h --help'; $found.takes = '--wait=none --expect=choice:reached,contact,any'; $found.args = 'none*' }
         'exo force' { $found.opts = '-h --help'; $found.args = 'none*' }
-        'exo set' { $found.opts = '-h --help'; $found.args = 'set:exo*' }
+        'exo set' { $found.opts = '--always -h --help'; $found.args = 'set:exo*' }
         'exo id' { $found.opts = '-h --help'; $found.args = 'none' }
         'exo baud' { $found.opts = '--save --verify -h --help'; $found.args = 'none' }
         'exo save' { $found.opts = '--skip-identity-check -h --help' }
@@ -50,7 +50,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'wrist stop' { $found.opts = '-h --help --serial --can' }
         'wrist move' { $found.opts = '--pitch --yaw --time --wait --expect -h --help --serial --can'; $found.takes = '--pitch=none --yaw=none --time=none --wait=none --expect=choice:reached,contact,any'; $found.lacks = '--time' }
         'wrist center' { $found.opts = '--time --expect -h --help --serial --can'; $found.takes = '--time=none --expect=choice:reached,contact,any'; $found.lacks = '--time' }
-        'wrist set' { $found.opts = '-h --help --serial --can'; $found.args = 'set:wrist*' }
+        'wrist set' { $found.opts = '--always -h --help --serial --can'; $found.args = 'set:wrist*' }
         'wrist report' { $found.opts = '--watch --include-ids --force -h --help --serial --can'; $found.takes = '--watch=none'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes' }
         'wrist doctor' { $found.opts = '--count -h --help --serial --can'; $found.takes = '--count=none'; $found.lacks = '-n --dry-run -y --yes' }
         'wrist scan' { $found.opts = '--ids --all -h --help --serial --can'; $found.takes = '--ids=none'; $found.lacks = '-n --dry-run -y --yes' }
@@ -84,7 +84,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'barrett torque-open' { $found.opts = '--force --motors --expect -h --help --interrupt'; $found.takes = '--motors=none --expect=choice:reached,contact,any'; $found.lacks = '--id' }
         'barrett torque-close' { $found.opts = '--motors --expect -h --help --interrupt'; $found.takes = '--motors=none --expect=choice:reached,contact,any'; $found.lacks = '--id' }
         'barrett realtime' { $found.opts = '--motors --send --receive --velocity --gain --control --measure --sequential --overlapped --no-guard --force --delta-unit --init --hold --may-suspend --rate --count --duration -h --help --interrupt'; $found.takes = '--motors=none --send=none --receive=none --velocity=none --gain=none --control=file --measure=none --no-guard=choice:stall,window,strain,opening,heat,all --delta-unit=none --rate=none --count=none --duration=none'; $found.lacks = '--id' }
-        'barrett set' { $found.opts = '--motors --force -h --help --interrupt'; $found.takes = '--motors=none'; $found.args = 'set:barrett*'; $found.lacks = '--id' }
+        'barrett set' { $found.opts = '--motors --force --always -h --help --interrupt'; $found.takes = '--motors=none'; $found.args = 'set:barrett*'; $found.lacks = '--id' }
         'barrett save' { $found.opts = '--motors --force -h --help --interrupt'; $found.takes = '--motors=none'; $found.lacks = '--id' }
         'barrett baud' { $found.opts = '--save -h --help --interrupt'; $found.args = 'none'; $found.lacks = '--id' }
         'barrett load' { $found.opts = '--motors -h --help --interrupt'; $found.takes = '--motors=none'; $found.lacks = '--id' }
@@ -158,7 +158,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'hand position' { $found.opts = '--wait --expect -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--wait=none --expect=choice:reached,contact,any --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none*' }
         'hand speed' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none*' }
         'hand force' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none*' }
-        'hand set' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'set:hand*' }
+        'hand set' { $found.opts = '--always -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'set:hand*' }
         'hand id' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none' }
         'hand baud' { $found.opts = '--save --verify -h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus'; $found.args = 'none' }
         'hand save' { $found.opts = '-h --help --serial --can --modbus-tcp --model --side --protocol'; $found.takes = '--model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus' }

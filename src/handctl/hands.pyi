@@ -46,6 +46,7 @@ class Exo(Device):
         self,
         assignments: Mapping[str, Value | Sequence[Value]] | Sequence[str] | str,
         *,
+        always: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
@@ -189,6 +190,7 @@ class Wrist(Device):
         self,
         assignments: Mapping[str, Value | Sequence[Value]] | Sequence[str] | str,
         *,
+        always: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
@@ -356,6 +358,7 @@ class Barrett(Device):
         *,
         motors: str | None = None,
         force: bool = False,
+        always: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
@@ -863,6 +866,7 @@ class Hand(Device):
         self,
         assignments: Mapping[str, Value | Sequence[Value]] | Sequence[str] | str,
         *,
+        always: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
