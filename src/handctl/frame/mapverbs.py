@@ -149,13 +149,13 @@ def add_map_verbs(
         """
         return stored.snapshot(run, file)
 
-    @click.argument("a", type=InFile())
+    @click.argument("a", required=False, type=InFile())
     @click.argument("b", required=False, type=InFile())
     @with_setpoints
-    def diff(run: Run, a: str, b: str | None, setpoints: bool = False) -> Table:
-        """Compare the settings of two snapshots, or of snapshot A with the device.
+    def diff(run: Run, a: str | None, b: str | None, setpoints: bool = False) -> Table:
+        """Compare settings: two snapshots, a snapshot and the device, or two devices.
 
-        Exit code 7 means that they differ.
+        Exit code 7 means that they differ. With -d LEFT,RIGHT and no file, it compares the two devices.
         """
         return stored.diff(run, mapped(run), a, b, setpoints=setpoints)
 
