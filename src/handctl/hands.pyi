@@ -79,8 +79,8 @@ class Exo(Device):
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def snapshot(self, file: Path) -> list[Row]:
         """Save the settings and set points of the device to FILE."""
-    def diff(self, a: Path, b: Path | None = None, *, setpoints: bool = False) -> list[Row]:
-        """Compare the settings of two snapshots, or of snapshot A with the device."""
+    def diff(self, a: Path | None = None, b: Path | None = None, *, setpoints: bool = False) -> list[Row]:
+        """Compare settings: two snapshots, a snapshot and the device, or two devices."""
     def restore(
         self,
         file: Path,
@@ -223,8 +223,8 @@ class Wrist(Device):
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def snapshot(self, file: Path) -> list[Row]:
         """Save the settings and set points of the device to FILE."""
-    def diff(self, a: Path, b: Path | None = None, *, setpoints: bool = False) -> list[Row]:
-        """Compare the settings of two snapshots, or of snapshot A with the device."""
+    def diff(self, a: Path | None = None, b: Path | None = None, *, setpoints: bool = False) -> list[Row]:
+        """Compare settings: two snapshots, a snapshot and the device, or two devices."""
     def restore(
         self,
         file: Path,
@@ -331,8 +331,8 @@ class Barrett(Device):
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def snapshot(self, file: Path) -> list[Row]:
         """Save the settings and set points of the device to FILE."""
-    def diff(self, a: Path, b: Path | None = None) -> list[Row]:
-        """Compare the settings of two snapshots, or of snapshot A with the device."""
+    def diff(self, a: Path | None = None, b: Path | None = None) -> list[Row]:
+        """Compare settings: two snapshots, a snapshot and the device, or two devices."""
     def report(
         self,
         file: Path,
@@ -616,8 +616,8 @@ class Ekso(Device):
         """Show values as they change."""
     def snapshot(self, file: Path, *, length_mode: str | None = None) -> list[Row]:
         """Save the settings and set points of the device to FILE."""
-    def diff(self, a: Path, b: Path | None = None, *, length_mode: str | None = None) -> list[Row]:
-        """Compare the settings of two snapshots, or of snapshot A with the device."""
+    def diff(self, a: Path | None = None, b: Path | None = None, *, length_mode: str | None = None) -> list[Row]:
+        """Compare settings: two snapshots, a snapshot and the device, or two devices."""
     def report(
         self,
         file: Path,
@@ -847,8 +847,8 @@ class Hand(Device):
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def snapshot(self, file: Path) -> list[Row]:
         """Save the settings and set points of the device to FILE."""
-    def diff(self, a: Path, b: Path | None = None) -> list[Row]:
-        """Compare the settings of two snapshots, or of snapshot A with the device."""
+    def diff(self, a: Path | None = None, b: Path | None = None) -> list[Row]:
+        """Compare settings: two snapshots, a snapshot and the device, or two devices."""
     def restore(self, file: Path, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Write the settings that differ from a snapshot, and read them back."""
     def report(
