@@ -342,9 +342,14 @@ MOVEMENTS = (
     ("init", "HI", "Initialize the motors (HI): the fingers open fully. Run it after power-on or reset.", ""),
     ("open", "O", "Open to OT.", ""),
     ("close", "C", "Close to CT. To grip an object, add --expect contact.", ""),
-    ("move", "M", "Move to POSITION in counts (default: the parameter DP).", "[POSITION]"),
-    ("step-open", "IO", "Open by COUNTS (default: the parameter DS).", "[COUNTS]"),
-    ("step-close", "IC", "Close by COUNTS (default: the parameter DS).", "[COUNTS]"),
+    (
+        "move",
+        "M",
+        "Move to POSITION in counts (default: the parameter DP), or to one for each motor: F1=9000 F2=9000.",
+        "POSITION",
+    ),
+    ("step-open", "IO", "Open by COUNTS (default: the parameter DS).", "COUNTS"),
+    ("step-close", "IC", "Close by COUNTS (default: the parameter DS).", "COUNTS"),
     ("home", "HOME", "Move to position 0.", ""),
     ("torque-open", "TO", "Open under torque control until the motors stall.", ""),
     ("torque-close", "TC", "Close under torque control until the motors stall.", ""),
@@ -352,21 +357,23 @@ MOVEMENTS = (
 
 
 def _movement(name: str, gcl_name: str, doc: str, argument: str) -> None:
-    def body(run: Run, motors: str | None, expect: str | None, value: int | None = None, force: bool = False) -> Table:
+    def body(
+        run: Run, motors: str | None, expect: str | None, values: tuple[str, ...] = (), force: bool = False
+    ) -> Table:
         from handctl.devices.barrett import motion
 
-        prefix = prefix_of(motors)
-        if (plan := run.planned([step_of(motion.command_text(prefix, gcl_name, value))])) is not None:
+        goals = motion.goals_of(values, prefix_of(motors), gcl_name)
+        steps = [step_of(motion.command_text(motors, gcl_name, counts)) for motors, counts in goals]
+        if (plan := run.planned(steps)) is not None:
             return plan
-        ending = expected(expect)
-        return motion.move(run.device(), prefix, gcl_name, value, run.guide, force=force, expect=ending)
+        return motion.move_each(run.device(), goals, gcl_name, run.guide, force=force, expect=expected(expect))
 
     body.__doc__ = doc
     command: Callable[..., Any] = MOTORS_OPTION(expect(body))
     if gcl_name != "TC":
         command = HARM(command)
     if argument:
-        command = click.argument("value", required=False, type=int, metavar=argument)(command)
+        command = click.argument("values", nargs=-1, metavar=f"[{argument} | MOTOR=VALUE...]")(command)
     cli.verb(name, "Move", writes=True)(command)
 
 
