@@ -414,19 +414,17 @@ class Barrett(Device):
         """Close to CT. To grip an object, add --expect contact."""
     def move(
         self,
-        value: int | None = None,
-        *,
+        *values: Value | Mapping[str, Value],
         force: bool = False,
         motors: str | None = None,
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> list[Row]:
-        """Move to POSITION in counts (default: the parameter DP)."""
+        """Move to POSITION in counts (default: the parameter DP), or to one for each motor: F1=9000 F2=9000."""
     def step_open(
         self,
-        value: int | None = None,
-        *,
+        *values: Value | Mapping[str, Value],
         force: bool = False,
         motors: str | None = None,
         expect: Literal["reached", "contact", "any"] | None = None,
@@ -436,8 +434,7 @@ class Barrett(Device):
         """Open by COUNTS (default: the parameter DS)."""
     def step_close(
         self,
-        value: int | None = None,
-        *,
+        *values: Value | Mapping[str, Value],
         force: bool = False,
         motors: str | None = None,
         expect: Literal["reached", "contact", "any"] | None = None,
