@@ -273,6 +273,7 @@ def watch(
         if element.param.low is not None and element.param.high is not None
     }
 
+    device.ready()
     unread: dict[str, HandctlError | None] = dict.fromkeys(one.path for one in elements)  # never read so far, and why
 
     turn = device.link.now()

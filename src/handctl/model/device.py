@@ -210,6 +210,9 @@ class Device(ABC):
     def identify(self) -> None:  # noqa: B027 - where whatever is read tells who it is, there is nothing to do
         """Look who is there before anything is read for a plan: a stranger is named, not called silent. Raises NotIdentified."""
 
+    def ready(self) -> None:  # noqa: B027 - most have nothing to find out
+        """Find out how it speaks, where that takes time: no part of the first sample of a stream."""
+
     def own_map(self) -> ParamMap[Any]:
         """The map of this very device, asked for where its family has several."""
         return self.map

@@ -12,8 +12,7 @@ from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.map import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, Mode, Target
 from handctl.devices.aidin.way import way_of
 from handctl.errors import UsageError
-from handctl.frame import verbs
-from handctl.frame.clikit import BOUNDS, Group, stream_options, suspendable
+from handctl.frame.clikit import Group, suspendable
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
@@ -51,25 +50,8 @@ add_map_verbs(
     AIDIN,
     part="PART",
     example="joint_pos.index sensor_state.fz",
-    without=("set", "watch", "snapshot", "diff", "restore"),
+    without=("set", "snapshot", "diff", "restore"),
 )
-
-
-@cli.verb("watch", "Look", streams=True)
-@click.argument("names", nargs=-1, metavar="[NAME[.PART]]...")
-@stream_options
-@BOUNDS
-def watch(
-    run: Run, names: tuple[str, ...], limits: tuple[str, ...] = (), until: tuple[str, ...] = (), **timing: Any
-) -> Table:
-    """Show live values on a terminal, or stream rows. Default: motors, joints, currents, fingertip forces."""
-
-    def watched() -> Table:
-        verbs.select(AIDIN, names)
-        run.device().talk.connect()  # finding out how the hand speaks takes 0.3 s: no part of the first sample
-        return verbs.watch(run, AIDIN, names, **timing)
-
-    return verbs.bounded(run, AIDIN, watched, limits, until)
 
 
 def _step(run: Run, meaning: str, mode: Mode, **data: int) -> Step:
