@@ -697,6 +697,16 @@ class Aidin(Device):
         """Read quantities by name, such as `joint_pos.index sensor_state.fz`."""
     def describe(self, *names: str) -> Rows:
         """List every quantity with address, type, range, access and manual section."""
+    def watch(
+        self,
+        *names: str,
+        rate: Number = 10.0,
+        count: int | None = None,
+        duration: Number | None = None,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
+    ) -> Stream:
+        """Show values as they change."""
     def log(
         self,
         file: Path,
@@ -715,16 +725,6 @@ class Aidin(Device):
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
     def doctor(self, *, count: int = 100) -> Rows:
         """Check this computer, the link and the device."""
-    def watch(
-        self,
-        *names: str,
-        rate: Number = 10.0,
-        count: int | None = None,
-        duration: Number | None = None,
-        limit: Sequence[str] = (),
-        until: Sequence[str] = (),
-    ) -> Stream:
-        """Show live values on a terminal, or stream rows. Default: motors, joints, currents, fingertip forces."""
     def home(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """OPEN ALL FINGERS for 3.5 s and set that position as the origin (homing)."""
     def initial(self, *, assume_homed: bool = False, confirm: Confirm = False, dry_run: bool = False) -> Rows:
