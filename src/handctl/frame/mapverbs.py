@@ -71,19 +71,22 @@ def add_map_verbs(
     def status(run: Run, check: bool, limits: tuple[str, ...] = (), include_ids: bool = False) -> Table:
         """Show a health summary: values of each finger or motor, with errors decoded."""
         run.said.include_ids = include_ids
-        return verbs.bounded(run, mapped(run), lambda: run.device().status(check), limits)
+        bounds = verbs.bounds_of(run, mapped(run), limits)
+        return verbs.within(bounds, run.device().status(check))
 
     @LIMIT
     @with_ids
     def dump(run: Run, limits: tuple[str, ...] = (), include_ids: bool = False) -> Table:
         """Read every documented quantity."""
         run.said.include_ids = include_ids
-        return verbs.bounded(run, mapped(run), lambda: run.device().dump(), limits)
+        bounds = verbs.bounds_of(run, mapped(run), limits)
+        return verbs.within(bounds, run.device().dump())
 
     @click.argument("names", nargs=-1, required=True, metavar=f"{named}...")
     @LIMIT
     def get(run: Run, names: tuple[str, ...], limits: tuple[str, ...] = ()) -> Table:
-        return verbs.bounded(run, mapped(run), lambda: verbs.get(run, mapped(run), names), limits)
+        bounds = verbs.bounds_of(run, mapped(run), limits)
+        return verbs.within(bounds, verbs.get(run, mapped(run), names))
 
     get.__doc__ = f"Read quantities by name{shown}."
 
@@ -120,11 +123,9 @@ def add_map_verbs(
         """
         seen = run.settings.format == "table" and not run.settings.output and is_terminal(sys.stdout)
         seen = seen and columns() >= verbs.BESIDE_COLUMNS
-
-        def watched() -> Table:
-            return verbs.watch(run, mapped(run), names, rate=rate, count=count, duration=duration, seen=seen)
-
-        return verbs.bounded(run, mapped(run), watched, limits, until)
+        bounds = verbs.bounds_of(run, mapped(run), limits, until)
+        table = verbs.watch(run, mapped(run), names, rate=rate, count=count, duration=duration, seen=seen)
+        return verbs.within(bounds, table)
 
     @log_options
     @click.argument("names", nargs=-1, metavar=NAMES)

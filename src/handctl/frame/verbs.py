@@ -5,7 +5,7 @@ snapshot, diff and restore are in `stored`. What they need of a device is `model
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError, joined
@@ -315,20 +315,10 @@ def watch(
     )
 
 
-def bounded(
-    run: Run,
-    named: ParamMap[Any] | Named,
-    read: Callable[[], Table],
-    limits: Sequence[str],
-    until: Sequence[str] = (),
-) -> Table:
-    """What `read` returns, compared with the bounds that --limit and --until give. Raises UsageError before anything is read."""
-    bounds = bounds_of(run, named, limits, until)
-    return read() if bounds is None else bounds.kept(read())
-
-
-def bounds_of(run: Run, named: ParamMap[Any] | Named, limits: Sequence[str], until: Sequence[str]) -> Bounds | None:
-    """What --limit and --until give, None where neither is there. Raises UsageError."""
+def bounds_of(
+    run: Run, named: ParamMap[Any] | Named, limits: Sequence[str], until: Sequence[str] = ()
+) -> Bounds | None:
+    """What --limit and --until give, None where neither is there. Raises UsageError, before anything is read for the command."""
     if not (limits or until):
         return None
     from handctl.model.bound import Bounds, bounds_in
@@ -338,6 +328,11 @@ def bounds_of(run: Run, named: ParamMap[Any] | Named, limits: Sequence[str], unt
         named = lambda name: [element.path for element in select(params, [name])]  # noqa: E731
     kept = bounds_in(limits, named, "--limit"), bounds_in(until, named, "--until")
     return Bounds(*kept, run.link_name(), run.journal)
+
+
+def within(bounds: Bounds | None, table: Table) -> Table:
+    """The table, compared with the bounds."""
+    return table if bounds is None else bounds.kept(table)
 
 
 def _all_read(samples: Iterator[Sample], unread: dict[str, HandctlError | None]) -> Iterator[Sample]:

@@ -134,8 +134,7 @@ def _add_strain(group: Group) -> None:
             return gauges.table(hand, check=check)
         for line in symptoms.lines("strain") if run.settings.format == "table" else []:
             run.guide.say(line)
-        table = gauges.stream(hand, **timing)
-        return table if bounds is None else bounds.kept(table)
+        return verbs.within(bounds, gauges.stream(hand, **timing))
 
 
 def _add_fingertips(group: Group) -> None:
@@ -180,11 +179,9 @@ def _add_fingertips(group: Group) -> None:
                 "--breakaway needs --positions",
                 hint="leave it out: firmware 4.34 and later report the breakaway themselves",
             )
-
-        def seen() -> Table:
-            return tips.stream(run.device(), **timing) if live else tips.now(run.device())
-
-        return verbs.bounded(run, tips.named, seen, limits, until)
+        bounds = verbs.bounds_of(run, tips.named, limits, until)
+        hand = run.device()
+        return verbs.within(bounds, tips.stream(hand, **timing) if live else tips.now(hand))
 
 
 def _add_diagnose(group: Group) -> None:

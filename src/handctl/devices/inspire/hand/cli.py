@@ -35,7 +35,7 @@ from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
 from handctl.frame.run import Run
 from handctl.frame.types import NEGATIVE_NUMBERS, Seconds
-from handctl.frame.verbs import ask_released, bounded, planned, unequal, written
+from handctl.frame.verbs import ask_released, bounds_of, planned, unequal, within, written
 from handctl.link import FrameLink
 from handctl.model.device import limits_of
 from handctl.model.param import COMMAND, Changes, Element, Number, Step, given
@@ -463,10 +463,8 @@ def tactile(
     if not live and (timing["count"] is not None or timing["duration"] is not None or until):
         raise UsageError("--count, --duration and --until need --watch", hint="add --watch")
     run.streams = live
-
-    def read() -> Table:
-        if live:
-            return skin.watch(run.device(), chosen, **timing)
-        return skin.tactile(run.device(), chosen, wide=get_terminal_size().columns >= SIDE_BY_SIDE)
-
-    return bounded(run, skin.named, read, limits, until)
+    bounds = bounds_of(run, skin.named, limits, until)
+    hand = run.device()
+    if live:
+        return within(bounds, skin.watch(hand, chosen, **timing))
+    return within(bounds, skin.tactile(hand, chosen, wide=get_terminal_size().columns >= SIDE_BY_SIDE))
