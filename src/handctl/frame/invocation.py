@@ -189,8 +189,8 @@ def _check_columns(run: Invocation) -> None:
     append = settings.append and how == "csv" and bool(settings.output) and not run.streams
     time = settings.time and how not in ("table", "openmetrics")
     if settings.append and not append and run.sources.get("append") == COMMAND_LINE:
-        log = f"`handctl {run.family.kind} log` records a stream" if run.family is not None else ""
-        raise UsageError("--append needs --csv, -o FILE and a command that ends by itself", hint=log)
+        hint = "`log` records samples to a file of its own" if run.streams else "add --csv and -o FILE"
+        raise UsageError("--append adds one reading to a CSV file", hint=f"{hint}. Nothing was sent.")
     if settings.time and not time and run.sources.get("time") == COMMAND_LINE:
         raise UsageError(
             "--time adds a column to CSV, plain or JSON output", hint="add --csv, --json or --format plain"

@@ -120,10 +120,11 @@ def unequal(
     wanted = [change for change in changes if always or not there(*change)]
     run.ledger.forget()  # what was planned before the device was known
     run.ledger.plan(device.plan(wanted))
-    if len(wanted) < len(changes):
-        equal = [element.full_name for element, value in changes if (element, value) not in wanted]
-        hint = "--always writes it all the same" if not wanted else ""
-        run.journal.info("equal", f"not written, because the device has it already: {', '.join(equal)}", hint)
+    if equal := [element for element, value in changes if (element, value) not in wanted]:
+        partly = {element.param.name for element, _ in wanted}
+        names = dict.fromkeys(one.full_name if one.param.name in partly else one.param.name for one in equal)
+        hint = "" if wanted else "--always writes it anyway"
+        run.journal.info("equal", f"already set, so not written: {', '.join(names)}", hint)
     return held, wanted
 
 
