@@ -151,7 +151,7 @@ ROWS = (
         "diff-equal-is-told-of-what-differs",
         "wrong exit code",
         STORED,
-        "diff",
+        "compared",
         "if rows:",
         "if len(rows) > 1:",
         "tests/kernel/test_cli_files.py::test_a_spoiled_snapshot_is_refused_before_anything_is_sent",
