@@ -7,6 +7,15 @@ SESSION = "handctl.frame.connection"
 
 ROWS = (
     mistake(
+        "limit-of-a-log-left-out",
+        "wrong exit code",
+        "handctl.frame.recorder",
+        "log",
+        "failure = _finish(run, recording, before, failure) or (bounds.failure() if bounds is not None else None)",
+        "failure = _finish(run, recording, before, failure)",
+        "tests/kernel/test_bound.py::test_a_recording_has_limits_and_an_end",
+    ),
+    mistake(
         "set-point-that-is-equal-left-out",
         "a finger that is elsewhere is not moved",
         "handctl.frame.verbs",
