@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from handctl.hands import simulate as simulate
 else:
 
+    def __dir__() -> list[str]:
+        return [*globals(), "HandctlError", "connect", "errors", "hands", "simulate"]
+
     def __getattr__(name: str) -> object:
         from importlib import import_module
 

@@ -5,15 +5,16 @@
             print(row["finger"], row["value"])
 
 Rows are those of `--json`, errors those of `handctl.errors`. Nothing is printed and nobody is asked: what needs a confirmation takes
-`confirm=True` or a function `(question, steps) -> bool`, and raises NotConfirmed without. The environment and the configuration file
-play no part. `handctl.hands` has the types; `handctl help library` is the guide.
+`confirm=True` or a function `(question, steps) -> bool`, and raises NotConfirmed without. The environment plays no part, and of the
+configuration file only the device that `connect("left")` names. `handctl.hands` has the types; `handctl help library` is the guide.
 """
 
 from __future__ import annotations
 
 import keyword
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from functools import cache
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import click
@@ -24,8 +25,9 @@ from handctl.frame.call import Confirm, Line
 from handctl.frame.clikit import Command
 from handctl.frame.connection import Session
 from handctl.frame.family import Family, load
-from handctl.frame.options import Settings
+from handctl.frame.options import Settings, config_path, read_config
 from handctl.model.result import Row
+from handctl.sentence import sentence
 
 HOST = ("timeout", "deadline", "retries", "trace", "assume_identity")
 """Settings of this end of a link, whatever is at the other."""
@@ -133,6 +135,55 @@ def _arguments(command: Command) -> Iterator[Argument]:
         yield Argument(_identifier(name), key, param, "=VALUE" in (getattr(param, "metavar", None) or ""))
 
 
+class Rows(list[Row]):
+    """What a command returns."""
+
+    def frame(self) -> Any:
+        """The rows as a pandas DataFrame. Raises ImportError where pandas is not installed."""
+        pandas = import_module("pandas")
+        table = pandas.DataFrame(list(self))
+        if "time" in table:
+            table["time"] = pandas.to_datetime(table["time"])
+        return table
+
+
+class Stream(Iterator[Rows]):
+    """What a command of samples returns: the rows of each, until it ends or is closed."""
+
+    def __init__(self, samples: Iterator[list[Row]], kind: str) -> None:
+        self._samples, self._kind = samples, kind
+
+    def __next__(self) -> Rows:
+        try:
+            return Rows(next(self._samples))
+        except HandctlError as exc:
+            raise told(exc, self._kind) from None
+
+    def close(self) -> None:
+        """End it, and leave the device."""
+        if isinstance(self._samples, Generator):
+            self._samples.close()
+
+    def frame(self) -> Any:
+        """The rows of all samples as a pandas DataFrame, when it has ended."""
+        return Rows(row for sample in self for row in sample).frame()
+
+
+def told(error: HandctlError, kind: str) -> HandctlError:
+    """An error as a program meets it: in its words, with the hint as a note, and without the way that it came."""
+    error.text, error.hint = _in_python(kind, error.text, error.hint)
+    if error.hint and hasattr(error, "add_note"):  # Python 3.11
+        error.add_note(f"Next: {sentence(error.hint)}")
+    return error.with_traceback(None)
+
+
+def _in_python(kind: str, *texts: str) -> Iterator[str]:
+    from handctl.frame.pythonic import in_python
+
+    known = {name: method.command for name, method in methods(kind).items()} if kind in FAMILIES else {}
+    return (in_python(text, kind, known) for text in texts)
+
+
 class Device:
     """A device with an open link. Its methods are the commands of its family, see `handctl.hands`."""
 
@@ -147,7 +198,7 @@ class Device:
     def __exit__(self, *error: object) -> None:
         failure = self._line.close()
         if failure is not None and error[0] is None:
-            raise failure
+            raise told(failure, self.kind)
 
     def disconnect(self) -> None:
         """Close the link. A `with` does so at its end. Raises LinkError."""
@@ -164,6 +215,8 @@ class Device:
     def messages(self) -> list[Row]:
         """What the last call had to say: `level`, `code`, `text`, `hint` each."""
         found: list[Row] = self.envelope["messages"]
+        for row in found:
+            row["text"], row["hint"] = _in_python(self.kind, row["text"], row["hint"])
         return found
 
     def __dir__(self) -> list[str]:
@@ -177,10 +230,19 @@ class Device:
 
         def call(*args: Any, confirm: Confirm = False, dry_run: bool = False, **named: Any) -> Any:
             key = (name, args) if not (named or confirm or dry_run) else None
-            if key is not None and (again := line.again(key)) is not None:
-                return again
+            if key is not None:
+                try:
+                    again = line.again(key)
+                except HandctlError as exc:
+                    raise told(exc, self.kind) from None
+                if again is not None:
+                    return Rows(again)
             values = method.values(args, named)
-            return line.call(method.command, method.words, values, confirm=confirm, dry_run=dry_run, key=key)
+            try:
+                found = line.call(method.command, method.words, values, confirm=confirm, dry_run=dry_run, key=key)
+            except HandctlError as exc:
+                raise told(exc, self.kind) from None
+            return Rows(found) if isinstance(found, list) else Stream(found, self.kind)
 
         call.__name__, call.__doc__ = name, method.command.help
         self.__dict__[name] = call
@@ -195,12 +257,23 @@ def class_of(kind: str) -> type[Device]:
     )
 
 
-def connect(family: str, link: str, **settings: Any) -> Device:
-    """Open LINK, a port or another link as after `-p`, to a device of this family.
+def connect(family: str, link: Any = None, **settings: Any) -> Device:
+    """Open LINK, a port or another link as after `-p`, to a device of this family. Without LINK: the device of this name.
 
-    Settings are `id`, `baud`, `timeout`, `deadline`, `retries`, `trace`, `assume_identity` and the family's own options by their
+    A name is that of `handctl devices list`, with the settings there. Settings are `id`, `baud`, `timeout`, `deadline`, `retries`, `trace`, `assume_identity` and the family's own options by their
     long names with _ for -. Raises UsageError, LinkError.
     """
+    try:
+        if link is None:
+            device = read_config(config_path()).find(family)
+            settings = {key: entry.value for key, entry in device.entries.items()} | settings
+            family, link = device.kind, settings.pop("port")
+        return _opened(family, str(link), settings)
+    except HandctlError as exc:
+        raise told(exc, family) from None
+
+
+def _opened(family: str, link: str, settings: Mapping[str, Any]) -> Device:
     if family not in FAMILIES:
         raise UsageError(f"no device family {family!r}", hint=f"one of {', '.join(FAMILIES)}")
     options = {option.key: option for option in FAMILIES[family].options}
@@ -217,7 +290,7 @@ def connect(family: str, link: str, **settings: Any) -> Device:
             known = ", ".join((*SHARED, *HOST, *options))
             raise UsageError(f"{name}: no such setting of {family}", hint=f"known: {known}")
     known_family: Family = load(family, "cli").cli.family
-    chosen = Settings(kind=family, port=str(link), format="json", quiet=True, own=own, **shared)
+    chosen = Settings(kind=family, port=link, format="json", quiet=True, time=True, own=own, **shared)
     line = Line(known_family, chosen, Session("library", writes=True))
     try:
         line.open()
@@ -244,4 +317,4 @@ def simulate(family: str, **options: Any) -> Device:
     return connect(family, f"fake://{family}?{link}", **host)
 
 
-__all__ = ["Device", "HandctlError", "connect", "simulate"]
+__all__ = ["Device", "HandctlError", "Rows", "Stream", "connect", "simulate"]

@@ -7,6 +7,7 @@ fails means is its callers' to say. `clash` tells two names of one file. Knows n
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import os
 import stat
@@ -17,6 +18,8 @@ from handctl.errors import OutputError, UsageError
 from handctl.system import disk
 
 T = TypeVar("T")
+TURN_SECONDS = 10.0
+"""How long a program waits for others that append to the same file."""
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -142,6 +145,44 @@ def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[A
         with contextlib.suppress(OSError):
             os.unlink(part)
         raise
+
+
+@contextlib.contextmanager
+def appended(path: str | os.PathLike[str]) -> Iterator[IO[str]]:
+    """A text that is added to FILE, all of it in one write or nothing; gone when the body raises.
+
+    Its first line is a header, which only a new file gets. Raises OSError, and OutputError for a file with another one.
+    """
+    text = io.StringIO(newline="")
+    yield text
+    header, _, rest = text.getvalue().encode("utf-8", "backslashreplace").partition(b"\n")
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | disk.AT_ONCE | disk.BINARY, 0o666)
+    try:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise OutputError(f"{path}: not a file, so nothing can be appended")
+        with in_turn(descriptor, TURN_SECONDS):
+            size = os.fstat(descriptor).st_size
+            there = disk.read_at(descriptor, len(header) + 3, 0).removeprefix(b"\xef\xbb\xbf")
+            if size and there.split(b"\n")[0].rstrip(b"\r") != header.rstrip(b"\r"):
+                raise OutputError(
+                    f"{path}: nothing was appended: its columns are not {header.decode().strip()}",
+                    hint="append the same quantities in the same format, or choose another file",
+                    code="columns",
+                )
+            data = rest if size else header + b"\n" + rest
+            if (
+                size and disk.read_at(descriptor, 1, size - 1) != b"\n"
+            ):  # somebody's editor has left out the last line end
+                data = b"\r\n" + data
+            try:
+                if os.write(descriptor, data) < len(data):
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+                disk.sync(descriptor)
+            except OSError:
+                os.ftruncate(descriptor, size)
+                raise
+    finally:
+        os.close(descriptor)
 
 
 def at_once(path: str, flags: int) -> int:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from handctl.api import Device, class_of, connect, simulate
+from handctl.api import Device, Rows, Stream, class_of, connect, simulate
 from handctl.families import FAMILIES
 from handctl.frame.call import Confirm
 from handctl.model.result import Row
 
-__all__ = ["Confirm", "Device", "Row", "connect", "simulate"]
+__all__ = ["Confirm", "Device", "Row", "Rows", "Stream", "connect", "simulate"]
 
 
 def __getattr__(name: str) -> Any:

@@ -156,7 +156,7 @@ def test_careful_values_need_force(tmp_path: Path, text: str, word: str, line: s
 
 @pytest.mark.parametrize("text", ["OTEMP=0", "OTEMP=300", "IVEL.F1=300", "IVEL.S=150", "TSTOP=30", "HSG=255"])
 def test_values_up_to_the_border_need_none(text: str) -> None:
-    result = do("set", text)
+    result = do("set", text, "--always")
     assert (result.code, result.json["messages"]) == (0, [])
 
 

@@ -12,6 +12,7 @@ from handctl.errors import CheckFailed, DeviceRefused, Interrupted, NoAnswer, Pr
 from handctl.model.guide import Guide
 from handctl.model.stopping import NOT_STOPPED
 from tests.barrett.support import ABORT, BARRETT, ScriptedHand, Simulated, codes, hand_on, scripted, simulated
+from tests.support.cli import run
 from tests.support.each_row import each_row
 from tests.support.scripted import NotedGuide
 
@@ -87,6 +88,39 @@ def test_verbs(verb: str, gcl: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert planned(capsys, verb) == [f"{gcl}\r"]
     assert planned(capsys, verb, "--motors", "12S") == [f"124{gcl}\r"]
     assert planned(capsys, verb, "--motors", "G") == [f"123{gcl}\r"]
+
+
+@each_row(("words", "lines"), [
+    ("F1=9000 F2=9000", ["12M 9000\r"]), ("F1=9000 F3=500 F2=9000", ["12M 9000\r", "3M 500\r"]),
+    ("S=100 G=3", ["4M 100\r", "123M 3\r"]), ("spread=100", ["4M 100\r"]), ("9000 --motors 12", ["12M 9000\r"]),
+])  # fmt: skip
+def test_motors_have_a_place_of_their_own(words: str, lines: list[str]) -> None:
+    done = run("barrett", "move", *words.split(), "-n", "--json")
+    assert [bytes.fromhex(row["bytes"]).decode() for row in done.rows] == lines
+
+
+@each_row(
+    "words", ["F1=1 G=2", "F1=1 F1=1", "1 2", "F1=1 5", "F1=1 --motors 2", "F7=1", "F1=", "F1=x", "F1=20001", "x", "=3"]
+)
+def test_places_that_cannot_be_meant(words: str) -> None:
+    assert run("barrett", "move", *words.split(), "-n", "--json").code == 2
+
+
+def test_what_is_refused_for_one_moves_none() -> None:
+    """Opening faster than IVEL: the second line of movement is looked at before the first is sent."""
+    hand, link = simulated("initialized=1")
+    goals = motion.goals_of(["F1=9000", "F2=0"], "", "M")
+    hand.write([(BARRETT.elements("MOV")[1], 2000)])
+    motion.move(hand, "2", "M", 500, Guide())
+    with pytest.raises(UsageError):
+        motion.move_each(hand, goals, "M", Guide())
+    assert not any(command.startswith("1M") for command in link.commands)
+
+
+def test_the_rows_of_all_are_shown_and_the_first_failure_ends_it() -> None:
+    hand, _ = simulated("initialized=1")
+    table = motion.move_each(hand, motion.goals_of(["F1=9000", "F2=500"], "", "M"), "M", Guide())
+    assert {row["motor"]: row["value"] for row in table.rows} == {"F1": 9000, "F2": 500} and table.failure is None
 
 
 def test_stop_is_ctrl_c_and_power_off(capsys: pytest.CaptureFixture[str]) -> None:

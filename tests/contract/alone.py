@@ -8,7 +8,7 @@ from typing import Any
 from tests.contract.facts import facts_of
 from tests.support.cli import Result, run
 
-PASSES = ("t", "host_t", "seconds", "file", "sidecar", "size", "sha256")
+PASSES = ("t", "time", "host_t", "seconds", "file", "sidecar", "size", "sha256")
 """Keys of a row that tell a time, a file, or what holds one."""
 
 

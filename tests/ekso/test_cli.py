@@ -166,7 +166,7 @@ def test_set_writes_once_reads_back_and_logs(tmp_path: Path) -> None:
     (row,) = result.rows
     assert row == {
         "name": "step_length", "word": 2, "id": 202, "value": 16.0, "raw": 1600, "unit": "in", "label": None,
-        "path": "step_length", "before": 15.5, "before_label": None,
+        "path": "step_length", "before": 15.5, "before_label": None, "changed": True,
     }  # fmt: skip
     assert commands(trace) == [152, 153, 153, 152, 153, 153, 155, 152]
     assert sent(trace)[6][4:8] == bytes.fromhex("00 CA 06 40")

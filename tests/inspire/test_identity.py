@@ -212,7 +212,7 @@ def test_two_questions_once_a_command_and_one_where_it_only_reads(tmp_path: Path
     wrist = "fake://wrist?clock=virtual"
     assert run("wrist", "set", "yaw_set=1", "-p", wrist, "--trace", trace).code == 0
     assert next(data.hex(" ").upper() for data in sent(trace)) == WRISTS_OWN
-    assert len(sent(trace)) == 3, "a look, the write, the read-back"
+    assert len(sent(trace)) == 4, "a look, what is there, the write, the read-back"
     assert run("exo", "get", "id", "-p", fake(), "--trace", trace).code == 0
     assert [data.hex(" ").upper() for data in sent(trace)][1:] == [OWN]
     assert run("exo", "raw", OWN, "-p", fake(), "--trace", trace).code == 0
@@ -297,7 +297,7 @@ def test_assume_identity_writes_without_a_look_and_says_so(scratch: Path) -> Non
     link = Line("rh56")
     result = try_(scratch, WORDS["exo set"], link, "--assume-identity")
     assert link.written == ["1492: 2C 01"], result
-    assert len(link.sent) == 2, "the write and its read-back"
+    assert len(link.sent) == 3, "what is there, the write and its read-back"
     assert result.json["device"]["identity"] == "assumed"
     assert "identity-assumed" in result.codes()
     assert result.code == 0

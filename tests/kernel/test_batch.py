@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -224,3 +225,37 @@ def test_tools_may_stand_between() -> None:
     result = batch(GET, "devices list", "stop", "scan", GET, more=("--json",))
     assert result.code == 0, result
     assert [end["command"] for end in ends(result)[:-1]] == ["exo get", "devices list", "stop", "scan", "exo get"]
+
+
+def test_a_pause_passes_on_the_clock_of_the_link() -> None:
+    result = batch(f"{GET} --time", "sleep 30", f"{GET} --time", more=("--json",))
+    assert result.code == 0, result
+    first, second = (
+        datetime.fromisoformat(row["time"].removesuffix("Z"))
+        for text in result.lines
+        if "value" in (row := json.loads(text))
+    )
+    assert 30 <= (second - first).total_seconds() <= 31
+    assert [end.get("command") for end in ends(result)] == ["exo get", "sleep", "exo get", None]
+
+
+@each_row(("lines", "more", "code"), [
+    (("sleep 30",), ("--deadline", "5"), 2), (("sleep 30 --deadline 40",), ("--deadline", "5"), 0), (("sleep",), (), 2),
+    (("sleep -1",), (), 2), ((GET, "sleep soon"), (), 2), ((f"{GET}", "sleep 1"), ("-n",), 0),
+])  # fmt: skip
+def test_a_pause_that_cannot_be_meant_is_refused_before_the_first_line(
+    lines: tuple[str, ...], more: tuple[str, ...], code: int
+) -> None:
+    with spying() as spy, mock.patch("handctl.system.clock.sleep"):
+        assert batch(*lines, more=more).code == code
+    assert code == 0 or not spy.lines
+
+
+def test_ctrl_c_ends_a_pause() -> None:
+    with mock.patch.object(FakeLink, "sleep", side_effect=KeyboardInterrupt):
+        result = batch(GET, "sleep 30", GET, more=("--json",))
+    assert (result.code, [end["command"] for end in ends(result)[:-1]]) == (130, ["exo get", "sleep"])
+
+
+def test_a_pause_alone_is_no_command() -> None:
+    assert run("sleep", "3").code == 2

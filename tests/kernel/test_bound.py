@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import pytest
 
 from handctl.devices.inspire.map import EXO
@@ -16,12 +19,16 @@ from tests.support.screen import screen
 LINK = "fake://exo?clock=virtual"  # temperatures 31 to 35 °C
 
 
+def named(name: str) -> list[str]:
+    return [element.path for element in EXO.find(name)[1]]
+
+
 @each_row(("text", "low", "high"), [
     ("temperature=60", None, 60.0), ("temperature.index=-5..60.5", -5.0, 60.5), ("temperature=20..", 20.0, None),
     ("temperature=..60", None, 60.0),
 ])  # fmt: skip
 def test_a_limit_is_a_highest_value_or_a_range(text: str, low: float | None, high: float | None) -> None:
-    (bound,) = bounds_in([text], EXO, "--limit")
+    (bound,) = bounds_in([text], named, "--limit")
     assert (bound.low, bound.high, len(bound.paths)) == (low, high, 1 if "." in text.split("=")[0] else 5)
 
 
@@ -29,7 +36,7 @@ def test_a_limit_is_a_highest_value_or_a_range(text: str, low: float | None, hig
                    "tempe=3", "=3"])  # fmt: skip
 def test_what_is_no_limit_is_refused(text: str) -> None:
     with pytest.raises(UsageError) as refused:
-        bounds_in([text], EXO, "--limit")
+        bounds_in([text], named, "--limit")
     assert refused.value.hint
 
 
@@ -87,3 +94,26 @@ def test_a_file_is_written_while_the_view_is_seen(tmp_path) -> None:  # type: ig
     seen = screen("exo", "watch", "temperature", "--count", "3", "-o", str(tmp_path / "x.csv"), "-p", LINK)
     assert seen.code == 0 and "3 samples" in "\n".join(seen.display)
     assert len((tmp_path / "x.csv").read_text().splitlines()) == 4
+
+
+@each_row(("family", "words"), [
+    ("aidin", "watch joint_pos --limit joint_pos=..1"), ("barrett", "strain --live --limit strain.F2=20"),
+    ("barrett", "fingertips --live --limit tip_z=1"), ("barrett", "fingertips --limit joint_inner.F1=..-1"),
+    ("hand", "tactile index_tip --watch --limit index_tip=..-1"), ("hand", "tactile --limit palm=..-1"),
+])  # fmt: skip
+def test_a_family_s_own_reading_commands_have_limits(family: str, words: str) -> None:
+    link = f"fake://{family}?clock=virtual" + ("&model=tp" if family == "hand" else "")
+    more = ["--count", "2"] if "--live" in words or "watch" in words else []
+    done = run(family, *words.split(), *more, "-p", link, "--json")
+    assert (done.code, done.said[-1]) == (7, "limit"), done
+
+
+@pytest.mark.parametrize("family", list(FAMILIES))
+def test_a_recording_has_limits_and_an_end(family: str, tmp_path: Path) -> None:
+    link = f"fake://{family}?clock=virtual"
+    rows, _ = run(family, "watch", "--count", "1", "-p", link, "--json").stream
+    path, value = next((row["path"], row["value"]) for row in rows if isinstance(row.get("value"), int | float))
+    words = ("--limit", f"{path}={value - 1}", "--until", f"{path}={value - 1}", "--count", "9")
+    done = run(family, "log", str(tmp_path / "x.csv"), *words, "-p", link, "--json")
+    assert (done.code, done.error["code"], done.rows[0]["rows"]) == (7, "limit", 1), done
+    assert json.loads((tmp_path / "x.csv.json").read_text())["complete"]

@@ -128,5 +128,15 @@ def test_what_is_no_vector(texts: tuple[str, ...], code: str) -> None:
     assert caught.value.code == code
 
 
+@each_row(
+    ("texts", "next_step"),
+    [(("ring", "7"), "ring=7"), (("Ring", "7", "index", "3"), "Ring=7 index=3"), (("index",), "index=VALUE")],
+)
+def test_a_name_and_its_value_need_an_equals_sign(texts: tuple[str, ...], next_step: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        given(texts, NAMES, what="it")
+    assert (caught.value.code, next_step in caught.value.hint) == ("wrong-count", True)
+
+
 def test_several_orders_of_a_whole_vector() -> None:
     assert given(("1", "2"), NAMES, what="it", orders=[(0, 1, 2), (0, 2)]) == {0: "1", 2: "2"}

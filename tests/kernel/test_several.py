@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.cli import Result, check_schema, in_time, run
+from tests.support.each_row import each_row
 
 Go = Callable[..., Result]
 LINKS = {
@@ -18,6 +19,7 @@ LINKS = {
     "right": ("exo", "fake://exo?clock=virtual&seed=2"),
     "arm": ("barrett", "fake://barrett?clock=virtual"),
     "mute": ("exo", "fake://exo?clock=virtual&fault=silent"),
+    "second": ("exo", "fake://exo?clock=virtual&id=2"),
 }
 
 
@@ -26,7 +28,10 @@ def go(tmp_path: Path) -> Go:
     """Run with these devices in the configuration file."""
     config = tmp_path / "config.toml"
     config.write_text(
-        "".join(f'[devices.{name}]\nkind = "{kind}"\nport = "{link}"\n' for name, (kind, link) in LINKS.items())
+        "".join(
+            f'[devices.{name}]\nkind = "{kind}"\nport = "{link}"\n{"id = 2" if "id=2" in link else ""}\n'
+            for name, (kind, link) in LINKS.items()
+        )
     )
     return lambda *words: run(*words, env={"HANDCTL_CONFIG": str(config)})
 
@@ -148,3 +153,22 @@ def test_the_highest_exit_code_counts_wherever_it_stands(tmp_path: Path) -> None
     for names in ("mute,garbled", "garbled,mute"):
         result = run("-d", names, "get", "id", "--timeout", "0.1", env={"HANDCTL_CONFIG": str(config)})
         assert result.code == 5 and "2 of 2 devices" in result.err, result
+
+
+def test_two_devices_are_compared_with_each_other(go: Go) -> None:
+    same = go("-d", "left,right", "diff", "--json")
+    assert (same.code, same.rows, same.codes()) == (0, [], ["equal"]), same
+    other = go("-d", "left,second", "diff", "--json")
+    assert (other.code, [(row["name"], row["a"], row["b"]) for row in other.rows]) == (7, [("id", 1, 2)])
+    assert other.error["code"] == "differ" and [one["name"] for one in other.json["results"]] == ["left", "second"]
+    shown = go("-d", "left,second", "exo", "diff").lines
+    assert shown[0].split() == ["Name", "left", "second"] and shown[1].split() == ["id", "1", "2"]
+    assert go("-d", "left,right", "diff", "--setpoints", "--format", "plain").code == 0
+
+
+@each_row(("words", "code"), [
+    (("-d", "left,arm", "diff"), 2), (("-d", "left,right,second", "diff"), 2), (("-d", "left", "diff"), 2),
+    (("-d", "left,mute", "diff"), 4), (("-d", "*", "diff"), 2),
+])  # fmt: skip
+def test_what_cannot_be_compared(go: Go, words: tuple[str, ...], code: int) -> None:
+    assert go(*words).code == code

@@ -77,16 +77,14 @@ def test_realtime_is_wide() -> None:
 
 def test_what_was_not_read_is_empty_and_told() -> None:
     rows: list[dict[str, Any]] = [{"name": "a", "path": "a", "unit": None, "value": 1}, UNREAD, {**UNREAD, "path": "c"}]
-    sheet = Wide(rows, timed=True)
-    assert sheet.line(rows, str, 0.5) == 't_s,a,b_mA,c_mA,error\r\n0.5,1,,,"b, c: no answer"\r\n'
+    sheet = Wide(rows, {"t_s": 0.5})
+    assert sheet.line(rows, str, {"t_s": 0.5}) == 't_s,a,b_mA,c_mA,error\r\n0.5,1,,,"b, c: no answer"\r\n'
     later = [{**rows[0], "value": None}, {**UNREAD, "path": "d"}]
-    assert sheet.line(later, str, 1.0) == "1.0,,,,d: no answer\r\n"
+    assert sheet.line(later, str, {"t_s": 1.0}) == "1.0,,,,d: no answer\r\n"
     assert list(sheet.left_out) == ["d_mA"]
 
 
 def test_a_remark_has_a_column() -> None:
     rows = [{"name": "position", "motor": "F1", "value": 3, "unit": "cts", "doubt": "not initialized"}]
-    assert (
-        Wide(rows, timed=False).line(rows, str) == "position.F1_cts,doubt,error\r\n3,position.F1: not initialized,\r\n"
-    )
+    assert Wide(rows, {}).line(rows, str, {}) == "position.F1_cts,doubt,error\r\n3,position.F1: not initialized,\r\n"
     assert column_of({"name": "x", "unit": "1/16 cts/sample"}) == "x_cts/sample"

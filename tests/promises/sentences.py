@@ -37,7 +37,7 @@ def sentences() -> list[str]:
 
 
 COVERED: Mapping[str, tuple[str, str]] = {
-    "`--until` ends it instead": ("kernel/test_bound.py", "test_until_ends_a_stream"),
+    "`--until` ends them instead": ("kernel/test_bound.py", "test_until_ends_a_stream"),
     "A limit for a quantity that was never read": (
         "kernel/test_bound.py",
         "test_a_limit_that_nothing_was_compared_with",

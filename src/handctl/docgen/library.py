@@ -26,6 +26,21 @@ Number = int | float
 Value = str | int | float
 Path = str | PathLike[str]
 
+class Rows(list[Row]):
+    """What a command returns."""
+
+    def frame(self) -> Any:
+        """The rows as a pandas DataFrame. Raises ImportError where pandas is not installed."""
+
+class Stream(Iterator[Rows]):
+    """What a command of samples returns: the rows of each, with `time` (UTC) and `t` in seconds, until it ends or is closed."""
+
+    def __next__(self) -> Rows: ...
+    def close(self) -> None:
+        """End it, and leave the device."""
+    def frame(self) -> Any:
+        """The rows of all samples as a pandas DataFrame, when it has ended."""
+
 class Device:
     """A device with an open link."""
 
@@ -69,9 +84,7 @@ def _method(method: Method) -> list[str]:
         words += ["confirm: Confirm = False", "dry_run: bool = False"]
     if words[-1] == "*":
         words.pop()
-    result = "Iterator[list[Row]]" if method.name == "watch" else "list[Row]"
-    if command.streams and method.name != "watch":
-        result = "Iterator[list[Row]]"
+    result = "Stream" if command.streams else "Rows"
     head = f"    def {method.name}({', '.join(words)}) -> {result}:"
     if len(head) > WIDTH:
         head = "\n".join([f"    def {method.name}(", *(f"        {word}," for word in words), f"    ) -> {result}:"])
@@ -155,5 +168,5 @@ def _own(option: OwnOption) -> str:
 
 def _any(function: str) -> str:
     """The overload for a family that is known only when the program runs: any command of it."""
-    place = "link: Path, " if function == "connect" else ""
+    place = "link: Path | None = None, " if function == "connect" else ""
     return f"@overload\ndef {function}(family: str, {place}**settings: object) -> Any: ...\n"

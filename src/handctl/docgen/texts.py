@@ -134,7 +134,7 @@ VERBS = (
     Verb("scan", "scan", "Runs `handctl scan` for this family only. It finds any id and baud rate that the device can have."),
     Verb("doctor", "doctor", "Runs `handctl doctor` for this family: checks this computer, the link, and the device."),
     Verb("snapshot", "snapshot FILE", "Saves all settings to a file."),
-    Verb("diff", "diff A [B]", "Compares two snapshots, or a snapshot and the device. The exit code is 7 if they differ."),
+    Verb("diff", "diff A [B]", "Compares two snapshots, a snapshot and the device, or two devices. The exit code is 7 if they differ."),
     Verb("restore", "restore FILE", "Writes the settings that differ from a snapshot, and reads them back."),
     Verb("report", "report FILE", "Writes one page for a service ticket."),
     Verb("stop", "stop", "Stops the device at once, without asking."),

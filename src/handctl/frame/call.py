@@ -131,7 +131,7 @@ class Call(Run):
         source = iter(table.samples)
         try:
             for sample in source:
-                yield [{"t": round(sample.t, 6), **row} for row in sample.rows]
+                yield sample.stamped(self.settings.time)
         except HandctlError as exc:
             failure = as_told(self, exc)
         except KeyboardInterrupt:

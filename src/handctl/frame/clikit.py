@@ -278,6 +278,24 @@ scan_options = together(
 """How far a search goes."""
 
 
+ALWAYS = click.option("--always", is_flag=True, help="Write settings even if they already have this value.")
+LIMIT = click.option(
+    "--limit",
+    "limits",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.",
+)
+UNTIL = click.option(
+    "--until",
+    "until",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.",
+)
+BOUNDS = together(LIMIT, UNTIL)
+
+
 log_options = together(
     click.argument("file", type=OutFile(beside=(".json",))),
     streaming(0.0),
@@ -298,6 +316,7 @@ log_options = together(
         help="End after S seconds without a valid reply. handctl also waits this long for a lost port to come back.",
     ),
     click.option("--force", is_flag=True, help="Overwrite FILE."),
+    BOUNDS,
 )
 """FILE, and the options of `recorder.Wishes`."""
 suspendable = click.option(
@@ -307,14 +326,19 @@ suspendable = click.option(
 
 
 class Root(Group):
-    """The root: lists its commands from `families` and imports the module of the one that is used."""
+    """The root: lists its commands from `families` and imports the module of the one that is used.
+
+    in_lines  further commands of a line that is one of several (`frame.lines`)
+    """
+
+    in_lines: dict[str, click.Command] = {}  # noqa: RUF012 - there is one root
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return [name for names in LISTED.values() for name in names]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
-            return None
+            return self.in_lines.get(cmd_name) if said(ctx).taken is not None else None
         command = importlib.import_module(COMMANDS[cmd_name][0]).cli
         assert isinstance(command, click.Command)
         if not isinstance(command, Described):
@@ -326,7 +350,7 @@ class Root(Group):
         name = args[0]
         if name in ALONE and said(ctx).taken is not None:
             raise click.UsageError(f"`handctl {name}` cannot be one of several commands.", ctx)
-        if name in COMMANDS or name.startswith("-"):
+        if name in COMMANDS or name.startswith("-") or self.get_command(ctx, name) is not None:
             return super().resolve_command(ctx, args)
         from handctl.frame.nearest import device_in, top
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from handctl import __version__
 from handctl.errors import HandctlError, LinkError, UsageError
 from handctl.link import open_link
+from handctl.system import clock
 
 if TYPE_CHECKING:
     from handctl.frame.invocation import Invocation
@@ -225,6 +226,11 @@ class Session:
                 self._close(key, journal)
                 return known.hold.stopped
         return None
+
+    def sleep(self, seconds: float) -> None:
+        """Let `seconds` pass on the clock of the link that was opened last."""
+        links = [one.link for one in self._open.values() if one.link is not None]
+        (links[-1].sleep if links else clock.sleep)(seconds)
 
     def has(self, run: Invocation) -> bool:
         """Whether the device of this run is open here."""

@@ -175,10 +175,30 @@ def check_before(run: Invocation) -> None:
         from handctl.screen.metrics import refuse
 
         refuse(run.command)
+    if run.settings.append or run.settings.time:
+        _check_columns(run)
     if run.family is not None:
         refuse_missing(run.family, [key for key, source in run.sources.items() if source == COMMAND_LINE])
         if run.family.check is not None:
             run.family.check(run.settings)
+
+
+def _check_columns(run: Invocation) -> None:
+    """--append and --time as they make sense; typed where they do not, UsageError."""
+    from handctl.screen.sheet import stream_format
+
+    settings = run.settings
+    how = stream_format(run) if run.streams else settings.format
+    append = settings.append and how == "csv" and bool(settings.output) and not run.streams
+    time = settings.time and how not in ("table", "openmetrics")
+    if settings.append and not append and run.sources.get("append") == COMMAND_LINE:
+        hint = "`log` records samples to a file of its own" if run.streams else "add --csv and -o FILE"
+        raise UsageError("--append adds one reading to a CSV file", hint=f"{hint}. Nothing was sent.")
+    if settings.time and not time and run.sources.get("time") == COMMAND_LINE:
+        raise UsageError(
+            "--time adds a column to CSV, plain or JSON output", hint="add --csv, --json or --format plain"
+        )
+    run.settings = settings._replace(append=append, time=time)
 
 
 def _let_pass(run: Invocation) -> None:

@@ -29,6 +29,7 @@ from handctl.frame.options import COMMAND_LINE, said, words_of
 from handctl.frame.outcome import from_click
 from handctl.frame.precedence import resolve
 from handctl.frame.run import NO_TERMINAL, UNANSWERED, Act, Run
+from handctl.frame.types import Seconds
 from handctl.frame.usage import NoCommand
 from handctl.model.guide import Guide
 from handctl.model.result import Table
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     from handctl.model.param import Changes, Step
     from handctl.model.result import Journal
 
-HERE = ("stop",)
+HERE = ("stop", "sleep")
 """Commands without a family that use the links of a session."""
 
 
@@ -99,6 +100,23 @@ class Line(NamedTuple):
         run.checked = self.leaf.only_reads and not run.settings.output  # the same line again asks the same
         if not run.checked:
             told.run = None
+
+
+@click.command("sleep", cls=Command)
+@click.argument("seconds", metavar="S", type=Seconds())
+def sleep(run: Run, seconds: float) -> None:
+    """Wait S seconds. The link stays open. Ctrl-C ends the wait."""
+    deadline = run.settings.deadline
+    if deadline is not None and seconds > deadline:
+        raise UsageError(
+            f"sleep {seconds:g} takes longer than the --deadline of {deadline:g} s",
+            hint=f"write `sleep {seconds:g} --deadline {seconds + 1:g}`. Nothing was sent.",
+        )
+    if run.session is not None:  # else it is only planned
+        run.session.sleep(seconds)
+
+
+root.in_lines["sleep"] = sleep
 
 
 def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Line:
@@ -489,7 +507,7 @@ class Shell:
     def _whole(self, words: Sequence[str]) -> list[str]:
         """The line with its family, where the shell knows that and the line leaves it out."""
         first = next((word for word in words if not word.startswith("-")), "")
-        leave = not self.family or (first in COMMANDS and first != "stop") or first in FAMILIES
+        leave = not self.family or (first in COMMANDS and first != "stop") or first in root.in_lines
         return list(words) if leave else [self.family, *words]
 
     # -- completion --
@@ -505,7 +523,7 @@ class Shell:
         words = [name for name in words if not name.startswith("-")]
         if not words:
             yield from (name for name in COMMANDS if name not in ALONE)
-            yield from ENDS
+            yield from (*root.in_lines, *ENDS)
         if self.family and (not words or words[0] not in COMMANDS):
             words = [self.family, *words]
         if not words or words[0] not in FAMILIES:

@@ -16,7 +16,17 @@ import click
 
 from handctl.families import COMMANDS
 from handctl.frame import verbs
-from handctl.frame.clikit import Group, log_options, reads_option, scan_options, stream_options, together
+from handctl.frame.clikit import (
+    ALWAYS,
+    BOUNDS,
+    LIMIT,
+    Group,
+    log_options,
+    reads_option,
+    scan_options,
+    stream_options,
+    together,
+)
 from handctl.frame.console import is_terminal
 from handctl.frame.run import Act, Run
 from handctl.frame.types import FiniteRange, InFile, OutFile
@@ -33,20 +43,6 @@ SETPOINTS = click.option(
 """Offered where a map has quantities whose writing commands something."""
 IDS = click.option("--include-ids", is_flag=True, help="Include the serial number in `device` of the JSON.")
 """Offered where a device reports one."""
-LIMIT = click.option(
-    "--limit",
-    "limits",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.",
-)
-UNTIL = click.option(
-    "--until",
-    "until",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.",
-)
 
 
 def add_map_verbs(
@@ -81,25 +77,29 @@ def add_map_verbs(
     def status(run: Run, check: bool, limits: tuple[str, ...] = (), include_ids: bool = False) -> Table:
         """Show a health summary: values of each finger or motor, with errors decoded."""
         run.said.include_ids = include_ids
-        return verbs.bounded(run, mapped(run), lambda: run.device().status(check), limits)
+        bounds = verbs.bounds_of(run, mapped(run), limits)
+        return verbs.within(bounds, run.device().status(check))
 
     @LIMIT
     @with_ids
     def dump(run: Run, limits: tuple[str, ...] = (), include_ids: bool = False) -> Table:
         """Read every documented quantity."""
         run.said.include_ids = include_ids
-        return verbs.bounded(run, mapped(run), lambda: run.device().dump(), limits)
+        bounds = verbs.bounds_of(run, mapped(run), limits)
+        return verbs.within(bounds, run.device().dump())
 
     @click.argument("names", nargs=-1, required=True, metavar=f"{named}...")
     @LIMIT
     def get(run: Run, names: tuple[str, ...], limits: tuple[str, ...] = ()) -> Table:
-        return verbs.bounded(run, mapped(run), lambda: verbs.get(run, mapped(run), names), limits)
+        bounds = verbs.bounds_of(run, mapped(run), limits)
+        return verbs.within(bounds, verbs.get(run, mapped(run), names))
 
     get.__doc__ = f"Read quantities by name{shown}."
 
     @click.argument("assignments", nargs=-1, required=True, metavar=f"{named}=VALUE...")
-    def set_(run: Run, assignments: tuple[str, ...]) -> Act:
-        return verbs.set_values(run, mapped(run), assignments)
+    @ALWAYS
+    def set_(run: Run, assignments: tuple[str, ...], always: bool = False) -> Act:
+        return verbs.set_values(run, mapped(run), assignments, always=always)
 
     set_.__doc__ = f"Write quantities by name and read them back.{f' For example `{setting}`.' if setting else ''}"
 
@@ -113,8 +113,7 @@ def add_map_verbs(
 
     @click.argument("names", nargs=-1, metavar=NAMES)
     @stream_options
-    @LIMIT
-    @UNTIL
+    @BOUNDS
     def watch(
         run: Run,
         names: tuple[str, ...],
@@ -130,11 +129,9 @@ def add_map_verbs(
         """
         seen = run.settings.format == "table" and not run.settings.output and is_terminal(sys.stdout)
         seen = seen and columns() >= verbs.BESIDE_COLUMNS
-
-        def watched() -> Table:
-            return verbs.watch(run, mapped(run), names, rate=rate, count=count, duration=duration, seen=seen)
-
-        return verbs.bounded(run, mapped(run), watched, limits, until)
+        bounds = verbs.bounds_of(run, mapped(run), limits, until)
+        table = verbs.watch(run, mapped(run), names, rate=rate, count=count, duration=duration, seen=seen)
+        return verbs.within(bounds, table)
 
     @log_options
     @click.argument("names", nargs=-1, metavar=NAMES)
@@ -146,7 +143,9 @@ def add_map_verbs(
         """
         from handctl.frame import recorder
 
-        return recorder.log(run, file, recorder.Wishes(**wishes), lambda again: recorder.of_map(run, names, again))
+        return recorder.log(
+            run, file, recorder.Wishes(**wishes), mapped(run), lambda again: recorder.of_map(run, names, again)
+        )
 
     @click.argument("file", type=OutFile())
     def snapshot(run: Run, file: str) -> Table:
@@ -159,13 +158,13 @@ def add_map_verbs(
 
         return stored.snapshot(run, file)
 
-    @click.argument("a", type=InFile())
+    @click.argument("a", required=False, type=InFile())
     @click.argument("b", required=False, type=InFile())
     @with_setpoints
-    def diff(run: Run, a: str, b: str | None, setpoints: bool = False) -> Table:
-        """Compare the settings of two snapshots, or of snapshot A with the device.
+    def diff(run: Run, a: str | None, b: str | None, setpoints: bool = False) -> Table:
+        """Compare settings: two snapshots, a snapshot and the device, or two devices.
 
-        Exit code 7 means that they differ.
+        Exit code 7 means that they differ. With -d LEFT,RIGHT and no file, it compares the two devices.
         """
         from handctl.frame import stored
 

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 from handctl import __version__
 from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError
 from handctl.frame.run import Run
-from handctl.frame.verbs import select
+from handctl.frame.verbs import bounds_of, select
 from handctl.model.clocks import Moment
-from handctl.model.param import Element, Reading
+from handctl.model.param import Element, ParamMap, Reading
 from handctl.model.result import Column, Table
 from handctl.record.marks import Heard, Marks
 from handctl.record.recording import (
@@ -66,14 +66,19 @@ class Wishes:
     mark_stdin: bool
     silence: float
     force: bool
+    limits: Sequence[str] = ()
+    until: Sequence[str] = ()
 
 
-def log(run: Run, file: str, wishes: Wishes, source_of: Callable[[Callable[[], bool]], Source]) -> Table:
-    """Record the source that `source_of` makes of the device; it is given what opens a lost port again."""
+def log(
+    run: Run, file: str, wishes: Wishes, params: ParamMap[Any], source_of: Callable[[Callable[[], bool]], Source]
+) -> Table:
+    """Record the source that `source_of` makes of the device; it is given what opens a lost port again. `params` has the names of limits."""
 
     assert run.family is not None
     path = file_name(file, run.family.kind)
     refuse_existing(path, wishes.force)
+    bounds = bounds_of(run, params, wishes.limits, wishes.until)
     source = source_of(lambda: _reopen(run))
     before = dict(source.settings())
     link = run.open_link()
@@ -86,6 +91,7 @@ def log(run: Run, file: str, wishes: Wishes, source_of: Callable[[Callable[[], b
         "settings_before": before,
     }
     recording = Recording(path, link, source, about, rate=wishes.rate, force=wishes.force)
+    over = bounds.over if bounds is not None else None
     try:
         with (
             Keys(run.guide.interactive) as keys,
@@ -96,12 +102,12 @@ def log(run: Run, file: str, wishes: Wishes, source_of: Callable[[Callable[[], b
             run.guide.say(f"recording into {path}. {''.join(f'{one}, ' for one in by)}Ctrl-C ends")
             failure = record(
                 recording,
-                Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end),
+                Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end, over),
                 mark=_first(wishes.mark, marks.take),
                 guide=run.guide,
                 before=before,
             )
-        failure = _finish(run, recording, before, failure)
+        failure = _finish(run, recording, before, failure) or (bounds.failure() if bounds is not None else None)
     finally:
         recording.close()
     _tell(run, recording)
@@ -240,7 +246,7 @@ class MapSource(Source):
         rows = [device.row(reading) for reading in readings]
         texts = [text_of(in_persons_unit(row)) for row in rows]
         errors = "; ".join(dict.fromkeys(f"{name_of(row)}: {row['error']}" for row in rows if row.get("error")))
-        return Sample(moment, (texts, errors))
+        return Sample(moment, (texts, errors), rows=lambda: rows)
 
     def settings(self) -> dict[str, dict[str, Any]]:
         if not self._settings and not self._met:  # a stranger is seen before there is a file

@@ -15,10 +15,11 @@ from typing import Any
 import click
 
 from handctl.errors import HandctlError, Interrupted, UsageError, joined
+from handctl.frame import stored
 from handctl.frame.call import Call
 from handctl.frame.lines import Line, line
 from handctl.frame.options import config_path, read_config
-from handctl.frame.run import Run
+from handctl.frame.run import Act, Run
 from handctl.frame.types import OutFile
 from handctl.model.result import Column, Grid, Row, Sample, Table
 from handctl.screen.render import default_view
@@ -80,11 +81,19 @@ class Each:
         """Without columns until its body has returned one."""
         self.failure: HandctlError | None = None
 
+    @property
+    def body(self) -> Callable[[], Table | Act | None]:
+        """What it carries out: the command, or what a comparison of two devices needs of each."""
+        one, run = self.line, self.run
+        if _compares(one):
+            return lambda: stored.held(run, setpoints=one.context.params.get("setpoints", False))
+        return one.leaf.body(run)
+
     def work(self, take: Callable[[str, list[Row]], object]) -> None:
         """Carry it out, in a thread; samples of a stream are taken as they come. Never raises."""
-        one, run = self.line, self.run
+        run = self.run
         try:
-            table, failure = run.carried_out(one.leaf.body(run))
+            table, failure = run.carried_out(self.body)
             self.table = table or self.table
             if failure is None and self.table.samples is not None:
                 for rows in run.samples(self.table):
@@ -166,6 +175,11 @@ def _check(words: Sequence[str], every: Sequence[Each]) -> None:
     if settings.format == "openmetrics" or settings.wide:
         what = "--wide" if settings.wide else "--format openmetrics"
         raise UsageError(f"{what} cannot keep several devices apart", hint="run it for one device at a time")
+    if _compares(every[0].line) and (len(every) != 2 or len({each.line.command for each in every}) > 1):
+        raise UsageError(
+            "without a file, diff compares two devices of one family",
+            hint="name two of one family, such as -d left,right, or give a snapshot",
+        )
     files = [
         str(each.line.context.params.get(param.name))
         for each in every
@@ -202,7 +216,24 @@ def _together(whole: Several, every: Sequence[Each]) -> Table:
     for _ in _arrivals(every, threads, came):
         pass
     _tell(whole, every)
-    return _merged(whole, every)
+    return _compared(whole, every) if _compares(every[0].line) else _merged(whole, every)
+
+
+def _compares(one: Line) -> bool:
+    """Whether the devices are compared with each other, and not each with a file."""
+    return one.leaf.name == "diff" and one.context.params["a"] is None
+
+
+def _compared(whole: Several, every: Sequence[Each]) -> Table:
+    """What differs between the two devices."""
+    failure, results = _failure(every), [each.result(with_rows=False) for each in every]
+    if failure is not None:
+        return Table(failure=failure, extra={"results": results})
+    sides = [(each.name, {row["name"]: row["value"] for row in each.table.rows}) for each in every]
+    setpoints = every[0].line.context.params.get("setpoints", False)
+    table = stored.compared(whole, every[0].run.opened.map, sides, setpoints=setpoints)
+    table.extra = {"results": results}
+    return table
 
 
 def _tell(whole: Several, every: Sequence[Each]) -> None:

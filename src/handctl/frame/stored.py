@@ -87,11 +87,16 @@ def snapshot(run: Run, path: str) -> Table:
     return Table(rows=rows, columns=_in_words(device.map, rows, columns))
 
 
-def diff(run: Run, params: ParamMap[Any], a: str, b: str | None, *, setpoints: bool = False) -> Table:
+def diff(run: Run, params: ParamMap[Any], a: str | None, b: str | None, *, setpoints: bool = False) -> Table:
     """Compare two snapshots, or a snapshot with the live device: settings, and with `setpoints` what was commanded.
 
     Exit 7 when they differ.
     """
+    if a is None:
+        raise UsageError(
+            "diff needs a snapshot",
+            hint=f"`handctl {params.kind} snapshot A` makes one. -d LEFT,RIGHT compares two devices",
+        )
     left = load(a, params.kind)["values"]
     _need_settings(params, setpoints)
     if b is not None:
@@ -100,24 +105,41 @@ def diff(run: Run, params: ParamMap[Any], a: str, b: str | None, *, setpoints: b
         device: Device = run.device()
         device.find_for_restore(left)
         right = read_values(device, params.kept(setpoints=setpoints, further=left))
+    hint = f"`handctl {params.kind} restore {a}{' --setpoints' if setpoints else ''}` writes those of the file"
+    return compared(
+        run, params, [(a, left), (b or "device", right)], setpoints=setpoints, hint=hint if b is None else ""
+    )
+
+
+def compared(
+    run: Run, params: ParamMap[Any], sides: Sequence[tuple[str, Mapping[str, Any]]], *, setpoints: bool, hint: str = ""
+) -> Table:
+    """What differs between two `sides`, values by name each; exit 7 where anything does."""
+    (_, left), (_, right) = sides
     names = list(dict.fromkeys([*left, *right]))
-    compared = [name for name in names if setpoints or kind_of(params, name) != COMMAND]
+    chosen = [name for name in names if setpoints or kind_of(params, name) != COMMAND]
     rows: list[Row] = [
         {"name": name, "kind": kind_of(params, name), "a": left.get(name), "b": right.get(name)}
-        for name in compared
+        for name in chosen
         if left.get(name) != right.get(name)
     ]
-    columns = (Column("name", "Name"), Column("a", a, right=True), Column("b", b or "device", right=True))
-    table = Table(rows=rows, columns=_in_words(params, rows, columns))
-    _tell_left_out(run, params, [name for name in names if name not in compared], "compared")
+    titles = (Column(key, title, right=True) for key, (title, _) in zip("ab", sides, strict=True))
+    table = Table(rows=rows, columns=_in_words(params, rows, (Column("name", "Name"), *titles)))
+    _tell_left_out(run, params, [name for name in names if name not in chosen], "compared")
     if rows:
-        hint = f"`handctl {params.kind} restore {a}{' --setpoints' if setpoints else ''}` writes those of the file"
-        table.failure = CheckFailed(
-            f"{len(rows)} of {len(compared)} values differ", hint=hint if b is None else "", code="differ"
-        )
+        table.failure = CheckFailed(f"{len(rows)} of {len(chosen)} values differ", hint=hint, code="differ")
     else:
-        run.journal.info("equal", f"equal: {counted(params, compared)}")
+        run.journal.info("equal", f"equal: {counted(params, chosen)}")
     return table
+
+
+def held(run: Run, *, setpoints: bool) -> Table:
+    """What a device holds, to be compared with another one."""
+    device: Device = run.device()
+    _need_settings(device.map, setpoints)
+    values = read_values(device, device.map.kept(setpoints=setpoints, further=device.further(device.identity())))
+    rows: list[Row] = [{"name": name, "value": value} for name, value in values.items()]
+    return Table(rows=rows, columns=(Column("name", "Name"), Column("value", "Value", right=True)))
 
 
 def _need_settings(params: ParamMap[Any], setpoints: bool) -> None:
@@ -156,9 +178,7 @@ def restore(
     left = [element.full_name for element, _ in found if not setpoints and element.param.kind == COMMAND]
     _tell_left_out(run, params, left, "written")
     if run.settings.dry_run:
-        run.journal.info(
-            "plan", "all values are listed: without reading the device, handctl cannot skip those it already has"
-        )
+        tell_all_listed(run)
         return run.dry_run(_steps(run.planner(), changes))
     if changes:
         run.need_answer(f"{_restoring(params, changes)}, where they differ")
@@ -184,6 +204,13 @@ def restore(
             if reading.value is not None:
                 after[reading.element.full_name] = reading.value
     return _restored(params, differing, live, after)
+
+
+def tell_all_listed(run: Run) -> None:
+    """Of a dry run of what leaves out what the device has."""
+    run.journal.info(
+        "plan", "all values are listed: without reading the device, handctl cannot skip those it already has"
+    )
 
 
 def _checked(params: ParamMap[Any], values: dict[str, Number], path: str) -> list[Change]:

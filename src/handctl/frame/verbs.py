@@ -5,18 +5,19 @@ snapshot, diff and restore are in `stored`. What they need of a device is `model
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError, joined
 from handctl.frame.run import Act, Asked
 from handctl.model.device import pending, question, released
-from handctl.model.param import PUSHES, Changes, Element, FromTo, Number, Param, ParamMap, Reading, Step
+from handctl.model.param import PUSHES, SETTING, Changes, Element, FromTo, Number, Param, ParamMap, Reading, Step
 from handctl.model.result import Column, Row, Sample, Table
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
+    from handctl.model.bound import Bounds, Named
     from handctl.model.device import Device
 
 
@@ -76,37 +77,117 @@ def get(run: Run, params: ParamMap[Any], names: Sequence[str]) -> Table:
     return table
 
 
-def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str]) -> Act:
-    """Check, confirm where it moves or strands, write, read back."""
+Change = tuple[Element, Number]
+
+
+def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str], *, always: bool = False) -> Act:
+    """Check, look what is there already, confirm where it moves or strands, write, read back."""
     changes = params.assignments(texts)
     planner = run.planner()
     steps = planner.plan(changes)
-    asks = any(step.strands or (step.moves and planner.worn) for step in steps)
+    asks, these = _asks(planner, steps), Unequal(run, changes, always)
+    tell_listed(run, changes, always)
 
     def look(device: Device) -> Asked:
-        return Asked(_consequence(steps), steps, going(run, device, changes))
+        wanted = these.look(device, _places(device, changes).values() if asks and run.asks else ())
+        steps = device.plan(wanted)
+        if _asks(device, steps):
+            return Asked(_consequence(steps), steps, _from_to(device, wanted, these.held))
+        return Asked()
 
     def write(device: Device) -> Table:
-        ask_released(run, device, changes, steps)
-        return device.table(device.write(changes))
+        ask_released(run, device, these.wanted, device.plan(these.wanted))
+        return these.written(device)
 
-    question = f"{_consequence(steps)}: {', '.join(texts)}" if asks else ""
-    return Act(steps, write, question, look=look if asks else None)
+    return Act(steps, write, f"{_consequence(steps)}: {', '.join(texts)}" if asks else "", look=look)
 
 
-def going(run: Run, device: Device, changes: Sequence[tuple[Element, Number]], what: str = "Setting") -> Changes:
-    """The table of a question: what is set, from and to. It is read only where somebody will see it.
+def tell_listed(run: Run, changes: Sequence[Change], always: bool) -> None:
+    """Of a dry run: that it lists what the device may hold already."""
+    if run.settings.dry_run and not (always or all(_acts(element) for element, _ in changes)):
+        from handctl.frame.stored import tell_all_listed
 
-    A set point begins where its axis is, as far as the device can tell. With another word than "Setting" a line has the part alone.
+        tell_all_listed(run)
+
+
+def _asks(device: Device, steps: Sequence[Step]) -> bool:
+    return any(step.strands or (step.moves and device.worn) for step in steps)
+
+
+Held = dict[str, Reading]
+"""What a device holds, by path."""
+
+
+class Unequal:
+    """The changes of a `set`. A setting that is there already is not written, unless `always`.
+
+    What moves or commands is written whatever the device holds: a set point that is equal does not mean that the axis is there.
     """
-    now: dict[str, Number | None] = {}
+
+    def __init__(self, run: Run, changes: Sequence[Change], always: bool) -> None:
+        self._run, self._changes, self._always = run, changes, always
+        self.held: Held = {}
+        self.wanted = list(changes)
+
+    def look(self, device: Device, further: Iterable[Element] = ()) -> list[Change]:
+        """Those that are to be written, from one read, of `further` elements too."""
+        device.identify()
+        elements = dict.fromkeys((*(element for element, _ in self._changes if element.param.readable), *further))
+        self.held = {reading.element.path: reading for reading in device.read(list(elements))}
+        self.wanted = [change for change in self._changes if self._always or not self._there(*change)]
+        ledger = self._run.ledger
+        ledger.forget()  # what was planned before the device was known
+        ledger.plan(device.plan(self.wanted))
+        if equal := [element for element, value in self._changes if (element, value) not in self.wanted]:
+            partly = {element.param.name for element, _ in self.wanted}
+            names = dict.fromkeys(one.full_name if one.param.name in partly else one.param.name for one in equal)
+            hint = "" if self.wanted else "--always writes it anyway"
+            self._run.journal.info("equal", f"already set, so not written: {', '.join(names)}", hint)
+        return self.wanted
+
+    def _there(self, element: Element, value: Number) -> bool:
+        reading = self.held.get(element.path)
+        return not _acts(element) and reading is not None and reading.error is None and reading.value == value
+
+    def written(self, device: Device) -> Table:
+        """Write them, read them back, and show all changes with what was there before.
+
+        `changed` is true where the value is another one, and of what acts whenever it is written.
+        """
+        now = {reading.element.path: reading for reading in (device.write(self.wanted) if self.wanted else ())}
+        table = device.table([now.get(element.path) or self.held[element.path] for element, _ in self._changes])
+        for row, (element, _) in zip(table.rows, self._changes, strict=True):
+            before = self.held[element.path].value if element.path in self.held else None
+            row |= {"before": before, "changed": element.path in now and (_acts(element) or before != row.get("value"))}
+        table.plain = table.plain or tuple(column.key for column in table.columns)
+        table.columns = (*table.columns, Column("before", "Before", right=True), Column("changed", "Changed"))
+        return table
+
+
+def _acts(element: Element) -> bool:
+    return element.param.kind != SETTING or element.param.moves
+
+
+def going(run: Run, device: Device, changes: Sequence[Change], what: str = "Setting") -> Changes:
+    """The table of a question: what is set, from and to. It is read only where somebody will see it."""
+    held: Held = {}
     if run.asks:
         device.identify()
-        places = {course.target: device.map[course.actual] for course in device.courses}
-        begins = {one.path: Element(places.get(one.param.name, one.param), one.index) for one, _ in changes}
-        read = device.read([one for one in begins.values() if one.param.readable])
-        found = {reading.element.path: reading.value for reading in read}
-        now = {path: found.get(one.path) for path, one in begins.items()}
+        begins = [one for one in _places(device, changes).values() if one.param.readable]
+        held = {reading.element.path: reading for reading in device.read(begins)}
+    return _from_to(device, changes, held, what)
+
+
+def _places(device: Device, changes: Sequence[Change]) -> dict[str, Element]:
+    """Where each begins: a set point where its axis is, as far as the device can tell; by path."""
+    places = {course.target: device.map[course.actual] for course in device.courses}
+    return {one.path: Element(places.get(one.param.name, one.param), one.index) for one, _ in changes}
+
+
+def _from_to(device: Device, changes: Sequence[Change], held: Held, what: str = "Setting") -> Changes:
+    """The lines of that table. With another word than "Setting" a line has the part alone."""
+    begins = {path: held.get(one.path) for path, one in _places(device, changes).items()}
+    now = {path: reading.value for path, reading in begins.items() if reading is not None}
     units = {element.param.unit for element, _ in changes}
     rows = [
         FromTo((what != "Setting" and one.part) or one.full_name, now.get(one.path), value) for one, value in changes
@@ -114,7 +195,7 @@ def going(run: Run, device: Device, changes: Sequence[tuple[Element, Number]], w
     return Changes(what, (len(units) == 1 and units.pop()) or "", rows)
 
 
-def ask_released(run: Run, device: Device, changes: Sequence[tuple[Element, Number]], steps: Sequence[Step]) -> None:
+def ask_released(run: Run, device: Device, changes: Sequence[Change], steps: Sequence[Step]) -> None:
     """Ask before a write that lets the device go on to targets that it holds. Raises NotConfirmed; nothing was written."""
     names = {element.param.name for element, _ in changes}
     if not any(release.by in names for release in device.releases):
@@ -214,6 +295,7 @@ def watch(
         if element.param.low is not None and element.param.high is not None
     }
 
+    device.ready()
     unread: dict[str, HandctlError | None] = dict.fromkeys(one.path for one in elements)  # never read so far, and why
 
     turn = device.link.now()
@@ -255,16 +337,24 @@ def watch(
     )
 
 
-def bounded(
-    run: Run, params: ParamMap[Any], read: Callable[[], Table], limits: Sequence[str], until: Sequence[str] = ()
-) -> Table:
-    """What `read` returns, compared with the bounds that --limit and --until give. Raises UsageError before anything is read."""
+def bounds_of(
+    run: Run, named: ParamMap[Any] | Named, limits: Sequence[str], until: Sequence[str] = ()
+) -> Bounds | None:
+    """What --limit and --until give, None where neither is there. Raises UsageError, before anything is read for the command."""
     if not (limits or until):
-        return read()
-    from handctl.model.bound import bounds_in, within
+        return None
+    from handctl.model.bound import Bounds, bounds_in
 
-    kept = bounds_in(limits, params, "--limit"), bounds_in(until, params, "--until")
-    return within(read(), *kept, run.link_name(), run.journal)
+    if isinstance(named, ParamMap):
+        params = meant(run, named, [text.partition("=")[0].strip() for text in (*limits, *until)])
+        named = lambda name: [element.path for element in select(params, [name])]  # noqa: E731
+    kept = bounds_in(limits, named, "--limit"), bounds_in(until, named, "--until")
+    return Bounds(*kept, run.link_name(), run.journal)
+
+
+def within(bounds: Bounds | None, table: Table) -> Table:
+    """The table, compared with the bounds."""
+    return table if bounds is None else bounds.kept(table)
 
 
 def _all_read(samples: Iterator[Sample], unread: dict[str, HandctlError | None]) -> Iterator[Sample]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 
 from handctl.errors import CheckFailed, UsageError
-from handctl.model.param import Bound, ParamMap
+from handctl.model.param import Bound
 from handctl.model.result import Journal, Row, Sample, Table
 
+Named = Callable[[str], Collection[str]]
+"""A name as it is typed -> the paths of the elements that it means. Raises UsageError."""
 NEXT = "write NAME=HIGHEST or NAME=LOWEST..HIGHEST, such as `temperature=60`"
 
 
@@ -18,23 +19,21 @@ def shown_value(row: Row) -> float | None:
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
-def bounds_in(texts: Sequence[str], params: ParamMap[Any], option: str) -> list[Bound]:
+def bounds_in(texts: Sequence[str], named: Named, option: str) -> list[Bound]:
     """What `option` was given. Raises UsageError."""
-    return [_bound_in(text, params, option) for text in texts]
+    return [_bound_in(text, named, option) for text in texts]
 
 
-def _bound_in(text: str, params: ParamMap[Any], option: str) -> Bound:
+def _bound_in(text: str, named: Named, option: str) -> Bound:
     name, sign, given = text.partition("=")
     low, dots, high = given.strip().partition("..")
     if not sign or not given.strip(" ."):
         raise UsageError(f"{option} {text}: expected NAME=VALUE", hint=NEXT)
-    param, elements = params.find(name.strip())
-    if not param.readable:
-        raise UsageError(f"{option} {text}: {param.name} can only be written ({param.source})", hint=NEXT)
+    paths = frozenset(named(name.strip()))
     ends = [_number(end, text, option) for end in ((low, high) if dots else ("", low))]
     if None not in ends and ends[0] > ends[1]:  # type: ignore[operator]
         raise UsageError(f"{option} {text}: no value lies between", hint="put the lower end first")
-    return Bound(name.strip(), frozenset(element.path for element in elements), *ends)
+    return Bound(name.strip(), paths, *ends)
 
 
 def _number(text: str, whole: str, option: str) -> float | None:
@@ -62,7 +61,7 @@ class Watchdog:
         """Take the rows of a moment, which is `t` seconds from the first; whether one of them is out of bounds."""
         out, self._looked = False, True
         for row in rows:
-            value, path = shown_value(row), str(row.get("path"))
+            value, path = shown_value(row), str(row.get("path") or name_of(row))
             for number, bound in enumerate(self.bounds):
                 if value is None or path not in bound.paths:
                     continue
@@ -90,7 +89,7 @@ class Watchdog:
         if blind and self._looked:
             return CheckFailed(
                 f"{where}: {', '.join(blind)} was not read, so the limit was not checked",
-                hint=f"name it, as in `watch {blind[0]}`",
+                hint=f"limits only apply to values that are read. `watch {blind[0]}` reads this one",
                 code="limit-unchecked",
             )
         return None
@@ -108,31 +107,46 @@ def unit_of(row: Row) -> str:
     return f" {unit}" if unit else ""
 
 
-def within(table: Table, limits: Sequence[Bound], until: Sequence[Bound], where: str, journal: Journal) -> Table:
-    """The table, or the stream, with an end where a bound of `until` is passed, and exit 7 where one of `limits` is."""
-    if not (limits or until):
-        return table
-    dog = Watchdog(limits)
-    if table.samples is None:
-        dog.look(table.rows)
-        table.failure = table.failure or dog.failure(where)
-        return table
-    end = Watchdog(until)
-    samples = table.samples
+class Bounds:
+    """What a person set for one command: `limits` decide the exit code, and `until` where it ends."""
 
-    def looked() -> Iterator[Sample]:
-        try:
-            for sample in samples:
-                dog.look(sample.rows, sample.t)
-                yield sample
-                if end.look(sample.rows, sample.t):
-                    journal.info("until", f"ended by --until: {'; '.join(end.findings())}")
-                    break
-        finally:
-            if close := getattr(samples, "close", None):
-                close()  # so that a device is left
-            table.failure = table.failure or dog.failure(where)
+    def __init__(self, limits: Sequence[Bound], until: Sequence[Bound], where: str, journal: Journal) -> None:
+        self.limits = tuple(limits)
+        self._dog, self._end = Watchdog(limits), Watchdog(until)
+        self._where, self._journal = where, journal
 
-    table.samples = looked()
-    table.bounds = tuple(limits)
-    return table
+    def over(self, rows: Iterable[Row], t: float | None = None) -> bool:
+        """Take the rows of a moment, as in `Watchdog.look`; whether they are the last ones."""
+        rows = list(rows)
+        self._dog.look(rows, t)
+        if over := self._end.look(rows, t):
+            self._journal.info("until", f"ended by --until: {'; '.join(self._end.findings())}")
+        return over
+
+    def failure(self) -> CheckFailed | None:
+        """See `Watchdog`."""
+        return self._dog.failure(self._where)
+
+    def kept(self, table: Table) -> Table:
+        """The table, or the stream, with an end where `until` is passed, and exit 7 where one of `limits` is."""
+        if table.samples is None:
+            self.over(table.rows)
+            table.failure = table.failure or self.failure()
+            return table
+        samples = table.samples
+
+        def looked() -> Iterator[Sample]:
+            try:
+                for sample in samples:
+                    over = self.over(sample.rows, sample.t)
+                    yield sample
+                    if over:
+                        break
+            finally:
+                if close := getattr(samples, "close", None):
+                    close()  # so that a device is left
+                table.failure = table.failure or self.failure()
+
+        table.samples = looked()
+        table.bounds = self.limits
+        return table

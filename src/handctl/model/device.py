@@ -238,6 +238,9 @@ class Device(ABC):
     def identify(self) -> None:  # noqa: B027 - where whatever is read tells who it is, there is nothing to do
         """Identify the device before reading for a plan, so that a different one is named instead of called silent. Raises NotIdentified."""
 
+    def ready(self) -> None:  # noqa: B027 - most have nothing to find out
+        """Find out how it speaks, where that takes time: no part of the first sample of a stream."""
+
     def own_map(self) -> ParamMap[Any]:
         """The map of this very device, asked for where its family has several."""
         return self.map

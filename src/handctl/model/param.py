@@ -616,6 +616,13 @@ def _whole(
         if len(texts) == len(places):
             return dict(zip(places, texts, strict=True))
     counts = " or ".join(str(len(places)) for places in orders)
+    if texts[0].casefold() in names:  # `position ring 1000`
+        meant = [f"{name}={value}" for name, value in zip(texts[::2], texts[1::2], strict=False)]
+        raise UsageError(
+            f"{what} takes {noun.upper()}=VALUE, with an equals sign",
+            hint=f"write {' '.join(meant) or f'{texts[0]}=VALUE'}{more}. Nothing was sent.",
+            code="wrong-count",
+        )
     raise UsageError(
         f"{plural(len(texts), 'value')} given, {what} takes {counts}",
         hint=f"in order: {_some(names)}. Or name single {noun}s, such as {names[orders[-1][-1]]}=VALUE{more}",

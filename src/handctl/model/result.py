@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from handctl.light import NamedTuple, field, light
 from handctl.model.ledger import Ledger
 from handctl.model.profile import Profile
-from handctl.sentence import honest
+from handctl.sentence import honest, utc
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
@@ -74,10 +74,21 @@ class Grid(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """One moment of a stream: `t` in seconds since its start, and the rows read then."""
+    """One moment of a stream: `t` in seconds since its start, the rows read then, and the time of day in seconds since 1970."""
 
     t: float
     rows: tuple[Row, ...]
+    wall: float | None = None
+
+    @property
+    def time(self) -> str | None:
+        """The time of day as results have it."""
+        return None if self.wall is None else utc(self.wall, 3)
+
+    def stamped(self, clock: bool) -> list[Row]:
+        """The rows, each with `t`, and where the `clock` is asked for with the time of day."""
+        stamp: Row = {"time": self.time, "t": round(self.t, 6)} if clock else {"t": round(self.t, 6)}
+        return [{**stamp, **row} for row in self.rows]
 
 
 @light()

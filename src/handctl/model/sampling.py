@@ -71,7 +71,7 @@ class Sampler:
             asked = self._ahead is not None and self._goes_on(self._link.now() - start)
             if self._ahead is not None and asked:
                 self._ahead()
-            yield Sample(t, tuple(rows))
+            yield Sample(t, tuple(rows), self._started + t)
             if self._rate:
                 due = self._next(due)
                 if not self._goes_on(due - start):

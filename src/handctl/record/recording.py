@@ -25,6 +25,7 @@ from handctl.record.timeline import CLOCKS, PORT_LOST, RESTART, Hole, Place, Tim
 from handctl.system import disk, signals
 
 if TYPE_CHECKING:
+    from handctl.model.result import Row
     from handctl.record.source import Sample, Source
 
 AS_ASKED = ("limit", "interrupted")
@@ -333,6 +334,7 @@ class Limits(NamedTuple):
     duration  seconds; None = no limit
     silence   seconds without an answer that end it
     bound     when --deadline is over, by the clock of the link; None = never
+    over      (rows, seconds from the first) -> whether these are the last; None = never
     """
 
     rate: float = 0.0
@@ -340,6 +342,7 @@ class Limits(NamedTuple):
     duration: float | None = None
     silence: float = 60.0
     bound: float | None = None
+    over: Callable[[Sequence[Row], float], bool] | None = None
 
 
 class Pace:
@@ -399,6 +402,7 @@ class _Loop:
         self._start = self._heard = self._shown = self._look_due = clock.now()
         self._end = inf if limits.duration is None else self._start + limits.duration
         self._seq = 0
+        self._over = False
         self._asked = False
         """Whether a request is without its answer."""
 
@@ -406,7 +410,8 @@ class _Loop:
     def wanted(self) -> bool:
         """Whether no limit is reached."""
         rows = self._limits.rows
-        return (rows is None or self._recording.rows < rows) and self._clock.now() < self._end
+        more = not self._over and (rows is None or self._recording.rows < rows)
+        return more and self._clock.now() < self._end
 
     def step(self) -> None:
         """One poll and its row. Raises what ends the log, and LinkError for a lost port."""
@@ -437,6 +442,8 @@ class _Loop:
         self._heard = self._clock.now()
         if recording.add(answer, self._seq):
             self._begin_segment()
+        if self._limits.over is not None:
+            self._over = self._limits.over(answer.rows(), recording.timeline.t_s)
         if self._heard - self._shown >= PROGRESS_S:
             self._shown = self._heard
             with contextlib.suppress(OSError):  # a terminal that went away

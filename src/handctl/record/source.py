@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from handctl.model.clocks import Moment
@@ -12,11 +12,15 @@ from handctl.record.timeline import Place
 
 
 class Sample(NamedTuple):
-    """One answer: when it was made by the link's clock and by the device's own, and what the layout makes a row of."""
+    """One answer: when it was made by the link's clock and by the device's own, and what the layout makes a row of.
+
+    rows  the same as rows of `get`, made where somebody compares them with a limit
+    """
 
     moment: Moment
     values: Any
     device_ms: int | None = None
+    rows: Callable[[], Sequence[Row]] = tuple
 
 
 class Source(ABC):

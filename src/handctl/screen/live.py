@@ -719,10 +719,11 @@ class Tape:
         """Take a sample, where a recording goes on."""
         if self._file is None:
             return
+        moment = {"t_s": round(sample.t, 6)}
         if self._sheet is None:
-            self._sheet = Wide(sample.rows, timed=True)
+            self._sheet = Wide(sample.rows, moment)
         try:
-            self._file.write(self._sheet.line(sample.rows, str, round(sample.t, 6)))
+            self._file.write(self._sheet.line(sample.rows, str, moment))
             self._file.flush()
             self._rows += 1
         except OSError as exc:

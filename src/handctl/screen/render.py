@@ -68,6 +68,8 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
         how = "ndjson"
     failure = failure or (table.failure if table is not None else None)
     rows = table.rows if table is not None else []
+    moment: Row = {"time": context.envelope(failure)["time"]} if context.settings.time else {}
+    rows = [{**moment, **row} for row in rows] if moment else rows
     extra = table.extra if table is not None else {}
     lines = table.spool() if table is not None and table.spool is not None else map(dumps, rows)
     if how == "json":
@@ -86,12 +88,14 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
     elif how == "csv":
         rows, failed = [_row_shown(row) for row in rows], any("error" in row for row in rows)
         if is_wide(context, rows, by_default=False):
-            sink.write(Wide(rows, timed=False).line(rows, sink.guard))
+            sink.write(Wide(rows, moment).line(rows, sink.guard, moment))
         else:
-            sink.write(csv_lines(table.columns, rows, sink.guard, header=True, with_errors=failed))
+            columns = [*map(Column, moment), *table.columns]
+            failed = failed or (context.settings.append and _has_values(columns))
+            sink.write(csv_lines(columns, rows, sink.guard, header=True, with_errors=failed))
     elif how == "plain":
         for row in rows:
-            sink.write(_plain_line(table, _row_shown(row)))
+            sink.write(_plain_line(table, _row_shown(row), tuple(moment)))
     elif table.spool is not None:
         for line in lines:
             sink.write(text_shown(f"{line}\n"))
@@ -99,6 +103,11 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
         sink.write(text_shown(table.text(rows)))
     else:
         _grids(table, sink, context)
+
+
+def _has_values(columns: Sequence[Column]) -> bool:
+    """Whether a row can have an error in place of its value."""
+    return any(column.key == "value" for column in columns)
 
 
 def is_seen(how: str, sink: Sink, context: Context) -> bool:
@@ -125,7 +134,7 @@ def _stream(table: Table, samples: Generator[Sample, None, None], how: str, sink
             metrics.stream(samples, sink, context)
         if how == "csv":
             samples = _wide_lines(table, samples, sink, context)
-        _stream_lines(table, samples, how, sink)
+        _stream_lines(table, samples, how, sink, context.settings.time)
 
 
 def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
@@ -171,7 +180,7 @@ def _told(samples: Iterator[Sample], how: str) -> Generator[Sample, None, None]:
     """The samples, for people without what would steer a terminal; closed with them, so that a device is left."""
     try:
         for sample in samples:
-            yield sample if how in ("json", "ndjson") else Sample(sample.t, tuple(map(_row_shown, sample.rows)))
+            yield sample if how in ("json", "ndjson") else sample._replace(rows=tuple(map(_row_shown, sample.rows)))
     finally:
         close = getattr(samples, "close", None)
         if close is not None:
@@ -197,29 +206,33 @@ def _wide_lines(
                 yield sample
                 yield from samples
                 return
-            sheet = Wide(sample.rows, timed=True)
-        sink.write_sample(sheet.line(sample.rows, sink.guard, round(sample.t, 6)))
+            sheet = Wide(sample.rows, _moment(sample, context.settings.time))
+        sink.write_sample(sheet.line(sample.rows, sink.guard, _moment(sample, context.settings.time)))
         for name in sheet.left_out:
             context.journal.warn("column", f"{name} is missing in the first sample, so it has no column", "use --long")
         if sink.broken:
             return
 
 
-def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink) -> None:
-    columns = (Column("t", "Time", right=True, unit="s"), *table.columns)
+def _moment(sample: Sample, clock: bool) -> Row:
+    """The first columns of a line that holds a whole sample."""
+    return {**({"time": sample.time} if clock else {}), "t_s": round(sample.t, 6)}
+
+
+def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink, clock: bool) -> None:
+    columns = (*([Column("time")] if clock else []), Column("t", "Time", right=True, unit="s"), *table.columns)
     widths = [max(len(column.heading), 9 if column.key == "t" else 6) for column in columns]
     for sample in samples:
         lines: list[str] = []
-        for row in sample.rows:
-            timed = {"t": round(sample.t, 6), **row}
+        for row in sample.stamped(clock):
             if how in ("json", "ndjson"):
-                lines.append(dumps(timed) + "\n")
+                lines.append(dumps(row) + "\n")
             elif how == "plain":
-                lines.append("\t".join(text_of(timed.get(column.key)) for column in columns) + "\n")
+                lines.append("\t".join(text_of(row.get(column.key)) for column in columns) + "\n")
             elif how == "csv":
-                values = any(column.key == "value" for column in columns)  # one may not be read: its row has `error`
+                values = _has_values(columns)
                 header = bool(columns and widths)
-                lines.append(csv_lines(columns, [timed], sink.guard, header=header, with_errors=values))
+                lines.append(csv_lines(columns, [row], sink.guard, header=header, with_errors=values))
                 widths = []
             else:
                 if widths:
@@ -229,7 +242,7 @@ def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink)
                     ]
                     lines.append(_align([column.heading for column in columns], widths, columns))
                     fixed, widths = widths, []
-                cells = [f"{sample.t:.3f}", *(text_of(row.get(c.key)) for c in table.columns)]
+                cells = [f"{row[c.key]:.3f}" if c.key == "t" else text_of(row.get(c.key)) for c in columns]
                 lines.append(_align(cells, fixed, columns))
         sink.write_sample("".join(lines))
         if sink.broken:
@@ -269,8 +282,8 @@ def _json_envelope(envelope: dict[str, Any], rows: Iterable[str]) -> Iterator[st
     yield f'  "messages": {dumps(envelope["messages"])},\n  "counters": {dumps(envelope["counters"])}\n}}\n'
 
 
-def _plain_line(table: Table, row: Row) -> str:
-    keys = table.plain or tuple(column.key for column in table.columns)
+def _plain_line(table: Table, row: Row, before: tuple[str, ...]) -> str:
+    keys = before + (table.plain or tuple(column.key for column in table.columns))
     if "error" in row and "value" in keys:
         return "\t".join("" if key == "value" else text_of(row.get(key)) for key in keys) + "\n"
     return "\t".join(text_of(row.get(key)) for key in keys) + "\n"

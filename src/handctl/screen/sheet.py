@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
 from handctl.model.param import scale_of
 from handctl.model.result import Column, Row
 
 if TYPE_CHECKING:
+    from handctl.frame.options import Settings
     from handctl.screen.render import Context
+
+    class Asked(Protocol):
+        """What the user said, and where."""
+
+        @property
+        def settings(self) -> Settings: ...
+        @property
+        def sources(self) -> Mapping[str, object]: ...
+
 
 PARTS = ("finger", "motor", "element")
 """Keys of a row that say which part of its quantity it is, where it has no path."""
@@ -69,11 +79,11 @@ def is_sheet(path: str | None) -> bool:
     return bool(path) and str(path).lower().endswith(".csv")
 
 
-def stream_format(context: Context) -> str:
+def stream_format(asked: Asked) -> str:
     """The format of a stream: what was said, else CSV in a file that is named so."""
-    settings = context.settings
+    settings = asked.settings
     named = settings.format == "table" and is_sheet(settings.output)
-    return "csv" if named and "format" not in context.sources else settings.format
+    return "csv" if named and "format" not in asked.sources else settings.format
 
 
 def is_wide(context: Context, rows: Sequence[Row], *, by_default: bool) -> bool:
@@ -84,20 +94,21 @@ def is_wide(context: Context, rows: Sequence[Row], *, by_default: bool) -> bool:
 
 
 class Wide:
-    """The lines of samples. The first one says which columns there are."""
+    """The lines of samples. The first one says which columns there are, behind those of its moment."""
 
-    def __init__(self, rows: Sequence[Row], *, timed: bool) -> None:
+    def __init__(self, rows: Sequence[Row], moment: Row) -> None:
         remarks = [key for key in REMARKS if any(key in row for row in rows)]
-        self._columns = [*([Column("t_s")] if timed else []), *(Column(column_of(row)) for row in rows)]
+        self._columns = [Column(column) for column in (*moment, *map(column_of, rows))]
         self._columns += [Column(key) for key in remarks]
         self._known = {column.key for column in self._columns}
         self._header = True
         self.left_out: dict[str, None] = {}
         """Columns that later samples had and the first one had not."""
 
-    def line(self, rows: Sequence[Row], guard: Callable[[str], str], t: float | None = None) -> str:
-        found: Row = {"t_s": t} | {column_of(row): in_persons_unit(row) for row in rows}
-        self.left_out |= dict.fromkeys(found.keys() - self._known - {"t_s"})
+    def line(self, rows: Sequence[Row], guard: Callable[[str], str], moment: Row) -> str:
+        """One sample."""
+        found: Row = moment | {column_of(row): in_persons_unit(row) for row in rows}
+        self.left_out |= dict.fromkeys(found.keys() - self._known)
         for key in (*REMARKS, "error"):
             remarks = [f"{name_of(row)}: {row[key]}" for row in rows if row.get(key)]
             found[key] = "; ".join(remarks) if key != "error" else "; ".join(_once(rows))

@@ -11,7 +11,7 @@ from typing import IO, TYPE_CHECKING
 
 from handctl import ending
 from handctl.errors import HandctlError, OutputError
-from handctl.files import atomic_write
+from handctl.files import appended, atomic_write
 from handctl.screen.filter import no_formula, utf8_stdout
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ class Sink:
 
     def __init__(self, settings: Settings) -> None:
         self._path = settings.output
+        self._appends = settings.append and settings.format == "csv"
         self._atomic: contextlib.AbstractContextManager[IO[str]] | None = None
         self.file: IO[str] = sys.stdout
         self.color = settings.color
@@ -81,7 +82,7 @@ class Sink:
             self._close(None, None, None)
 
     def _open(self, path: str) -> None:
-        self._atomic = atomic_write(path)
+        self._atomic = appended(path) if self._appends else atomic_write(path)
         try:
             self.file = self._atomic.__enter__()
         except OSError as exc:

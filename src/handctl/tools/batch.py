@@ -20,7 +20,7 @@ from handctl.model.result import Table
 def cli(run: Run, file: str, keep_going: bool) -> Table | None:
     """Run many commands on one open link, from FILE or stdin.
 
-    Write each command on its own line, without `handctl`. `#` starts a comment. Options such as -p, -d, --yes and --json
+    Write each command on its own line, without `handctl`. `#` starts a comment, and `sleep S` waits S seconds. Options such as -p, -d, --yes and --json
     apply to every line that does not set its own. handctl checks all lines before it sends anything. If some lines
     need confirmation, it lists them and asks once. The exit code is that of the first line that failed.
     """

@@ -15,7 +15,7 @@ def cli(run: Run, family: str | None) -> None:
     """Type commands at a prompt. The link stays open between them.
 
     Type each command without `handctl`. If you give FAMILY or -d, leave out the family too. TAB completes commands and
-    quantities, and the history is kept. If the port was lost, the next line opens it again. Ctrl-C stops a movement,
+    quantities, and the history is kept. `sleep S` waits S seconds. If the port was lost, the next line opens it again. Ctrl-C stops a movement,
     Ctrl-D ends the shell.
     """
     from handctl.frame.lines import shell

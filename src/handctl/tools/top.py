@@ -9,9 +9,8 @@ from collections.abc import Iterator, Sequence
 import click
 
 from handctl.errors import HandctlError, UsageError
-from handctl.frame.clikit import Command, streaming
+from handctl.frame.clikit import LIMIT, Command, streaming
 from handctl.frame.lines import line
-from handctl.frame.mapverbs import LIMIT
 from handctl.frame.options import config_path, read_config
 from handctl.frame.run import Run
 from handctl.frame.several import DEVICE, LEAVE_SECONDS, POLL_SECONDS, Each

@@ -7,10 +7,28 @@ SESSION = "handctl.frame.connection"
 
 ROWS = (
     mistake(
+        "limit-of-a-log-left-out",
+        "wrong exit code",
+        "handctl.frame.recorder",
+        "log",
+        "failure = _finish(run, recording, before, failure) or (bounds.failure() if bounds is not None else None)",
+        "failure = _finish(run, recording, before, failure)",
+        "tests/kernel/test_bound.py::test_a_recording_has_limits_and_an_end",
+    ),
+    mistake(
+        "set-point-that-is-equal-left-out",
+        "a finger that is elsewhere is not moved",
+        "handctl.frame.verbs",
+        "unequal",
+        "return not _acts(element) and reading is not None and reading.error is None and reading.value == value",
+        "return reading is not None and reading.error is None and reading.value == value",
+        "tests/kernel/test_set_twice.py::test_what_acts_is_always_written",
+    ),
+    mistake(
         "question-from-the-set-point",
         "a question shows where the axis was sent as where it is",
         "handctl.frame.verbs",
-        "going",
+        "_places",
         "places = {course.target: device.map[course.actual] for course in device.courses}",
         "places = {course.target: device.map[course.target] for course in device.courses}",
         "tests/kernel/test_terminal.py::test_a_command_of_fingers_asks_with_a_table",

@@ -12,8 +12,7 @@ from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.map import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, Mode, Target
 from handctl.devices.aidin.way import way_of
 from handctl.errors import UsageError
-from handctl.frame import verbs
-from handctl.frame.clikit import Group, stream_options, suspendable
+from handctl.frame.clikit import Group, suspendable
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
@@ -21,7 +20,6 @@ from handctl.frame.run import Act, Run
 from handctl.frame.types import NEGATIVE_NUMBERS, FiniteRange
 from handctl.model.device import Gate, limits_of
 from handctl.model.param import Step
-from handctl.model.result import Table
 from handctl.model.stopping import BEAT
 
 if TYPE_CHECKING:
@@ -51,18 +49,8 @@ add_map_verbs(
     AIDIN,
     part="PART",
     example="joint_pos.index sensor_state.fz",
-    without=("set", "watch", "snapshot", "diff", "restore"),
+    without=("set", "snapshot", "diff", "restore"),
 )
-
-
-@cli.verb("watch", "Look", streams=True)
-@click.argument("names", nargs=-1, metavar="[NAME[.PART]]...")
-@stream_options
-def watch(run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None) -> Table:
-    """Show live values on a terminal, or stream rows. Default: motors, joints, currents, fingertip forces."""
-    verbs.select(AIDIN, names)
-    run.device().talk.connect()  # finding out how the hand speaks takes 0.3 s: no part of the first sample
-    return verbs.watch(run, AIDIN, names, rate=rate, count=count, duration=duration)
 
 
 def _step(run: Run, meaning: str, mode: Mode, **data: int) -> Step:

@@ -58,6 +58,9 @@ class AidinHand(Device):
 
     # -- reading -------------------------------------------------------------------------------------------------
 
+    def ready(self) -> None:
+        self.talk.connect()
+
     def read(self, elements: Sequence[Element]) -> list[Reading]:
         """Readings of one moment: what the hand sends from now on. A key that is wrong is an error of its elements."""
         params = {element.param.name: param_of(element) for element in elements}

@@ -30,11 +30,11 @@ from handctl.devices.barrett.realtime.cli import add_realtime
 from handctl.devices.barrett.views import GCL, row_of
 from handctl.errors import UsageError
 from handctl.frame import stored, verbs
-from handctl.frame.clikit import Group
+from handctl.frame.clikit import ALWAYS, Group
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.run import Act, Run
+from handctl.frame.run import Act, Asked, Run
 from handctl.frame.types import InFile, WholeRange
 from handctl.model.device import limits_of
 from handctl.model.param import Element, Number, Step
@@ -208,7 +208,8 @@ def help_(run: Run, command: str | None) -> Table:
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME[.MOTOR]=VALUE...")
 @MOTORS_OPTION
 @FORCE
-def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool) -> Act:
+@ALWAYS
+def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool = False, always: bool = False) -> Act:
     """Set parameters in RAM and read them back.
 
     `MCV=80` sets all motors, or those in --motors. `HSG.F1=150` sets one.
@@ -217,8 +218,14 @@ def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool
     for objection in check_careful(changes, force):
         run.journal.warn("careful", objection)
     steps = run.planner().plan(changes)
-    question = SPEED if any(step.strands for step in steps) else ""
-    return Act(steps, lambda hand: hand.table(hand.write(changes)), question)
+    verbs.tell_listed(run, changes, always)
+    these = verbs.Unequal(run, changes, always)
+
+    def look(hand: BarrettHand) -> Asked:
+        planned = hand.plan(these.look(hand))
+        return Asked(SPEED if any(step.strands for step in planned) else "", planned)
+
+    return Act(steps, these.written, SPEED if any(step.strands for step in steps) else "", look=look)
 
 
 @cli.verb("baud", "Settings", writes=True, asks=True)
@@ -340,9 +347,14 @@ MOVEMENTS = (
     ("init", "HI", "Initialize the motors (HI): the fingers open fully. Run it after power-on or reset.", ""),
     ("open", "O", "Open to OT.", ""),
     ("close", "C", "Close to CT. To grip an object, add --expect contact.", ""),
-    ("move", "M", "Move to POSITION in counts (default: the parameter DP).", "[POSITION]"),
-    ("step-open", "IO", "Open by COUNTS (default: the parameter DS).", "[COUNTS]"),
-    ("step-close", "IC", "Close by COUNTS (default: the parameter DS).", "[COUNTS]"),
+    (
+        "move",
+        "M",
+        "Move to POSITION in counts (default: the parameter DP), or to one for each motor: F1=9000 F2=9000.",
+        "POSITION",
+    ),
+    ("step-open", "IO", "Open by COUNTS (default: the parameter DS).", "COUNTS"),
+    ("step-close", "IC", "Close by COUNTS (default: the parameter DS).", "COUNTS"),
     ("home", "HOME", "Move to position 0.", ""),
     ("torque-open", "TO", "Open under torque control until the motors stall.", ""),
     ("torque-close", "TC", "Close under torque control until the motors stall.", ""),
@@ -350,15 +362,15 @@ MOVEMENTS = (
 
 
 def _movement(name: str, gcl_name: str, doc: str, argument: str) -> None:
-    def body(run: Run, motors: str | None, expect: str | None, value: int | None = None, force: bool = False) -> Act:
+    def body(
+        run: Run, motors: str | None, expect: str | None, values: tuple[str, ...] = (), force: bool = False
+    ) -> Act:
         from handctl.devices.barrett import motion
 
-        prefix = prefix_of(motors)
-        step = step_of(motion.command_text(prefix, gcl_name, value))
-        ending = expected(expect)
+        goals, ending = motion.goals_of(values, prefix_of(motors), gcl_name), expected(expect)
         return Act(
-            [step],
-            lambda hand: motion.move(hand, prefix, gcl_name, value, run.guide, force=force, expect=ending),
+            [step_of(motion.command_text(motors, gcl_name, counts)) for motors, counts in goals],
+            lambda hand: motion.move_each(hand, goals, gcl_name, run.guide, force=force, expect=ending),
         )
 
     body.__doc__ = doc
@@ -366,7 +378,7 @@ def _movement(name: str, gcl_name: str, doc: str, argument: str) -> None:
     if gcl_name != "TC":
         command = HARM(command)
     if argument:
-        command = click.argument("value", required=False, type=int, metavar=argument)(command)
+        command = click.argument("values", nargs=-1, metavar=f"[{argument} | MOTOR=VALUE...]")(command)
     cli.verb(name, "Move", writes=True)(command)
 
 

@@ -5,12 +5,14 @@ A supervisory movement blocks the line: no position can be read while it runs. ^
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.language import MOTORS, Answer, encode, explain_status, hint_for
+from handctl.devices.barrett.gcl.language import MOTORS, Answer, encode, explain_status, hint_for, motor_prefix
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, sample_seconds
 from handctl.devices.barrett.views import MOTOR, NOT_HOMED, row_of
+from handctl.digits import number_in
 from handctl.errors import CheckFailed, Left, NoAnswer, ProtocolError, UsageError
 from handctl.model.guide import CTRL_C, Guide
 from handctl.model.moving import ARRIVAL, BLOCKED, CONTACT, REACHED, SHORT, UNREAD, Arrival, Goal, judged
@@ -57,6 +59,61 @@ def command_text(prefix: str, name: str, argument: int | None) -> str:
     return f"{prefix}{name}" + (f" {argument}" if argument is not None else "")
 
 
+Goals = list[tuple[str, "int | None"]]
+"""Motors as a prefix and where they go, None = where their parameter says. Those of one line move together."""
+
+
+def goals_of(texts: Sequence[str], prefix: str, name: str) -> Goals:
+    """``["9000"]`` for the motors of `prefix`, or ``["F1=9000", "F2=9000", "F3=500"]``: motors that go to the same place move together.
+
+    Raises UsageError.
+    """
+    pairs = [(motor_prefix(motor), value) for motor, sign, value in (text.partition("=") for text in texts) if sign]
+    if not pairs and len(texts) <= 1:
+        return [(prefix, _counts(texts[0], name) if texts else None)]
+    if prefix or len(pairs) < len(texts):
+        hint = "give one value for all of --motors, or MOTOR=VALUE for each, such as F1=9000 F2=9000"
+        raise UsageError("more than one value", hint=f"{hint}. Nothing was sent.", code="mixed")
+    found: dict[int, str] = {}
+    for motors, value in pairs:
+        if again := set(motors) & set("".join(found.values())):
+            raise UsageError(
+                f"{MOTORS[int(min(again)) - 1]} is given twice", hint="leave one of them out. Nothing was sent."
+            )
+        counts = _counts(value, name)
+        found[counts] = "".join(sorted(found.get(counts, "") + motors))
+    return [(motors, counts) for counts, motors in found.items()]
+
+
+def _counts(text: str, name: str) -> int:
+    number = number_in(text)
+    if number is None:
+        raise UsageError(
+            f"{name} {text}: not a whole number", hint="give counts. Nothing was sent.", code="not-a-number"
+        )
+    return number
+
+
+def move_each(
+    hand: BarrettHand, goals: Goals, name: str, guide: Guide, *, force: bool = False, expect: str = REACHED
+) -> Table:
+    """Run a movement for each, one after the other; what speaks against any of them is found before the first. It ends with the first that failed."""
+    for motors, counts in goals[1:] and goals:
+        _before(hand, name, counts, _indices(motors), force)
+    table = Table()
+    for motors, counts in goals:
+        one = move(hand, motors, name, counts, guide, force=force, expect=expect)
+        one.rows = table.rows + one.rows
+        table = one
+        if table.failure is not None:
+            break
+    return table
+
+
+def _indices(prefix: str) -> list[int]:
+    return [index for index in range(4) if not prefix or str(index + 1) in prefix]
+
+
 def move(
     hand: BarrettHand,
     prefix: str,
@@ -73,7 +130,7 @@ def move(
     DeviceRefused for ERR 4 and other refusals; Interrupted after Ctrl-C, with where the motors are.
     """
     text = command_text(prefix, name, argument)
-    motors = [index for index in range(4) if not prefix or str(index + 1) in prefix]
+    motors = _indices(prefix)
     hand.line.connect()
     for index in motors:
         usual = TRAVEL[index == 3]

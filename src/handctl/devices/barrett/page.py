@@ -53,6 +53,7 @@ EXAMPLES = (
         "Grip an object. The exit code is 7 if the fingers met nothing.",
     ),
     ("handctl barrett move 8000 --motors 12 -p /dev/ttyUSB0", "Move two fingers to position 8000."),
+    ("handctl barrett move F1=8000 F3=500 -p /dev/ttyUSB0", "Move finger 1, then finger 3."),
     ("handctl barrett home -p /dev/ttyUSB0", "Move all motors to position 0."),
     ("handctl barrett step-open 500 --motors 1 -p /dev/ttyUSB0", "Open one finger by 500 counts."),
     ("handctl barrett step-close 500 --motors 1 -p /dev/ttyUSB0", "Close one finger by 500 counts."),

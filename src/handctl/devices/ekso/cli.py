@@ -76,7 +76,7 @@ def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -
 
         return EksoSource(run.device(), again, raw=raw, personal=include_pilot_id)
 
-    return recorder.log(run, file, recorder.Wishes(**wishes), source)
+    return recorder.log(run, file, recorder.Wishes(**wishes), EKSO, source)
 
 
 @cli.verb("export", "Files", offline=True)

@@ -161,6 +161,10 @@ class Ekso(Device):
             self.known = raws
         return raws
 
+    def rows_of(self, message: str, words: Sequence[int]) -> list[Row]:
+        """A message that came, as rows of `get`."""
+        return [self.row(_reading(word, word.raw_of(raw))) for word, raw in zip(MESSAGES[message], words, strict=True)]
+
     def readings(self, message: str) -> list[Reading]:
         """A whole message, each word as a Reading."""
         if message not in MESSAGES:
@@ -408,7 +412,12 @@ def written_table(ekso: Ekso, before: Sequence[int], readings: Sequence[Reading]
     for row in table.rows:
         param = EKSO[row["name"]]
         old = param.from_raw(before[param.word])
-        row |= {"before": old, "before_label": param.label(old)}
-    table.columns = (*ekso.columns[:3], Column("before", "Before", right=True), *ekso.columns[3:])
+        row |= {"before": old, "before_label": param.label(old), "changed": old != row.get("value")}
+    table.columns = (
+        *ekso.columns[:3],
+        Column("before", "Before", right=True),
+        *ekso.columns[3:],
+        Column("changed", "Changed"),
+    )
     table.view = written_view
     return table

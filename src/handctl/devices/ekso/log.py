@@ -40,7 +40,7 @@ class EksoSource(Source):
 
     def sample(self) -> Sample:
         words = self._port.read(Command.GET_DATA).words
-        return Sample(self._port.moment, words, boot_ms(words))
+        return Sample(self._port.moment, words, boot_ms(words), lambda: self._ekso.rows_of("data", words))
 
     def settings(self) -> dict[str, dict[str, Any]]:
         """The 22 words of GetSettings, raw and scaled; the wearer's number only on request."""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from handctl.devices.barrett.gcl.language import motor_prefix
+from handctl.devices.barrett.map import BARRETT
 from handctl.errors import UsageError
-from handctl.frame.clikit import Group, stream_options
+from handctl.frame import verbs
+from handctl.frame.clikit import BOUNDS, Group, stream_options
 from handctl.frame.run import Act, Run
 from handctl.frame.types import WholeRange
 from handctl.model.result import Column, Table
@@ -37,10 +39,11 @@ def looks_only(run: Run, option: str) -> None:
     run.only_reads()
 
 
-def _live(run: Run, live: bool, count: int | None, duration: float | None) -> None:
-    """Make this run a stream, or refuse a stream's options without --live. Raises UsageError."""
-    if not live and (count is not None or duration is not None):
-        raise UsageError("--count and --duration work only with --live", hint="add --live")
+def _live(run: Run, live: bool, **only: Any) -> None:
+    """Make this run a stream, or refuse what `only` a stream has without --live. Raises UsageError."""
+    given = [f"--{name}" for name, value in only.items() if value]
+    if given and not live:
+        raise UsageError(f"without --live this command does not take {', '.join(given)}", hint="add --live")
     run.streams = live
 
 
@@ -105,8 +108,15 @@ def _add_strain(group: Group) -> None:
     )
     @click.option("--check", is_flag=True, help="Exit with code 7 if a reading is outside 100 to 140.")
     @stream_options
+    @BOUNDS
     def strain(
-        run: Run, open_first: bool, live: bool, check: bool, rate: float, count: int | None, duration: float | None
+        run: Run,
+        open_first: bool,
+        live: bool,
+        check: bool,
+        limits: tuple[str, ...] = (),
+        until: tuple[str, ...] = (),
+        **timing: Any,
     ) -> Table | Act:
         """Measure the strain gauges without load, and show how to adjust them (§7.4).
 
@@ -116,9 +126,10 @@ def _add_strain(group: Group) -> None:
         from handctl.devices.barrett.care import strain as gauges
         from handctl.devices.barrett.care import symptoms
 
-        _live(run, live, count, duration)
+        _live(run, live, count=timing["count"], duration=timing["duration"], limit=limits, until=until)
         if live and check:
             raise UsageError("--check and --live cannot be combined", hint="leave one out")
+        bounds = verbs.bounds_of(run, BARRETT, limits, until)
 
         def measure(hand: BarrettHand) -> Table:
             if open_first:
@@ -127,7 +138,7 @@ def _add_strain(group: Group) -> None:
                 return gauges.table(hand, check=check)
             for line in symptoms.lines("strain") if run.settings.format == "table" else []:
                 run.guide.say(line)
-            return gauges.stream(hand, rate=rate, count=count, duration=duration)
+            return verbs.within(bounds, gauges.stream(hand, **timing))
 
         if not open_first:
             looks_only(run, "--open")
@@ -150,14 +161,15 @@ def _add_fingertips(group: Group) -> None:
     )
     @click.option("--live", is_flag=True, help="Keep reading: a live view on a terminal, otherwise a stream.")
     @stream_options
+    @BOUNDS
     def fingertips(
         run: Run,
         positions: tuple[int, int, int, int] | None,
         breakaway: tuple[str, ...],
         live: bool,
-        rate: float,
-        count: int | None,
-        duration: float | None,
+        limits: tuple[str, ...] = (),
+        until: tuple[str, ...] = (),
+        **timing: Any,
     ) -> Table:
         """Show each fingertip's position in mm and its joint angles (§9.5, §9.6).
 
@@ -166,19 +178,20 @@ def _add_fingertips(group: Group) -> None:
         """
         from handctl.devices.barrett.care import fingertips as tips
 
-        _live(run, live, count, duration)
+        _live(run, live, count=timing["count"], duration=timing["duration"], until=until)
+
         if positions is not None:
-            if live:
-                raise UsageError("--positions and --live cannot be combined", hint="leave one out")
+            if live or limits:
+                raise UsageError("--positions cannot be combined with --live or --limit", hint="leave one out")
             return tips.offline(positions, tips.breakaways(breakaway))
         if breakaway:
             raise UsageError(
                 "--breakaway needs --positions",
                 hint="leave it out: firmware 4.34 and later report the breakaway themselves",
             )
-        if live:
-            return tips.stream(run.device(), rate=rate, count=count, duration=duration)
-        return tips.now(run.device())
+        bounds = verbs.bounds_of(run, tips.named, limits, until)
+        hand = run.device()
+        return verbs.within(bounds, tips.stream(hand, **timing) if live else tips.now(hand))
 
 
 def _add_diagnose(group: Group) -> None:

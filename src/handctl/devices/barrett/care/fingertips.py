@@ -138,6 +138,15 @@ def _row(name: str, finger: str, value: float, unit: str, state: str, lost: Sequ
     return row_of(name, None, finger, value, unit, state=state, doubt=doubt)
 
 
+def named(name: str) -> list[str]:
+    """The paths that a name such as `tip_z` or `tip_z.F1` means in these rows. Raises UsageError."""
+    known = [f"{quantity}.{finger}" for quantity in ("position", *JOINTS, *AXES) for finger in FINGERS]
+    found = [path for path in known if name in (path, path.partition(".")[0])]
+    if not found:
+        raise UsageError(f"{name!r} is not in these rows", hint=f"such as {', '.join(known[::3])}", code="unknown-name")
+    return found
+
+
 def table_of(rows: list[Row]) -> Table:
     """The rows, for people one line per finger."""
     return Table(rows=rows, columns=COLUMNS, view=_view, plain=("motor", "name", "value"))

@@ -181,7 +181,8 @@ class Intake:
                 hint="use more counts in --delta-unit, position in --receive, or a higher --rate (barrett §6.2.3)",
             )
         rows = rows_of(taken, layout, self.prepared.shown, self.prepared.temperature, doubt)
-        return Sample(taken.at - self.start, tuple(rows))
+        t = taken.at - self.start
+        return Sample(t, tuple(rows), None if self.started is None else self.started + t)
 
     def summary(self, *, drives: bool, overlapped: bool) -> dict[str, Any]:
         """Rate, latencies, floors and what the guards did."""

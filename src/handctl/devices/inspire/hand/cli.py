@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from shutil import get_terminal_size
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -29,13 +29,13 @@ from handctl.devices.inspire.hand.map import BYTE_MAP, DG2, SPEEDS
 from handctl.devices.inspire.hand.pairing_cli import add_pairing
 from handctl.devices.inspire.map import ALONE, address_in
 from handctl.errors import UsageError
-from handctl.frame.clikit import Group, streaming
+from handctl.frame.clikit import ALWAYS, BOUNDS, Group, streaming
 from handctl.frame.expect import expect, expected
 from handctl.frame.family import Family
 from handctl.frame.mapverbs import add_map_verbs
 from handctl.frame.run import Act, Asked, Run
 from handctl.frame.types import NEGATIVE_NUMBERS, Seconds
-from handctl.frame.verbs import ask_released
+from handctl.frame.verbs import Unequal, ask_released, bounds_of, tell_listed, within
 from handctl.link import FrameLink
 from handctl.model.device import limits_of
 from handctl.model.param import COMMAND, Element, Number, Step, given
@@ -108,11 +108,12 @@ add_map_verbs(
 
 @cli.verb("set", "Settings", writes=True, asks="of an angle or a stroke; of other quantities")
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME[.FINGER]=VALUE...")
-def set_(run: Run, assignments: tuple[str, ...]) -> Act:
+@ALWAYS
+def set_(run: Run, assignments: tuple[str, ...], always: bool = False) -> Act:
     """Write quantities by name and read them back.
 
     For example `speed_set.index=300 force_limit.index=500`."""
-    return write_asked(run, map_of(run.settings).assignments(assignments))
+    return write_asked(run, map_of(run.settings).assignments(assignments), always=always)
 
 
 # -- what moves it ------------------------------------------------------------------------------------------------
@@ -221,35 +222,48 @@ def _changes(run: Run, name: str, texts: Sequence[str]) -> list[tuple[Element, N
 
 
 def write_asked(
-    run: Run, changes: Sequence[tuple[Element, Number]], wait: float | None = None, expect: str | None = None
+    run: Run,
+    every: Sequence[tuple[Element, Number]],
+    wait: float | None = None,
+    expect: str | None = None,
+    always: bool | None = None,
 ) -> Act:
-    """Write what was checked, and read it back. What moves the hand is shown with speed and force limit, and asked."""
+    """Write what was checked, and read it back. What moves the hand is shown with speed and force limit, and asked.
+
+    With `always` it is a `set`: see `frame.verbs.Unequal`.
+    """
     from handctl.devices.inspire.hand import motion
 
     ending = expected(expect, waits=wait is not None)
-    changes = _without_left(changes)
+    changes = every = _without_left(every)
     planner: Hand = run.planner()
     steps = planner.plan(changes)
     before: motion.Before | None = None
     asks = any(step.moves or step.strands for step in steps)
+    only = None if always is None else Unequal(run, every, always)
+    if always is not None:
+        tell_listed(run, every, always)
 
     def look(hand: Hand) -> Asked:
-        nonlocal before
+        nonlocal before, changes
         hand.identify()
+        if only is not None:
+            changes = only.look(hand)
+        steps = hand.plan(changes)
         if any(step.moves for step in steps):
             before = motion.fit_to_move(hand)
             question, shown = motion.question(hand, changes, before)
-            return Asked(question, hand.plan(changes), shown)
-        if asks:
-            return Asked(_consequence(steps), hand.plan(changes))
-        ask_released(run, hand, changes, hand.plan(changes))
+            return Asked(question, steps, shown)
+        if any(step.strands for step in steps):
+            return Asked(_consequence(steps), steps)
+        ask_released(run, hand, changes, steps)
         return Asked()
 
     def act(hand: Hand) -> Table:
         if wait is not None:
             name = changes[0][0].param.name
             return motion.move(hand, name, changes, run.guide, wait=wait, expect=ending, before=before)
-        table = hand.table(hand.write(changes))
+        table = hand.table(hand.write(changes)) if only is None else only.written(hand)
         if before is not None:
             motion.tell_no_speed(hand, changes, before)
         return table
@@ -433,8 +447,14 @@ SIDE_BY_SIDE = 60
     "--watch", "live", is_flag=True, help="Keep reading: a live picture on a terminal, otherwise a stream of rows."
 )
 @streaming(5.0)
+@BOUNDS
 def tactile(
-    run: Run, zones: tuple[str, ...], live: bool, rate: float, count: int | None, duration: float | None
+    run: Run,
+    zones: tuple[str, ...],
+    live: bool,
+    limits: tuple[str, ...] = (),
+    until: tuple[str, ...] = (),
+    **timing: Any,
 ) -> Table:
     """Show the tactile sensors of an RH56DFTP. Only reads.
 
@@ -444,10 +464,11 @@ def tactile(
     from handctl.devices.inspire.hand import tactile as skin
 
     chosen = skin.chosen(zones)
-    if not live and (count is not None or duration is not None):
-        raise UsageError("--count and --duration need --watch", hint="add --watch")
+    if not live and (timing["count"] is not None or timing["duration"] is not None or until):
+        raise UsageError("--count, --duration and --until need --watch", hint="add --watch")
     run.streams = live
+    bounds = bounds_of(run, skin.named, limits, until)
     hand = run.device()
     if live:
-        return skin.watch(hand, chosen, rate=rate, count=count, duration=duration)
-    return skin.tactile(hand, chosen, wide=get_terminal_size().columns >= SIDE_BY_SIDE)
+        return within(bounds, skin.watch(hand, chosen, **timing))
+    return within(bounds, skin.tactile(hand, chosen, wide=get_terminal_size().columns >= SIDE_BY_SIDE))

@@ -95,6 +95,12 @@ def chosen(names: Sequence[str]) -> list[Zone]:
     return [zone for zone in ZONES if zone in wanted or not names]
 
 
+def named(name: str) -> list[str]:
+    """The values of a zone, a finger or the palm, as `handctl hand tactile` names them. Raises UsageError."""
+    cells = [(zone, zone.place(index)) for zone in chosen([name]) for index in range(zone.size // 2)]
+    return [f"tactile.{zone.name}.r{row}c{column}" for zone, (row, column) in cells]
+
+
 def tactile(hand: Hand, zones: Sequence[Zone], *, wide: bool = True) -> Table:
     """All values of `zones`; `wide`: a person's window has room for the fingers side by side. Raises DeviceRefused for a hand without them."""
     zones = _ready(hand, zones)
