@@ -207,6 +207,7 @@ TOOLS: dict[str, dict[str, tuple[str, str]]] = {
     },
     "Work without a device": {
         "sim": ("handctl.tools.sim", "serve a simulated device to any client: pty, TCP, slcan"),
+        "plot": ("handctl.tools.plot", "draw the curves of a recording as SVG or HTML"),
         "trace": ("handctl.tools.trace", "show, decode or compare recorded transcripts"),
         "help": ("handctl.tools.help", "show the manual, a guide, a command or the common options"),
     },

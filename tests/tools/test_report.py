@@ -15,8 +15,9 @@ from handctl.model.param import Param, ParamMap
 from handctl.model.result import Cell, Grid, Message, Sample
 from handctl.report import LONGEST, explained, shortened
 from handctl.report import private as report_private
+from handctl.report.curves import Curve, curves, draw
 from handctl.report.facts import environment, port
-from handctl.report.html import Curve, Report, curves, draw, page
+from handctl.report.html import Report, page
 from handctl.report.private import Privacy
 from handctl.tools import machine
 from handctl.tools.machine import Chip, Machine, Port

@@ -25,8 +25,9 @@ from handctl.link.tap import Tap, observed, parse
 from handctl.model.param import ParamMap
 from handctl.model.piece import DEVICE, HOST, Explainer, Piece
 from handctl.model.result import Column, Grid, Sample, Table
+from handctl.report.curves import curves
 from handctl.report.facts import environment, port
-from handctl.report.html import Report, curves, page
+from handctl.report.html import Report, page
 from handctl.report.private import REDACTED, Privacy
 from handctl.screen.render import default_view
 from handctl.sentence import plural
