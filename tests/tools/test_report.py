@@ -301,6 +301,24 @@ def test_quantities_that_are_codes_are_words() -> None:
     assert Page(page(content)).count["svg"] == 1
 
 
+def test_only_what_moved_is_drawn() -> None:
+    samples = [
+        Sample(
+            t, tuple({"name": "p", "finger": f, "value": v, "unit": "mA"} for f, v in (("a", t), ("b", 3), ("c", None)))
+        )
+        for t in (0, 1)
+    ]
+    text = page(made(curves=curves(samples, {}), seconds=1.0, words=frozenset({"e"})))
+    assert text.count("<polyline") == 1
+    assert "Unchanged: p b 3 mA, c not read." in Page(text).text
+
+
+def test_the_data_of_a_page_cannot_end_it() -> None:
+    seen = Page(page(made(data={"a": "</script><b>&"})))
+    assert seen.data == {"a": "</script><b>&"}
+    assert "b" not in seen.count
+
+
 def test_an_incomplete_page_says_so_first() -> None:
     content = made(problems=[("dump", NoAnswer("no answer", hint="look at the cable"))], missing={"Status": "not read"})
     text = Page(page(content)).text

@@ -25,6 +25,9 @@ from handctl.model.param import COMMAND, ParamMap
 from handctl.model.result import Table
 
 NAMES = "[NAME]..."
+PICTURE = (
+    "Draw the fingers or joints in their place, coloured by temperature, force or error, as far as the device has it."
+)
 SETPOINTS = click.option(
     "--setpoints",
     is_flag=True,
@@ -80,12 +83,18 @@ def add_map_verbs(
         return IDS(body) if any(param.tells == "serial" for param in params) else body
 
     @click.option("--check", is_flag=True, help="Exit with code 7 if anything is unhealthy.")
+    @click.option("--picture", "by", metavar="BY", is_flag=False, flag_value="", help=PICTURE)
     @LIMIT
     @with_ids
-    def status(run: Run, check: bool, limits: tuple[str, ...] = (), include_ids: bool = False) -> Table:
+    def status(
+        run: Run, check: bool, by: str | None = None, limits: tuple[str, ...] = (), include_ids: bool = False
+    ) -> Table:
         """Show a health summary: values of each finger or motor, with errors decoded."""
         run.said.include_ids = include_ids
-        return verbs.bounded(run, mapped(run), lambda: run.device().status(check), limits)
+        seen = None if by is None else verbs.picture(params.kind, by)  # a wrong name is told before the link is opened
+        table = verbs.bounded(run, mapped(run), lambda: run.device().status(check), limits)
+        table.view = seen or table.view
+        return table
 
     @LIMIT
     @with_ids

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError, joined
 from handctl.model.device import pending, question, released
 from handctl.model.param import PUSHES, Changes, Element, FromTo, Number, Param, ParamMap, Reading, Step
-from handctl.model.result import Column, Row, Sample, Table
+from handctl.model.result import Column, Grid, Row, Sample, Table
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
@@ -159,6 +159,22 @@ def describe_row(param: Param) -> Row:
         "source": param.source,
         "doc": param.doc + (f"; {param.note}" if param.note else ""),
     }
+
+
+# -- the picture of status -----------------------------------------------------------------------------------------
+
+
+def picture(kind: str, by: str) -> Callable[[list[Row]], list[Grid]]:
+    """How rows are seen as the outline of a family; `by` "" = its usual colours. Raises UsageError for what it has not."""
+    from handctl.model.outline import drawn, outline_of
+
+    outline = outline_of(kind)
+    if outline is None:
+        raise UsageError(f"{kind} has no picture", hint="leave out --picture", code="no-picture")
+    if by and by not in outline.measures:
+        text = f"{kind} has no {by!r} to draw"
+        raise UsageError(text, hint=f"use {' or '.join(outline.measures)}. Nothing was sent.", code="no-picture")
+    return lambda rows: [drawn(outline, by or next(iter(outline.measures)), rows)]
 
 
 # -- watch --------------------------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ has those two of each of its pixels. Colours come from the style of the page, or
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from html import escape as escape_markup
 from math import floor, log10
 from typing import NamedTuple
@@ -119,6 +119,23 @@ def curves(samples: Iterable[Sample], decimals: Mapping[str, int]) -> dict[str, 
     for curve in found.values():
         groups.setdefault(curve.name, []).append(curve)
     return groups
+
+
+def unchanged(curves: Iterable[Curve], words: Collection[str] = ()) -> str:
+    """The curves that had one value all the time, in a line: each value once where all parts have the same.
+
+    Of the quantities in `words` the label is shown.
+    """
+    values: dict[str, dict[str, str]] = {}
+    for curve in curves:
+        if not curve.moved:
+            value = f"{curve.text(curve.last)} {curve.unit}".strip() if curve.count else "not read"
+            worded = curve.meaning if curve.name in words else ""
+            values.setdefault(curve.name, {})[curve.part] = worded or value
+    return "; ".join(
+        f"{name} {texts.popitem()[1] if len(set(texts.values())) == 1 else ', '.join(map(' '.join, texts.items()))}"
+        for name, texts in values.items()
+    )
 
 
 def draw(curve: Curve, seconds: float) -> str:

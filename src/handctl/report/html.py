@@ -5,14 +5,16 @@ Everything that is not written in this file passes through `escape`. Knows what 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
+from itertools import chain
 
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
 from handctl.model.result import Cell, Grid, Message
-from handctl.report.curves import Curve, draw, escape
+from handctl.report.curves import Curve, draw, escape, unchanged
 from handctl.sentence import sentence
 
 
@@ -22,6 +24,8 @@ class Report:
 
     problems   (section, error) in the order they happened; then the page is incomplete
     curves     quantity -> its elements; `words` are the quantities whose numbers are codes
+    outlines   pictures of the device, finished SVG
+    data       the same for a program, JSON
     masked     what the device sent is left out of the transcript
     missing    why a section is empty, by its name
     """
@@ -39,6 +43,8 @@ class Report:
     dump: list[Grid] = field(default_factory=list)
     curves: dict[str, list[Curve]] = field(default_factory=dict)
     words: frozenset[str] = frozenset()
+    outlines: list[str] = field(default_factory=list)
+    data: dict[str, object] = field(default_factory=dict)
     watched: str = ""
     seconds: float = 0.0
     counters: list[tuple[str, str]] = field(default_factory=list)
@@ -50,9 +56,19 @@ class Report:
 
 
 LEVELS = {"error": "Error", "warning": "Warning", "info": "Note"}
+FOLDED = ("Dump", "Counters", "Environment", "Transcript")
+"""Sections that are shut where nothing is wrong, so that the page is one."""
 SECTIONS = ("Findings", "Status", "Watch", "Dump", "Counters", "Environment", "Transcript")
 POLICY = "; ".join(("default-src 'none'", "style-src 'unsafe-inline'", "base-uri 'none'", "form-action 'none'"))
 """The browser itself refuses anything from outside."""
+
+
+def _section(name: str, body: str, *, shut: bool) -> str:
+    """A section; one that is `shut` shows its body when its heading is clicked, and is not printed."""
+    key = name.lower()
+    head = f'<h2 id="h-{key}">{name}</h2>\n'
+    inner = f"<details><summary>{head}</summary>{body}</details>" if shut else head + body
+    return f'<section id="{key}" aria-labelledby="h-{key}">{inner}</section>\n'
 
 
 def plain_page(title: str, body: Iterable[str], style: str, version: str) -> str:
@@ -78,22 +94,22 @@ def page(report: Report) -> str:
     title = f"{_name(report.kind)}: service report, {report.made}"
     bodies = (
         _findings(report),
-        _grids(report.status, report, "Status"),
+        _outlines(report) + _grids(report.status, report, "Status"),
         _watch(report),
         _grids(report.dump, report, "Dump"),
         _facts(report.counters),
         _facts(report.environment),
         _transcript(report),
     )
+    wrong = any(found.level != "info" for found in report.findings) or bool(report.problems)
     sections = "".join(
-        f'<section id="{name.lower()}" aria-labelledby="h-{name.lower()}"><h2 id="h-{name.lower()}">{name}</h2>\n{body}</section>\n'
-        for name, body in zip(SECTIONS, bodies, strict=True)
+        _section(name, body, shut=name in FOLDED and not wrong) for name, body in zip(SECTIONS, bodies, strict=True)
     )
     links = "".join(f'<li><a href="#{name.lower()}">{name}</a></li>' for name in SECTIONS)
     return (
         f"{_head(title, report.version)}"
         f'{_header(report)}<nav aria-label="Sections"><ul>{links}</ul></nav>\n<main>\n{sections}</main>\n'
-        f'<footer><p class="note">This page is {escape(report.privacy)}.</p></footer>\n</body>\n</html>\n'
+        f'<footer><p class="note">This page is {escape(report.privacy)}.</p></footer>\n{_data(report)}</body>\n</html>\n'
     )
 
 
@@ -131,6 +147,23 @@ def _findings(report: Report) -> str:
     if not items and not report.checks:
         said = "<p>Nothing unhealthy was found.</p>\n"
     return said + "".join(_table(grid) for grid in report.checks)
+
+
+def _outlines(report: Report) -> str:
+    return f'<div class="outlines">{"".join(report.outlines)}</div>\n' if report.outlines else ""
+
+
+def _data(report: Report) -> str:
+    """The report for a program: a script that no browser runs. Nothing in it can end it."""
+    if not report.data:
+        return ""
+    text = (
+        json.dumps(report.data, ensure_ascii=True)
+        .replace("<", "\\u003c")
+        .replace(">", "\\u003e")
+        .replace("&", "\\u0026")
+    )
+    return f'<script type="application/json" id="data">{text}</script>\n'
 
 
 def _empty(report: Report, section: str) -> str:
@@ -178,13 +211,18 @@ def _cells(line: Sequence[str | Cell], grid: Grid) -> str:
 
 
 def _watch(report: Report) -> str:
+    """The curves that moved; all others in a line."""
     if not report.curves:
         return _empty(report, "Watch")
     parts = [f'<p class="note">{escape(report.watched)} Each picture has its own scale.</p>\n']
     for name, group in report.curves.items():
+        moved = [curve for curve in group if curve.moved]
         unit = f" [{group[0].unit}]" if group[0].unit else ""
-        parts.append(f"<h3>{escape(name + unit)}</h3>\n")
-        parts.append(_words(group) if name in report.words else _plots(group, report.seconds))
+        if moved:
+            parts.append(f"<h3>{escape(name + unit)}</h3>\n")
+            parts.append(_words(moved) if name in report.words else _plots(moved, report.seconds))
+    if still := unchanged(chain(*report.curves.values()), report.words):
+        parts.append(f'<p class="note">Unchanged: {escape(still)}.</p>\n')
     return "".join(parts)
 
 

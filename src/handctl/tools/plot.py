@@ -99,7 +99,7 @@ def _keep(found: Sequence[Plotted], names: Sequence[str]) -> None:
 
 def drawn(found: Sequence[Plotted], *, whole: bool) -> str:
     """The SVG of all quantities that moved, or the page with it."""
-    from handctl.report.curves import SIDE, STYLE, Strip, escape, picture
+    from handctl.report.curves import SIDE, STYLE, Strip, escape, picture, unchanged
 
     seconds = max(one.seconds for one in found)
     named = [os.path.basename(one.path) for one in found]
@@ -113,7 +113,8 @@ def drawn(found: Sequence[Plotted], *, whole: bool) -> str:
         f"{name} ({'simulated, ' if one.simulated else ''}{plural(one.rows, 'row')})"
         for name, one in zip(named, found, strict=True)
     )
-    still = _still(found)
+    lines = [(name, unchanged(one.curves)) for name, one in zip(named, found, strict=True)]
+    still = [f"{name} unchanged: {text}" for name, text in lines if text]
     pieces, top = [], 56
     for title, strips in titles.items():
         text, height = picture(title, strips, seconds, top=0 if whole else top)
@@ -128,7 +129,7 @@ def drawn(found: Sequence[Plotted], *, whole: bool) -> str:
     still = [
         line for text in still for line in textwrap.wrap(text, LETTERS, subsequent_indent="\N{NO-BREAK SPACE}" * 4)
     ]
-    lines = "".join(
+    below = "".join(
         f'<text class="small" x="0" y="{top + 16 * number}">{escape(line)}</text>\n'
         for number, line in enumerate(still, 1)
     )
@@ -137,7 +138,7 @@ def drawn(found: Sequence[Plotted], *, whole: bool) -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="-16 0 {SIDE + 32} {high}" width="{SIDE + 32}" height="{high}">\n'
         f"<style>{STYLE}</style>\n"
         f'<rect x="-16" width="100%" height="100%" fill="#fff"/>\n<text class="head" x="0" y="32">{escape(head)}</text>\n'
-        f"{''.join(pieces)}{lines}</svg>\n"
+        f"{''.join(pieces)}{below}</svg>\n"
     )
 
 
@@ -169,28 +170,6 @@ def _word(curve: Curve) -> tuple[str, str]:
     """The word by which names are one quantity, and the unit: the last, or the first where the last is a number."""
     first, *rest = curve.name.split("_")
     return (first if not rest or rest[-1].isdecimal() else rest[-1]), curve.unit
-
-
-def _still(found: Sequence[Plotted]) -> list[str]:
-    """What never changed, a line a file."""
-    lines = []
-    for one in found:
-        values: dict[str, list[str]] = {}
-        for curve in one.curves:
-            if not curve.moved:
-                unit = f" {curve.unit}" if curve.unit else ""
-                part = f"{curve.part} " if curve.part else ""
-                values.setdefault(curve.name, []).append(f"{part}{curve.text(curve.last)}{unit}")
-        said = "; ".join(f"{name} {_alike(texts)}" for name, texts in values.items())
-        if said:
-            lines.append(f"{os.path.basename(one.path)} unchanged: {said}")
-    return lines
-
-
-def _alike(texts: Sequence[str]) -> str:
-    """Values of parts, once where all are the same."""
-    values = {text.partition(" ")[2] if " " in text else text for text in texts}
-    return values.pop() if len(values) == 1 and len(texts) > 1 else ", ".join(texts)
 
 
 def _open(run: Run, text: str) -> None:
