@@ -68,6 +68,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             "frame.family",
             "frame.options",
             "model.param",
+            "model.remedy",
         ),
     ),
     ("guides", ()),

@@ -124,7 +124,20 @@ def describe(params: ParamMap[Any], names: Sequence[str]) -> Table:
     """The map itself; needs no device."""
     found = [params.find(name)[0] for name in names] if names else params.every
     wanted = {param.path: param for param in found}.values()
-    return Table(rows=[describe_row(param) for param in wanted], columns=DESCRIBE_COLUMNS)
+    table = Table(rows=[describe_row(param, params.kind) for param in wanted], columns=DESCRIBE_COLUMNS)
+    if names:
+        table.view = described
+    return table
+
+
+def described(rows: list[Row]) -> list[Grid]:
+    """The quantities, then what the bits and codes of each mean and what to do."""
+    from handctl.screen.render import default_view
+
+    keys = ("name", "meaning", "next")
+    lines = [tuple(str(one[key]) for key in keys) for row in rows for one in row["remedies"]]
+    grids = default_view(Table(rows=rows, columns=DESCRIBE_COLUMNS))
+    return [*grids, Grid(("Bit or code", "Meaning", "Next step"), tuple(lines))] if lines else grids
 
 
 DESCRIBE_COLUMNS = (
@@ -141,8 +154,12 @@ DESCRIBE_COLUMNS = (
 )
 
 
-def describe_row(param: Param) -> Row:
+def describe_row(param: Param, kind: str) -> Row:
     """One parameter of a map as data."""
+    from handctl.model.remedy import remedies_of
+
+    table = remedies_of(kind) if param.alarms or param.choices else {}
+    words = [*param.alarms.values(), *param.choices.values()]
     return {
         "name": param.name,
         "address": getattr(param, "place", getattr(param, "address", None)),  # as the manual counts
@@ -158,6 +175,11 @@ def describe_row(param: Param) -> Row:
         "strands": param.strands,
         "source": param.source,
         "doc": param.doc + (f"; {param.note}" if param.note else ""),
+        "remedies": [
+            {"name": word, "meaning": table[word].meaning, "next": table[word].step, "source": table[word].source}
+            for word in words
+            if word in table
+        ],
     }
 
 
@@ -203,6 +225,7 @@ def watch(
     """
     from functools import partial
 
+    from handctl.model.remedy import remedies_of
     from handctl.model.sampling import Sampler
 
     params = meant(run, params, names)
@@ -255,6 +278,7 @@ def watch(
         summary=sampler.summary,
         ranges=ranges,
         decimals={e.param.name: e.param.decimals for e in (*elements, *more, *slowly) if e.param.decimals},
+        remedies=remedies_of(params.kind) if seen else {},
         flags=frozenset(element.param.name for element in elements if element.param.bits),
     )
 

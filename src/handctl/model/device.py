@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypedDict, TypeVar
 
 from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, NotIdentified, ProtocolError, joined
 from handctl.model.param import Changes, Element, FromTo, Number, ParamMap, Reading, elements_of
+from handctl.model.remedy import Finding, hint_for, hint_of
 from handctl.model.result import Column, Grid, Journal, Row, Table
 from handctl.model.stopping import (
     Aim,
@@ -335,19 +336,21 @@ class Device(ABC):
     def judge(
         self,
         table: Table,
-        findings: Sequence[str],
+        findings: Sequence[Finding],
         check: bool,
         *,
-        hint: str = "",
         more: Callable[[], Sequence[str]] = tuple,
     ) -> Table:
-        """The table of `status`, its findings as warnings; with `check` they, and what `more` tells by itself, are exit 7."""
+        """The table of `status`, its findings as warnings with their remedies.
+
+        With `check` they, and what `more` tells by itself, are exit 7, with the remedy of the most urgent one.
+        """
         for finding in findings:
-            self.journal.warn("unhealthy", finding)
-        every = [*more(), *findings]
+            self.journal.warn("unhealthy", finding.text, hint_for(self.kind, finding))
+        every = [*more(), *(finding.text for finding in findings)]
         if check and every and table.failure is None:
             text = joined(f"{self._line.where}: {plural(len(every), 'finding')}", *every)
-            table.failure = CheckFailed(text, hint=hint, code="unhealthy")
+            table.failure = CheckFailed(text, hint=hint_of(self.kind, findings), code="unhealthy")
         return table
 
     # -- writing -------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ Knows no terminal, no device and no file; imports only the standard library. Row
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,6 +16,7 @@ from handctl.sentence import honest
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
     from handctl.model.param import Bound
+    from handctl.model.remedy import Remedy
     from handctl.model.stopping import Stopped
 
 SCHEMA = "handctl/1"
@@ -94,6 +95,7 @@ class Table:
     ranges    documented (low, high) per quantity name, for the bars of the live view
     decimals  decimals of a quantity's values, for the live view
     bounds    what a person set for readings: the live view marks what passes it
+    remedies  what bits and codes mean and what to do, the most urgent first, for the live view
     flags     names of quantities that are bits: the live view shows their words, of all others the numbers
     wide      in CSV a stream is usually a row a sample
     live      a person at a terminal sees a live view of the stream; else its rows
@@ -115,6 +117,7 @@ class Table:
     decimals: dict[str, int] = field(default_factory=dict)
     bounds: tuple[Bound, ...] = ()
     flags: frozenset[str] = frozenset()
+    remedies: Mapping[str, Remedy] = field(default_factory=dict)
     wide: bool = False
     live: bool = True
     pictures: tuple[Callable[[list[Row]], list[Grid]], ...] = ()

@@ -304,6 +304,15 @@ ROWS = (
         "tests/kernel/test_several.py::test_the_highest_exit_code_counts_wherever_it_stands",
     ),
     mistake(
+        "finding-without-its-remedy",
+        "swallowed error",
+        "handctl.model.remedy",
+        "worst_of",
+        "known = {UNKNOWN if key.startswith(UNKNOWN) else key for key in keys}",
+        "known = {UNKNOWN for key in keys if key.startswith(UNKNOWN)}",
+        "tests/kernel/test_remedy.py::test_plain_status_names_what_to_do",
+    ),
+    mistake(
         "recording-replaced-by-its-picture",
         "output half written",
         "handctl.frame.types",
