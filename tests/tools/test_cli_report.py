@@ -30,7 +30,7 @@ SHOWN = {
     "hand": ("Speed of the next movement: 601", "angle_actual little", "EB 90 01 04 11 FE 05 5A 73"),
     "barrett": ("104233", "strain F1 112", "46 47 45 54 20 50 20 53 47 20 53 20 4F 44 20 45 4E 0D"),
     "ekso": ("standing (0x2040)", "left_knee_angle over", "98 00 00 03 F7 FF"),
-    "aidin": ("task_space_pos", "thumb q4 ", "7B 22 6D 6F 74 6F 72"),
+    "aidin": ("task_space_pos", "joint_pos (20 values)", "7B 22 6D 6F 74 6F 72"),
 }
 PRIVATE = {
     # the number, and how its device says it on the wire

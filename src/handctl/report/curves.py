@@ -132,10 +132,15 @@ def unchanged(curves: Iterable[Curve], words: Collection[str] = ()) -> str:
             value = f"{curve.text(curve.last)} {curve.unit}".strip() if curve.count else "not read"
             worded = curve.meaning if curve.name in words else ""
             values.setdefault(curve.name, {})[curve.part] = worded or value
-    return "; ".join(
-        f"{name} {texts.popitem()[1] if len(set(texts.values())) == 1 else ', '.join(map(' '.join, texts.items()))}"
-        for name, texts in values.items()
-    )
+    return "; ".join(f"{name} {_listed(texts)}" for name, texts in values.items())
+
+
+def _listed(texts: Mapping[str, str]) -> str:
+    """Values by part: one where all are the same, their number where they are many."""
+    alike = set(texts.values())
+    if len(alike) == 1:
+        return alike.pop()
+    return f"({len(texts)} values)" if len(texts) > TONES else ", ".join(map(" ".join, texts.items()))
 
 
 def draw(curve: Curve, seconds: float) -> str:

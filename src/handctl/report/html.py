@@ -215,24 +215,30 @@ def _watch(report: Report) -> str:
     if not report.curves:
         return _empty(report, "Watch")
     parts = [f'<p class="note">{escape(report.watched)} Each picture has its own scale.</p>\n']
+    alone = [group[0] for name, group in report.curves.items() if len(group) == 1 and name not in report.words]
+    parts.append(_plots([curve for curve in alone if curve.moved], report.seconds))
     for name, group in report.curves.items():
-        moved = [curve for curve in group if curve.moved]
-        unit = f" [{group[0].unit}]" if group[0].unit else ""
+        moved = [curve for curve in group if curve.moved and curve not in alone]
         if moved:
-            parts.append(f"<h3>{escape(name + unit)}</h3>\n")
+            parts.append(f"<h3>{escape(_united(group[0]))}</h3>\n")
             parts.append(_words(moved) if name in report.words else _plots(moved, report.seconds))
     if still := unchanged(chain(*report.curves.values()), report.words):
         parts.append(f'<p class="note">Unchanged: {escape(still)}.</p>\n')
     return "".join(parts)
 
 
+def _united(curve: Curve) -> str:
+    """A quantity with its unit."""
+    return f"{curve.name} [{curve.unit}]" if curve.unit else curve.name
+
+
 def _plots(group: Sequence[Curve], seconds: float) -> str:
     figures = "".join(
-        f"<figure>{draw(curve, seconds)}<figcaption>{escape(curve.part or curve.name)}"
+        f"<figure>{draw(curve, seconds)}<figcaption>{escape(curve.part or _united(curve))}"
         f"<span>{escape(curve.summary)}</span><span>{escape(curve.meaning)}</span></figcaption></figure>\n"
         for curve in group
     )
-    return f'<div class="plots">{figures}</div>\n'
+    return f'<div class="plots">{figures}</div>\n' if figures else ""
 
 
 def _words(group: Sequence[Curve]) -> str:
