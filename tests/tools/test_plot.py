@@ -123,6 +123,16 @@ def test_a_heading_says_what_it_is_of(family: str) -> None:
             assert of_column(column_of(shown)) == (row["name"], part[1:], scale.unit if scale else unit)
 
 
+def test_a_log_shows_its_device_with_the_highest_values(tmp_path: Path) -> None:
+    log = tmp_path / "l.csv"
+    assert run("hand", "log", log, "--count", "3", "-p", "fake://hand?clock=virtual&fault=faults").code == 0
+    assert run("plot", log, "-o", tmp_path / "l.html").code == 0
+    text = (tmp_path / "l.html").read_text(encoding="utf-8")
+    assert Page(text).count["figure"] == 2
+    assert text.count('class="bad bar"') == 10  # five fingers with an error bit, in both pictures
+    assert "(simulated, 3 rows)" in text
+
+
 def test_two_files_are_above_each_other(tmp_path: Path) -> None:
     one = recorded(tmp_path, "0,1,5,ok,", "9,2,5,ok,")
     other = recorded(tmp_path, "0,1,5,ok,", "5,7,5,ok,", name="b<.csv")

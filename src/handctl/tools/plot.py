@@ -124,7 +124,10 @@ def drawn(found: Sequence[Plotted], *, whole: bool) -> str:
         from handctl.report.html import plain_page
 
         return plain_page(
-            head, [*pieces, *(f'<p class="note">{escape(line)}</p>\n' for line in still)], STYLE, __version__
+            head,
+            [*map(_outlines, found), *pieces, *(f'<p class="note">{escape(line)}</p>\n' for line in still)],
+            STYLE,
+            __version__,
         )
     still = [
         line for text in still for line in textwrap.wrap(text, LETTERS, subsequent_indent="\N{NO-BREAK SPACE}" * 4)
@@ -140,6 +143,30 @@ def drawn(found: Sequence[Plotted], *, whole: bool) -> str:
         f'<rect x="-16" width="100%" height="100%" fill="#fff"/>\n<text class="head" x="0" y="32">{escape(head)}</text>\n'
         f"{''.join(pieces)}{below}</svg>\n"
     )
+
+
+def _outlines(one: Plotted) -> str:
+    """The device of a log with the highest values of each finger, in its last position; "" where none is known."""
+    from handctl.model.outline import outline_of
+    from handctl.report.outline import outline_svg
+
+    outline = outline_of(one.kind) if one.kind else None
+    if outline is None:
+        return ""
+    bent = outline.bend[0].partition(".")[0] if outline.bend else ""
+    errors = outline.errors.partition("{")[0].rstrip("._")
+    rows: list[Row] = [
+        {
+            "path": f"{curve.name}.{curve.part}" if curve.part else curve.name,
+            "value": curve.last if curve.name == bent else max(curve.low, curve.high, key=abs),
+            "unit": curve.unit or None,
+            **({"errors": ["set"] if curve.high else []} if errors and curve.name.startswith(errors) else {}),
+        }
+        for curve in one.curves
+    ]
+    name = os.path.basename(one.path)
+    figures = (outline_svg(outline, by, rows, f"{name}: highest") for by in outline.measures if by != "error")
+    return f'<div class="outlines">{"".join(figures)}</div>\n'
 
 
 def grouped(curves: Sequence[Curve]) -> dict[str, dict[str, Curve]]:

@@ -15,7 +15,9 @@ from io import BufferedReader
 from typing import Any
 
 from handctl.errors import UsageError
+from handctl.families import FAMILIES
 from handctl.model.param import scale_of
+from handctl.record.recording import schema
 from handctl.report.curves import PIXELS, Curve
 from handctl.screen.sheet import PARTS, of_column
 
@@ -55,7 +57,7 @@ class Track:
 
 @dataclass(slots=True)
 class Plotted:
-    """What one file holds. `damaged` rows had another number of fields or no time; `worded` columns hold no numbers."""
+    """What one file holds. `damaged` rows had another number of fields or no time; `kind` is the family, where a sidecar says it."""
 
     path: str
     rows: int = 0
@@ -65,6 +67,7 @@ class Plotted:
     marks: list[tuple[float, str]] = field(default_factory=list)
     damaged: int = 0
     simulated: bool = False
+    kind: str = ""
 
 
 def read(path: str) -> Plotted:
@@ -232,10 +235,12 @@ class _Reading:
 
 
 def _sidecar(found: Plotted) -> None:
-    """What only the sidecar of a log says: whether it was simulated."""
+    """What only the sidecar of a log says: the family, and whether it was simulated."""
     try:
         with open(f"{found.path}.json", encoding="utf-8") as file:
             said = json.load(file)
     except (OSError, ValueError):
         return
-    found.simulated = isinstance(said, dict) and said.get("simulated") is True
+    if isinstance(said, dict):
+        found.simulated = said.get("simulated") is True
+        found.kind = next((kind for kind in FAMILIES if said.get("schema") == schema(kind)), "")
