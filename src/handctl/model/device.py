@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypedDict, TypeVar
 
 from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, NotIdentified, ProtocolError, joined
 from handctl.model.param import Changes, Element, FromTo, Number, ParamMap, Reading, elements_of
-from handctl.model.remedy import Finding, hint_for, hint_of
-from handctl.model.result import Column, Grid, Journal, Row, Table
+from handctl.model.result import Column, Finding, Grid, Journal, Row, Table
 from handctl.model.stopping import (
     Aim,
     Known,
@@ -345,6 +344,8 @@ class Device(ABC):
 
         With `check` they, and what `more` tells by itself, are exit 7, with the remedy of the most urgent one.
         """
+        from handctl.model.remedy import hint_for, hint_of
+
         for finding in findings:
             self.journal.warn("unhealthy", finding.text, hint_for(self.kind, finding))
         every = [*more(), *(finding.text for finding in findings)]

@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import NamedTuple
 
 from handctl.families import FAMILIES
+from handctl.model.result import Finding
 
 UNKNOWN = "unknown_bit"
 """Begins the name of a bit that the manual does not have; its row of a table has this key."""
@@ -27,14 +28,6 @@ class Remedy(NamedTuple):
     def hint(self) -> str:
         """The next step of a message."""
         return f"{self.step} ({self.source})"
-
-
-class Finding(NamedTuple):
-    """Something wrong: what was seen, the keys of its remedies, and a next step that fits better than the table's."""
-
-    text: str
-    keys: tuple[str, ...]
-    step: str = ""
 
 
 def remedies_of(kind: str) -> Mapping[str, Remedy]:

@@ -138,6 +138,14 @@ class Message(NamedTuple):
         return {"level": self.level, "code": self.code, "text": self.text, "hint": self.hint}
 
 
+class Finding(NamedTuple):
+    """Something wrong: what was seen, the keys of its remedies, and a next step that fits better than the table's."""
+
+    text: str
+    keys: tuple[str, ...]
+    step: str = ""
+
+
 @dataclass(slots=True)
 class Counters:
     """What passed on the wire: frames sent and received, repeated requests, frames rejected, bytes of no frame.

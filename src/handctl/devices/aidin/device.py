@@ -17,8 +17,7 @@ from handctl.errors import HandctlError, Left, LinkError, ProtocolError
 from handctl.model.device import Device
 from handctl.model.guide import Guide
 from handctl.model.param import Element, Reading, Step
-from handctl.model.remedy import Finding, remedies_of
-from handctl.model.result import Cell, Column, Grid, Row, Table
+from handctl.model.result import Cell, Column, Finding, Grid, Row, Table
 from handctl.model.stopping import Aim, Known, Stopped, interrupted, leaving
 
 SLACK = 0.01
@@ -100,8 +99,9 @@ class AidinHand(Device):
         self.journal.info("exchange", f"the hand {how}")
         encoders = [row.get("value") for row in table.rows if row["name"] == "motor_pos"]
         if encoders and not any(encoders):
-            remedy = remedies_of(self.kind)["all-zero"]
-            self.journal.info("homed-unknown", f"all encoders are exactly 0: {remedy.meaning}", remedy.hint)
+            from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
+
+            self.journal.info("homed-unknown", ALL_ZERO, REMEDIES["all-zero"].hint)
         return self.judge(table, unhealthy(table.rows), check)
 
 

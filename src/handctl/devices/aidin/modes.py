@@ -22,7 +22,7 @@ from handctl.devices.aidin.device import (
 )
 from handctl.devices.aidin.feedback import Feedback, Wire
 from handctl.devices.aidin.map import AIDIN, AidinParam, Mode, some
-from handctl.devices.aidin.remedies import REMEDIES
+from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
 from handctl.devices.aidin.way import ExchangeMode
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, UsageError
 from handctl.model.guide import CTRL_C, Guide
@@ -386,7 +386,7 @@ def check_homed(hand: AidinHand, *, assume: bool) -> None:
     if not any(encoders):
         hand.journal.warn(
             "homed-unknown",
-            f"all encoders are exactly 0: {REMEDIES['all-zero'].meaning}",
+            ALL_ZERO,
             hint=REMEDIES["all-zero"].hint,
         )
         return

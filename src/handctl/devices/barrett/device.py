@@ -31,8 +31,7 @@ from handctl.devices.barrett.views import (
 from handctl.errors import DeviceRefused, HandctlError, Left, NoAnswer, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Number, Reading, Step
-from handctl.model.remedy import Finding
-from handctl.model.result import Row, Table
+from handctl.model.result import Finding, Row, Table
 from handctl.model.stopping import Stopped
 
 SPLITTABLE = 32 | 64 | 1024

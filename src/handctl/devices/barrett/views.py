@@ -15,8 +15,7 @@ from handctl.devices.barrett.map import BARRETT, TENTHS, GclParam, careful
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Number
-from handctl.model.remedy import Finding
-from handctl.model.result import Cell, Column, Grid, Journal, Row, Table
+from handctl.model.result import Cell, Column, Finding, Grid, Journal, Row, Table
 
 NAME, GCL, MOTOR = Column("name", "Name"), Column("parameter", "GCL"), Column("motor", "Motor")
 VALUE, UNIT, LABEL = Column("value", "Value", right=True), Column("unit", "Unit"), Column("label", "Meaning")

@@ -15,8 +15,7 @@ from handctl.devices.ekso.map import DATA, EKSO, LEGS, NAMED, POSTURES, SETTINGS
 from handctl.errors import HandctlError, LinkError
 from handctl.model.clocks import Span
 from handctl.model.param import Reading
-from handctl.model.remedy import Finding, remedies_of
-from handctl.model.result import Cell, Grid, Row, Table
+from handctl.model.result import Cell, Finding, Grid, Row, Table
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.device import Ekso
@@ -97,6 +96,8 @@ def unfit(data: dict[str, float], settings: dict[str, float]) -> list[Finding]:
         if not LEG_LENGTHS[0] <= settings[leg.name] <= LEG_LENGTHS[1]
     ]
     off = {side: (x, y) for side, (x, y) in residuals(data, upper, lower).items() if abs(x) > MOST_X or abs(y) > MOST_Y}
+    from handctl.devices.ekso.remedies import REMEDIES
+
     key = "hips" if len(off) == 2 else "hip"
     for side, (x, y) in off.items():
         text = f"the {side} hip is {x:+.2f}, {y:+.2f} in away from the position given by angles and leg lengths"
@@ -104,7 +105,7 @@ def unfit(data: dict[str, float], settings: dict[str, float]) -> list[Finding]:
     if off:
         found.append(
             Finding(
-                f"{'both hips are' if len(off) == 2 else 'only one hip is'} off: {remedies_of('ekso')[key].meaning}",
+                f"{'both hips are' if len(off) == 2 else 'only one hip is'} off: {REMEDIES[key].meaning}",
                 (key,),
             )
         )

@@ -22,8 +22,7 @@ from handctl.model.device import Course, Release
 from handctl.model.guide import Guide
 from handctl.model.moving import REACHED, Goal, Seen, Stillness
 from handctl.model.param import Element, Number, Reading, Step, elements_of, given
-from handctl.model.remedy import Finding
-from handctl.model.result import Cell, Grid, Row, Table
+from handctl.model.result import Cell, Finding, Grid, Row, Table
 from handctl.model.stopping import stopped_by_ctrl_c
 
 LIVE = ("position_actual", "force_actual", "current", "error", "temperature")

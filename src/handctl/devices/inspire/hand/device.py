@@ -35,8 +35,7 @@ from handctl.devices.inspire.registers import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.device import Course, Release
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
-from handctl.model.remedy import Finding
-from handctl.model.result import Cell, Grid, Row, Table
+from handctl.model.result import Cell, Finding, Grid, Row, Table
 from handctl.model.stopping import Aim, Known
 
 LIVE = ("stroke_actual", "angle_actual", "force_actual", "current", "error", "status", "temperature")

@@ -14,8 +14,7 @@ from handctl.errors import UsageError
 from handctl.model.guide import Guide
 from handctl.model.moving import REACHED, Goal, Seen, Stillness
 from handctl.model.param import Element, Number, Reading
-from handctl.model.remedy import Finding
-from handctl.model.result import Cell, Grid, Row, Table
+from handctl.model.result import Cell, Finding, Grid, Row, Table
 
 SLOWEST_USUAL, FASTEST_USUAL = 5000, 100
 """Milliseconds outside which a movement time is worth a warning; the manual gives no range."""
