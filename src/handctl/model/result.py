@@ -16,7 +16,6 @@ from handctl.sentence import honest
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
     from handctl.model.param import Bound
-    from handctl.model.remedy import Remedy
     from handctl.model.stopping import Stopped
 
 SCHEMA = "handctl/1"
@@ -117,7 +116,7 @@ class Table:
     decimals: dict[str, int] = field(default_factory=dict)
     bounds: tuple[Bound, ...] = ()
     flags: frozenset[str] = frozenset()
-    remedies: Mapping[str, Remedy] = field(default_factory=dict)
+    remedies: Mapping[str, Any] = field(default_factory=dict)
     wide: bool = False
     live: bool = True
     pictures: tuple[Callable[[list[Row]], list[Grid]], ...] = ()
