@@ -50,7 +50,7 @@ def test_the_colour_of_a_bar(given: list[Row], text: str, tone: str) -> None:
 def test_a_bar_is_as_long_as_the_finger_is_straight(position: int, full: int) -> None:
     grid = drawn(ONE, "heat", rows(20, position=position))
     column = [line[0] for line in grid.lines[1:5]]
-    assert [isinstance(cell, Cell) and cell.text == "██" for cell in column] == [False] * (4 - full) + [True] * full
+    assert [isinstance(cell, Cell) and cell.text == "████" for cell in column] == [False] * (4 - full) + [True] * full
     assert (grid.headings, grid.title) == (("a", "b"), "heat [°C]")
 
 
@@ -82,6 +82,13 @@ def test_what_cannot_be_drawn(words: tuple[str, ...]) -> None:
     assert len(done.rows) == (
         0 if done.code else len(run("exo", "status", "-p", "fake://exo?clock=virtual", "--json").rows)
     )
+
+
+@pytest.mark.parametrize("kind", ["exo", "hand", "wrist"])
+def test_error_bits_are_named_below_the_picture(kind: str) -> None:
+    done = run(kind, "status", "--picture", "error", "-p", f"fake://{kind}?clock=virtual&fault=faults")
+    assert max(map(len, done.lines)) <= 80
+    assert any(line.endswith(": locked_rotor") or ": locked_rotor (" in line for line in done.lines)
 
 
 def test_actuators_without_a_known_place() -> None:

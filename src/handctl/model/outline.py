@@ -17,7 +17,11 @@ from handctl.system.terminal import FINE
 
 NEAR = 0.9
 """From this share of a highest value on, a reading is near it."""
-FULL, EMPTY, PALM = "██", "░░" if FINE else "..", "▒▒" if FINE else "::"
+FULL, EMPTY, PALM = "████", "░░░░" if FINE else "....", "▒" if FINE else ":"
+
+
+MOST = 8
+"""Letters of a value above a bar; a longer one, which is a list of error bits, stands below the picture."""
 
 
 class Bar(NamedTuple):
@@ -131,20 +135,23 @@ def drawn(outline: Outline, by: str, rows: Sequence[Row]) -> Grid:
     top = max(0, *(one.bar.foot + max(0, one.bar.length) for one in bars))
     low = min(-outline.palm, *(one.bar.foot + min(0, one.bar.length) for one in bars))
     palm = [number for number, one in enumerate(bars) if one.bar.foot == 0]
-    lines: list[tuple[str | Cell, ...]] = [tuple(Cell(one.text, one.tone) for one in bars)]
+    long = [one for one in bars if len(one.text) > MOST]
+    said = ["error" if one in long else one.text for one in bars]
+    lines: list[tuple[str | Cell, ...]] = [tuple(Cell(text, one.tone) for text, one in zip(said, bars, strict=True))]
+    ground = [
+        Cell(PALM * max(len(FULL), len(said[number]), len(one.bar.part)), "dim")
+        if palm and palm[0] <= number <= palm[-1]
+        else ""
+        for number, one in enumerate(bars)
+    ]
     for row in range(top - 1, low - 1, -1):
         inside = -outline.palm <= row < 0
-        lines.append(
-            tuple(
-                _cell(one, row) or (Cell(PALM, "dim") if inside and palm and palm[0] <= number <= palm[-1] else "")
-                for number, one in enumerate(bars)
-            )
-        )
+        lines.append(tuple(_cell(one, row) or (ground[number] if inside else "") for number, one in enumerate(bars)))
     return Grid(
         tuple(one.bar.part for one in bars),
         tuple(lines),
         title(outline, by, rows),
-        notes=tuple(filter(None, (outline.note,))),
+        notes=(*(f"{one.bar.part}: {one.text}" for one in long), *filter(None, (outline.note,))),
     )
 
 
