@@ -74,6 +74,14 @@ def test_long_files_are_the_same_curves(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
+def test_a_file_that_grew_by_the_clock(tmp_path: Path) -> None:
+    """What a timer appends has the time of day, and a moment's rows share it."""
+    rows = [f"2026-11-26T{hour:02}:00:00Z,heat,{part},{hour}," for hour in range(20, 24) for part in ("a", "b")]
+    found = read(str(recorded(tmp_path, *rows, header="time,name,finger,value,unit\r\n")))
+    assert (found.seconds, found.holes) == (10800.0, [])
+    assert [(one.part, one.low, one.high, one.count) for one in found.curves] == [("a", 20, 23, 4), ("b", 20, 23, 4)]
+
+
 @pytest.mark.parametrize(
     ("header", "rows", "code"),
     [
