@@ -11,9 +11,9 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from datetime import datetime
-from io import BufferedReader
-from typing import Any
+from typing import Any, BinaryIO
 
+from handctl import files
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
 from handctl.model.param import scale_of
@@ -44,6 +44,8 @@ HOLES = ("[gap ", "[port lost]")
 GAP_PERIODS, GAP_PIXELS = 3, 1.5
 """Rows of a file without marks that are so many usual intervals apart, and seen to be, have a hole between them."""
 TAIL = 1 << 16
+"""Bytes that are looked at for the last row; no row is longer."""
+LARGEST_SIDECAR = 1 << 26
 NEXT = "plot takes what `watch -o FILE.csv`, `log FILE.csv` or `realtime -o FILE.csv` wrote"
 
 
@@ -73,18 +75,15 @@ class Plotted:
 def read(path: str) -> Plotted:
     """The curves of a file. Raises UsageError."""
     found = Plotted(path)
-    try:
-        with open(path, "rb") as file:
-            header = next(csv.reader([_text(file.readline())]), [])
-            if not header:
-                raise UsageError(f"{path} is empty", hint=NEXT, code="no-rows")
-            time = next((name for name in (TIME, "time") if name in header), None)
-            if time is None:
-                what = "it holds one moment" if {"name", "value"} <= set(header) else f"it has no column {TIME}"
-                raise UsageError(f"{path}: no curve can be drawn: {what}", hint=NEXT, code="no-time")
-            _Reading(found, header, header.index(time), file).run()
-    except OSError as exc:
-        raise UsageError(f"{path}: cannot be read: {exc.strerror or exc}", hint=NEXT, code="no-file") from exc
+    with files.opened(path, "a recording", hint=NEXT, code="no-file") as file:
+        header = next(csv.reader([_text(file.readline(TAIL))]), [])
+        if not header:
+            raise UsageError(f"{path} is empty", hint=NEXT, code="no-rows")
+        time = next((name for name in (TIME, "time") if name in header), None)
+        if time is None:
+            what = "it holds one moment" if {"name", "value"} <= set(header) else f"it has no column {TIME}"
+            raise UsageError(f"{path}: no curve can be drawn: {what}", hint=NEXT, code="no-time")
+        _Reading(found, header, header.index(time), file).run()
     if not found.rows:
         raise UsageError(f"{path}: no row of it can be read", hint=NEXT, code="no-rows")
     _sidecar(found)
@@ -105,7 +104,7 @@ def _seconds(text: str) -> float:
 class _Reading:
     """One pass through a file, pixel by pixel."""
 
-    def __init__(self, found: Plotted, header: list[str], time: int, file: BufferedReader) -> None:
+    def __init__(self, found: Plotted, header: list[str], time: int, file: BinaryIO) -> None:
         self._found, self._header, self._time, self._file = found, header, time, file
         self._mark = header.index("mark") if "mark" in header else -1
         self._tracks: dict[Any, Track | None] = {}
@@ -152,7 +151,7 @@ class _Reading:
     def _rows(self) -> Iterator[list[str]]:
         """The whole rows."""
         width = len(self._header)
-        for line in self._file:
+        for line in iter(lambda: self._file.readline(TAIL), b""):
             text = line.decode("utf-8", "replace").rstrip("\r\n")
             row = text.split(",") if '"' not in text else next(csv.reader([text]))
             if len(row) == width:
@@ -237,9 +236,8 @@ class _Reading:
 def _sidecar(found: Plotted) -> None:
     """What only the sidecar of a log says: the family, and whether it was simulated."""
     try:
-        with open(f"{found.path}.json", encoding="utf-8") as file:
-            said = json.load(file)
-    except (OSError, ValueError):
+        said = json.loads(files.read_text(f"{found.path}.json", "a sidecar", LARGEST_SIDECAR))
+    except (UsageError, ValueError):
         return
     if isinstance(said, dict):
         found.simulated = said.get("simulated") is True
