@@ -25,9 +25,7 @@ from handctl.model.param import COMMAND, ParamMap
 from handctl.model.result import Table
 
 NAMES = "[NAME]..."
-PICTURE = (
-    "Draw the fingers or joints in their place, coloured by temperature, force or error, as far as the device has it."
-)
+PICTURE = "Draw the device, coloured by temperature, force or error."
 SETPOINTS = click.option(
     "--setpoints",
     is_flag=True,
