@@ -52,6 +52,8 @@ class FamilyRow:
                 stopper  `stop_talk`: the bytes of its stop, see `model.stopping`
                 explain  `explainer`: makes a `model.piece.Explainer` of recorded bytes
                 writes   `words`: makes the `model.ledger.WriteWords` that tell which of its bytes write, and what acknowledges them
+                remedies  optional, `REMEDIES`: what a finding means and what to do, see `model.remedy`
+                outline  optional, `OUTLINE`: its fingers or joints in their place, see `model.outline`
                 page     optional, see `docgen.texts`: EXAMPLES, FILES and `section` of its manual page
     codec     module of its frame, which has the manual's name; `sign` in it says what in bytes that came shows its
               protocol, "" = nothing
@@ -208,6 +210,7 @@ TOOLS: dict[str, dict[str, tuple[str, str]]] = {
     },
     "Work without a device": {
         "sim": ("handctl.tools.sim", "serve a simulated device to any client: pty, TCP, slcan"),
+        "plot": ("handctl.tools.plot", "draw the curves of a recording as SVG or HTML"),
         "trace": ("handctl.tools.trace", "show, decode or compare recorded transcripts"),
         "help": ("handctl.tools.help", "show the manual, a guide, a command or the common options"),
     },

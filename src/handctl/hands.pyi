@@ -36,7 +36,7 @@ class Exo(Device):
         """Search for devices of this family: baud rate and id."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Stop the device at once, even while another handctl command is using it."""
-    def status(self, *, check: bool = False, limit: Sequence[str] = ()) -> list[Row]:
+    def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> list[Row]:
         """Show a health summary: values of each finger or motor, with errors decoded."""
     def dump(self, *, limit: Sequence[str] = ()) -> list[Row]:
         """Read every documented quantity."""
@@ -179,7 +179,7 @@ class Wrist(Device):
         """Search for devices of this family: baud rate and id."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Stop the device at once, even while another handctl command is using it."""
-    def status(self, *, check: bool = False, limit: Sequence[str] = ()) -> list[Row]:
+    def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> list[Row]:
         """Show a health summary: values of each finger or motor, with errors decoded."""
     def dump(self, *, limit: Sequence[str] = ()) -> list[Row]:
         """Read every documented quantity."""
@@ -297,7 +297,14 @@ class Barrett(Device):
         """Search for devices of this family: baud rate and id."""
     def stop(self, *, motors: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Stop the hand immediately, even while another handctl is using it."""
-    def status(self, *, check: bool = False, limit: Sequence[str] = (), include_ids: bool = False) -> list[Row]:
+    def status(
+        self,
+        *,
+        check: bool = False,
+        picture: str | None = None,
+        limit: Sequence[str] = (),
+        include_ids: bool = False,
+    ) -> list[Row]:
         """Show a health summary: values of each finger or motor, with errors decoded."""
     def dump(self, *, limit: Sequence[str] = (), include_ids: bool = False) -> list[Row]:
         """Read every documented quantity."""
@@ -588,6 +595,7 @@ class Ekso(Device):
         self,
         *,
         check: bool = False,
+        picture: str | None = None,
         limit: Sequence[str] = (),
         length_mode: str | None = None,
     ) -> list[Row]:
@@ -710,7 +718,7 @@ class Aidin(Device):
         """Search for devices of this family: baud rate and id."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Stop the device at once, even while another handctl command is using it."""
-    def status(self, *, check: bool = False, limit: Sequence[str] = ()) -> list[Row]:
+    def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> list[Row]:
         """Show a health summary: values of each finger or motor, with errors decoded."""
     def dump(self, *, limit: Sequence[str] = ()) -> list[Row]:
         """Read every documented quantity."""
@@ -806,7 +814,7 @@ class Hand(Device):
         """Search for devices of this family: baud rate and id."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
         """Stop the device at once, even while another handctl command is using it."""
-    def status(self, *, check: bool = False, limit: Sequence[str] = ()) -> list[Row]:
+    def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> list[Row]:
         """Show a health summary: values of each finger or motor, with errors decoded."""
     def dump(self, *, limit: Sequence[str] = ()) -> list[Row]:
         """Read every documented quantity."""

@@ -133,9 +133,11 @@ def test_plain_and_csv() -> None:
 
 
 def test_status_of_a_hand_that_waits_for_init() -> None:
-    """Status 4 is no defect: a check passes, and the next step is said in words."""
+    """Nothing moves before HI: a check fails, and names the next step once for all motors."""
     result = do("status", "--check", port=fake(initialized=0))
-    assert result.code == 0
+    assert (result.code, result.error["code"]) == (7, "unhealthy")
+    assert "handctl barrett init" in result.error["hint"]
+    assert result.codes().count("unhealthy") == 2  # the warning, and the check that failed
     labels = [row["label"] for row in result.rows if row["parameter"] == "S"]
     assert labels == ["Motor not initialized (4)"] * 4
     assert {row["parameter"]: row["label"] for row in result.rows}["TEMP"] == "41.2 °C"

@@ -247,10 +247,11 @@ def test_status_check(query: str, words: str) -> None:
     assert words in table.failure.text
 
 
-def test_a_hand_that_waits_for_hi_is_healthy() -> None:
+def test_a_hand_that_waits_for_hi_is_told_once_for_all_motors() -> None:
     hand, _ = simulated("")
-    assert hand.status(True).failure is None
-    assert codes(hand) == []
+    table = hand.status(True)
+    assert table.failure is not None and table.failure.exit_code == 7
+    assert codes(hand) == ["unhealthy"]
 
 
 def test_temperatures() -> None:

@@ -28,6 +28,7 @@ LOCAL = {
     "ports": "lists what the system knows",
     "devices": "the configuration file",
     "sim": "serves simulators",
+    "plot": "recordings",
     "trace": "recorded bytes",
     "completion": "the shell's files",
     "help": "texts",

@@ -69,6 +69,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             "frame.family",
             "frame.options",
             "model.param",
+            "model.remedy",
         ),
     ),
     ("guides", ()),
@@ -79,7 +80,21 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("tools.completion", (*GROUND, "docgen*", "frame.*", "model.*")),
     ("tools.sim", ("families", "link.fake", "sim.cli")),
     ("tools.help", (*GROUND, "docgen*", "frame.*", "guides", "model.*")),
-    ("tools.*", (*GROUND, "guides", "frame.*", "link*", "model.*", "report*", "screen.*", "stop.*", "tools*")),
+    (
+        "tools.*",
+        (
+            *GROUND,
+            "guides",
+            "frame.*",
+            "link*",
+            "model.*",
+            "record.recording",
+            "report*",
+            "screen.*",
+            "stop.*",
+            "tools*",
+        ),
+    ),
 ]
 
 OUTSIDE: list[tuple[str, tuple[str, ...]]] = [

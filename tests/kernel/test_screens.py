@@ -14,6 +14,7 @@ import pytest
 
 from handctl.families import FAMILIES
 from handctl.frame.options import Settings
+from handctl.model.remedy import Remedy
 from handctl.model.result import Journal, Sample, Table
 from handctl.screen import live
 from tests.contract.facts import facts_of
@@ -284,6 +285,25 @@ def test_a_label_without_a_unit_replaces_the_number_and_ok_is_told() -> None:
     )
     view.add(Sample(0.0, rows))
     assert [line.plain for line in view._body(40, 20)] == ["mode F1 ok F2 lost"]
+
+
+def test_the_most_urgent_error_is_named_with_its_remedy() -> None:
+    table = Table(
+        flags=frozenset({"error"}),
+        remedies={word: Remedy(f"it is {word}", f"mend {word}", "§1") for word in ("hot", "stuck")},
+    )
+    view = live.View(table, Context())  # type: ignore[arg-type]
+    said = {"little": ["stuck"], "ring": ["hot", "stuck"], "index": ["hot"]}
+    view.add(
+        Sample(
+            0.0,
+            tuple(
+                {"name": "error", "finger": f, "value": 1, "label": ", ".join(e), "errors": e} for f, e in said.items()
+            ),
+        )
+    )
+    assert [line.plain for line in view._footer(80)] == ["ring, index: It is hot. Mend hot (§1).", "Ctrl-C ends"]
+    assert [line.plain.split(":")[0] for line in view._by_word(list(view._series.values()), 80)] == ["error ring"]
 
 
 def test_a_failed_read_is_seen() -> None:

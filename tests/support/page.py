@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from html.parser import HTMLParser
+from typing import Any
 
 VOID = {"meta", "path", "polyline", "circle", "br"}
 
@@ -17,6 +19,7 @@ class Page(HTMLParser):
         self.links: list[str] = []
         self.count: dict[str, int] = {}
         self.words: list[str] = []
+        self.data: Any = None
         self.feed(text)
         self.close()
         assert self.open == []
@@ -25,7 +28,8 @@ class Page(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         known = dict(attrs)
-        assert tag not in ("script", "link", "iframe", "img", "object", "embed", "form")
+        assert tag not in ("link", "iframe", "img", "object", "embed", "form")
+        assert tag != "script" or known == {"type": "application/json", "id": "data"}, "data for a program alone"
         assert not {key for key in known if key.startswith("on")} | ({"src", "style"} & known.keys())
         self.count[tag] = self.count.get(tag, 0) + 1
         self.ids += [known["id"] or ""] if "id" in known else []
@@ -38,7 +42,9 @@ class Page(HTMLParser):
             assert self.open.pop() == tag
 
     def handle_data(self, data: str) -> None:
-        if self.open[-1:] != ["style"]:
+        if self.open[-1:] == ["script"]:
+            self.data = json.loads(data)
+        elif self.open[-1:] != ["style"]:
             self.words.append(data)
 
     @property

@@ -17,6 +17,7 @@ from handctl import report
 from handctl.errors import CheckFailed, OutputError, ProtocolError
 from handctl.families import FAMILIES
 from handctl.link.tap import parse
+from handctl.model.outline import outline_of
 from handctl.model.result import Column, Row, Table
 from handctl.report import html as report_html
 from tests.support.cli import Result, fake, run, spying
@@ -24,12 +25,12 @@ from tests.support.page import Page
 
 SHOWN = {
     # what only a page about this simulated device holds: in status or dump, in the curves, in the bytes
-    "exo": ("supply 558", "position_actual index over", "EB 90 01 04 11 C0 05 97 72"),
-    "wrist": ("movement time 700 ms", "pitch_actual over", "EB 90 01 04 30 FC 03 18 4C"),
-    "hand": ("Speed of the next movement: 601", "angle_actual index over", "EB 90 01 04 11 FE 05 5A 73"),
-    "barrett": ("104233", "strain F2 over", "46 47 45 54 20 50 20 53 47 20 53 20 4F 44 20 45 4E 0D"),
+    "exo": ("supply 558", "position_actual little", "EB 90 01 04 11 C0 05 97 72"),
+    "wrist": ("movement time 700 ms", "pitch_actual -3.45", "EB 90 01 04 30 FC 03 18 4C"),
+    "hand": ("Speed of the next movement: 601", "angle_actual little", "EB 90 01 04 11 FE 05 5A 73"),
+    "barrett": ("104233", "strain F1 112", "46 47 45 54 20 50 20 53 47 20 53 20 4F 44 20 45 4E 0D"),
     "ekso": ("standing (0x2040)", "left_knee_angle over", "98 00 00 03 F7 FF"),
-    "aidin": ("task_space_pos", "joint_pos thumb q4 over", "7B 22 6D 6F 74 6F 72"),
+    "aidin": ("task_space_pos", "joint_pos (20 values)", "7B 22 6D 6F 74 6F 72"),
 }
 PRIVATE = {
     # the number, and how its device says it on the wire
@@ -75,7 +76,11 @@ def test_the_page_of_a_family(kind: str, tmp_path: Path) -> None:
     assert "Incomplete" not in seen.text
     values, curves, request = SHOWN[kind]
     assert values in seen.text
-    assert f'aria-label="{curves} 0.4 s' in section(text, "watch")
+    assert curves in section(text, "watch")
+    assert seen.data["schema"] == "handctl-report/1"
+    assert {row["name"] for row in seen.data["watch"]} <= {
+        row["name"] for row in (*seen.data["dump"], *seen.data["status"])
+    }
     assert any(request in line for line in transcript(text)), transcript(text)[:5]
     assert os.listdir(tmp_path) == ["r.html"]
 
@@ -125,11 +130,30 @@ def test_reading_only(tmp_path: Path) -> None:
     assert not (tmp_path / "n.html").exists()
 
 
+def test_a_page_without_findings_is_one(tmp_path: Path) -> None:
+    """What is long is shut, and not printed, where nothing is wrong; else it is open."""
+    file = tmp_path / "r.html"
+    assert taken("exo", file).code == 0
+    seen = Page(file.read_text(encoding="utf-8"))
+    assert (seen.count["details"], seen.data["messages"]) == (4, [])
+    assert taken("exo", file, "--force", at=link("exo", fault="over-temperature")).code == 0
+    seen = Page(file.read_text(encoding="utf-8"))
+    assert "details" not in seen.count
+    assert {message["code"] for message in seen.data["messages"]} == {"unhealthy"}
+
+
+@pytest.mark.parametrize("kind", list(SHOWN))
+def test_every_family_is_drawn(kind: str, tmp_path: Path) -> None:
+    assert taken(kind, tmp_path / "r.html").code == 0
+    drawn = Page(section((tmp_path / "r.html").read_text(encoding="utf-8"), "status")).count["svg"]
+    assert drawn == len([by for by in outline_of(kind).measures if by != "error"])  # type: ignore[union-attr]
+
+
 def test_without_a_watch(tmp_path: Path) -> None:
     file = tmp_path / "r.html"
     assert run("exo", "report", file, "--watch", "0", "-p", link("exo")).code == 0
     text = file.read_text(encoding="utf-8")
-    assert "<svg" not in text
+    assert "<svg" not in section(text, "watch")
     assert "none was asked for" in section(text, "watch")
     assert run("exo", "report", file, "--watch", "-1", "--fake").code == 2
 

@@ -15,8 +15,9 @@ from handctl.model.param import Param, ParamMap
 from handctl.model.result import Cell, Grid, Message, Sample
 from handctl.report import LONGEST, explained, shortened
 from handctl.report import private as report_private
+from handctl.report.curves import Curve, curves, draw
 from handctl.report.facts import environment, port
-from handctl.report.html import Curve, Report, curves, draw, page
+from handctl.report.html import Report, page
 from handctl.report.private import Privacy
 from handctl.tools import machine
 from handctl.tools.machine import Chip, Machine, Port
@@ -298,6 +299,24 @@ def test_quantities_that_are_codes_are_words() -> None:
     assert "stuck" in seen.text
     content.words = frozenset()
     assert Page(page(content)).count["svg"] == 1
+
+
+def test_only_what_moved_is_drawn() -> None:
+    samples = [
+        Sample(
+            t, tuple({"name": "p", "finger": f, "value": v, "unit": "mA"} for f, v in (("a", t), ("b", 3), ("c", None)))
+        )
+        for t in (0, 1)
+    ]
+    text = page(made(curves=curves(samples, {}), seconds=1.0, words=frozenset({"e"})))
+    assert text.count("<polyline") == 1
+    assert "Unchanged: p b 3 mA, c not read." in Page(text).text
+
+
+def test_the_data_of_a_page_cannot_end_it() -> None:
+    seen = Page(page(made(data={"a": "</script><b>&"})))
+    assert seen.data == {"a": "</script><b>&"}
+    assert "b" not in seen.count
 
 
 def test_an_incomplete_page_says_so_first() -> None:

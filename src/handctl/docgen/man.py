@@ -20,6 +20,8 @@ from handctl.families import FAMILIES
 from handctl.frame.usage import examples_of
 from handctl.guides import Code, Heading, Item, Para, Table
 from handctl.model.param import MEASURED, Param
+from handctl.model.remedy import UNKNOWN, remedies_of
+from handctl.sentence import sentence
 
 REFERENCE = re.compile(r"\b(handctl(?:-[a-z]+)*)\(([17])\)")
 EDITION = "2026-11-21"
@@ -100,6 +102,7 @@ def _command(node: Node, tree: Node) -> str:
             short = mnemonic(param)
             page.item(bold(param.name) + (f", {bold(short)}" if short else ""), _about(param))
     _section(page, node.path[0])
+    _remedies(page, node.path[0])
     return _closing(page, node, tree)
 
 
@@ -107,6 +110,18 @@ def _own(family: str, name: str) -> Any:
     """What a family's module `page` says, None without it."""
     where = FAMILIES[family].module("page") if family in FAMILIES else ""
     return getattr(importlib.import_module(where), name, None) if where and find_spec(where) else None
+
+
+def _remedies(page: Page, family: str) -> None:
+    """What the findings of a family mean, and what to do."""
+    table = remedies_of(family) if family in FAMILIES else {}
+    if table:
+        page.section("FINDINGS")
+    for name, remedy in table.items():
+        page.item(
+            bold(name.replace("_", " ") if name == UNKNOWN else name),
+            marked(f"{sentence(remedy.meaning)} {sentence(remedy.hint)}"),
+        )
 
 
 def _section(page: Page, family: str) -> None:

@@ -35,6 +35,7 @@ from handctl.model.param import COMMAND, ParamMap
 from handctl.model.result import Table
 
 NAMES = "[NAME]..."
+PICTURE = "Draw the device, coloured by temperature, force or error."
 SETPOINTS = click.option(
     "--setpoints",
     is_flag=True,
@@ -72,13 +73,19 @@ def add_map_verbs(
     with_ids = IDS if any(param.tells == "serial" for param in params) else together()
 
     @click.option("--check", is_flag=True, help="Exit with code 7 if anything is unhealthy.")
+    @click.option("--picture", "by", metavar="BY", is_flag=False, flag_value="", help=PICTURE)
     @LIMIT
     @with_ids
-    def status(run: Run, check: bool, limits: tuple[str, ...] = (), include_ids: bool = False) -> Table:
+    def status(
+        run: Run, check: bool, by: str | None = None, limits: tuple[str, ...] = (), include_ids: bool = False
+    ) -> Table:
         """Show a health summary: values of each finger or motor, with errors decoded."""
         run.said.include_ids = include_ids
+        seen = None if by is None else verbs.picture(params.kind, by)  # a wrong name is told before the link is opened
         bounds = verbs.bounds_of(run, mapped(run), limits)
-        return verbs.within(bounds, run.device().status(check))
+        table = verbs.within(bounds, run.device().status(check))
+        table.view = seen or table.view
+        return table
 
     @LIMIT
     @with_ids

@@ -44,9 +44,11 @@ class Outcome:
     def tell(self) -> None:
         """What has been held back so far."""
         settings = self._asked.settings
-        for message in () if settings.quiet or settings.format in ("json", "ndjson") else self._held:
+        held = [] if settings.quiet or settings.format in ("json", "ndjson") else self._held
+        for message, later in zip(held, [*held[1:], None], strict=False):
             self._asked.guide.done()
-            _print(message)
+            once = later is not None and later[:2] == message[:2] and later.hint == message.hint
+            _print(message._replace(hint="") if once else message)  # what is to be done stands behind the last of them
         self._held.clear()
 
     @contextlib.contextmanager

@@ -116,12 +116,15 @@ def files_of(ctx: click.Context) -> tuple[list[Named], list[Named]]:
     inputs: list[Named] = []
     outputs: list[Named] = []
     for param in ctx.command.params:
-        kind, path = param.type, ctx.params.get(param.name or "")
-        if not isinstance(kind, InFile | OutFile) or not path or path == "-":
+        kind, given = param.type, ctx.params.get(param.name or "")
+        if not isinstance(kind, InFile | OutFile):
             continue
         label = param.get_usage_pieces(ctx)[0] if isinstance(param, click.Argument) else param.opts[0]
         group = inputs if isinstance(kind, InFile) else outputs
-        group += [Named(label, f"{path}{ending}", getattr(kind, "grows", False)) for ending in ("", *kind.beside)]
+        for path in given if isinstance(given, tuple) else (given,):
+            if path and path != "-":
+                grows = getattr(kind, "grows", False)
+                group += [Named(label, f"{path}{ending}", grows) for ending in ("", *kind.beside)]
     return inputs, outputs
 
 

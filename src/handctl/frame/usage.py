@@ -265,6 +265,12 @@ EXAMPLES: dict[str, Examples] = {
         ("handctl trace diff before.txt after.txt", "The differences in meaning between two transcripts."),
         ('handctl trace decode exo "EB 90 01 04 11 E8 03 01 02"', "One frame, explained."),
     ),
+    "plot": (
+        ("handctl plot gait.csv -o gait.svg", "The curves of a recording: a picture for each quantity, a colour for each finger."),
+        ("handctl plot before.csv after.csv -o both.html", "Two recordings above each other, on a page for the browser."),
+        ("handctl plot gait.csv --only temperature --open", "One quantity, shown at once."),
+        ("handctl plot gait.csv --json", "Lowest and highest values, for a script."),
+    ),
     "sim": (
         ("handctl sim exo --pty", "A simulated hand on a new pseudo terminal. Prints the link."),
         ("handctl sim wrist --slcan-tcp 127.0.0.1:0", "A wrist module behind an slcan adapter, for python-can."),

@@ -5,7 +5,7 @@ snapshot, diff and restore are in `stored`. What they need of a device is `model
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError, jo
 from handctl.frame.run import Act, Asked
 from handctl.model.device import pending, question, released
 from handctl.model.param import PUSHES, SETTING, Changes, Element, FromTo, Number, Param, ParamMap, Reading, Step
-from handctl.model.result import Column, Row, Sample, Table
+from handctl.model.result import Column, Grid, Row, Sample, Table
 
 if TYPE_CHECKING:
     from handctl.frame.run import Run
@@ -217,7 +217,20 @@ def describe(params: ParamMap[Any], names: Sequence[str]) -> Table:
     """The map itself; needs no device."""
     found = [params.find(name)[0] for name in names] if names else params.every
     wanted = {param.path: param for param in found}.values()
-    return Table(rows=[describe_row(param) for param in wanted], columns=DESCRIBE_COLUMNS)
+    table = Table(rows=[describe_row(param, params.kind) for param in wanted], columns=DESCRIBE_COLUMNS)
+    if names:
+        table.view = described
+    return table
+
+
+def described(rows: list[Row]) -> list[Grid]:
+    """The quantities, then what the bits and codes of each mean and what to do."""
+    from handctl.screen.render import default_view
+
+    keys = ("name", "meaning", "next")
+    lines = [tuple(str(one[key]) for key in keys) for row in rows for one in row["remedies"]]
+    grids = default_view(Table(rows=rows, columns=DESCRIBE_COLUMNS))
+    return [*grids, Grid(("Bit or code", "Meaning", "Next step"), tuple(lines))] if lines else grids
 
 
 DESCRIBE_COLUMNS = (
@@ -234,8 +247,12 @@ DESCRIBE_COLUMNS = (
 )
 
 
-def describe_row(param: Param) -> Row:
+def describe_row(param: Param, kind: str) -> Row:
     """One parameter of a map as data."""
+    from handctl.model.remedy import remedies_of
+
+    table = remedies_of(kind) if param.alarms or param.choices else {}
+    words = [*param.alarms.values(), *param.choices.values()]
     return {
         "name": param.name,
         "address": getattr(param, "place", getattr(param, "address", None)),  # as the manual counts
@@ -251,7 +268,28 @@ def describe_row(param: Param) -> Row:
         "strands": param.strands,
         "source": param.source,
         "doc": param.doc + (f"; {param.note}" if param.note else ""),
+        "remedies": [
+            {"name": word, "meaning": table[word].meaning, "next": table[word].step, "source": table[word].source}
+            for word in words
+            if word in table
+        ],
     }
+
+
+# -- the picture of status -----------------------------------------------------------------------------------------
+
+
+def picture(kind: str, by: str) -> Callable[[list[Row]], list[Grid]]:
+    """How rows are seen as the outline of a family; `by` "" = its usual colours. Raises UsageError for what it has not."""
+    from handctl.model.outline import drawn, outline_of
+
+    outline = outline_of(kind)
+    if outline is None:
+        raise UsageError(f"{kind} has no picture", hint="leave out --picture", code="no-picture")
+    if by and by not in outline.measures:
+        text = f"{kind} has no {by!r} to draw"
+        raise UsageError(text, hint=f"use {' or '.join(outline.measures)}. Nothing was sent.", code="no-picture")
+    return lambda rows: [drawn(outline, by or next(iter(outline.measures)), rows)]
 
 
 # -- watch --------------------------------------------------------------------------------------------------------
@@ -280,6 +318,7 @@ def watch(
     """
     from functools import partial
 
+    from handctl.model.remedy import remedies_of
     from handctl.model.sampling import Sampler
 
     params = meant(run, params, names)
@@ -333,6 +372,7 @@ def watch(
         summary=sampler.summary,
         ranges=ranges,
         decimals={e.param.name: e.param.decimals for e in (*elements, *more, *slowly) if e.param.decimals},
+        remedies=remedies_of(params.kind) if seen else {},
         flags=frozenset(element.param.name for element in elements if element.param.bits),
     )
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypedDict, TypeVar
 from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, NotIdentified, ProtocolError, joined
 from handctl.light import NamedTuple
 from handctl.model.param import Changes, Element, FromTo, Number, ParamMap, Reading, elements_of
-from handctl.model.result import Column, Grid, Journal, Row, Table
+from handctl.model.result import Column, Finding, Grid, Journal, Row, Table
 from handctl.model.stopping import (
     Aim,
     Known,
@@ -366,19 +366,23 @@ class Device(ABC):
     def judge(
         self,
         table: Table,
-        findings: Sequence[str],
+        findings: Sequence[Finding],
         check: bool,
         *,
-        hint: str = "",
         more: Callable[[], Sequence[str]] = tuple,
     ) -> Table:
-        """The table of `status` with its findings as warnings; with `check`, findings and those of `more` give exit code 7."""
+        """The table of `status` with its findings as warnings, each with its remedy.
+
+        With `check`, findings and those of `more` give exit code 7, with the remedy of the most urgent one.
+        """
+        from handctl.model.remedy import hint_for, hint_of
+
         for finding in findings:
-            self.journal.warn("unhealthy", finding)
-        every = [*more(), *findings]
+            self.journal.warn("unhealthy", finding.text, hint_for(self.kind, finding))
+        every = [*more(), *(finding.text for finding in findings)]
         if check and every and table.failure is None:
             text = joined(f"{self._line.where}: {plural(len(every), 'finding')}", *every)
-            table.failure = CheckFailed(text, hint=hint, code="unhealthy")
+            table.failure = CheckFailed(text, hint=hint_of(self.kind, findings), code="unhealthy")
         return table
 
     # -- writing -------------------------------------------------------------------------------------------------

@@ -105,6 +105,7 @@ class Table:
     ranges    documented (low, high) per quantity name, for the bars of the live view
     decimals  decimals of a quantity's values, for the live view
     bounds    what a person set for readings: the live view marks what passes it
+    remedies  what bits and codes mean and what to do, the most urgent first, for the live view
     flags     names of quantities that are bits: the live view shows their words, of all others the numbers
     wide      in CSV a stream is usually a row a sample
     live      a person at a terminal sees a live view of the stream; else its rows
@@ -127,6 +128,7 @@ class Table:
     decimals: dict[str, int] = field(default_factory=dict)
     bounds: tuple[Bound, ...] = ()
     flags: frozenset[str] = frozenset()
+    remedies: Mapping[str, Any] = field(default_factory=dict)
     wide: bool = False
     live: bool = True
     cards: Mapping[str, Callable[[], Table]] = field(default_factory=dict)
@@ -146,6 +148,14 @@ class Message(NamedTuple):
     def as_row(self) -> Row:
         """The message for the JSON envelope."""
         return {"level": self.level, "code": self.code, "text": self.text, "hint": self.hint}
+
+
+class Finding(NamedTuple):
+    """Something wrong: what was seen, the keys of its remedies, and a next step that fits better than the table's."""
+
+    text: str
+    keys: tuple[str, ...]
+    step: str = ""
 
 
 @light()

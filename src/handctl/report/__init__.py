@@ -21,11 +21,14 @@ from handctl.files import atomic_write
 from handctl.frame import verbs
 from handctl.frame.family import load
 from handctl.link.tap import Tap, observed, parse
+from handctl.model.outline import outline_of
 from handctl.model.param import ParamMap
 from handctl.model.piece import DEVICE, HOST, Explainer, Piece
-from handctl.model.result import Column, Grid, Sample, Table
+from handctl.model.result import Column, Grid, Message, Sample, Table
+from handctl.report.curves import curves
 from handctl.report.facts import environment, port
-from handctl.report.html import Report, curves, page
+from handctl.report.html import Report, page
+from handctl.report.outline import outline_svg
 from handctl.report.private import REDACTED, Privacy
 from handctl.screen.render import default_view
 from handctl.sentence import plural
@@ -35,6 +38,8 @@ if TYPE_CHECKING:
 
 
 RATE_HZ = 10.0
+DATA = "handctl-report/1"
+"""The schema of the JSON in a page."""
 COLUMNS = (Column("file", "File"), Column("size", "Size", right=True, unit="B"), Column("sha256", "SHA-256"))
 T = TypeVar("T")
 
@@ -137,12 +142,18 @@ def _ask(
     status = visit.attempt("status", lambda: device.status(False))
     if status is not None:
         content.status = _grids(visit, "status", privacy.table(status))
+        content.data["status"] = status.rows
+        outline = outline_of(params.kind)
+        if outline is not None:
+            pictures = (outline_svg(outline, by, status.rows) for by in outline.measures if by != "error")
+            content.outlines = list(filter(None, pictures))
     else:
         _explain_silence(run, visit, device)
     dump = visit.attempt("dump", lambda: device.dump())  # noqa: PLW0108 - there may be none
     if dump is not None:
         dump.view = None
         content.dump = _grids(visit, "dump", privacy.table(dump))
+        content.data["dump"] = dump.rows
     identity = None
     if params.kept():  # a device without stored settings is not asked who it is
         identity = visit.attempt("identity", lambda: device.identity())  # noqa: PLW0108 - there may be none
@@ -151,6 +162,7 @@ def _ask(
     found = visit.attempt("checks", lambda: checks(run)) if checks is not None else None
     if found is not None:
         content.checks = _grids(visit, "checks", privacy.table(found))
+        content.data["checks"] = found.rows
     if wishes.watch:
         visit.attempt("watch", lambda: _watch(run, params, content, wishes.watch, visit))
 
@@ -218,6 +230,17 @@ def _conclude(run: Run, visit: _Visit, content: Report, privacy: Privacy) -> Non
         if isinstance(value, int)
     ]
     content.environment = [(name, privacy.text(text)) for name, text in (*environment(), *port(link))]
+    said = {"device": dict(content.facts), "made": content.made, "simulated": content.simulated}
+    heard = [
+        *content.findings,
+        *(Message("error", error.code, error.text, error.hint) for _, error in content.problems),
+    ]
+    content.data |= {"schema": DATA, "version": __version__, "command": content.command, **said}
+    content.data |= {"messages": [message.as_row() for message in heard], "counters": run.journal.counters.as_row()}
+    content.data["watch"] = [
+        {"name": curve.name, "part": curve.part or None, "unit": curve.unit or None, "min": curve.low, "max": curve.high, "last": curve.last}
+        for group in content.curves.values() for curve in group if curve.count
+    ]  # fmt: skip
     passed = any(not line.startswith("#") for line in visit.lines)
     content.transcript = list(shortened(list(explained(visit.lines, content.kind, privacy)))) if passed else []
     reason = "not read, see above" if visit.problems else "nothing to show"

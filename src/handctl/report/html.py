@@ -5,15 +5,16 @@ Everything that is not written in this file passes through `escape`. Knows what 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import json
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from html import escape as escape_markup
 from importlib.resources import files
-from typing import Any
+from itertools import chain
 
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
-from handctl.model.result import Cell, Grid, Message, Row, Sample
+from handctl.model.result import Cell, Grid, Message
+from handctl.report.curves import Curve, draw, escape, unchanged
 from handctl.sentence import sentence
 
 
@@ -23,6 +24,8 @@ class Report:
 
     problems   (section, error) in the order they happened; then the page is incomplete
     curves     quantity -> its elements; `words` are the quantities whose numbers are codes
+    outlines   pictures of the device, finished SVG
+    data       the same for a program, JSON
     masked     what the device sent is left out of the transcript
     missing    why a section is empty, by its name
     """
@@ -40,6 +43,8 @@ class Report:
     dump: list[Grid] = field(default_factory=list)
     curves: dict[str, list[Curve]] = field(default_factory=dict)
     words: frozenset[str] = frozenset()
+    outlines: list[str] = field(default_factory=list)
+    data: dict[str, object] = field(default_factory=dict)
     watched: str = ""
     seconds: float = 0.0
     counters: list[tuple[str, str]] = field(default_factory=list)
@@ -51,37 +56,59 @@ class Report:
 
 
 LEVELS = {"error": "Error", "warning": "Warning", "info": "Note"}
+FOLDED = ("Dump", "Counters", "Environment", "Transcript")
+"""Sections that are shut where nothing is wrong, so that the page is one."""
 SECTIONS = ("Findings", "Status", "Watch", "Dump", "Counters", "Environment", "Transcript")
 POLICY = "; ".join(("default-src 'none'", "style-src 'unsafe-inline'", "base-uri 'none'", "form-action 'none'"))
 """The browser itself refuses anything from outside."""
 
 
-def page(report: Report) -> str:
+def _section(name: str, body: str, *, shut: bool) -> str:
+    """A section; one that is `shut` shows its body when its heading is clicked, and is not printed."""
+    key = name.lower()
+    head = f'<h2 id="h-{key}">{name}</h2>\n'
+    inner = f"<details><summary>{head}</summary>{body}</details>" if shut else head + body
+    return f'<section id="{key}" aria-labelledby="h-{key}">{inner}</section>\n'
+
+
+def plain_page(title: str, body: Iterable[str], style: str, version: str) -> str:
+    """A page of finished pieces below a title."""
+    pieces = "".join(f'<div class="scroll">{piece}</div>\n' if piece.startswith("<svg") else piece for piece in body)
+    return f'{_head(title, version, style)}<h1>{escape(title)}</h1>\n<main class="wide">\n{pieces}</main>\n</body>\n</html>\n'
+
+
+def _head(title: str, version: str, more: str = "") -> str:
     style = files(__package__).joinpath("page.css").read_text(encoding="utf-8")
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        '<meta name="referrer" content="no-referrer">\n'
+        f'<meta name="generator" content="handctl {escape(version)}">\n'
+        f"<title>{escape(title)}</title>\n<style>\n{style}{more}</style>\n</head>\n<body>\n"
+    )
+
+
+def page(report: Report) -> str:
     title = f"{_name(report.kind)}: service report, {report.made}"
     bodies = (
         _findings(report),
-        _grids(report.status, report, "Status"),
+        _outlines(report) + _grids(report.status, report, "Status"),
         _watch(report),
         _grids(report.dump, report, "Dump"),
         _facts(report.counters),
         _facts(report.environment),
         _transcript(report),
     )
+    wrong = any(found.level != "info" for found in report.findings) or bool(report.problems)
     sections = "".join(
-        f'<section id="{name.lower()}" aria-labelledby="h-{name.lower()}"><h2 id="h-{name.lower()}">{name}</h2>\n{body}</section>\n'
-        for name, body in zip(SECTIONS, bodies, strict=True)
+        _section(name, body, shut=name in FOLDED and not wrong) for name, body in zip(SECTIONS, bodies, strict=True)
     )
     links = "".join(f'<li><a href="#{name.lower()}">{name}</a></li>' for name in SECTIONS)
     return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        '<meta name="referrer" content="no-referrer">\n'
-        f'<meta name="generator" content="handctl {escape(report.version)}">\n'
-        f"<title>{escape(title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n"
+        f"{_head(title, report.version)}"
         f'{_header(report)}<nav aria-label="Sections"><ul>{links}</ul></nav>\n<main>\n{sections}</main>\n'
-        f'<footer><p class="note">This page is {escape(report.privacy)}.</p></footer>\n</body>\n</html>\n'
+        f'<footer><p class="note">This page is {escape(report.privacy)}.</p></footer>\n{_data(report)}</body>\n</html>\n'
     )
 
 
@@ -119,6 +146,23 @@ def _findings(report: Report) -> str:
     if not items and not report.checks:
         said = "<p>Nothing unhealthy was found.</p>\n"
     return said + "".join(_table(grid) for grid in report.checks)
+
+
+def _outlines(report: Report) -> str:
+    return f'<div class="outlines">{"".join(report.outlines)}</div>\n' if report.outlines else ""
+
+
+def _data(report: Report) -> str:
+    """The report for a program: a script that no browser runs. Nothing in it can end it."""
+    if not report.data:
+        return ""
+    text = (
+        json.dumps(report.data, ensure_ascii=True)
+        .replace("<", "\\u003c")
+        .replace(">", "\\u003e")
+        .replace("&", "\\u0026")
+    )
+    return f'<script type="application/json" id="data">{text}</script>\n'
 
 
 def _empty(report: Report, section: str) -> str:
@@ -166,23 +210,34 @@ def _cells(line: Sequence[str | Cell], grid: Grid) -> str:
 
 
 def _watch(report: Report) -> str:
+    """The curves that moved; all others in a line."""
     if not report.curves:
         return _empty(report, "Watch")
     parts = [f'<p class="note">{escape(report.watched)} Each picture has its own scale.</p>\n']
+    alone = [group[0] for name, group in report.curves.items() if len(group) == 1 and name not in report.words]
+    parts.append(_plots([curve for curve in alone if curve.moved], report.seconds))
     for name, group in report.curves.items():
-        unit = f" [{group[0].unit}]" if group[0].unit else ""
-        parts.append(f"<h3>{escape(name + unit)}</h3>\n")
-        parts.append(_words(group) if name in report.words else _plots(group, report.seconds))
+        moved = [curve for curve in group if curve.moved and curve not in alone]
+        if moved:
+            parts.append(f"<h3>{escape(_united(group[0]))}</h3>\n")
+            parts.append(_words(moved) if name in report.words else _plots(moved, report.seconds))
+    if still := unchanged(chain(*report.curves.values()), report.words):
+        parts.append(f'<p class="note">Unchanged: {escape(still)}.</p>\n')
     return "".join(parts)
+
+
+def _united(curve: Curve) -> str:
+    """A quantity with its unit."""
+    return f"{curve.name} [{curve.unit}]" if curve.unit else curve.name
 
 
 def _plots(group: Sequence[Curve], seconds: float) -> str:
     figures = "".join(
-        f"<figure>{draw(curve, seconds)}<figcaption>{escape(curve.part or curve.name)}"
+        f"<figure>{draw(curve, seconds)}<figcaption>{escape(curve.part or _united(curve))}"
         f"<span>{escape(curve.summary)}</span><span>{escape(curve.meaning)}</span></figcaption></figure>\n"
         for curve in group
     )
-    return f'<div class="plots">{figures}</div>\n'
+    return f'<div class="plots">{figures}</div>\n' if figures else ""
 
 
 def _words(group: Sequence[Curve]) -> str:
@@ -200,129 +255,3 @@ def _transcript(report: Report) -> str:
         else "-p replay:FILE plays it back."
     )
     return f'<p class="note">{escape(said)}</p>\n<pre>{escape(chr(10).join(report.transcript))}</pre>\n'
-
-
-# -- curves of a short watch, as inline SVG: one small picture for each element of a quantity ----------------------------
-#
-# The scale is that of the curve itself, but never finer than a few steps of the last digit: the flicker of one step must
-# not look like a movement.
-
-
-WIDTH, HEIGHT, MARGIN = 180, 48, 4
-FINEST = 8
-"""The picture's height is at least so many steps of the last digit."""
-FINEST_PART = 0.01
-"""The same where the digits do not tell the step: part of the largest value."""
-MOST_LABELS = 3
-PARTS = ("finger", "element", "motor")
-
-
-def escape(text: str) -> str:
-    """Text for the page: no markup, and nothing that HTML cannot hold."""
-    return escape_markup(
-        "".join(letter if letter.isprintable() or letter == "\n" else "\N{REPLACEMENT CHARACTER}" for letter in text)
-    )
-
-
-class Curve:
-    """One element over time: `points` are (seconds, value), a value None where the read failed."""
-
-    def __init__(self, row: Row, decimals: int) -> None:
-        self.name = str(row["name"])
-        self.part = " ".join(str(row[key]) for key in PARTS if row.get(key))
-        self.unit = str(row.get("unit") or "")
-        self.decimals = decimals
-        self.points: list[tuple[float, float | None]] = []
-        self.labels: dict[str, None] = {}
-
-    def add(self, t: float, row: Row) -> None:
-        """The value of this moment."""
-        value = row.get("value")
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        self.points.append((t, float(value) if number and value is not None else None))
-        if row.get("label"):
-            self.labels[str(row["label"])] = None
-
-    @property
-    def values(self) -> list[float]:
-        """The values that were read."""
-        return [value for _, value in self.points if value is not None]
-
-    def text(self, value: float) -> str:
-        """A value with its decimals."""
-        whole = value == int(value) and not self.decimals
-        return f"{value:.{self.decimals}f}" if self.decimals or whole else f"{value:.6g}"
-
-    @property
-    def meaning(self) -> str:
-        """What its values mean in words, as long as that is short."""
-        return ", ".join(self.labels) if len(self.labels) <= MOST_LABELS else ""
-
-    @property
-    def summary(self) -> str:
-        """``min 12, max 15, last 14``, ``14 all the time``, ``not read``."""
-        values = self.values
-        if not values:
-            return "not read"
-        if min(values) == max(values):
-            text = f"{self.text(values[-1])} all the time"
-        else:
-            text = f"min {self.text(min(values))}, max {self.text(max(values))}, last {self.text(values[-1])}"
-        failed = len(self.points) - len(values)
-        return f"{text}, {failed} of {len(self.points)} not read" if failed else text
-
-
-def curves(samples: Iterable[Sample], decimals: Mapping[str, int]) -> dict[str, list[Curve]]:
-    """Quantity -> its elements' curves, in the order of the rows."""
-    found: dict[tuple[Any, ...], Curve] = {}
-    for sample in samples:
-        for row in sample.rows:
-            key = (row["name"], *(row.get(part) for part in PARTS))
-            if key not in found:
-                found[key] = Curve(row, decimals.get(str(row["name"]), 0))
-            found[key].add(sample.t, row)
-    groups: dict[str, list[Curve]] = {}
-    for curve in found.values():
-        groups.setdefault(curve.name, []).append(curve)
-    return groups
-
-
-def draw(curve: Curve, seconds: float) -> str:
-    """The SVG of a curve over `seconds`; a gap where reads failed. Colours come from the page's style."""
-    label = f"{curve.name} {curve.part}".strip() + f" over {seconds:.1f} s: {curve.summary}"
-    lines = "".join(_line(run) for run in _runs(curve, seconds))
-    return (
-        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(label)}">'
-        f'<path class="axis" d="M{MARGIN} {HEIGHT - 1}H{WIDTH - MARGIN}"/>{lines}</svg>'
-    )
-
-
-def _runs(curve: Curve, seconds: float) -> list[list[tuple[float, float]]]:
-    """Stretches without a gap, as places in the picture."""
-    values = curve.values
-    if not values:
-        return []
-    low, high = min(values), max(values)
-    span = max(high - low, _finest(curve, values))
-    middle = (low + high) / 2
-    runs: list[list[tuple[float, float]]] = [[]]
-    for t, value in curve.points:
-        if value is None:
-            runs.append([])
-            continue
-        x = MARGIN + (t / seconds if seconds > 0 else 0.5) * (WIDTH - 2 * MARGIN)
-        y = HEIGHT / 2 - (value - middle) / span * (HEIGHT - 2 * MARGIN - 2)
-        runs[-1].append((x, y))
-    return [run for run in runs if run]
-
-
-def _finest(curve: Curve, values: Sequence[float]) -> float:
-    if curve.decimals or all(value == int(value) for value in values):
-        return FINEST * 10.0**-curve.decimals
-    return FINEST_PART * max(map(abs, values))
-
-
-def _line(places: Sequence[tuple[float, float]]) -> str:
-    if len(places) == 1:
-        return f'<circle class="curve" cx="{places[0][0]:.1f}" cy="{places[0][1]:.1f}" r="1.5"/>'
-    return f'<polyline class="curve" points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in places)}"/>'

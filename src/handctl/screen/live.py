@@ -25,7 +25,7 @@ from handctl.model.result import Row, Sample, Table
 from handctl.screen.filter import text_shown
 from handctl.screen.sheet import Wide
 from handctl.screen.terminal import console_on, flowing, grid_lines
-from handctl.sentence import plural
+from handctl.sentence import plural, sentence
 from handctl.system import clock
 from handctl.system.terminal import FINE
 
@@ -196,6 +196,7 @@ class View:
         self._flags = table.flags
         self._decimals = table.decimals
         self._pictures = table.pictures
+        self._remedies = table.remedies
         self._bounds = table.bounds
         self._rows: list[Row] = []
         self._context = context
@@ -360,11 +361,30 @@ class View:
             return flowing([Text("ok", style="green")], width, head=f"{group[0].name} ")
         if alarming:
             said.pop("ok", None)
+            order = list(self._remedies)
+            said = dict(
+                sorted(
+                    said.items(),
+                    key=lambda pair: min(
+                        [order.index(w) for w in pair[0].split(", ") if w in order], default=len(order)
+                    ),
+                )
+            )
         items = [
             Text.assemble((f"{', '.join(parts)}: ", ""), (word, "bold red" if alarming or word == "?" else "bold"))
             for word, parts in said.items()
         ]
         return flowing(items, width, head=f"{group[0].name} ", gap=2)
+
+    def _remedy(self) -> str:
+        """The most urgent error, who has it, and what to do about it."""
+        for name, remedy in self._remedies.items():
+            if who := [
+                key_of(row)[1] for row in self._rows if name in row.get("errors", ()) or row.get("label") == name
+            ]:
+                parts = ", ".join(filter(None, who))
+                return f"{parts + ': ' if parts else ''}{sentence(remedy.meaning)} {sentence(remedy.hint)}"
+        return ""
 
     def _lines(self, groups: dict[str, list[Series]], width: int, height: int) -> list[Text]:
         """Quantities that are in no grid. What does not fit loses its bar, the last one first; single values then share lines."""
@@ -452,10 +472,10 @@ class View:
         past = [Text(text, style="bold red") for text in self._past()]
         counted = self._context.journal.counters.quality()
         counts = [Text(f"{key} {n}", style="dim") for key, n in counted.items() if n]
-        noted = [Text(word, style="yellow") for word in self.noted.split()]
+        noted, remedy = ([Text(word, style="yellow") for word in text.split()] for text in (self.noted, self._remedy()))
         told = [
             line
-            for items, gap in ((said, 1), (past, 2), (counts, 2), (noted, 1))
+            for items, gap in ((said, 1), (past, 2), (remedy, 1), (counts, 2), (noted, 1))
             if items
             for line in flowing(items, width, gap=gap)
         ]

@@ -23,6 +23,11 @@ if TYPE_CHECKING:
 
 PARTS = ("finger", "motor", "element")
 """Keys of a row that say which part of its quantity it is, where it has no path."""
+UNITS = {
+    "raw_counts": "raw counts", "a": "A", "raw": "",
+    **{unit: unit for unit in ("cts/sample²", "cts/sample", "bit/s", "steps", "cts", "deg", "mA", "°C", "mm", "ms", "in", "A", "g", "s", "%", "°")},
+}  # fmt: skip
+"""What a heading may end with behind a "_", and the unit: those of all maps, and what the columns of a log have of them."""
 REMARKS = ("guard", "doubt")
 """Keys of a row with a text about its value: one column for all quantities of a sample."""
 
@@ -65,6 +70,13 @@ def column_of(row: Row) -> str:
     scale = scale_of(row.get("unit") or "")
     unit = str(scale.unit if scale is not None else row.get("unit") or "").replace(" ", "_")
     return f"{name_of(row)}_{unit}" if unit else name_of(row)
+
+
+def of_column(heading: str) -> tuple[str, str, str]:
+    """Name, part and unit of a heading: ``temperature.index_°C`` -> temperature, index, °C."""
+    end = next((end for end in UNITS if heading.endswith(f"_{end}")), None)
+    name, _, part = (heading if end is None else heading.removesuffix(f"_{end}")).partition(".")
+    return name, part, UNITS.get(end or "", "")
 
 
 def in_persons_unit(row: Row) -> Any:

@@ -14,7 +14,8 @@ from handctl.frame.lines import line
 from handctl.frame.options import config_path, read_config
 from handctl.frame.run import Run
 from handctl.frame.several import DEVICE, LEAVE_SECONDS, POLL_SECONDS, Each
-from handctl.model.bound import Watchdog, bounds_in
+from handctl.frame.verbs import bounds_of
+from handctl.model.bound import Watchdog
 from handctl.model.param import Bound
 from handctl.model.result import Column, Row, Sample, Table
 from handctl.system import clock
@@ -68,6 +69,11 @@ class _Watched:
     def _begun(self) -> Each:
         return Each(self.name, line(self._words, {}))
 
+    def limits(self, text: str) -> tuple[Bound, ...]:
+        """The limit for this device. Raises UsageError where it has no such quantity."""
+        kept = bounds_of(self.each.run, self.each.run.planner().map, [text])
+        return tuple(kept.limits) if kept is not None else ()
+
     def work(self, take: queue.SimpleQueue[tuple[_Watched, list[Row]]], ended: threading.Event) -> None:
         """Hand over its samples, and why there are none. Never raises."""
         while not ended.is_set():
@@ -92,7 +98,7 @@ def _set_limits(watched: Sequence[_Watched], texts: Sequence[str]) -> None:
         wrong: list[UsageError] = []
         for one in watched:
             try:
-                one.bounds += tuple(bounds_in([text], one.each.run.planner().map, "--limit"))
+                one.bounds += one.limits(text)
             except UsageError as exc:
                 wrong.append(exc)
         if len(wrong) == len(watched):

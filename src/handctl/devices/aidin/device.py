@@ -17,7 +17,7 @@ from handctl.errors import HandctlError, Left, LinkError, ProtocolError
 from handctl.model.device import Device
 from handctl.model.guide import Guide
 from handctl.model.param import Element, Reading, Step
-from handctl.model.result import Cell, Column, Grid, Row, Table
+from handctl.model.result import Cell, Column, Finding, Grid, Row, Table
 from handctl.model.stopping import Aim, Known, Stopped, interrupted, leaving
 
 SLACK = 0.01
@@ -100,14 +100,12 @@ class AidinHand(Device):
         self.talk.look_again()
         how = "streams" if self.talk.exchange is ExchangeMode.STREAM else "replies to requests"
         self.journal.info("exchange", f"the hand {how}")
-        findings = unhealthy(table.rows)
-        odd = all(NO_ANGLE in finding for finding in findings)
-        hint = (
-            "check the bytes with --trace FILE. Until then, move only with `encoders`"
-            if odd
-            else "set the origin of the encoders with `handctl aidin home`"
-        )
-        return self.judge(table, findings, check, hint=hint)
+        encoders = [row.get("value") for row in table.rows if row["name"] == "motor_pos"]
+        if encoders and not any(encoders):
+            from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
+
+            self.journal.info("homed-unknown", ALL_ZERO, REMEDIES["all-zero"].hint)
+        return self.judge(table, unhealthy(table.rows), check)
 
 
 def param_of(element: Element) -> AidinParam:
@@ -133,7 +131,7 @@ def outside(param: AidinParam, index: int, value: float, share: float = SLACK) -
     return not limit[0] - slack <= value <= limit[1] + slack
 
 
-def unhealthy(rows: Sequence[Row]) -> list[str]:
+def unhealthy(rows: Sequence[Row]) -> list[Finding]:
     """Findings: elements out of their range, by quantity."""
     found = []
     for param in FEEDBACK:
@@ -144,9 +142,9 @@ def unhealthy(rows: Sequence[Row]) -> list[str]:
             if outside(param, param.elements.index(f"{row['finger']}.{row['element']}"), row["value"])
         ]
         if param.angles and any(abs(row["rad"]) > LARGEST_RADIAN for row in mine):
-            found.append(f"{param.name} {NO_ANGLE}")
+            found.append(Finding(f"{param.name} {NO_ANGLE}", ("no-angle",)))
         elif wrong:
-            found.append(f"{param.name} out of range: {some(wrong)}. Not homed since power-on?")
+            found.append(Finding(f"{param.name} out of range: {some(wrong)}. Not homed since power-on?", ("range",)))
     return found
 
 

@@ -22,6 +22,7 @@ from handctl.devices.aidin.device import (
 )
 from handctl.devices.aidin.feedback import Feedback, Wire
 from handctl.devices.aidin.map import AIDIN, AidinParam, Mode, some
+from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
 from handctl.devices.aidin.way import ExchangeMode
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, UsageError
 from handctl.model.guide import CTRL_C, Guide
@@ -385,8 +386,8 @@ def check_homed(hand: AidinHand, *, assume: bool) -> None:
     if not any(encoders):
         hand.journal.warn(
             "homed-unknown",
-            "all encoders are exactly 0. The hand has either just been homed, or just been switched on with the fingers anywhere",
-            hint="run `handctl aidin home` first, unless the hand has been homed since power-on",
+            ALL_ZERO,
+            hint=REMEDIES["all-zero"].hint,
         )
         return
     hand.journal.info(

@@ -31,7 +31,7 @@ from handctl.devices.barrett.views import (
 from handctl.errors import DeviceRefused, HandctlError, Left, NoAnswer, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Number, Reading, Step
-from handctl.model.result import Row, Table
+from handctl.model.result import Finding, Row, Table
 from handctl.model.stopping import Stopped
 
 SPLITTABLE = 32 | 64 | 1024
@@ -363,7 +363,7 @@ class BarrettHand(Device):
         if check:  # S says nothing of it: a hand that was left in RealTime is "ready" while it runs
             from handctl.devices.barrett.gcl.meet import look_for_motion
 
-            findings += [f"the hand is moving: {motor}" for motor in look_for_motion(self.line)]
+            findings += [Finding(f"the hand is moving: {motor}", ("moving",)) for motor in look_for_motion(self.line)]
         return self.judge(table, findings, check)
 
 

@@ -10,12 +10,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from handctl.devices.barrett.care.health import LIMIT_TENTHS
-from handctl.devices.barrett.gcl.language import MOTORS, explain_status
+from handctl.devices.barrett.gcl.language import ERRORS, MOTORS, explain_status, split_status
 from handctl.devices.barrett.map import BARRETT, TENTHS, GclParam, careful
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Number
-from handctl.model.result import Cell, Column, Grid, Journal, Row, Table
+from handctl.model.result import Cell, Column, Finding, Grid, Journal, Row, Table
 
 NAME, GCL, MOTOR = Column("name", "Name"), Column("parameter", "GCL"), Column("motor", "Motor")
 VALUE, UNIT, LABEL = Column("value", "Value", right=True), Column("unit", "Unit"), Column("label", "Meaning")
@@ -73,23 +73,32 @@ def audit(rows: Sequence[Row]) -> list[str]:
     return found
 
 
-def unhealthy(rows: Sequence[Row]) -> list[str]:
-    """Findings. A hand that only waits for HI (status 4) is healthy."""
-    found = []
+def unhealthy(rows: Sequence[Row]) -> list[Finding]:
+    """Findings: a code of several motors is one."""
+    found: list[Finding] = []
     at = {(row["parameter"], row["motor"]): row.get("value") for row in rows}
-    for motor in MOTORS:
-        status = at.get(("S", motor))
-        if status and int(status) & ~NEARLY_READY:
-            found.append(f"{motor}: {explain_status(int(status))}")
-        if at.get(("EN", motor)) == 0:
-            found.append(f"{motor} is disabled (EN 0): it moves only if it is named (--motors)")
+    for status in dict.fromkeys(at.get(("S", motor)) for motor in MOTORS):
+        if status:
+            motors = [motor for motor in MOTORS if at.get(("S", motor)) == status]
+            keys = tuple(
+                f"{ERRORS[bit][0]} ({bit})" if bit in ERRORS else "unknown" for bit in split_status(int(status))
+            )
+            found.append(Finding(f"{', '.join(motors)}: {explain_status(int(status))}", keys))
+    found += [
+        Finding(f"{motor} is disabled (EN 0): it moves only if it is named (--motors)", ("disabled",))
+        for motor in MOTORS
+        if at.get(("EN", motor)) == 0
+    ]
     temperature, limit, peak = (at.get((name, None)) for name in ("TEMP", "OTEMP", "PTEMP"))
     if temperature is not None and temperature >= LIMIT_TENTHS:
-        found.append(f"temperature {temperature / 10:.1f} °C, which must never exceed 65 °C (barrett §2)")
+        found.append(
+            Finding(f"temperature {temperature / 10:.1f} °C, which must never exceed 65 °C (barrett §2)", ("hot",))
+        )
     if limit and temperature is not None and temperature > limit:
-        found.append(f"temperature {temperature / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C: motor commands fail")
+        text = f"temperature {temperature / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C: motor commands fail"
+        found.append(Finding(text, ("over-limit",), heat_hint(temperature, limit)))
     if peak is not None and peak >= LIMIT_TENTHS:
-        found.append(f"its peak temperature was {peak / 10:.1f} °C")
+        found.append(Finding(f"its peak temperature was {peak / 10:.1f} °C", ("was-hot",)))
     return found
 
 

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING
 
 from handctl.devices.ekso.change import APART
 from handctl.devices.ekso.map import DATA, EKSO, LEGS, NAMED, POSTURES, SETTINGS, Word, boot_ms, boot_text
-from handctl.errors import CheckFailed, HandctlError, LinkError
+from handctl.errors import HandctlError, LinkError
 from handctl.model.clocks import Span
 from handctl.model.param import Reading
-from handctl.model.result import Cell, Grid, Row, Table
-from handctl.sentence import plural
+from handctl.model.result import Cell, Finding, Grid, Row, Table
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.device import Ekso
@@ -49,16 +48,10 @@ def status(ekso: Ekso, check: bool) -> Table:
         rows += _clock(ekso)
     except HandctlError as exc:  # all the rest is known, and shown
         rows.append({"name": "clock", "word": None, "id": None, "error": exc.text, "unit": None})
-        findings.append(f"date and time cannot be read: {exc.text}")
+        findings.append(Finding(f"date and time cannot be read: {exc.text}", ("clock",)))
         over = ekso.port.over
         table.failure = exc if over or isinstance(exc, LinkError) else None
-    for text in findings:
-        ekso.journal.warn("unhealthy", text)
-    if check and findings and table.failure is None:
-        table.failure = CheckFailed(
-            f"{ekso.link.name}: {plural(len(findings), 'finding')}: {'; '.join(findings)}", code="unhealthy"
-        )
-    return table
+    return ekso.judge(table, findings, check)
 
 
 def _raws(readings: list[Reading]) -> list[int]:
@@ -73,45 +66,49 @@ def _row(name: str, value: int | float | str | None, raw: int | None, unit: str 
     return {"name": name, "word": None, "id": None, "value": value, "raw": raw, "unit": unit, "label": label}
 
 
-def _boot(passed: int, span: Span, data: int, feedback: int) -> list[str]:
+def _boot(passed: int, span: Span, data: int, feedback: int) -> list[Finding]:
     """Check that BootTime runs like the host's clock, and is the same in both messages."""
     found = []
     if passed == 0:
-        found.append("BootTime does not advance, so the values are not fresh")
+        found.append(Finding("BootTime does not advance, so the values are not fresh", ("boot-still",)))
     elif passed >= 2**31:
-        found.append("BootTime went back: the device has restarted, or its words are swapped")
+        found.append(Finding("BootTime went back: the device has restarted, or its words are swapped", ("boot-back",)))
     elif not span.fits(passed):
-        found.append(f"BootTime advanced by {passed} ms in {span}")
+        found.append(Finding(f"BootTime advanced by {passed} ms in {span}", ("boot-off",)))
     apart = (feedback - data) % 2**32
     if min(apart, 2**32 - apart) > 5000:
-        found.append(f"BootTime of data and feedback differ: {data} and {feedback} ms")
+        found.append(Finding(f"BootTime of data and feedback differ: {data} and {feedback} ms", ("boot-off",)))
     return found
 
 
-def unfit(data: dict[str, float], settings: dict[str, float]) -> list[str]:
+def unfit(data: dict[str, float], settings: dict[str, float]) -> list[Finding]:
     """What cannot be: implausible angles and leg lengths, hips that do not fit the angles."""
     found = []
     for param in DATA:
         low, high = next((ANGLES[key] for key in ANGLES if param.name.endswith(key)), (None, None))
         if low is not None and high is not None and not low <= data[param.name] <= high:
-            found.append(
-                f"{param.name} {param.shown(data[param.name])} is implausible (policy: {low:g} to {high:g} deg)"
-            )
+            text = f"{param.name} {param.shown(data[param.name])} is implausible (policy: {low:g} to {high:g} deg)"
+            found.append(Finding(text, ("angle",)))
     upper, lower = (settings[leg.name] for leg in LEGS)
     found += [
-        f"{leg.name} {leg.shown(settings[leg.name])} is implausible (policy: 10 to 25 in)"
+        Finding(f"{leg.name} {leg.shown(settings[leg.name])} is implausible (policy: 10 to 25 in)", ("leg-length",))
         for leg in LEGS
         if not LEG_LENGTHS[0] <= settings[leg.name] <= LEG_LENGTHS[1]
     ]
     off = {side: (x, y) for side, (x, y) in residuals(data, upper, lower).items() if abs(x) > MOST_X or abs(y) > MOST_Y}
+    from handctl.devices.ekso.remedies import REMEDIES
+
+    key = "hips" if len(off) == 2 else "hip"
     for side, (x, y) in off.items():
-        found.append(f"the {side} hip is {x:+.2f}, {y:+.2f} in away from the position given by angles and leg lengths")
-    if len(off) == 2:
+        text = f"the {side} hip is {x:+.2f}, {y:+.2f} in away from the position given by angles and leg lengths"
+        found.append(Finding(text, (key,)))
+    if off:
         found.append(
-            "both hips are off: the leg lengths do not match the wearer's settings, or the foot offset is different"
+            Finding(
+                f"{'both hips are' if len(off) == 2 else 'only one hip is'} off: {REMEDIES[key].meaning}",
+                (key,),
+            )
         )
-    elif off:
-        found.append("only one hip is off: check the sensor on that side")
     return found
 
 

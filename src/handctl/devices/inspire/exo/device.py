@@ -22,7 +22,7 @@ from handctl.model.device import Course, Release
 from handctl.model.guide import Guide
 from handctl.model.moving import REACHED, Goal, Seen, Stillness
 from handctl.model.param import Element, Number, Reading, Step, elements_of, given
-from handctl.model.result import Cell, Grid, Row, Table
+from handctl.model.result import Cell, Finding, Grid, Row, Table
 from handctl.model.stopping import stopped_by_ctrl_c
 
 LIVE = ("position_actual", "force_actual", "current", "error", "temperature")
@@ -146,8 +146,7 @@ class ExoHand(RegisterDevice):
         table = self.table(readings)
         table.view = status_view
         findings = unhealthy(readings)
-        hint = "`handctl exo clear-errors` clears all errors except over_temperature, which goes away as the actuator cools (exo §2.3.3)"
-        return self.judge(table, findings, check, hint=hint, more=self._strangeness)
+        return self.judge(table, findings, check, more=self._strangeness)
 
     def meet(self, *, keeps: bool = True) -> None:
         if keeps:
@@ -214,7 +213,7 @@ def _plausible(reading: Reading) -> bool:
     return reading.element.param.allowed(value)
 
 
-def unhealthy(readings: Sequence[Reading]) -> list[str]:
+def unhealthy(readings: Sequence[Reading]) -> list[Finding]:
     """Findings: error bits, values outside the documented range, a supply reading of 0."""
     by_name = {reading.element.full_name: reading.value for reading in readings}
     found = []
@@ -226,11 +225,10 @@ def unhealthy(readings: Sequence[Reading]) -> list[str]:
             text = f"{reading.element.part}: {param.label(value)} (0x{int(value):02X})"
             if "over_temperature" in (param.label(value) or ""):
                 text += f", goes away as it cools, now {by_name.get(f'temperature.{reading.element.part}')} °C"
-            found.append(text)
+            found.append(Finding(text, tuple((param.label(value) or "").split(", "))))
         elif not _plausible(reading):
-            found.append(
-                f"{reading.element.full_name} = {value} is outside {param.range_text or 'the plausible range'} ({param.source})"
-            )
+            text = f"{reading.element.full_name} = {value} is outside {param.range_text or 'the plausible range'} ({param.source})"
+            found.append(Finding(text, ("range" if param.range_text else "supply",)))
     return found
 
 

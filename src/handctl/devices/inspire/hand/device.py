@@ -35,7 +35,7 @@ from handctl.devices.inspire.registers import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.device import Course, Release
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
-from handctl.model.result import Cell, Grid, Row, Table
+from handctl.model.result import Cell, Finding, Grid, Row, Table
 from handctl.model.stopping import Aim, Known
 
 LIVE = ("stroke_actual", "angle_actual", "force_actual", "current", "error", "status", "temperature")
@@ -234,9 +234,13 @@ class Hand(RegisterDevice):
         names = [one for one in self.has if one.name in SHOWN]
         readings = self.read([element for one in names for element in elements_of(one)])
         table = self.table(readings)
-        table.view = status_view
-        hint = "`handctl hand clear-errors` clears all errors except over_temperature, which goes away as the actuator cools"
-        return self.judge(table, unhealthy(readings), check, hint=hint)
+        table.view = lambda rows: status_view(rows, self._spoken())
+        return self.judge(table, unhealthy(readings), check)
+
+    def _spoken(self) -> tuple[str, str]:
+        """Its generation as far as it is known, and what it is connected by: "" on a plain serial line."""
+        wires = {"can": "CAN", "tcp": "Modbus TCP", "rtu": "Modbus RTU"}
+        return MODELS.get(self._known or "", "generation unknown"), wires.get(self.bus.wire, "")
 
     @staticmethod
     def view(rows: list[Row]) -> list[Grid]:
@@ -332,7 +336,7 @@ class Hand(RegisterDevice):
 # -- findings and views -------------------------------------------------------------------------------------------
 
 
-def unhealthy(readings: Sequence[Reading]) -> list[str]:
+def unhealthy(readings: Sequence[Reading]) -> list[Finding]:
     """Findings of `status`: error bits with the status that goes with them, heat, values outside the documented range."""
     at = {reading.element.full_name: reading.value for reading in readings}
     found = []
@@ -346,13 +350,14 @@ def unhealthy(readings: Sequence[Reading]) -> list[str]:
                 text += f", ends by cooling, now {at.get(f'temperature.{part}')} °C"
             if at.get(f"status.{part}") in BLOCKED:
                 text += f", status {at[f'status.{part}']}"
-            found.append(text)
+            found.append(Finding(text, tuple((param.label(value) or "").split(", "))))
         elif param.name == "status" and value in BLOCKED and not at.get(f"error.{part}"):
-            found.append(f"{part}: status {value}, {param.label(value)}")
+            found.append(Finding(f"{part}: status {value}, {param.label(value)}", (str(param.label(value)),)))
         elif param.name == "temperature" and value != 255 and value >= HOT:
-            found.append(f"{part}: {value} °C")
+            found.append(Finding(f"{part}: {value} °C", ("hot",)))
         elif not param.bits and not param.allowed(value):
-            found.append(f"{reading.element.full_name} = {value} is outside {param.range_text} ({param.source})")
+            text = f"{reading.element.full_name} = {value} is outside {param.range_text} ({param.source})"
+            found.append(Finding(text, ("range",)))
     return found
 
 
@@ -399,8 +404,8 @@ STATUS_COLUMNS = (
 )  # fmt: skip
 
 
-def status_view(rows: list[Row]) -> list[Grid]:
-    """One line per finger."""
+def status_view(rows: list[Row], spoken: tuple[str, str]) -> list[Grid]:
+    """One line per finger. `spoken` are the generation, and the wire, "" = a plain serial line."""
     at = {(row["name"], row["finger"]): row for row in rows}
     parts = list(dict.fromkeys(row["finger"] for row in rows if row["finger"] is not None))
 
@@ -416,10 +421,14 @@ def status_view(rows: list[Row]) -> list[Grid]:
     lines = tuple((part, *(text(name, part) for name in STATUS_COLUMNS)) for part in parts)
     code = at.get(("baud_code", None), {}).get("value")
     number = at.get(("id", None), {}).get("value", "?")
-    head = f"id {number}, {SPEEDS.get(code, '?') if isinstance(code, int) else '?'} bit/s on a serial line"
-    speeds = " ".join(str(at[name, part].get("value", "?")) for name, part in at if name == "speed_set")
+    model, wire = spoken
+    speeds = CAN_SPEEDS if wire == "CAN" else SPEEDS
+    rate = f"{speeds.get(code, '?') if isinstance(code, int) else '?'} bit/s"
+    line = wire if wire == "Modbus TCP" else f"{wire or 'serial'}, {rate}"
+    head = f"id {number}, {model}, {line}"
+    next_speeds = " ".join(str(at[name, part].get("value", "?")) for name, part in at if name == "speed_set")
     notes = (
-        f"Speed of the next movement: {speeds}.",
+        f"Speed of the next movement: {next_speeds}.",
         "Force: the limit is a threshold in grams, not a force that the hand holds.",
     )
     headings = ("Finger", "Angle", "Set", "Force", "Limit", "mA", "°C", "Status", "Errors")

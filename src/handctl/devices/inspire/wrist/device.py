@@ -14,7 +14,7 @@ from handctl.errors import UsageError
 from handctl.model.guide import Guide
 from handctl.model.moving import REACHED, Goal, Seen, Stillness
 from handctl.model.param import Element, Number, Reading
-from handctl.model.result import Cell, Grid, Row, Table
+from handctl.model.result import Cell, Finding, Grid, Row, Table
 
 SLOWEST_USUAL, FASTEST_USUAL = 5000, 100
 """Milliseconds outside which a movement time is worth a warning; the manual gives no range."""
@@ -90,12 +90,15 @@ class Wrist(RegisterDevice):
         table.extra = {}
         table.view = status_view
         findings = [
-            f"{row['name']}: {row['label']}"
+            Finding(f"{row['name']}: {row['label']}", tuple(row["errors"]))
             for row in table.rows
             if row["name"].startswith("error_") and row.get("value")
         ]
         findings += [
-            f"{row['name']} = {value_text(row)} is outside {WRIST[row['name']].range_text} ({WRIST[row['name']].source})"
+            Finding(
+                f"{row['name']} = {value_text(row)} is outside {WRIST[row['name']].range_text} ({WRIST[row['name']].source})",
+                ("range",),
+            )
             for row in table.rows
             # The range of move_time is this tool's own: what the wrist holds may be right.
             if "value" in row
@@ -103,8 +106,7 @@ class Wrist(RegisterDevice):
             and not WRIST[row["name"]].bits
             and not WRIST[row["name"]].allowed(row["value"])
         ]
-        hint = "let the wrist cool down, free the axis, then power-cycle it: the manual has no command to clear the wrist's errors"
-        return self.judge(table, findings, check, hint=hint)
+        return self.judge(table, findings, check)
 
     def targets(self, pitch: float | None, yaw: float | None, time: int | None) -> list[tuple[Element, Number]]:
         """Checked changes for a movement. Raises UsageError out of range (wrist §1) or when no axis is named."""

@@ -1,0 +1,10 @@
+"""What the readings of an AIDIN-hand mean, and what to do. It has no error bits."""
+
+from handctl.model.remedy import Remedy
+
+REMEDIES = {
+    "no-angle": Remedy("joint angles are no radians (possibly degrees)", "check the bytes with --trace FILE. Until then, move only with `encoders`", "aidin, Feedback keys"),
+    "range": Remedy("the origin of the encoders is not set", "set it with `handctl aidin home`: all fingers open for 3 s", "aidin, Modes"),
+    "all-zero": Remedy("the hand has either just been homed, or just been switched on with the fingers anywhere", "run `handctl aidin home`, unless the hand has been homed since power-on", "aidin, Modes"),
+}  # fmt: skip
+ALL_ZERO = f"all encoders are exactly 0: {REMEDIES['all-zero'].meaning}"

@@ -1,0 +1,21 @@
+"""What a BarrettHand's status codes and readings mean, and what to do. The codes are those of `gcl.language.ERRORS`."""
+
+from handctl.devices.barrett.gcl.language import ERRORS
+from handctl.model.remedy import Remedy
+
+_URGENT = (8192, 1, 2, 16, 4)
+"""The codes that come first."""
+_COOL = "let the hand cool, and free the spread with `handctl barrett stop --motors S`"
+
+REMEDIES = {
+    "hot": Remedy("the board is hotter than 65 °C, which it must never be", _COOL, "barrett §2"),
+    "over-limit": Remedy("the board is hotter than OTEMP: motor commands fail", _COOL, "barrett §5.4.1"),
+    **{
+        f"{ERRORS[code][0]} ({code})": Remedy(f"status code {code} of the motor", ERRORS[code][1], "barrett §5.1.3, T3")
+        for code in (*_URGENT, *(code for code in ERRORS if code not in _URGENT))
+    },
+    "unknown": Remedy("the manual does not list this code", "ask the vendor", "barrett §5.1.3, T3"),
+    "moving": Remedy("the hand is moving", "wait, or run `handctl barrett stop`", "barrett §5.2.1"),
+    "disabled": Remedy("the motor only moves if it is named (--motors)", "run `handctl barrett set EN=1`", "barrett §5.3.4"),
+    "was-hot": Remedy("the board has been hotter than 65 °C", "set OTEMP=650, so that the hand protects itself", "barrett §5.4.2"),
+}  # fmt: skip

@@ -1,0 +1,164 @@
+"""A device as people see it: its fingers or joints as bars in their place, coloured by one quantity of them.
+
+Which finger is where stands beside the family's map, in its module `outline`. Knows rows, and no terminal and no page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import NamedTuple
+
+from handctl.families import FAMILIES
+from handctl.model.bound import shown_value
+from handctl.model.result import Cell, Grid, Row
+from handctl.system.terminal import FINE
+
+NEAR = 0.9
+"""From this share of a highest value on, a reading is near it."""
+FULL, EMPTY, PALM = "████", "░░░░" if FINE else "....", "▒" if FINE else ":"
+
+
+MOST = 8
+"""Letters of a value above a bar; a longer one, which is a list of error bits, stands below the picture."""
+
+
+class Bar(NamedTuple):
+    """One finger or joint: `foot` is the row at which it begins, 0 the upper edge of the palm; a negative `length` points down."""
+
+    part: str
+    foot: int
+    length: int
+
+
+class Measure(NamedTuple):
+    """A quantity by which bars are coloured. `path` has {} for the part; `most` is the value from which on it is bad."""
+
+    path: str
+    most: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """bars      from left to right
+    measures  what `--picture` takes -> the quantity, the usual one first
+    errors    path of the error bits: a bar with one of them is bad, whatever its colour means
+    bend      path of the position, and its values when a finger is bent and when it is straight; None = not known
+    palm      how many rows the palm has
+    note      how the drawing is meant
+    """
+
+    bars: tuple[Bar, ...]
+    measures: Mapping[str, Measure]
+    errors: str = ""
+    bend: tuple[str, float, float] | None = None
+    palm: int = 2
+    note: str = ""
+    ends: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+class Painted(NamedTuple):
+    """A bar with its value: its row, {} = none; how far it is straight (0 to 1); the value as text; "good", "warn", "bad" or "dim"."""
+
+    bar: Bar
+    row: Row
+    share: float
+    text: str
+    tone: str
+
+
+def outline_of(kind: str) -> Outline | None:
+    """The outline of a family, None where it has none."""
+    try:
+        found: Outline = import_module(FAMILIES[kind].module("outline")).OUTLINE
+    except ModuleNotFoundError:
+        return None
+    return found
+
+
+def hand(fingers: Sequence[str], thumb: Sequence[str]) -> tuple[Bar, ...]:
+    """The bars of a hand: four fingers, little to index, then the actuators of the thumb, tip first."""
+    lengths = dict(zip(fingers, (5, 6, 7, 6), strict=True))
+    return (
+        *(Bar(name, 0, length) for name, length in lengths.items()),
+        *(Bar(name, -3, 4 - 2 * number) for number, name in enumerate(thumb)),
+    )
+
+
+def painted(outline: Outline, by: str, rows: Iterable[Row]) -> list[Painted]:
+    """The bars with the values of these rows; a bar that no row is of is dim."""
+    at = {str(row.get("path")): row for row in rows}
+    measure = outline.measures[by]
+    return [_painted(outline, measure, bar, at) for bar in outline.bars]
+
+
+def _painted(outline: Outline, measure: Measure, bar: Bar, at: Mapping[str, Row]) -> Painted:
+    row = at.get(measure.path.format(bar.part), {})
+    wrong = at.get(outline.errors.format(bar.part), {}).get("errors") if outline.errors else None
+    value = shown_value(row)
+    if row.get("doubt"):
+        row, value = {**row, "error": row["doubt"]}, None
+    text, tone = ("?" if "error" in row else "-", "dim") if value is None else (f"{value:g}", "good")
+    if value is not None and "errors" in row:
+        text = str(row.get("label") or text)
+    if value is not None and measure.most is not None and abs(value) >= NEAR * measure.most:
+        tone = "bad" if abs(value) >= measure.most else "warn"
+    return Painted(bar, row, _share(outline, bar, at), text, "bad" if wrong or row.get("errors") else tone)
+
+
+def _share(outline: Outline, bar: Bar, at: Mapping[str, Row]) -> float:
+    if outline.bend is None:
+        return 1.0
+    path, bent, straight = outline.bend
+    bent, straight = outline.ends.get(bar.part, (bent, straight))
+    row = at.get(path.format(bar.part), {})
+    value = shown_value(row)
+    if value is None or row.get("doubt"):
+        return 1.0
+    return min(1.0, max(0.0, (value - bent) / (straight - bent)))
+
+
+def title(outline: Outline, by: str, rows: Iterable[Row]) -> str:
+    """What the colours mean: the quantity with its unit."""
+    path = outline.measures[by].path
+    paths = {path.format(bar.part) for bar in outline.bars}
+    unit = next((row.get("scaled_unit") or row.get("unit") for row in rows if row.get("path") in paths), None)
+    return f"{by} [{unit}]" if unit else by
+
+
+def drawn(outline: Outline, by: str, rows: Sequence[Row]) -> Grid:
+    """The outline as a table: a column for each bar, its value on top. Nothing is drawn of other actuators."""
+    bars = painted(outline, by, rows)
+    if not any(one.row for one in bars):
+        return Grid((), (), notes=("The places of its actuators are not known, so there is no picture.",))
+    top = max(0, *(one.bar.foot + max(0, one.bar.length) for one in bars))
+    low = min(-outline.palm, *(one.bar.foot + min(0, one.bar.length) for one in bars))
+    palm = [number for number, one in enumerate(bars) if one.bar.foot == 0]
+    long = [one for one in bars if len(one.text) > MOST]
+    said = ["error" if one in long else one.text for one in bars]
+    lines: list[tuple[str | Cell, ...]] = [tuple(Cell(text, one.tone) for text, one in zip(said, bars, strict=True))]
+    ground = [
+        Cell(PALM * max(len(FULL), len(said[number]), len(one.bar.part)), "dim")
+        if palm and palm[0] <= number <= palm[-1]
+        else ""
+        for number, one in enumerate(bars)
+    ]
+    for row in range(top - 1, low - 1, -1):
+        inside = -outline.palm <= row < 0
+        lines.append(tuple(_cell(one, row) or (ground[number] if inside else "") for number, one in enumerate(bars)))
+    return Grid(
+        tuple(one.bar.part for one in bars),
+        tuple(lines),
+        title(outline, by, rows),
+        notes=(*(f"{one.bar.part}: {one.text}" for one in long), *filter(None, (outline.note,))),
+    )
+
+
+def _cell(one: Painted, row: int) -> Cell | None:
+    """The piece of a bar in a row; None where it is not."""
+    _, foot, length = one.bar
+    place = row - foot if length > 0 else foot - 1 - row
+    if not 0 <= place < abs(length):
+        return None
+    return Cell(FULL if place < max(1, round(one.share * abs(length))) else EMPTY, one.tone)
