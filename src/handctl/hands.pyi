@@ -14,6 +14,21 @@ Number = int | float
 Value = str | int | float
 Path = str | PathLike[str]
 
+class Rows(list[Row]):
+    """What a command returns."""
+
+    def frame(self) -> Any:
+        """The rows as a pandas DataFrame. Raises ImportError where pandas is not installed."""
+
+class Stream(Iterator[Rows]):
+    """What a command of samples returns: the rows of each, with `time` (UTC) and `t` in seconds, until it ends or is closed."""
+
+    def __next__(self) -> Rows: ...
+    def close(self) -> None:
+        """End it, and leave the device."""
+    def frame(self) -> Any:
+        """The rows of all samples as a pandas DataFrame, when it has ended."""
+
 class Device:
     """A device with an open link."""
 
@@ -32,25 +47,26 @@ class Device:
 class Exo(Device):
     """Inspire EH55BF1 exoskeleton hand (RS-232, Bluetooth serial)."""
 
-    def scan(self, *, ids: str | None = None, all: bool = False) -> list[Row]:
+    def scan(self, *, ids: str | None = None, all: bool = False) -> Rows:
         """Search for devices of this family: baud rate and id."""
-    def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
+    def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Stop the device at once, even while another handctl command is using it."""
-    def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> list[Row]:
+    def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> Rows:
         """Show a health summary: values of each finger or motor, with errors decoded."""
-    def dump(self, *, limit: Sequence[str] = ()) -> list[Row]:
+    def dump(self, *, limit: Sequence[str] = ()) -> Rows:
         """Read every documented quantity."""
-    def get(self, *names: str, limit: Sequence[str] = ()) -> list[Row]:
+    def get(self, *names: str, limit: Sequence[str] = ()) -> Rows:
         """Read quantities by name, such as `position_actual.index temperature`."""
     def set(
         self,
         assignments: Mapping[str, Value | Sequence[Value]] | Sequence[str] | str,
         *,
+        always: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Write quantities by name and read them back. For example `position_set.index=300 force_set=0,0,0,0,0`."""
-    def describe(self, *names: str) -> list[Row]:
+    def describe(self, *names: str) -> Rows:
         """List every quantity with address, type, range, access and manual section."""
     def watch(
         self,
@@ -60,7 +76,7 @@ class Exo(Device):
         duration: Number | None = None,
         limit: Sequence[str] = (),
         until: Sequence[str] = (),
-    ) -> Iterator[list[Row]]:
+    ) -> Stream:
         """Show values as they change."""
     def log(
         self,
@@ -74,12 +90,14 @@ class Exo(Device):
         mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
-    ) -> list[Row]:
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
+    ) -> Rows:
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
-    def snapshot(self, file: Path) -> list[Row]:
+    def snapshot(self, file: Path) -> Rows:
         """Save the settings and set points of the device to FILE."""
-    def diff(self, a: Path, b: Path | None = None, *, setpoints: bool = False) -> list[Row]:
-        """Compare the settings of two snapshots, or of snapshot A with the device."""
+    def diff(self, a: Path | None = None, b: Path | None = None, *, setpoints: bool = False) -> Rows:
+        """Compare settings: two snapshots, a snapshot and the device, or two devices."""
     def restore(
         self,
         file: Path,
@@ -87,20 +105,13 @@ class Exo(Device):
         setpoints: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Write the settings that differ from a snapshot, and read them back."""
-    def report(
-        self,
-        file: Path,
-        *,
-        watch: Number = 3.0,
-        include_ids: bool = False,
-        force: bool = False,
-    ) -> list[Row]:
+    def report(self, file: Path, *, watch: Number = 3.0, include_ids: bool = False, force: bool = False) -> Rows:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
-    def doctor(self, *, count: int = 100) -> list[Row]:
+    def doctor(self, *, count: int = 100) -> Rows:
         """Check this computer, the link and the device."""
-    def read(self, address: Value, count: int) -> list[Row]:
+    def read(self, address: Value, count: int) -> Rows:
         """Read COUNT bytes (1 to 252) from any ADDRESS. Registers from the manual are decoded."""
     def write(
         self,
@@ -110,7 +121,7 @@ class Exo(Device):
         undocumented: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Write bytes to ADDRESS, low byte first, and read them back. Asks first."""
     def raw(
         self,
@@ -119,9 +130,9 @@ class Exo(Device):
         force_ambiguous: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Send exactly these bytes and show the decoded reply. Everything except a read asks first."""
-    def id(self, new: int | None = None, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
+    def id(self, new: int | None = None, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Show the id, or give the hand a NEW one (1 to 254)."""
     def baud(
         self,
@@ -131,17 +142,11 @@ class Exo(Device):
         verify: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Show the baud rate code, or set a new RATE: 115200, 57600 or 19200 bit/s."""
-    def clear_errors(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
+    def clear_errors(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Clear actuator errors and show which remain. Asks first if a finger may move."""
-    def save(
-        self,
-        *,
-        skip_identity_check: bool = False,
-        confirm: Confirm = False,
-        dry_run: bool = False,
-    ) -> list[Row]:
+    def save(self, *, skip_identity_check: bool = False, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Save the present settings to flash and wait for the result (about 1 s)."""
     def factory_reset(
         self,
@@ -151,16 +156,11 @@ class Exo(Device):
         skip_identity_check: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Restore the factory defaults, after a snapshot of the present settings."""
-    def calibrate(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
+    def calibrate(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Calibrate forces and positions, guided step by step."""
-    def force(
-        self,
-        *values: Value | Mapping[str, Value],
-        confirm: Confirm = False,
-        dry_run: bool = False,
-    ) -> list[Row]:
+    def force(self, *values: Value | Mapping[str, Value], confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Command forces from -1000 (closes the hand) to 1000 (opens it). Asks first."""
     def position(
         self,
@@ -169,31 +169,32 @@ class Exo(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Command positions from 0 (bent) to 1000 (open). Asks first."""
 
 class Wrist(Device):
     """Inspire wrist module of the dexterous hand (RS-232, RS-485, CAN)."""
 
-    def scan(self, *, ids: str | None = None, all: bool = False) -> list[Row]:
+    def scan(self, *, ids: str | None = None, all: bool = False) -> Rows:
         """Search for devices of this family: baud rate and id."""
-    def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
+    def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Stop the device at once, even while another handctl command is using it."""
-    def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> list[Row]:
+    def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> Rows:
         """Show a health summary: values of each finger or motor, with errors decoded."""
-    def dump(self, *, limit: Sequence[str] = ()) -> list[Row]:
+    def dump(self, *, limit: Sequence[str] = ()) -> Rows:
         """Read every documented quantity."""
-    def get(self, *names: str, limit: Sequence[str] = ()) -> list[Row]:
+    def get(self, *names: str, limit: Sequence[str] = ()) -> Rows:
         """Read quantities by name, such as `pitch_actual yaw_actual`."""
     def set(
         self,
         assignments: Mapping[str, Value | Sequence[Value]] | Sequence[str] | str,
         *,
+        always: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Write quantities by name and read them back. For example `yaw_set=10 pitch_set=-10 move_time=1000`."""
-    def describe(self, *names: str) -> list[Row]:
+    def describe(self, *names: str) -> Rows:
         """List every quantity with address, type, range, access and manual section."""
     def watch(
         self,
@@ -203,7 +204,7 @@ class Wrist(Device):
         duration: Number | None = None,
         limit: Sequence[str] = (),
         until: Sequence[str] = (),
-    ) -> Iterator[list[Row]]:
+    ) -> Stream:
         """Show values as they change."""
     def log(
         self,
@@ -217,12 +218,14 @@ class Wrist(Device):
         mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
-    ) -> list[Row]:
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
+    ) -> Rows:
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
-    def snapshot(self, file: Path) -> list[Row]:
+    def snapshot(self, file: Path) -> Rows:
         """Save the settings and set points of the device to FILE."""
-    def diff(self, a: Path, b: Path | None = None, *, setpoints: bool = False) -> list[Row]:
-        """Compare the settings of two snapshots, or of snapshot A with the device."""
+    def diff(self, a: Path | None = None, b: Path | None = None, *, setpoints: bool = False) -> Rows:
+        """Compare settings: two snapshots, a snapshot and the device, or two devices."""
     def restore(
         self,
         file: Path,
@@ -230,22 +233,15 @@ class Wrist(Device):
         setpoints: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Write the settings that differ from a snapshot, and read them back."""
-    def report(
-        self,
-        file: Path,
-        *,
-        watch: Number = 3.0,
-        include_ids: bool = False,
-        force: bool = False,
-    ) -> list[Row]:
+    def report(self, file: Path, *, watch: Number = 3.0, include_ids: bool = False, force: bool = False) -> Rows:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
-    def doctor(self, *, count: int = 100) -> list[Row]:
+    def doctor(self, *, count: int = 100) -> Rows:
         """Check this computer, the link and the device."""
-    def read(self, address: Value, count: int) -> list[Row]:
+    def read(self, address: Value, count: int) -> Rows:
         """Read COUNT bytes (1 to 252) from ADDRESS in the wrist. Registers from the manual are decoded."""
-    def hand_read(self, address: Value, count: int) -> list[Row]:
+    def hand_read(self, address: Value, count: int) -> Rows:
         """Read COUNT bytes (1 to 252) from ADDRESS in the wrist's hand, undecoded."""
     def move(
         self,
@@ -257,7 +253,7 @@ class Wrist(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Move to angles in degrees and wait until the wrist has stopped moving."""
     def center(
         self,
@@ -266,9 +262,9 @@ class Wrist(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Move both axes to 0 degrees and wait until they have stopped moving."""
-    def write(self, address: Value, data: Value, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
+    def write(self, address: Value, data: Value, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Write 2, 4 or 6 bytes to addresses 1038 to 1043 and read them back."""
     def hand_write(
         self,
@@ -278,7 +274,7 @@ class Wrist(Device):
         force_ambiguous: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Write bytes to registers of the wrist's hand. Asks first."""
     def raw(
         self,
@@ -287,15 +283,15 @@ class Wrist(Device):
         force_ambiguous: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show the decoded reply."""
 
 class Barrett(Device):
     """BarrettHand BH8 series (RS-232)."""
 
-    def scan(self, *, ids: str | None = None, all: bool = False) -> list[Row]:
+    def scan(self, *, ids: str | None = None, all: bool = False) -> Rows:
         """Search for devices of this family: baud rate and id."""
-    def stop(self, *, motors: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
+    def stop(self, *, motors: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Stop the hand immediately, even while another handctl is using it."""
     def status(
         self,
@@ -304,11 +300,11 @@ class Barrett(Device):
         picture: str | None = None,
         limit: Sequence[str] = (),
         include_ids: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Show a health summary: values of each finger or motor, with errors decoded."""
-    def dump(self, *, limit: Sequence[str] = (), include_ids: bool = False) -> list[Row]:
+    def dump(self, *, limit: Sequence[str] = (), include_ids: bool = False) -> Rows:
         """Read every documented quantity."""
-    def get(self, *names: str, limit: Sequence[str] = ()) -> list[Row]:
+    def get(self, *names: str, limit: Sequence[str] = ()) -> Rows:
         """Read quantities by name, such as `P SG.F1 temperature`."""
     def watch(
         self,
@@ -318,7 +314,7 @@ class Barrett(Device):
         duration: Number | None = None,
         limit: Sequence[str] = (),
         until: Sequence[str] = (),
-    ) -> Iterator[list[Row]]:
+    ) -> Stream:
         """Show values as they change."""
     def log(
         self,
@@ -332,30 +328,25 @@ class Barrett(Device):
         mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
-    ) -> list[Row]:
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
+    ) -> Rows:
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
-    def snapshot(self, file: Path) -> list[Row]:
+    def snapshot(self, file: Path) -> Rows:
         """Save the settings and set points of the device to FILE."""
-    def diff(self, a: Path, b: Path | None = None) -> list[Row]:
-        """Compare the settings of two snapshots, or of snapshot A with the device."""
-    def report(
-        self,
-        file: Path,
-        *,
-        watch: Number = 3.0,
-        include_ids: bool = False,
-        force: bool = False,
-    ) -> list[Row]:
+    def diff(self, a: Path | None = None, b: Path | None = None) -> Rows:
+        """Compare settings: two snapshots, a snapshot and the device, or two devices."""
+    def report(self, file: Path, *, watch: Number = 3.0, include_ids: bool = False, force: bool = False) -> Rows:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
-    def doctor(self, *, count: int = 100) -> list[Row]:
+    def doctor(self, *, count: int = 100) -> Rows:
         """Check this computer, the link and the device."""
-    def describe(self, *names: str) -> list[Row]:
+    def describe(self, *names: str) -> Rows:
         """List all parameters with range, defaults, access and manual section."""
-    def version(self) -> list[Row]:
+    def version(self) -> Rows:
         """Show the firmware version."""
-    def errors(self, code: int | None = None) -> list[Row]:
+    def errors(self, code: int | None = None) -> Rows:
         """Explain status codes as the manual does. CODE can be a sum. Needs no device."""
-    def help(self, command: Value | None = None) -> list[Row]:
+    def help(self, command: Value | None = None) -> Rows:
         """Show what the hand and the manual say about COMMAND or a parameter."""
     def set(
         self,
@@ -363,9 +354,10 @@ class Barrett(Device):
         *,
         motors: str | None = None,
         force: bool = False,
+        always: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Set parameters in RAM and read them back."""
     def baud(
         self,
@@ -374,9 +366,9 @@ class Barrett(Device):
         save: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Show the baud rate, or change it."""
-    def reset(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
+    def reset(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Restart the firmware, like a power-cycle, and show its banner. Asks first."""
     def gcl(
         self,
@@ -384,7 +376,7 @@ class Barrett(Device):
         keep_going: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Send GCL commands, one per argument."""
     def init(
         self,
@@ -394,7 +386,7 @@ class Barrett(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Initialize the motors (HI): the fingers open fully. Run it after power-on or reset."""
     def open(
         self,
@@ -404,7 +396,7 @@ class Barrett(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Open to OT."""
     def close(
         self,
@@ -414,40 +406,37 @@ class Barrett(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Close to CT. To grip an object, add --expect contact."""
     def move(
         self,
-        value: int | None = None,
-        *,
+        *values: Value | Mapping[str, Value],
         force: bool = False,
         motors: str | None = None,
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
-        """Move to POSITION in counts (default: the parameter DP)."""
+    ) -> Rows:
+        """Move to POSITION in counts (default: the parameter DP), or to one for each motor: F1=9000 F2=9000."""
     def step_open(
         self,
-        value: int | None = None,
-        *,
+        *values: Value | Mapping[str, Value],
         force: bool = False,
         motors: str | None = None,
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Open by COUNTS (default: the parameter DS)."""
     def step_close(
         self,
-        value: int | None = None,
-        *,
+        *values: Value | Mapping[str, Value],
         force: bool = False,
         motors: str | None = None,
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Close by COUNTS (default: the parameter DS)."""
     def home(
         self,
@@ -457,7 +446,7 @@ class Barrett(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Move to position 0."""
     def torque_open(
         self,
@@ -467,7 +456,7 @@ class Barrett(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Open under torque control until the motors stall."""
     def torque_close(
         self,
@@ -476,11 +465,11 @@ class Barrett(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Close under torque control until the motors stall."""
-    def load(self, *, motors: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
+    def load(self, *, motors: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Load the saved settings from EEPROM into RAM (FLOAD, PLOAD)."""
-    def defaults(self, *, motors: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
+    def defaults(self, *, motors: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Set all parameters in RAM to their factory values (FDEF, PDEF). Saves nothing."""
     def save(
         self,
@@ -489,7 +478,7 @@ class Barrett(Device):
         force: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Save the settings from RAM to EEPROM. Asks first."""
     def restore(
         self,
@@ -499,7 +488,7 @@ class Barrett(Device):
         force: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Write the values that differ from a snapshot to RAM and read them back."""
     def realtime(
         self,
@@ -523,9 +512,9 @@ class Barrett(Device):
         duration: Number | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> Iterator[list[Row]]:
+    ) -> Stream:
         """Exchange RealTime blocks (LOOP): live view, NDJSON or CSV."""
-    def firmware_check(self, file: Path, *, force: bool = False) -> list[Row]:
+    def firmware_check(self, file: Path, *, force: bool = False) -> Rows:
         """Check an S-record FILE. Needs no device."""
     def firmware_download(
         self,
@@ -536,7 +525,7 @@ class Barrett(Device):
         window: int = 1,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Load a firmware FILE into the hand."""
     def maintenance(
         self,
@@ -545,7 +534,7 @@ class Barrett(Device):
         steps: Literal["lubrication", "fasteners", "pretension", "strain", "firmware"] | None = None,
         check: bool = False,
         hand: str = "",
-    ) -> list[Row]:
+    ) -> Rows:
         """Show the strokes of each motor and any maintenance that is due (§7)."""
     def strain(
         self,
@@ -556,9 +545,11 @@ class Barrett(Device):
         rate: Number = 10.0,
         count: int | None = None,
         duration: Number | None = None,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Measure the strain gauges without load, and show how to adjust them (§7.4)."""
     def fingertips(
         self,
@@ -569,7 +560,9 @@ class Barrett(Device):
         rate: Number = 10.0,
         count: int | None = None,
         duration: Number | None = None,
-    ) -> list[Row]:
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
+    ) -> Rows:
         """Show each fingertip's position in mm and its joint angles (§9.5, §9.6)."""
     def diagnose(
         self,
@@ -581,15 +574,15 @@ class Barrett(Device):
         hand: str = "",
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Run the checks of §8. With a SYMPTOM, also list the steps to do by hand."""
 
 class Ekso(Device):
     """EksoNR DataPort (serial over USB)."""
 
-    def scan(self, *, ids: str | None = None, all: bool = False, length_mode: str | None = None) -> list[Row]:
+    def scan(self, *, ids: str | None = None, all: bool = False, length_mode: str | None = None) -> Rows:
         """Search for devices of this family: baud rate and id."""
-    def stop(self, *, length_mode: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
+    def stop(self, *, length_mode: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Stop the device at once, even while another handctl command is using it."""
     def status(
         self,
@@ -598,11 +591,11 @@ class Ekso(Device):
         picture: str | None = None,
         limit: Sequence[str] = (),
         length_mode: str | None = None,
-    ) -> list[Row]:
+    ) -> Rows:
         """Show a health summary: values of each finger or motor, with errors decoded."""
-    def dump(self, *, limit: Sequence[str] = (), length_mode: str | None = None) -> list[Row]:
+    def dump(self, *, limit: Sequence[str] = (), length_mode: str | None = None) -> Rows:
         """Read every documented quantity."""
-    def get(self, *names: str, limit: Sequence[str] = (), length_mode: str | None = None) -> list[Row]:
+    def get(self, *names: str, limit: Sequence[str] = (), length_mode: str | None = None) -> Rows:
         """Read quantities by name, such as `step_length left_knee_angle 216`."""
     def watch(
         self,
@@ -613,12 +606,12 @@ class Ekso(Device):
         limit: Sequence[str] = (),
         until: Sequence[str] = (),
         length_mode: str | None = None,
-    ) -> Iterator[list[Row]]:
+    ) -> Stream:
         """Show values as they change."""
-    def snapshot(self, file: Path, *, length_mode: str | None = None) -> list[Row]:
+    def snapshot(self, file: Path, *, length_mode: str | None = None) -> Rows:
         """Save the settings and set points of the device to FILE."""
-    def diff(self, a: Path, b: Path | None = None, *, length_mode: str | None = None) -> list[Row]:
-        """Compare the settings of two snapshots, or of snapshot A with the device."""
+    def diff(self, a: Path | None = None, b: Path | None = None, *, length_mode: str | None = None) -> Rows:
+        """Compare settings: two snapshots, a snapshot and the device, or two devices."""
     def report(
         self,
         file: Path,
@@ -627,9 +620,9 @@ class Ekso(Device):
         include_ids: bool = False,
         force: bool = False,
         length_mode: str | None = None,
-    ) -> list[Row]:
+    ) -> Rows:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
-    def doctor(self, *, count: int = 100, length_mode: str | None = None) -> list[Row]:
+    def doctor(self, *, count: int = 100, length_mode: str | None = None) -> Rows:
         """Check this computer, the link and the device."""
     def log(
         self,
@@ -643,10 +636,12 @@ class Ekso(Device):
         mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
         raw: bool = False,
         include_pilot_id: bool = False,
         length_mode: str | None = None,
-    ) -> list[Row]:
+    ) -> Rows:
         """Record GetData to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
     def export(
         self,
@@ -657,21 +652,21 @@ class Ekso(Device):
         segment: int | None = None,
         knee_sign: Literal["1", "-1"] | None = None,
         rate: Number | None = None,
-    ) -> list[Row]:
+    ) -> Rows:
         """Turn a log into an OpenSim motion file or a table in SI units. Needs no device."""
-    def time(self, *, length_mode: str | None = None) -> list[Row]:
+    def time(self, *, length_mode: str | None = None) -> Rows:
         """Show the device's time of day."""
-    def date(self, *, length_mode: str | None = None) -> list[Row]:
+    def date(self, *, length_mode: str | None = None) -> Rows:
         """Show the device's date."""
-    def settings(self, *, length_mode: str | None = None) -> list[Row]:
+    def settings(self, *, length_mode: str | None = None) -> Rows:
         """Show all settings (GetSettings, 22 words)."""
-    def data(self, *, length_mode: str | None = None) -> list[Row]:
+    def data(self, *, length_mode: str | None = None) -> Rows:
         """Show the current sensor values (GetData, 27 words)."""
-    def feedback(self, *, length_mode: str | None = None) -> list[Row]:
+    def feedback(self, *, length_mode: str | None = None) -> Rows:
         """Show steps, times and assistance (GetFeedback, 17 words)."""
-    def describe(self, *names: str) -> list[Row]:
+    def describe(self, *names: str) -> Rows:
         """List all words with message, ParameterID, type, codes and aliases."""
-    def policy(self, *, audit: Path | None = None) -> list[Row]:
+    def policy(self, *, audit: Path | None = None) -> Rows:
         """Show the checks and confirmations before a write. Needs no device."""
     def set(
         self,
@@ -683,7 +678,7 @@ class Ekso(Device):
         length_mode: str | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Write one setting, with every check."""
     def restore(
         self,
@@ -695,7 +690,7 @@ class Ekso(Device):
         length_mode: str | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Write the settings that differ from a snapshot, one by one."""
     def cancel(
         self,
@@ -706,121 +701,25 @@ class Ekso(Device):
         length_mode: str | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Cancel the running action (CancelAction)."""
-    def gait(self, log: Path, later: Path | None = None, *, steps: Path | None = None) -> list[Row]:
+    def gait(self, log: Path, later: Path | None = None, *, steps: Path | None = None) -> Rows:
         """Find the strides in a log: cadence, stance, symmetry, variability. Needs no device."""
 
 class Aidin(Device):
     """AIDIN-hand (TCP, JSON)."""
 
-    def scan(self, *, ids: str | None = None, all: bool = False) -> list[Row]:
+    def scan(self, *, ids: str | None = None, all: bool = False) -> Rows:
         """Search for devices of this family: baud rate and id."""
-    def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
+    def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Stop the device at once, even while another handctl command is using it."""
-    def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> list[Row]:
+    def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> Rows:
         """Show a health summary: values of each finger or motor, with errors decoded."""
-    def dump(self, *, limit: Sequence[str] = ()) -> list[Row]:
+    def dump(self, *, limit: Sequence[str] = ()) -> Rows:
         """Read every documented quantity."""
-    def get(self, *names: str, limit: Sequence[str] = ()) -> list[Row]:
+    def get(self, *names: str, limit: Sequence[str] = ()) -> Rows:
         """Read quantities by name, such as `joint_pos.index sensor_state.fz`."""
-    def describe(self, *names: str) -> list[Row]:
-        """List every quantity with address, type, range, access and manual section."""
-    def log(
-        self,
-        file: Path,
-        *names: str,
-        rate: Number = 0.0,
-        count: int | None = None,
-        duration: Number | None = None,
-        mark: str = "",
-        mark_udp: int | None = None,
-        mark_stdin: bool = False,
-        silence: Number = 60.0,
-        force: bool = False,
-    ) -> list[Row]:
-        """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
-    def report(
-        self,
-        file: Path,
-        *,
-        watch: Number = 3.0,
-        include_ids: bool = False,
-        force: bool = False,
-    ) -> list[Row]:
-        """Write one page for a service ticket: status, dump, findings, curves, bytes."""
-    def doctor(self, *, count: int = 100) -> list[Row]:
-        """Check this computer, the link and the device."""
-    def watch(
-        self,
-        *names: str,
-        rate: Number = 10.0,
-        count: int | None = None,
-        duration: Number | None = None,
-    ) -> Iterator[list[Row]]:
-        """Show live values on a terminal, or stream rows. Default: motors, joints, currents, fingertip forces."""
-    def home(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """OPEN ALL FINGERS for 3.5 s and set that position as the origin (homing)."""
-    def initial(self, *, assume_homed: bool = False, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Open all fingers to the origin set by homing. Asks first. Ctrl-C stops."""
-    def bias(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Set the sensors to 0. Touch nothing: any load is subtracted from all later values."""
-    def max_torque(self, value: Value, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Set the maximum output current: 0 to 1000 in 0.1 % (recommended: 700 to 1000)."""
-    def encoders(
-        self,
-        *values: Value | Mapping[str, Value],
-        assume_homed: bool = False,
-        expect: Literal["reached", "contact", "any"] | None = None,
-        confirm: Confirm = False,
-        dry_run: bool = False,
-    ) -> list[Row]:
-        """Move motors to encoder counts."""
-    def joints(
-        self,
-        *values: Value | Mapping[str, Value],
-        rad: bool = False,
-        assume_homed: bool = False,
-        expect: Literal["reached", "contact", "any"] | None = None,
-        confirm: Confirm = False,
-        dry_run: bool = False,
-    ) -> list[Row]:
-        """Move joints to angles in degrees."""
-    def fingertips(
-        self,
-        *values: Value | Mapping[str, Value],
-        assume_homed: bool = False,
-        expect: Literal["reached", "contact", "any"] | None = None,
-        confirm: Confirm = False,
-        dry_run: bool = False,
-    ) -> list[Row]:
-        """Move fingertips to coordinates in mm."""
-    def currents(
-        self,
-        *values: Value | Mapping[str, Value],
-        cap: Number = 300.0,
-        duration: Number = 1.0,
-        ramp_down: bool = False,
-        may_suspend: bool = False,
-        confirm: Confirm = False,
-        dry_run: bool = False,
-    ) -> list[Row]:
-        """Drive motors by current: NO POSITION LIMIT."""
-
-class Hand(Device):
-    """Inspire RH56 dexterous hands (RS-232, RS-485, CAN, Modbus RTU, Modbus TCP)."""
-
-    def scan(self, *, ids: str | None = None, all: bool = False) -> list[Row]:
-        """Search for devices of this family: baud rate and id."""
-    def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Stop the device at once, even while another handctl command is using it."""
-    def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> list[Row]:
-        """Show a health summary: values of each finger or motor, with errors decoded."""
-    def dump(self, *, limit: Sequence[str] = ()) -> list[Row]:
-        """Read every documented quantity."""
-    def get(self, *names: str, limit: Sequence[str] = ()) -> list[Row]:
-        """Read quantities by name, such as `angle_actual.index temperature`."""
-    def describe(self, *names: str) -> list[Row]:
+    def describe(self, *names: str) -> Rows:
         """List every quantity with address, type, range, access and manual section."""
     def watch(
         self,
@@ -830,7 +729,7 @@ class Hand(Device):
         duration: Number | None = None,
         limit: Sequence[str] = (),
         until: Sequence[str] = (),
-    ) -> Iterator[list[Row]]:
+    ) -> Stream:
         """Show values as they change."""
     def log(
         self,
@@ -844,32 +743,121 @@ class Hand(Device):
         mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
-    ) -> list[Row]:
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
+    ) -> Rows:
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
-    def snapshot(self, file: Path) -> list[Row]:
-        """Save the settings and set points of the device to FILE."""
-    def diff(self, a: Path, b: Path | None = None) -> list[Row]:
-        """Compare the settings of two snapshots, or of snapshot A with the device."""
-    def restore(self, file: Path, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
-        """Write the settings that differ from a snapshot, and read them back."""
-    def report(
+    def report(self, file: Path, *, watch: Number = 3.0, include_ids: bool = False, force: bool = False) -> Rows:
+        """Write one page for a service ticket: status, dump, findings, curves, bytes."""
+    def doctor(self, *, count: int = 100) -> Rows:
+        """Check this computer, the link and the device."""
+    def home(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
+        """OPEN ALL FINGERS for 3.5 s and set that position as the origin (homing)."""
+    def initial(self, *, assume_homed: bool = False, confirm: Confirm = False, dry_run: bool = False) -> Rows:
+        """Open all fingers to the origin set by homing. Asks first. Ctrl-C stops."""
+    def bias(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
+        """Set the sensors to 0. Touch nothing: any load is subtracted from all later values."""
+    def max_torque(self, value: Value, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
+        """Set the maximum output current: 0 to 1000 in 0.1 % (recommended: 700 to 1000)."""
+    def encoders(
+        self,
+        *values: Value | Mapping[str, Value],
+        assume_homed: bool = False,
+        expect: Literal["reached", "contact", "any"] | None = None,
+        confirm: Confirm = False,
+        dry_run: bool = False,
+    ) -> Rows:
+        """Move motors to encoder counts."""
+    def joints(
+        self,
+        *values: Value | Mapping[str, Value],
+        rad: bool = False,
+        assume_homed: bool = False,
+        expect: Literal["reached", "contact", "any"] | None = None,
+        confirm: Confirm = False,
+        dry_run: bool = False,
+    ) -> Rows:
+        """Move joints to angles in degrees."""
+    def fingertips(
+        self,
+        *values: Value | Mapping[str, Value],
+        assume_homed: bool = False,
+        expect: Literal["reached", "contact", "any"] | None = None,
+        confirm: Confirm = False,
+        dry_run: bool = False,
+    ) -> Rows:
+        """Move fingertips to coordinates in mm."""
+    def currents(
+        self,
+        *values: Value | Mapping[str, Value],
+        cap: Number = 300.0,
+        duration: Number = 1.0,
+        ramp_down: bool = False,
+        may_suspend: bool = False,
+        confirm: Confirm = False,
+        dry_run: bool = False,
+    ) -> Rows:
+        """Drive motors by current: NO POSITION LIMIT."""
+
+class Hand(Device):
+    """Inspire RH56 dexterous hands (RS-232, RS-485, CAN, Modbus RTU, Modbus TCP)."""
+
+    def scan(self, *, ids: str | None = None, all: bool = False) -> Rows:
+        """Search for devices of this family: baud rate and id."""
+    def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
+        """Stop the device at once, even while another handctl command is using it."""
+    def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> Rows:
+        """Show a health summary: values of each finger or motor, with errors decoded."""
+    def dump(self, *, limit: Sequence[str] = ()) -> Rows:
+        """Read every documented quantity."""
+    def get(self, *names: str, limit: Sequence[str] = ()) -> Rows:
+        """Read quantities by name, such as `angle_actual.index temperature`."""
+    def describe(self, *names: str) -> Rows:
+        """List every quantity with address, type, range, access and manual section."""
+    def watch(
+        self,
+        *names: str,
+        rate: Number = 10.0,
+        count: int | None = None,
+        duration: Number | None = None,
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
+    ) -> Stream:
+        """Show values as they change."""
+    def log(
         self,
         file: Path,
-        *,
-        watch: Number = 3.0,
-        include_ids: bool = False,
+        *names: str,
+        rate: Number = 0.0,
+        count: int | None = None,
+        duration: Number | None = None,
+        mark: str = "",
+        mark_udp: int | None = None,
+        mark_stdin: bool = False,
+        silence: Number = 60.0,
         force: bool = False,
-    ) -> list[Row]:
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
+    ) -> Rows:
+        """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
+    def snapshot(self, file: Path) -> Rows:
+        """Save the settings and set points of the device to FILE."""
+    def diff(self, a: Path | None = None, b: Path | None = None) -> Rows:
+        """Compare settings: two snapshots, a snapshot and the device, or two devices."""
+    def restore(self, file: Path, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
+        """Write the settings that differ from a snapshot, and read them back."""
+    def report(self, file: Path, *, watch: Number = 3.0, include_ids: bool = False, force: bool = False) -> Rows:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
-    def doctor(self, *, count: int = 100) -> list[Row]:
+    def doctor(self, *, count: int = 100) -> Rows:
         """Check this computer, the link and the device."""
     def set(
         self,
         assignments: Mapping[str, Value | Sequence[Value]] | Sequence[str] | str,
         *,
+        always: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Write quantities by name and read them back."""
     def angle(
         self,
@@ -878,7 +866,7 @@ class Hand(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Command angles from 0 (closed) to 1000 (open). Asks first."""
     def position(
         self,
@@ -887,25 +875,15 @@ class Hand(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Command strokes from 0 (open) to 2000 (closed). Asks first."""
-    def force(
-        self,
-        *values: Value | Mapping[str, Value],
-        confirm: Confirm = False,
-        dry_run: bool = False,
-    ) -> list[Row]:
+    def force(self, *values: Value | Mapping[str, Value], confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Set the force limit in grams. Asks first if a finger may move."""
-    def speed(
-        self,
-        *values: Value | Mapping[str, Value],
-        confirm: Confirm = False,
-        dry_run: bool = False,
-    ) -> list[Row]:
+    def speed(self, *values: Value | Mapping[str, Value], confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Set the speed of the next movement, 0 to 1000. Asks first if a finger may move."""
-    def calibrate(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
+    def calibrate(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Calibrate the force sensors. The whole hand moves for about 6 s."""
-    def id(self, new: int | None = None, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
+    def id(self, new: int | None = None, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Show the id, or give the hand a NEW one (1 to 254)."""
     def baud(
         self,
@@ -915,21 +893,15 @@ class Hand(Device):
         verify: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Show the baud rate code, or set a new RATE in bit/s."""
-    def clear_errors(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
+    def clear_errors(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Clear actuator errors and show which remain. Asks first if a finger may move."""
-    def save(self, *, confirm: Confirm = False, dry_run: bool = False) -> list[Row]:
+    def save(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Save the present settings to flash and wait for the result (about 1 s)."""
-    def factory_reset(
-        self,
-        *,
-        backup: Path | None = None,
-        confirm: Confirm = False,
-        dry_run: bool = False,
-    ) -> list[Row]:
+    def factory_reset(self, *, backup: Path | None = None, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Restore the factory defaults, after a snapshot of the present settings."""
-    def read(self, address: Value, count: int) -> list[Row]:
+    def read(self, address: Value, count: int) -> Rows:
         """Read COUNT bytes (1 to 252) from any ADDRESS. Registers from the manual are decoded."""
     def write(
         self,
@@ -939,7 +911,7 @@ class Hand(Device):
         undocumented: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Write bytes to ADDRESS, low byte first, and read them back. Asks first."""
     def raw(
         self,
@@ -948,15 +920,9 @@ class Hand(Device):
         force_ambiguous: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Send exactly these EB90 or Modbus bytes and show the decoded reply."""
-    def network(
-        self,
-        address: Value | None = None,
-        *,
-        confirm: Confirm = False,
-        dry_run: bool = False,
-    ) -> list[Row]:
+    def network(self, address: Value | None = None, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Show the IP address of a tactile hand, or give it a new ADDRESS."""
     def pair(
         self,
@@ -968,7 +934,7 @@ class Hand(Device):
         force: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
-    ) -> list[Row]:
+    ) -> Rows:
         """Find out which of two hands is left and which is right, and name both."""
     def tactile(
         self,
@@ -977,7 +943,9 @@ class Hand(Device):
         rate: Number = 5.0,
         count: int | None = None,
         duration: Number | None = None,
-    ) -> list[Row]:
+        limit: Sequence[str] = (),
+        until: Sequence[str] = (),
+    ) -> Rows:
         """Show the tactile sensors of an RH56DFTP. Only reads."""
 
 @overload
@@ -1068,7 +1036,7 @@ def connect(
     protocol: Literal["auto", "eb90", "modbus"] | None = None,
 ) -> Hand: ...
 @overload
-def connect(family: str, link: Path, **settings: object) -> Any: ...
+def connect(family: str, link: Path | None = None, **settings: object) -> Any: ...
 @overload
 def simulate(
     family: Literal["exo"],
