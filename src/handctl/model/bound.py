@@ -61,7 +61,7 @@ class Watchdog:
         """Take the rows of a moment, which is `t` seconds from the first; whether one of them is out of bounds."""
         out, self._looked = False, True
         for row in rows:
-            value, path = shown_value(row), str(row.get("path") or name_of(row))
+            value, path = shown_value(row), str(row.get("path") or (name_of(row) if "name" in row else ""))
             for number, bound in enumerate(self.bounds):
                 if value is None or path not in bound.paths:
                     continue

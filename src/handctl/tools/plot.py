@@ -38,7 +38,7 @@ LETTERS = 150
     "--only", "names", multiple=True, metavar="NAME", help="Draw only this quantity or element, such as temperature.index. Repeatable."
 )  # fmt: skip
 @click.option("--open", "opens", is_flag=True, help="Open the picture in the browser.")
-def cli(files: Sequence[str], names: Sequence[str], opens: bool) -> Table | None:
+def cli(run: Run, files: Sequence[str], names: Sequence[str], opens: bool) -> Table | None:
     """Draw the curves of recordings: -o FILE.svg, or -o FILE.html for a page.
 
     FILE is a CSV file that `watch`, `log` or `realtime` wrote. Several files are drawn above each other, with the same
@@ -46,7 +46,6 @@ def cli(files: Sequence[str], names: Sequence[str], opens: bool) -> Table | None
     """
     from handctl.tools.plot_read import read
 
-    run: Run = click.get_current_context().obj
     rows_only = run.settings.format in ("json", "ndjson", "csv", "plain")
     if not (rows_only or opens or run.settings.output) and sys.stdout.isatty():
         raise UsageError("no output file given", hint="add -o plot.svg, -o plot.html or --open", code="no-output")
