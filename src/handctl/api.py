@@ -19,15 +19,15 @@ from typing import Any, NamedTuple
 
 import click
 
+from handctl.command.command_tree import Command
+from handctl.command.connection import Session
+from handctl.command.family import Family, load
+from handctl.command.library_call import Confirm, Line
+from handctl.command.options import Settings, config_path, read_config
 from handctl.errors import HandctlError, UsageError
 from handctl.families import FAMILIES
-from handctl.frame.call import Confirm, Line
-from handctl.frame.clikit import Command
-from handctl.frame.connection import Session
-from handctl.frame.family import Family, load
-from handctl.frame.options import Settings, config_path, read_config
 from handctl.model.result import Row
-from handctl.sentence import sentence
+from handctl.wording import sentence
 
 HOST = ("timeout", "deadline", "retries", "trace", "assume_identity")
 """Settings of this end of a link, whatever is at the other."""
@@ -178,7 +178,7 @@ def told(error: HandctlError, kind: str) -> HandctlError:
 
 
 def _in_python(kind: str, *texts: str) -> Iterator[str]:
-    from handctl.frame.pythonic import in_python
+    from handctl.command.pythonic import in_python
 
     known = {name: method.command for name, method in methods(kind).items()} if kind in FAMILIES else {}
     return (in_python(text, kind, known) for text in texts)

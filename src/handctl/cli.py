@@ -1,6 +1,6 @@
 """Entry point: replaces closed standard streams, runs the root command, and handles a stdout that cannot be written.
 
-`--version` is answered here and loads nothing; the commands, and what errors become as exit codes, are in `frame.clikit`.
+`--version` is answered here and loads nothing; the commands, and what errors become as exit codes, are in `command.command_tree`.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         stand_in()
         gc.disable()  # until the command runs: what is imported stays, and looking through it costs a twentieth of the start
-    from handctl.frame.clikit import run_root
-    from handctl.screen.filter import substitute_what_is_missing
+    from handctl.command.command_tree import run_root
+    from handctl.screen.sanitize import substitute_what_is_missing
 
     substitute_what_is_missing()
 
-    from handctl.ending import done
+    from handctl.interrupts import done
 
     code = _finish(run_root(args, _on_several))
     done(last=argv is None)
@@ -40,11 +40,11 @@ def _on_several(args: Sequence[str]) -> bool:
     """Run the command on each device where -d names several; whether it does."""
     if not any("," in word or word.endswith("*") for word in args):
         return False
-    from handctl.frame import several
+    from handctl.command import several_devices
 
-    found = several.devices_in(args)
+    found = several_devices.devices_in(args)
     if found is not None:
-        several.run(args, found)
+        several_devices.run(args, found)
     return found is not None
 
 

@@ -31,7 +31,7 @@ def _is_word(text: str) -> bool:
     return first != "handctl" and first.isascii() and first.replace("-", "").isalpha()
 
 
-class Left:
+class Aftermath:
     """What a command leaves behind when it ends early: by Ctrl-C, a lost link, a deadline.
 
     text    shown after what happened
@@ -75,11 +75,11 @@ class HandctlError(Exception):
     """Between what happened and what is left behind."""
 
     def __init__(
-        self, text: str, *, hint: str = "", code: str = "", left: Left | None = None, came: bytes = b""
+        self, text: str, *, hint: str = "", code: str = "", left: Aftermath | None = None, came: bytes = b""
     ) -> None:
         super().__init__(text)
         self.came = came[:JUDGED]
-        self.left = left or Left()
+        self.left = left or Aftermath()
         self._text = text
         self._hint = hint or self.default_hint
         self.code = code or self.default_code
@@ -96,7 +96,7 @@ class HandctlError(Exception):
     def text(self, text: str) -> None:
         self._text = text
         left = self.left
-        self.left = Left("", left.hint, behind=left.behind, joint=left.joint, moving=left.moving)
+        self.left = Aftermath("", left.hint, behind=left.behind, joint=left.joint, moving=left.moving)
 
     @property
     def hint(self) -> str:
@@ -106,16 +106,16 @@ class HandctlError(Exception):
     @hint.setter
     def hint(self, hint: str) -> None:
         self._hint = hint
-        self.left = Left(self.left.text, moving=self.left.moving)
+        self.left = Aftermath(self.left.text, moving=self.left.moving)
 
-    def leaves(self, left: Left) -> None:
+    def add_aftermath(self, left: Aftermath) -> None:
         """Add what is left behind to the text and the hint so far."""
         self._text, self._hint, self.left = self.text, self.hint, left
 
-    def retold(self, text: str, *, hint: str | None = None, code: str = "") -> HandctlError:
+    def reworded(self, text: str, *, hint: str | None = None, code: str = "") -> HandctlError:
         """The same error with another text: it keeps its exit code and the received bytes."""
         other = type(self).__new__(type(self), text)
-        other.__dict__.update(self.__dict__, left=Left(), code=code or self.code)
+        other.__dict__.update(self.__dict__, left=Aftermath(), code=code or self.code)
         other.text, other.hint = text, self.hint if hint is None else hint
         return other
 

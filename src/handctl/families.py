@@ -15,7 +15,7 @@ class OwnOption:
     flag     it takes no value
     named    a named device may hold it in the configuration file
     implied  a flag that is set for every command that writes
-    asked    only the commands that ask for it have it, among their own options (`frame.options.Own`), and no key in the
+    asked    only the commands that ask for it have it, among their own options (`command.options.Own`), and no key in the
              configuration file; else it is accepted at every level, as --port is
     """
 
@@ -47,11 +47,11 @@ class FamilyRow:
 
     help      one line for the root's help, without a full stop
     package   its folder. What the machinery asks for lies there in a module named after the role, with that name in it:
-                cli      `cli`: the command group, with its `frame.family.Family`
+                cli      `cli`: the command group, with its `command.family.Family`
                 probe    `tools.probes.FamilyProbe`: looks for its device and pings it
-                stopper  `stop_talk`: the bytes of its stop, see `model.stopping`
-                explain  `explainer`: makes a `model.piece.Explainer` of recorded bytes
-                writes   `words`: makes the `model.ledger.WriteWords` that tell which of its bytes write, and what acknowledges them
+                stopper  `stop_steps`: the bytes of its stop, see `model.stop_sequence`
+                explain  `explainer`: makes a `model.explainer.Explainer` of recorded bytes
+                writes   `words`: makes the `model.write_ledger.WriteRules` that tell which of its bytes write, and what acknowledges them
                 remedies  optional, `REMEDIES`: what a finding means and what to do, see `model.remedy`
                 outline  optional, `OUTLINE`: its fingers or joints in their place, see `model.outline`
                 page     optional, see `docgen.texts`: EXAMPLES, FILES and `section` of its manual page
@@ -105,7 +105,7 @@ FAMILIES: dict[str, FamilyRow] = {
     "barrett": FamilyRow(
         "BarrettHand BH8 series (RS-232)",
         "handctl.devices.barrett",
-        codec="handctl.devices.barrett.gcl.language",
+        codec="handctl.devices.barrett.gcl.codec",
         scan=4,
         tell=4,
         options=(
@@ -138,7 +138,7 @@ FAMILIES: dict[str, FamilyRow] = {
     "aidin": FamilyRow(
         "AIDIN-hand (TCP, JSON)",
         "handctl.devices.aidin",
-        codec="handctl.devices.aidin.messages",
+        codec="handctl.devices.aidin.json_codec",
         scan=5,
         tell=3,
         options=(

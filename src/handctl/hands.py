@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from handctl.api import Device, Rows, Stream, class_of, connect, simulate
+from handctl.command.library_call import Confirm
 from handctl.families import FAMILIES
-from handctl.frame.call import Confirm
 from handctl.model.result import Row
 
 __all__ = ["Confirm", "Device", "Row", "Rows", "Stream", "connect", "simulate"]

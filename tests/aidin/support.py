@@ -6,13 +6,13 @@ import json
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from handctl.command.options import Settings
 from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.exchange import Conversation
-from handctl.frame.options import Settings
 from handctl.link import ByteLink, Deadline, open_link
-from handctl.model.guide import Guide
+from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
-from handctl.model.stopping import Aim, Stopped, drive, talk_of
+from handctl.model.stop_sequence import StopContext, Stopped, drive, stop_sequence_of
 from tests.support.scripted import RecordedLink, ScriptedLink
 
 STOP = b'{"hand_mode":3}\n'
@@ -43,7 +43,7 @@ def line(content: object, end: bytes = b"\n") -> bytes:
     return json.dumps(content, separators=(",", ":")).encode() + end
 
 
-class Notes(Guide):
+class Notes(Prompts):
     """Keeps what a person would have been told."""
 
     def __init__(self) -> None:
@@ -117,4 +117,4 @@ def stopped_behind(sent: list[bytes]) -> bytes:
 
 def stopped(link: ByteLink, **settings: Any) -> Stopped:
     """Run the family's stopper over `link`; how it ended."""
-    return drive(link, talk_of("aidin", Aim(Settings(own=settings))), [])
+    return drive(link, stop_sequence_of("aidin", StopContext(Settings(own=settings))), [])

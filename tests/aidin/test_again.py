@@ -13,14 +13,14 @@ from types import SimpleNamespace
 
 import pytest
 
+from handctl.command.console import TerminalPrompts
+from handctl.command.options import Settings
 from handctl.devices.aidin import device
 from handctl.errors import Interrupted, LinkError
-from handctl.frame.console import TerminalGuide
-from handctl.frame.options import Settings
-from handctl.link.tap import Tap, observed
 from handctl.link.tcp import TcpLink
-from handctl.model.guide import Guide
-from handctl.stop.holding import Hold
+from handctl.link.transcript import Tap, observed
+from handctl.model.prompts import Prompts
+from handctl.stop.device_access import DeviceAccess
 from tests.aidin.support import STOP, feedback, hand_on, line
 from tests.support.cli import PATIENCE, Result, run
 from tests.support.each_row import each_row
@@ -164,12 +164,12 @@ def test_where_nobody_listens_any_more(name: str, serve: MakeServer) -> None:
     assert all(bytes.fromhex(row["bytes"]) != STOP for row in result.json["writes"] if row["state"] != "not-sent")
 
 
-def driven(server: Server, guide: Guide, body: Callable[[], None], link: TcpLink | None = None) -> None:
+def driven(server: Server, prompts: Prompts, body: Callable[[], None], link: TcpLink | None = None) -> None:
     """`body` while a hand is guarded whose connection has been closed by then."""
     hand = hand_on(link or TcpLink(server.name))
     try:
-        with device.stopped_if_cut_short(hand, guide, "moving; "):
-            hand.talk.send(device.object_of(device.Mode.INITIAL))
+        with device.stopped_if_cut_short(hand, prompts, "moving; "):
+            hand.conversation.send(device.object_of(device.Mode.INITIAL))
             assert server.closed.wait(PATIENCE)
             body()
     finally:
@@ -183,7 +183,7 @@ def test_an_interrupt_that_meets_a_lost_connection_stops_all_the_same(serve: Mak
         raise KeyboardInterrupt
 
     with pytest.raises(Interrupted) as caught:
-        driven(server, Guide(), press)
+        driven(server, Prompts(), press)
     server.end()
     assert caught.value.text.startswith(f"interrupted: moving; {LOST}")
     assert only_stops(server)
@@ -214,7 +214,7 @@ def test_the_second_interrupt_ends_it_at_once(
     monkeypatch.setattr(device, "AGAIN", 3 * PATIENCE)
     begin = time.monotonic()
     with pytest.raises((LinkError, Interrupted)) as caught:
-        driven(server, TerminalGuide(quiet=True), body, link)
+        driven(server, TerminalPrompts(quiet=True), body, link)
     assert link.tries == (2 if first is LinkError else 1)
     assert time.monotonic() - begin < PATIENCE
     assert "interrupted while reconnecting" in caught.value.hint
@@ -224,10 +224,10 @@ def test_the_second_interrupt_ends_it_at_once(
 def test_the_wish_of_another_process_opens_it_again_too(serve: MakeServer) -> None:
     server, lines = serve(2, 1), list[str]()
     link = observed(TcpLink(server.name), Tap(lines.append))
-    hold = Hold(SimpleNamespace(guide=Guide(), settings=Settings(), writes=False, opened=None, family=SimpleNamespace(kind="aidin")), None)  # type: ignore[arg-type]  # fmt: skip
+    hold = DeviceAccess(SimpleNamespace(prompts=Prompts(), settings=Settings(), writes=False, opened=None, family=SimpleNamespace(kind="aidin")), None)  # type: ignore[arg-type]  # fmt: skip
     hold.link = link
     hand = hand_on(link)  # type: ignore[arg-type]
-    hand.talk.send(device.object_of(device.Mode.INITIAL))
+    hand.conversation.send(device.object_of(device.Mode.INITIAL))
     assert server.closed.wait(PATIENCE)
     told = hold.stop("stopped")
     link.close()
@@ -247,7 +247,7 @@ def test_nothing_is_sent_where_nothing_was_driven(serve: MakeServer, monkeypatch
 
     monkeypatch.setattr("handctl.link.deadman.os.fork", full)
     hand = hand_on(TcpLink(server.name))
-    with pytest.raises(LinkError) as caught, device.stopped_if_cut_short(hand, Guide()):
+    with pytest.raises(LinkError) as caught, device.stopped_if_cut_short(hand, Prompts()):
         raise AssertionError("driven")
     hand.link.close()
     server.end()

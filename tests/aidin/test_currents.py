@@ -6,12 +6,12 @@ import itertools
 
 import pytest
 
+from handctl.devices.aidin.exchange_settings import ExchangeMode, ExchangeSettings
 from handctl.devices.aidin.map import CURRENTS
 from handctl.devices.aidin.motion import currents
 from handctl.devices.aidin.targets import Goal, parse
-from handctl.devices.aidin.way import ExchangeMode, Way
 from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, ProtocolError
-from handctl.model.guide import Guide
+from handctl.model.prompts import Prompts
 from tests.aidin.support import (  # fmt: skip
     AT_ORIGIN,
     STOP,
@@ -49,7 +49,7 @@ def steps(values: list[int]) -> int:
 
 def test_currents() -> None:
     hand, link = simulated(start="homed")
-    table = currents(hand, goal(*WHOLE), Guide(), seconds=1.0, cap=300)
+    table = currents(hand, goal(*WHOLE), Prompts(), seconds=1.0, cap=300)
     sent = objects(link.sent)
     modes = [data["hand_mode"] for data in sent]
     assert list(dict.fromkeys(modes)) == [5, 41, 3]
@@ -66,14 +66,14 @@ def test_currents() -> None:
 def test_interrupted_currents_go_back_to_0_where_that_was_asked_for(after: float) -> None:
     hand, link = simulated(start="homed")
     link.interrupt_at = link.now() + after
-    guide = Notes()
+    prompts = Notes()
     with pytest.raises(Interrupted):
-        currents(hand, goal(), guide, seconds=1.0, cap=300, ramp_down=True)
+        currents(hand, goal(), prompts, seconds=1.0, cap=300, ramp_down=True)
     told = flow(link.sent)
     assert told[-1] == 0 and steps(told) <= 8  # the object that was being sent may be left out
     assert 4 <= max(told) <= 100
     assert b'"hand_mode":41' in stopped_behind(link.sent)
-    assert any("Press Ctrl-C again to stop" in text for text in guide.lines)
+    assert any("Press Ctrl-C again to stop" in text for text in prompts.lines)
 
 
 def test_interrupted_currents_are_stopped_at_once() -> None:
@@ -81,7 +81,7 @@ def test_interrupted_currents_are_stopped_at_once() -> None:
     hand, link = simulated(start="homed")
     link.interrupt_at = pressed = link.now() + 1.0
     with pytest.raises(Interrupted) as caught:
-        currents(hand, goal(), Guide(), seconds=1.0, cap=300)
+        currents(hand, goal(), Prompts(), seconds=1.0, cap=300)
     told = flow(link.sent)
     assert told[-1] == max(told) == 100
     assert b'"hand_mode":41' in stopped_behind(link.sent)
@@ -93,7 +93,7 @@ def test_interrupted_before_any_current_flows() -> None:
     hand, link = simulated(start="homed")
     link.interrupt_at = link.now() + 0.1
     with pytest.raises(Interrupted):
-        currents(hand, goal(), Guide(), seconds=1.0, cap=300)
+        currents(hand, goal(), Prompts(), seconds=1.0, cap=300)
     assert set(flow(link.sent)) <= {0}
     stopped_behind(link.sent)
 
@@ -112,7 +112,7 @@ def test_interrupted_twice_stops_at_once() -> None:
     twice = Twice(link)
     twice.interrupt_at = 0.9
     with pytest.raises(Interrupted):
-        currents(hand_on(twice), goal(), Guide(), seconds=1.0, cap=300, ramp_down=True)
+        currents(hand_on(twice), goal(), Prompts(), seconds=1.0, cap=300, ramp_down=True)
     told = flow(twice.sent)
     assert max(told) > 60 and 40 < told[-1] < max(told)
     stopped_behind(twice.sent)
@@ -122,7 +122,7 @@ def test_currents_that_lose_feedback_are_stopped() -> None:
     good = line(STILL)
     link = Streamer(lambda t: good if t < 0.8 else b"\n")
     with pytest.raises(HandctlError) as caught:
-        currents(hand_on(link), goal(), Guide(), seconds=5.0, cap=300)
+        currents(hand_on(link), goal(), Prompts(), seconds=5.0, cap=300)
     assert link.sent[-3:] == [STOP] * 3
     assert caught.value.exit_code == 4
 
@@ -130,21 +130,21 @@ def test_currents_that_lose_feedback_are_stopped() -> None:
 def test_currents_that_are_kept_stay_below_the_cap() -> None:
     link = streamer(feedback(current_state=[301] + [0] * 14))
     with refused(CheckFailed, "beyond-cap", "thumb.m1 301"):
-        currents(hand_on(link), goal(), Guide(), seconds=1.0, cap=300)
+        currents(hand_on(link), goal(), Prompts(), seconds=1.0, cap=300)
     assert link.sent == []
 
 
-COMMANDED = Way(exchange=ExchangeMode.COMMAND)
+COMMANDED = ExchangeSettings(exchange=ExchangeMode.COMMAND)
 
 
 def test_a_hand_that_answers_commands_needs_the_whole_vector() -> None:
     link = poller(STILL)
     with pytest.raises(NoAnswer, match="that you did not give are unknown"):
-        currents(hand_on(link, way=COMMANDED), goal(), Guide(), seconds=0.1, cap=300)
+        currents(hand_on(link, way=COMMANDED), goal(), Prompts(), seconds=0.1, cap=300)
     assert link.sent == []
     hand, recorded = simulated(start="homed", exchange="command")
-    hand.talk.way = COMMANDED
-    table = currents(hand, goal(*WHOLE), Guide(), seconds=0.3, cap=300)
+    hand.conversation.way = COMMANDED
+    table = currents(hand, goal(*WHOLE), Prompts(), seconds=0.3, cap=300)
     assert table.failure is None
     assert b"{}\n" not in recorded.sent
 
@@ -154,7 +154,7 @@ def test_nothing_flows_unless_currents_are_told(content: Content | None) -> None
     """Maximum torque has been set then, and nothing else."""
     link = ScriptedLink() if content is None else poller(content)
     with pytest.raises((NoAnswer, ProtocolError)):
-        currents(hand_on(link, way=COMMANDED), goal(*WHOLE), Guide(), seconds=0.3, cap=300)
+        currents(hand_on(link, way=COMMANDED), goal(*WHOLE), Prompts(), seconds=0.3, cap=300)
     assert {data["hand_mode"] for data in objects(link.sent)} == {5, 3}
     assert link.sent[-3:] == [STOP] * 3
 
@@ -163,6 +163,6 @@ def test_currents_that_still_flow_behind_the_stop_are_told() -> None:
     """The hand is asked after the stop, not believed: what it says then is what is shown."""
     flowing: Content = {**AT_ORIGIN, "current_state": [0] * 5 + [100] + [0] * 9}
     hand = hand_on(Streamer(lambda _t: line(flowing)))
-    currents(hand, goal(*WHOLE), Guide(), seconds=0.2, cap=300)
+    currents(hand, goal(*WHOLE), Prompts(), seconds=0.2, cap=300)
     told = {message.code: message.text for message in hand.journal.messages}
     assert "currents up to 100" in told["not-stopped"] and "stopped" not in told, told

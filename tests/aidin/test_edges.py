@@ -7,14 +7,14 @@ from contextlib import contextmanager
 
 import pytest
 
-from handctl.devices.aidin import device, modes, motion
+from handctl.devices.aidin import device, motion, procedures
 from handctl.devices.aidin.exchange import LISTEN_LONGEST
 from handctl.devices.aidin.map import CURRENTS, ENCODERS
 from handctl.devices.aidin.motion import currents
 from handctl.devices.aidin.targets import parse
 from handctl.errors import CheckFailed, Interrupted, NoAnswer, ProtocolError, UsageError
 from handctl.link import Deadline
-from handctl.model.guide import Guide, Presses
+from handctl.model.prompts import Presses, Prompts
 from tests.aidin.support import (
     STOP,
     Streamer,
@@ -38,33 +38,33 @@ DAMAGED = b'{"motor_pos":[nope]}\n'
 def test_three_damaged_objects_in_a_row_end_it_and_two_do_not(count: int) -> None:
     link = ScriptedLink()
     link.put(0.0, line(feedback()) + DAMAGED * count)
-    talk = hand_on(link).talk
+    conversation = hand_on(link).conversation
     if count < 3:
-        talk.connect()
-        assert talk.feedback.complete()
+        conversation.connect()
+        assert conversation.feedback.complete()
     else:
         with refused(ProtocolError, "bad-json", "3 damaged objects") as caught:
-            talk.connect()
+            conversation.connect()
         assert caught.value.code == "bad-json"
-    assert talk.journal.counters.bad_frames == count
+    assert conversation.journal.counters.bad_frames == count
 
 
 def test_damage_that_is_not_in_a_row_does_not_add_up() -> None:
     link = ScriptedLink()
     link.put(0.0, (DAMAGED * 2 + line(feedback())) * 4)
-    talk = hand_on(link).talk
-    talk.connect()
-    assert (talk.journal.counters.bad_frames, talk.journal.counters.received) == (8, 4)
+    conversation = hand_on(link).conversation
+    conversation.connect()
+    assert (conversation.journal.counters.bad_frames, conversation.journal.counters.received) == (8, 4)
 
 
 @pytest.mark.parametrize("timeout", [None, 0.3])
 def test_a_stream_that_stops_while_something_moves_is_told_after_the_timeout(timeout: float | None) -> None:
     link = Streamer(lambda t: line(feedback()) if t <= 1.0 else b"")
-    talk = hand_on(link, timeout=timeout).talk
-    talk.connect()
+    conversation = hand_on(link, timeout=timeout).conversation
+    conversation.connect()
     with refused(NoAnswer, "no-answer"):
         for _ in range(200):
-            talk.tick(STOP.strip())
+            conversation.tick(STOP.strip())
     assert link.clock - 1.0 == pytest.approx(timeout or 1.0, abs=0.05)
 
 
@@ -91,17 +91,17 @@ def test_an_answer_without_an_end_is_not_waited_for_for_ever() -> None:
 @pytest.mark.parametrize("retries", [0, 2])
 def test_a_polled_hand_that_falls_silent_gets_one_object_more_than_retries(retries: int) -> None:
     link = poller(lambda request: None if request == STOP else feedback())
-    talk = hand_on(link, retries=retries).talk
-    talk.connect()
+    conversation = hand_on(link, retries=retries).conversation
+    conversation.connect()
     with refused(NoAnswer, "no-answer"):
         for _ in range(20):
-            talk.tick(STOP.strip())
+            conversation.tick(STOP.strip())
     assert link.sent.count(STOP) == 1 + retries
 
 
 def test_a_bug_of_ours_while_something_moves_stops_the_hand() -> None:
     link = streamer()
-    with pytest.raises(ZeroDivisionError), device.stopped_if_cut_short(hand_on(link), Guide()):
+    with pytest.raises(ZeroDivisionError), device.stopped_if_cut_short(hand_on(link), Prompts()):
         raise ZeroDivisionError
     assert len(link.sent) > 3 and set(link.sent) == {STOP}
 
@@ -109,7 +109,7 @@ def test_a_bug_of_ours_while_something_moves_stops_the_hand() -> None:
 def test_currents_told_before_the_stop_do_not_confirm_it() -> None:
     link = Streamer(lambda _t: b"" if STOP in link.sent else line(feedback(current_state=[0] * 15)))
     hand = hand_on(link)
-    hand.talk.connect()
+    hand.conversation.connect()
     assert "is not confirmed" in stopped(link).text
     assert set(link.sent) == {STOP} and len(link.sent) > 3, "and it was sent on"
 
@@ -119,7 +119,7 @@ def test_currents_that_never_flowed_confirm_nothing() -> None:
     assert told.error is None and told.evidence == ""
 
 
-class Watched(Guide):
+class Watched(Prompts):
     """Knows whether Ctrl-C waits at the moment."""
 
     waits = False
@@ -134,16 +134,16 @@ class Watched(Guide):
 
 
 def test_a_second_ctrl_c_waits_until_stop_is_sent() -> None:
-    link, guide = streamer(feedback()), Watched()
+    link, prompts = streamer(feedback()), Watched()
     write, waited = link.write, []
 
     def note(data: bytes, deadline: Deadline) -> None:
         if data == STOP:
-            waited.append(guide.waits)
+            waited.append(prompts.waits)
         write(data, deadline)
 
     link.write = note  # type: ignore[method-assign]
-    with pytest.raises(Interrupted), device.stopped_if_cut_short(hand_on(link), guide):
+    with pytest.raises(Interrupted), device.stopped_if_cut_short(hand_on(link), prompts):
         raise KeyboardInterrupt
     assert len(waited) > 3 and all(waited)
 
@@ -167,7 +167,7 @@ def test_what_was_told_before_the_end_of_the_ramp_is_no_arrival() -> None:
     link = after_command([b""])
     hand = hand_on(link)
     with refused(NoAnswer, "no-answer") as caught:
-        motion.move(hand, parse(ENCODERS, ["index.m2=5000"]), Guide(), assume_homed=True)
+        motion.move(hand, parse(ENCODERS, ["index.m2=5000"]), Prompts(), assume_homed=True)
     assert "no stop was sent" in caught.value.hint
     assert "reached" not in [message.code for message in hand.journal.messages]
 
@@ -177,7 +177,8 @@ def test_a_key_that_has_gone_bad_is_no_arrival() -> None:
     hand = hand_on(after_command([there, there, there, line(feedback(motor_pos=[0] * 14))]))
     with pytest.raises(ProtocolError, match="motor_pos"):
         raise (
-            motion.move(hand, parse(ENCODERS, ["index.m2=5000"]), Guide(), assume_homed=True).failure or AssertionError
+            motion.move(hand, parse(ENCODERS, ["index.m2=5000"]), Prompts(), assume_homed=True).failure
+            or AssertionError
         )
     assert "reached" not in [message.code for message in hand.journal.messages]
 
@@ -185,7 +186,7 @@ def test_a_key_that_has_gone_bad_is_no_arrival() -> None:
 def test_the_initial_position_is_not_reached_before_the_motors_stand() -> None:
     """Within 1 % of the origin, but still on the way through it."""
     link = Streamer(lambda t: line(feedback(motor_pos=[max(0, round(4000 * (0.6 - t)))] * 15)))
-    table = modes.initial(hand_on(link), Guide(), assume_homed=True)
+    table = procedures.initial(hand_on(link), Prompts(), assume_homed=True)
     assert {row["value"] for row in table.rows} == {0}
     assert link.sent_at[-1] > 0.6
 
@@ -205,14 +206,14 @@ def test_the_cap_holds_for_negative_currents_too() -> None:
     assert caught.value.code == "beyond-cap"
     link = streamer(feedback(current_state=[-301] + [0] * 14))
     with refused(CheckFailed, "beyond-cap", "thumb.m1 -301"):
-        currents(hand_on(link), parse(CURRENTS, ["index.m3=100"]), Guide(), seconds=1.0, cap=300)
+        currents(hand_on(link), parse(CURRENTS, ["index.m3=100"]), Prompts(), seconds=1.0, cap=300)
     assert link.sent == []
 
 
 def test_a_second_ctrl_c_does_not_wait_for_the_way_back_to_0() -> None:
     """It is counted meanwhile, and the stop mode sent at once."""
 
-    class Pressed(Guide):
+    class Pressed(Prompts):
         @contextmanager
         def counting(self) -> Iterator[Presses]:
             presses = Presses()

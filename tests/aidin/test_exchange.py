@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.map import AIDIN, FEEDBACK
-from handctl.devices.aidin.way import ExchangeMode
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import Deadline
 from handctl.model.param import elements_of
@@ -25,7 +25,7 @@ def test_a_stream_is_listened_to_and_nothing_is_sent() -> None:
     link = streamer()
     hand = hand_on(link)
     table = hand.dump()
-    assert hand.talk.exchange is ExchangeMode.STREAM
+    assert hand.conversation.exchange is ExchangeMode.STREAM
     assert link.sent == []
     assert len(table.rows) == 15 + 20 + 15 + 15 + 30
     assert table.failure is None
@@ -34,8 +34,8 @@ def test_a_stream_is_listened_to_and_nothing_is_sent() -> None:
 def test_a_silent_hand_is_asked_with_the_neutral_object_after_300_ms() -> None:
     link = poller(feedback())
     hand = hand_on(link)
-    hand.talk.connect()
-    assert hand.talk.exchange is ExchangeMode.POLL
+    hand.conversation.connect()
+    assert hand.conversation.exchange is ExchangeMode.POLL
     assert link.sent == [POLL]
     assert link.sent_at == [pytest.approx(0.3)]
 
@@ -168,7 +168,7 @@ def test_a_bad_key_is_refused_by_itself(changes: dict[str, object], key: str, co
 def test_one_bad_object_is_passed_over() -> None:
     turns = iter([line(feedback()), line(feedback(motor_pos=[1])), b'{"motor_pos":[1,2', *[line(feedback())] * 50])
     hand = hand_on(Streamer(lambda _: next(turns)))
-    hand.talk.connect()
+    hand.conversation.connect()
     assert hand.dump().failure is None
     assert hand.journal.counters.bad_frames == 1
 
@@ -183,7 +183,7 @@ def test_only_values_from_now_on_count() -> None:
     """A fast stream between two looks: what lies there is old."""
     link = Streamer(lambda t: line(feedback(motor_pos=[round(t * 1000)] * 15)), period=0.001)
     hand = hand_on(link)
-    hand.talk.connect()
+    hand.conversation.connect()
     for _ in range(3):
         link.clock += 0.1
         began = link.clock
@@ -194,7 +194,7 @@ def test_only_values_from_now_on_count() -> None:
 def test_a_stream_that_stops_is_told() -> None:
     link = streamer()
     hand = hand_on(link)
-    hand.talk.connect()
+    hand.conversation.connect()
     link._next = float("inf")
     began = link.clock
     with refused(NoAnswer, "no-answer"):
@@ -205,11 +205,11 @@ def test_a_stream_that_stops_is_told() -> None:
 def test_nothing_is_driven_on_by_a_key_that_is_wrong_three_times() -> None:
     made = iter([feedback()] + [feedback(motor_pos=[1])] * 9)
     hand = hand_on(poller(lambda _: next(made)))
-    hand.talk.connect()
+    hand.conversation.connect()
     for _ in range(2):
-        hand.talk.tick(POLL, by=AIDIN["motor_pos"])
+        hand.conversation.tick(POLL, by=AIDIN["motor_pos"])
     with pytest.raises(ProtocolError) as caught:
-        hand.talk.tick(POLL, by=AIDIN["motor_pos"])
+        hand.conversation.tick(POLL, by=AIDIN["motor_pos"])
     assert caught.value.code == "bad-length"
     assert hand.link.now() < 1.0  # the bound for a key that is missing
 

@@ -10,14 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from handctl.devices.aidin import modes, motion
+from handctl.devices.aidin import motion
+from handctl.devices.aidin import procedures as modes
 from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.map import ANGLES, CURRENTS, ENCODERS, TIPS, Target
 from handctl.devices.aidin.motion import currents
 from handctl.devices.aidin.targets import parse
 from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import Deadline
-from handctl.model.guide import Guide
+from handctl.model.prompts import Prompts
 from handctl.model.result import Table
 from tests.aidin.support import (
     AT_ORIGIN,
@@ -40,11 +41,11 @@ Act = Callable[[AidinHand], object]
 
 
 def initial(hand: AidinHand) -> object:
-    return modes.initial(hand, Guide(), assume_homed=True)
+    return modes.initial(hand, Prompts(), assume_homed=True)
 
 
 def move(hand: AidinHand) -> object:
-    return motion.move(hand, parse(ANGLES, ["index.q3=120"]), Guide(), assume_homed=True)
+    return motion.move(hand, parse(ANGLES, ["index.q3=120"]), Prompts(), assume_homed=True)
 
 
 def max_torque(hand: AidinHand) -> object:
@@ -112,10 +113,10 @@ def test_an_error_says_what_the_hand_has_got(act: Act, end: float, told: str, si
 @pytest.mark.parametrize("silent", [False, True], ids=["closed", "silent"])
 def test_homing_that_ends_unseen_says_what_the_hand_was_left_in(silent: bool) -> None:
     whole = streamer(AT_ORIGIN)
-    modes.home(hand_on(whole), Guide())
+    modes.home(hand_on(whole), Prompts())
     link = Closing(whole.sent_at[-1] + 0.02, silent=silent)
     with pytest.raises((LinkError, NoAnswer)) as caught:
-        modes.home(hand_on(link), Guide())
+        modes.home(hand_on(link), Prompts())
     assert len(link.sent) == len(whole.sent)
     assert "the hand was left in homing mode, and no stop was sent" in caught.value.hint
 
@@ -125,7 +126,7 @@ def test_homing_that_was_not_begun_stops_nobody() -> None:
     for content in (feedback(motor_pos={"a": 1}), feedback(motor_pos=[0] * 14)):
         link = streamer(content)
         with pytest.raises(ProtocolError, match="motor_pos"):
-            modes.home(hand_on(link), Guide())
+            modes.home(hand_on(link), Prompts())
         assert link.sent == []
 
 
@@ -163,7 +164,7 @@ def test_a_target_that_is_not_reached_is_still_driven_at(act: Act, told: str) ->
 def test_homing_is_not_begun_when_the_deadline_would_cut_it_off() -> None:
     link = streamer(AT_ORIGIN)
     with pytest.raises(UsageError, match=r"takes 3\.5 s"):
-        modes.home(hand_on(link, bound=link.deadline(3.4)), Guide())
+        modes.home(hand_on(link, bound=link.deadline(3.4)), Prompts())
     assert link.sent == []
 
 
@@ -200,7 +201,7 @@ ALL = ["10", "5", "118", "-4", "5", "165", "0", "5", "165", "4", "5", "165", "8"
 def test_a_ramp_does_not_begin_at_degrees_on_the_wire(assume: bool) -> None:
     hand, link = simulated(start="homed", fault="degrees")
     with pytest.raises(CheckFailed, match=r"joint_pos is not an angle in radians.*cannot start there") as caught:
-        motion.move(hand, parse(ANGLES, ALL), Guide(), assume_homed=assume)
+        motion.move(hand, parse(ANGLES, ALL), Prompts(), assume_homed=assume)
     assert caught.value.code == "start-out-of-range" and link.sent == []
 
 
@@ -209,13 +210,13 @@ def test_a_ramp_begins_far_outside_only_when_that_is_wanted() -> None:
     angles[4] = -1.1  # -63 of -45 deg; a jump to -45 would be the first step
     link = streamer(feedback(joint_pos=angles))
     with refused(CheckFailed, "start-out-of-range", "index.q1 -63.0") as caught:
-        motion.move(hand_on(link), parse(ANGLES, ALL), Guide(), assume_homed=False)
+        motion.move(hand_on(link), parse(ANGLES, ALL), Prompts(), assume_homed=False)
     assert "--assume-homed starts at the limit" in caught.value.hint and link.sent == []
-    assert motion.move(hand_on(link), parse(ANGLES, ALL), Guide(), assume_homed=True).failure is not None
+    assert motion.move(hand_on(link), parse(ANGLES, ALL), Prompts(), assume_homed=True).failure is not None
     assert link.sent
     angles[4] = -0.82  # -47 deg: the figures of the ranges need not be that exact
     near = streamer(feedback(joint_pos=angles))
-    assert motion.move(hand_on(near), parse(ANGLES, ALL), Guide(), assume_homed=False).failure is not None
+    assert motion.move(hand_on(near), parse(ANGLES, ALL), Prompts(), assume_homed=False).failure is not None
     assert near.sent
 
 
@@ -265,13 +266,13 @@ WHEN = 0.9
 BOUND = 1.2
 """Seconds of further objects at the most: 1 s of silence, and the last period."""
 DRIVES: dict[str, tuple[Act, str, str]] = {
-    "home": (lambda hand: modes.home(hand, Guide()), "motor_pos", "Stop was sent"),
+    "home": (lambda hand: modes.home(hand, Prompts()), "motor_pos", "Stop was sent"),
     "initial": (initial, "motor_pos", f"{GOES_ON} to its origin"),
     "encoders": (lambda hand: _moved(hand, ENCODERS, "index.m1=200000"), "motor_pos", f"{GOES_ON} to its last target"),
     "joints": (lambda hand: _moved(hand, ANGLES, "index.q3=120"), "joint_pos", f"{GOES_ON} to its last target"),
     "fingertips": (lambda hand: _moved(hand, TIPS, "index.z=10"), "task_space_pos", f"{GOES_ON} to its last target"),
     "currents": (
-        lambda hand: currents(hand, parse(CURRENTS, ["index.m1=200"], cap=300), Guide(), seconds=3, cap=300),
+        lambda hand: currents(hand, parse(CURRENTS, ["index.m1=200"], cap=300), Prompts(), seconds=3, cap=300),
         "current_state", "Stop was sent",
     ),
 }  # fmt: skip
@@ -279,7 +280,7 @@ DRIVES: dict[str, tuple[Act, str, str]] = {
 
 
 def _moved(hand: AidinHand, target: Target, text: str) -> Table:
-    return motion.move(hand, parse(target, [text]), Guide(), assume_homed=True)
+    return motion.move(hand, parse(target, [text]), Prompts(), assume_homed=True)
 
 
 def _blinded(content: dict[str, object], key: str, how: str) -> dict[str, object]:

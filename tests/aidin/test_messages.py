@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from handctl.devices.aidin.messages import (
+from handctl.devices.aidin.json_codec import (
     LARGEST_IN,
     LARGEST_OUT,
     LONGEST_END,

@@ -6,12 +6,12 @@ import itertools
 
 import pytest
 
-from handctl.devices.aidin import modes, motion
+from handctl.devices.aidin import motion, procedures
 from handctl.devices.aidin.map import ANGLES, ENCODERS, TIPS
 from handctl.devices.aidin.targets import parse
 from handctl.errors import CheckFailed, Interrupted, LinkError, NoAnswer, ProtocolError
-from handctl.model import stopping
-from handctl.model.guide import Guide
+from handctl.model import stop_sequence
+from handctl.model.prompts import Prompts
 from tests.aidin.support import (
     AT_ORIGIN,
     STOP,
@@ -43,7 +43,7 @@ STILL: Content = {**AT_ORIGIN, "current_state": [0] * 15}
 def test_homing_is_held_for_3_5_s_and_nothing_comes_between(polled: bool) -> None:
     link = poller(AT_ORIGIN) if polled else streamer(AT_ORIGIN)
     notes = Notes()
-    table = modes.home(hand_on(link), notes)
+    table = procedures.home(hand_on(link), notes)
     places = [n for n, data in enumerate(link.sent) if data == HOME]
     assert set(link.sent[places[0] : places[-1] + 1]) == {HOME}
     times = [link.sent_at[n] for n in places]
@@ -57,7 +57,7 @@ def test_homing_is_held_for_3_5_s_and_nothing_comes_between(polled: bool) -> Non
 
 
 def test_homing_that_left_encoders_elsewhere_is_not_confirmed() -> None:
-    table = modes.home(hand_on(streamer(feedback(motor_pos=[0] * 5 + [85000] + [0] * 9))), Guide())
+    table = procedures.home(hand_on(streamer(feedback(motor_pos=[0] * 5 + [85000] + [0] * 9))), Prompts())
     assert table.failure is not None and table.failure.code == "not-homed"
     assert table.rows[5]["verdict"] == "not at 0"
     assert "left in homing mode, and no stop was sent" in table.failure.hint
@@ -75,7 +75,7 @@ def test_a_hold_that_was_held_up_begins_again() -> None:
         write(data, deadline)  # type: ignore[arg-type]
 
     link.write = slow  # type: ignore[method-assign,assignment]
-    modes.home(hand, Guide())
+    procedures.home(hand, Prompts())
     assert link.sent_at[-1] - held[0] > 3.7
     assert "interrupted-hold" in [message.code for message in hand.journal.messages]
 
@@ -84,14 +84,14 @@ def test_homing_interrupted_is_not_homed_and_stopped() -> None:
     link = streamer(AT_ORIGIN)
     link.interrupt_at = 2.0
     with pytest.raises(Interrupted, match="not homed") as caught:
-        modes.home(hand_on(link), Guide())
+        procedures.home(hand_on(link), Prompts())
     assert stopped_behind(link.sent) == HOME
     assert caught.value.exit_code == 130
 
 
 def test_homing_of_a_hand_that_only_answers_commands() -> None:
     link = poller(lambda request: AT_ORIGIN if b"hand_mode" in request else None)
-    table = modes.home(hand_on(link), Guide())
+    table = procedures.home(hand_on(link), Prompts())
     assert [row["value"] for row in table.rows] == [0] * 15
     first = link.sent.index(HOME)
     assert set(link.sent[first:]) == {HOME}
@@ -100,7 +100,7 @@ def test_homing_of_a_hand_that_only_answers_commands() -> None:
 def test_homing_of_a_mute_hand_is_not_confirmed() -> None:
     link = ScriptedLink()
     with pytest.raises(NoAnswer, match="not confirmed"):
-        modes.home(hand_on(link), Guide())
+        procedures.home(hand_on(link), Prompts())
     assert link.clock < 6
 
 
@@ -108,7 +108,7 @@ def test_homing_into_damage_is_stopped() -> None:
     good, bad = line(AT_ORIGIN), b'{"motor_pos":[1,2\n'
     link = Streamer(lambda t: good if t < 1.5 else bad)
     with pytest.raises(ProtocolError) as caught:
-        modes.home(hand_on(link), Guide())
+        procedures.home(hand_on(link), Prompts())
     assert link.sent[-3:] == [STOP] * 3
     assert "is not confirmed" in caught.value.hint
 
@@ -119,7 +119,7 @@ def test_homing_into_damage_is_stopped() -> None:
 def test_initial_is_repeated_until_the_encoders_are_at_the_origin() -> None:
     link = Streamer(lambda t: line(feedback(motor_pos=[max(0, round(100000 * (1 - t)))] * 15)))
     hand = hand_on(link)
-    table = modes.initial(hand, Guide(), assume_homed=False)
+    table = procedures.initial(hand, Prompts(), assume_homed=False)
     assert set(link.sent) == {INITIAL}
     assert all(row["value"] == 0 for row in table.rows)
 
@@ -127,7 +127,7 @@ def test_initial_is_repeated_until_the_encoders_are_at_the_origin() -> None:
 def test_initial_that_does_not_arrive() -> None:
     link = streamer(feedback(motor_pos=[50000] * 15))
     with refused(CheckFailed, "not-reached"):
-        modes.initial(hand_on(link), Guide(), assume_homed=False)
+        procedures.initial(hand_on(link), Prompts(), assume_homed=False)
     assert 5.0 <= link.clock < 5.3
 
 
@@ -135,14 +135,14 @@ def test_encoders_out_of_their_range_were_not_homed() -> None:
     content = feedback(motor_pos=[-50000] * 15)
     link = streamer(content)
     for call in (
-        lambda hand: modes.initial(hand, Guide(), assume_homed=False),
-        lambda hand: motion.move(hand, parse(ENCODERS, ["index.m1=5"]), Guide(), assume_homed=False),
+        lambda hand: procedures.initial(hand, Prompts(), assume_homed=False),
+        lambda hand: motion.move(hand, parse(ENCODERS, ["index.m1=5"]), Prompts(), assume_homed=False),
     ):
         with refused(CheckFailed, "not-homed"):
             call(hand_on(link))
     assert link.sent == []
     with refused(CheckFailed, "not-reached"):
-        modes.initial(hand_on(link), Guide(), assume_homed=True)
+        procedures.initial(hand_on(link), Prompts(), assume_homed=True)
     assert set(link.sent) == {INITIAL}
 
 
@@ -182,7 +182,7 @@ def test_bias() -> None:
     link = ScriptedLink()
     link.answer = lambda request: [(0.001, line(zero if BIAS in link.sent else feedback()))]
     hand = hand_on(link)
-    table = modes.bias(hand)
+    table = procedures.bias(hand)
     assert table.failure is None
     assert [(row["before"], row["value"]) for row in table.rows][:2] == [(0.01, 0.0), (0.02, 0.0)]
     assert 20 <= link.sent.count(BIAS) <= 26
@@ -190,7 +190,7 @@ def test_bias() -> None:
 
 
 def test_bias_without_effect() -> None:
-    table = modes.bias(hand_on(streamer(feedback())))
+    table = procedures.bias(hand_on(streamer(feedback())))
     assert table.failure is not None and table.failure.code == "not-biased"
     assert len(table.rows) == 30
 
@@ -198,25 +198,25 @@ def test_bias_without_effect() -> None:
 def test_noise_about_zero_is_no_failure() -> None:
     values = iter([0.001, -0.002, 0.002, -0.001] * 300)
     link = Streamer(lambda _: line(feedback(sensor_state=[next(values)] * 30)))
-    assert modes.bias(hand_on(link)).failure is None
+    assert procedures.bias(hand_on(link)).failure is None
 
 
 def test_bias_is_refused_while_a_motor_moves() -> None:
     link = Streamer(lambda t: line(feedback(motor_pos=[0] * 4 + [round(t * 100000)] + [0] * 10)))
     with pytest.raises(CheckFailed, match=r"index\.m2"):
-        modes.bias(hand_on(link))
+        procedures.bias(hand_on(link))
     assert link.sent == []
 
 
 def test_max_torque() -> None:
     link = streamer()
     hand = hand_on(link)
-    (row,) = modes.max_torque(hand, 800).rows
+    (row,) = procedures.max_torque(hand, 800).rows
     assert (row["name"], row["key"], row["value"], row["finger"]) == ("maxtorque", "maxtorque", 800, None)
     assert set(link.sent) == {b'{"hand_mode":5,"maxtorque":800}\n'}
     assert hand.journal.messages[-1].code == "not-read-back"
     with pytest.raises(NoAnswer):
-        modes.max_torque(hand_on(ScriptedLink()), 800)
+        procedures.max_torque(hand_on(ScriptedLink()), 800)
 
 
 # -- targets, against the simulator -----------------------------------------------------------------------------------
@@ -228,7 +228,7 @@ def test_joints_arrive_on_a_ramp(exchange: str) -> None:
     before = {
         f"{row['finger']}.{row['element']}": row["value"] for row in hand.dump().rows if row["name"] == "joint_pos"
     }
-    table = motion.move(hand, parse(ANGLES, ["index.q3=130", "thumb.q1=10"]), Guide(), assume_homed=False)
+    table = motion.move(hand, parse(ANGLES, ["index.q3=130", "thumb.q1=10"]), Prompts(), assume_homed=False)
     assert table.failure is None
     at = {f"{row['finger']}.{row['element']}": row for row in table.rows}
     assert all(row["reached"] for row in table.rows)
@@ -247,16 +247,16 @@ def test_joints_arrive_on_a_ramp(exchange: str) -> None:
 def test_encoders_and_fingertips_arrive() -> None:
     hand, _ = simulated(start="open")
     for goal in (parse(ENCODERS, ["index.m3=85000"]), parse(TIPS, ["little.z=120", "thumb.y=60"])):
-        assert motion.move(hand, goal, Guide(), assume_homed=False).failure is None
+        assert motion.move(hand, goal, Prompts(), assume_homed=False).failure is None
 
 
 def test_what_does_not_arrive_is_named() -> None:
     hand, link = simulated(start="homed", fault="blocked")
-    table = motion.move(hand, parse(ENCODERS, ["index.m3=85000"]), Guide(), assume_homed=False)
+    table = motion.move(hand, parse(ENCODERS, ["index.m3=85000"]), Prompts(), assume_homed=False)
     assert table.failure is not None and table.failure.exit_code == 7
     assert "index.m3" in table.failure.text and "41660 cts" in table.failure.text
     assert {row["element"]: row["arrival"] for row in table.rows if row["arrival"] != "reached"} == {"m3": "contact"}
-    gripped = motion.move(hand, parse(ENCODERS, ["index.m3=85000"]), Guide(), assume_homed=False, expect="contact")
+    gripped = motion.move(hand, parse(ENCODERS, ["index.m3=85000"]), Prompts(), assume_homed=False, expect="contact")
     assert gripped.failure is None, "its current shows that it pushes"
     assert [row["element"] for row in table.rows if not row["reached"]] == ["m3"]
     assert link.now() < 20
@@ -264,7 +264,9 @@ def test_what_does_not_arrive_is_named() -> None:
 
 def test_passing_by_is_not_arriving() -> None:
     link = Streamer(lambda t: line(feedback(motor_pos=[0] * 5 + [round(100000 * t) % 170000] + [0] * 9)))
-    table = motion.move(hand_on(link), parse(ENCODERS, ["0"] * 5 + ["85000"] + ["0"] * 9), Guide(), assume_homed=False)
+    table = motion.move(
+        hand_on(link), parse(ENCODERS, ["0"] * 5 + ["85000"] + ["0"] * 9), Prompts(), assume_homed=False
+    )
     assert table.failure is not None
 
 
@@ -272,7 +274,7 @@ def test_an_interrupted_movement_is_stopped() -> None:
     hand, link = simulated(start="homed")
     link.interrupt_at = link.now() + 0.8
     with pytest.raises(Interrupted):
-        motion.move(hand, parse(ANGLES, ["index.q3=120"]), Guide(), assume_homed=False)
+        motion.move(hand, parse(ANGLES, ["index.q3=120"]), Prompts(), assume_homed=False)
     assert b'"hand_mode":22' in stopped_behind(link.sent)
 
 
@@ -286,7 +288,7 @@ def test_a_second_interrupt_and_a_lost_link_are_told() -> None:
     for write, word, error in ((again, "interrupted again", NoAnswer), (lost, "gone", LinkError)):
         link = streamer()
         link.write = write  # type: ignore[method-assign,assignment]
-        ended = stopping.stopped(hand_on(link).stop, Guide())
+        ended = stop_sequence.stopped(hand_on(link).stop, Prompts())
         assert type(ended) is error and word in ended.text and ended.code == "not-stopped"
 
 
@@ -294,6 +296,6 @@ def test_feedback_that_stops_ends_a_movement() -> None:
     good = line(AT_ORIGIN)
     link = Streamer(lambda t: good if t < 0.4 else b"\n")
     with refused(NoAnswer, "no-answer"):
-        motion.move(hand_on(link), parse(ENCODERS, ["index.m3=170000"]), Guide(), assume_homed=False)
+        motion.move(hand_on(link), parse(ENCODERS, ["index.m3=170000"]), Prompts(), assume_homed=False)
     assert link.clock < 2
     assert STOP not in link.sent  # the last small step of the ramp is held

@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 import pytest
 
+from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.map import FEEDBACK
-from handctl.devices.aidin.way import ExchangeMode
 from handctl.errors import ProtocolError
 from handctl.link import ByteLink
 from handctl.model.param import elements_of
@@ -49,7 +49,7 @@ def test_one_bad_number_is_its_own_error(param: object, odd: object, polled: boo
 def test_a_command_does_not_drive_by_an_array_with_a_bad_number() -> None:
     hand = hand_on(streamer(with_odd("motor_pos", 7, math.nan)))
     with pytest.raises(ProtocolError, match=r"middle\.m2.*not finite"):
-        hand.talk.need(FEEDBACK[0])
+        hand.conversation.need(FEEDBACK[0])
 
 
 def test_a_key_that_comes_twice_in_one_object_is_damage() -> None:
@@ -88,7 +88,7 @@ def test_what_was_bad_now_and_then_is_counted_key_by_key() -> None:
     for _ in range(20):
         assert hand.dump().failure is None
         link.sleep(0.05)
-    hand.talk.drain()
+    hand.conversation.drain()
     counters = hand.journal.counters.as_row()
     keys = counters["keys"]
     assert keys["sensor_state"]["bad"] == counters["bad"] == number // 3
@@ -111,7 +111,7 @@ def test_a_slow_stream_is_read_and_known_for_one(hertz: int, phase: float) -> No
     assert "streams" in how
     for _ in range(5):
         assert hand.dump().failure is None
-    assert hand.talk.exchange is ExchangeMode.STREAM
+    assert hand.conversation.exchange is ExchangeMode.STREAM
 
 
 def test_a_hand_that_answers_is_not_asked_again_to_find_out() -> None:

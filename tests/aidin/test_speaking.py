@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from handctl.devices.aidin import way as table
+from handctl.devices.aidin import exchange_settings as table
 
 SEEN_IN = {
     table.LISTENED: {table.FEEDBACK, table.DAMAGED, table.OTHER, table.NOTHING},

@@ -7,7 +7,7 @@ import pytest
 from handctl.devices.aidin.map import ANGLES, CURRENTS, ENCODERS, TIPS
 from handctl.devices.aidin.targets import Goal, axes_of, parse, ramp
 from handctl.errors import CheckFailed, UsageError
-from handctl.model.moving import Seen, Stillness, Watch
+from handctl.model.movement import Seen, Stillness, Watch
 from tests.support.each_row import each_row
 from tests.support.refused import refused
 

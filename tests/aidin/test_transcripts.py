@@ -9,8 +9,8 @@ import json
 
 import pytest
 
-from handctl.devices.aidin.messages import Decoder
-from handctl.link.tap import Entry, parse
+from handctl.devices.aidin.json_codec import Decoder
+from handctl.link.transcript import Entry, parse
 from handctl.sim import create
 from tests.aidin.support import hand_on
 from tests.support.cli import run

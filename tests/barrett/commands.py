@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from handctl.frame import stored
+from handctl.command import snapshots
 from tests.support.cli import Result, Spy
 from tests.support.inputs import made_once
 
@@ -216,9 +216,9 @@ def prepare(scratch: Path) -> None:
     """The input files of the commands: `factory.json` equals a healthy hand, `stored.json` differs from it; firmware."""
     (scratch / "image.s19").write_text(FIRMWARE, encoding="ascii")
     for name, values in (("factory.json", factory()), ("stored.json", {**factory(), **STORED})):
-        content = stored.make("barrett", {"kind": "barrett", "serial_number": 1042}, values, link="fake://barrett",
+        content = snapshots.make("barrett", {"kind": "barrett", "serial_number": 1042}, values, link="fake://barrett",
                                 fake=True)  # fmt: skip
-        stored.write(str(scratch / name), content)
+        snapshots.write(str(scratch / name), content)
 
 
 def sent_lines(trace: Path) -> list[str]:

@@ -9,9 +9,9 @@ from typing import Any
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.firmware.download import Download, Loader
-from handctl.devices.barrett.firmware.records import Firmware, parse
+from handctl.devices.barrett.firmware.srecords import Firmware, parse
 from handctl.errors import HandctlError
-from handctl.model.guide import Guide, Presses
+from handctl.model.prompts import Presses, Prompts
 from tests.barrett.srecords import END, HEADER, record
 from tests.barrett.support import Simulated, hand_on
 
@@ -28,7 +28,7 @@ def sha(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-class Operator(Guide):
+class Operator(Prompts):
     """Somebody who does what is asked: turns the switch, presses Ctrl-C after `presses` bytes of progress."""
 
     interactive = True
@@ -104,15 +104,15 @@ class Run:
         file: Firmware | None = None,
         window: int = 1,
         expect: str | None = None,
-        guide: Guide | None = None,
+        prompts: Prompts | None = None,
         link: Simulated | None = None,
         **options: Any,
     ) -> None:
         self.link = link or Simulated(query)
         self.hand: BarrettHand = hand_on(self.link, **options)
         self.file = file or firmware()
-        self.guide = guide or Guide()
-        self.loader = Loader(self.hand, self.guide, self.file, window=window, expect=expect)
+        self.prompts = prompts or Prompts()
+        self.loader = Loader(self.hand, self.prompts, self.file, window=window, expect=expect)
         self.done: Download | None = None
         self.error: HandctlError | None = None
         try:

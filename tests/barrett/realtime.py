@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Any
 
-from handctl.devices.barrett.realtime.flags import Wish
+from handctl.devices.barrett.realtime.flags import FlagRequest
 from handctl.devices.barrett.realtime.guards import GUARDS
 from handctl.devices.barrett.realtime.loop import RealtimeLoop
 from handctl.devices.barrett.realtime.schedule import Change, Controls
 from handctl.errors import HandctlError
-from handctl.model.guide import Guide
+from handctl.model.prompts import Prompts
 from handctl.model.result import Sample
 from tests.barrett.support import CR, Simulated, hand_on, simulated
 from tests.support.scripted import hexed
@@ -38,7 +38,7 @@ class Run:
         guards: Collection[str] = GUARDS,
         delta_unit: int | None = 1,
         link: Simulated | None = None,
-        guide: Guide | None = None,
+        prompts: Prompts | None = None,
         **options: Any,
     ) -> None:
         if link is None:
@@ -49,9 +49,9 @@ class Run:
             self.hand.line.connect()
             link.sent.clear()
         self.before = self.flags()
-        wish = Wish(motors, receive, temperature, hold, frozenset(guards), delta_unit)
+        flag_request = FlagRequest(motors, receive, temperature, hold, frozenset(guards), delta_unit)
         sequential = controls is not None if sequential is None else sequential
-        self.loop = RealtimeLoop(self.hand, guide or Guide(), wish, controls, sequential=sequential)
+        self.loop = RealtimeLoop(self.hand, prompts or Prompts(), flag_request, controls, sequential=sequential)
         self.samples: list[Sample] = []
         self.error: BaseException | None = None
 

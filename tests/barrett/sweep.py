@@ -17,7 +17,7 @@ from unittest import mock
 import click
 
 import handctl.sim
-from handctl.frame.clikit import root
+from handctl.command.command_tree import root
 from handctl.sim.barrett.board import STATES
 from handctl.sim.barrett.uart import RECEIVERS
 from tests.barrett.commands import prepare

@@ -10,7 +10,7 @@ import pytest
 
 from handctl.sim.barrett.uart import resample
 from tests.barrett import unanswered
-from tests.barrett.ear import MONITOR, TRIGGER, bursts, heard, hears
+from tests.barrett.line_receiver import MONITOR, TRIGGER, bursts, heard, hears
 from tests.barrett.unanswered import Way
 
 

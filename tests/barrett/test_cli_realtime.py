@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from handctl.frame.console import TerminalGuide
+from handctl.command.console import TerminalPrompts
 from tests.barrett.commands import fake
 from tests.support.cli import Result, run, spying
 from tests.support.each_row import each_row
@@ -385,7 +385,7 @@ def test_nothing_disturbs_the_leaving(number: signal.Signals) -> None:
 
     before = signal.signal(number, fall)
     try:
-        with TerminalGuide(quiet=True).undisturbed():
+        with TerminalPrompts(quiet=True).undisturbed():
             signal.raise_signal(number)
         assert signal.getsignal(number) is fall
     finally:
@@ -394,7 +394,7 @@ def test_nothing_disturbs_the_leaving(number: signal.Signals) -> None:
 
 def test_presses_are_counted() -> None:
     before = signal.getsignal(signal.SIGINT)
-    with TerminalGuide(quiet=True).counting() as presses:
+    with TerminalPrompts(quiet=True).counting() as presses:
         assert presses.count == 0
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGINT)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from handctl.frame import stored
+from handctl.command import snapshots
 from tests.barrett.commands import (
     MOTORS,
     POWER_ON,
@@ -309,7 +309,7 @@ def test_restore_refuses_before_anything_is_sent(scratch: Path, damage: str) -> 
         file.unlink()
     else:
         values = {**factory(), "init_velocity.F1": 400}
-        stored.write(str(file), stored.make("barrett", {"kind": "barrett"}, values, link="x", fake=True))
+        snapshots.write(str(file), snapshots.make("barrett", {"kind": "barrett"}, values, link="x", fake=True))
     result = do("restore", file, "--yes", "--trace", trace)
     assert (result.code, result.json["counters"]) == (2, CLEAN), result
     assert not trace.exists() or sent_lines(trace) == []
@@ -374,8 +374,8 @@ def test_restore_asks_before_it_saves(scratch: Path, name: str) -> None:
 
 def test_restore_does_not_save_another_speed_by_accident(scratch: Path) -> None:
     trace, file = scratch / "t.txt", scratch / "fast.json"
-    content = stored.make("barrett", {}, {**factory(), "baud_rate": 384}, link="fake://barrett", fake=True)
-    stored.write(str(file), content)
+    content = snapshots.make("barrett", {}, {**factory(), "baud_rate": 384}, link="fake://barrett", fake=True)
+    snapshots.write(str(file), content)
     result = do("restore", file, "--save", "--yes")
     assert (result.code, result.error["code"], result.json["counters"]) == (2, "baud-not-default", CLEAN)
     assert do("restore", file, "--save", "--yes", "--force", "--trace", trace).code == 0

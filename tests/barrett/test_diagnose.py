@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from handctl.devices.barrett.care import diagnose, health, symptoms, trials
-from handctl.devices.barrett.care.diagnose import CHECKS, Patient
-from handctl.devices.barrett.care.health import FAIL, OK, SKIPPED, WARNING, Finding
-from handctl.devices.barrett.care.symptoms import PROCEDURES
-from handctl.devices.barrett.gcl.language import MOTORS
+from handctl.devices.barrett.gcl.codec import MOTORS
+from handctl.devices.barrett.maintenance import diagnose, health, movement_checks, symptoms
+from handctl.devices.barrett.maintenance.diagnose import CHECKS, ExaminedHand
+from handctl.devices.barrett.maintenance.health import FAIL, OK, SKIPPED, WARNING, Finding
+from handctl.devices.barrett.maintenance.symptoms import PROCEDURES
 from handctl.devices.barrett.map import BARRETT, GclParam
 from handctl.errors import CheckFailed, Interrupted, LinkError, UsageError
-from handctl.model.guide import Guide
+from handctl.model.prompts import Prompts
 from tests.barrett.support import Simulated, hand_on, scripted, simulated
 from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink
@@ -32,11 +32,11 @@ def state_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
 
 
-def patient(query: str = "initialized=1") -> Patient:
-    return Patient(simulated(query)[0], simulated=lambda: True)
+def patient(query: str = "initialized=1") -> ExaminedHand:
+    return ExaminedHand(simulated(query)[0], simulated=lambda: True)
 
 
-def with_values(**changed: int) -> Patient:
+def with_values(**changed: int) -> ExaminedHand:
     """A hand whose values are the factory's but for `MNEMONIC_MOTOR`."""
     body = patient()
     for key, value in changed.items():
@@ -57,11 +57,11 @@ def test_the_book_has_the_manuals_symptoms_and_only_known_checks() -> None:
     assert list(symptoms.SYMPTOMS) == NAMES
     for name, entry in symptoms.SYMPTOMS.items():
         assert set(entry.checks) <= set(CHECKS), name
-        assert set(entry.trials) <= set(trials.TRIALS), name
+        assert set(entry.trials) <= set(movement_checks.TRIALS), name
         assert entry.steps and all("§" in source for _, source in entry.steps), name
     used = {check for entry in symptoms.SYMPTOMS.values() for check in entry.checks}
     assert set(CHECKS) == used | set(diagnose.USUAL)
-    assert set(trials.TRIALS) == {trial for entry in symptoms.SYMPTOMS.values() for trial in entry.trials}
+    assert set(movement_checks.TRIALS) == {trial for entry in symptoms.SYMPTOMS.values() for trial in entry.trials}
 
 
 def test_procedures_have_sections() -> None:
@@ -121,7 +121,7 @@ def test_unknown_symptoms() -> None:
         (diagnose.open_position, {}, {}),
     ],
 )  # fmt: skip
-def test_checks(check: Callable[[Patient], list[Finding]], changed: dict[str, int], bad: dict[str, str]) -> None:
+def test_checks(check: Callable[[ExaminedHand], list[Finding]], changed: dict[str, int], bad: dict[str, str]) -> None:
     found = check(with_values(**changed))
     assert {name: status for name, status in statuses(found).items() if status != OK} == bad
     assert all(finding.remedy and finding.source for finding in found if finding.bad)
@@ -154,7 +154,7 @@ def test_the_forecast_of_every_setting_at_its_ends_comes_true(param: GclParam, e
         assert said.status == FAIL, said
 
 
-def patient_position(body: Patient) -> int:
+def patient_position(body: ExaminedHand) -> int:
     return body.read("P")["P", "F1"]
 
 
@@ -189,9 +189,9 @@ def test_remedies_name_real_settings() -> None:
 def test_repeatable() -> None:
     settings = {param.mnemonic for param in BARRETT if param.writable and not param.since}
     good, _ = scripted({"*": "7"})
-    assert statuses(diagnose.repeatable(Patient(good, simulated=lambda: True))) == {"repeatable": OK}
+    assert statuses(diagnose.repeatable(ExaminedHand(good, simulated=lambda: True))) == {"repeatable": OK}
     bad, link = scripted({"*": "7"})
-    body = Patient(bad, simulated=lambda: True)
+    body = ExaminedHand(bad, simulated=lambda: True)
     assert body.values["DP", "F1"] == 7
     link.script["*"] = ["8"]
     (finding,) = diagnose.repeatable(body)
@@ -206,20 +206,20 @@ def test_breakaway(query: str, status: str) -> None:
 
 def test_breakaway_that_happened() -> None:
     hand, _ = scripted({"FGET BD BP": "0 0 1 0|0 0 2000 0"})
-    (finding,) = diagnose.breakaway(Patient(hand, simulated=lambda: True))
+    (finding,) = diagnose.breakaway(ExaminedHand(hand, simulated=lambda: True))
     assert (finding.status, "F3 at 2000" in finding.evidence) == (WARNING, True)
 
 
 def test_strain_of_a_closed_finger_is_not_judged() -> None:
     hand, _ = scripted({"123FGET P S OT SGFLIP": "0 9000 0|0 0 0|0 0 0|0 0 0", "123FGET SG": "120 180 120"})
-    found = statuses(diagnose.strain_(Patient(hand, simulated=lambda: True)))
+    found = statuses(diagnose.strain_(ExaminedHand(hand, simulated=lambda: True)))
     assert found == {"strain.F1": OK, "strain.F2": SKIPPED, "strain.F3": OK}
 
 
 @pytest.mark.parametrize(("text", "status"), [("4.33", OK), ("BarrettHand v4.4", OK), ("garbage", FAIL)])
 def test_firmware(text: str, status: str) -> None:
     hand, _ = scripted({"VERS": text})
-    assert statuses(diagnose.firmware(Patient(hand, simulated=lambda: True))) == {"firmware": status}
+    assert statuses(diagnose.firmware(ExaminedHand(hand, simulated=lambda: True))) == {"firmware": status}
 
 
 # -- the line ---------------------------------------------------------------------------------------------------------
@@ -227,7 +227,7 @@ def test_firmware(text: str, status: str) -> None:
 
 def test_every_speed_is_tried_and_named() -> None:
     hand = hand_on(ScriptedLink(baud=9600))
-    found, failure = diagnose.examine(Patient(hand, simulated=lambda: False), diagnose.USUAL, None)
+    found, failure = diagnose.examine(ExaminedHand(hand, simulated=lambda: False), diagnose.USUAL, None)
     assert failure is None
     assert statuses(found) == {"communication": FAIL, **dict.fromkeys(diagnose.USUAL, SKIPPED)}
     for speed in (600, 1200, 2400, 4800, 9600, 19200, 38400):
@@ -265,7 +265,7 @@ def test_the_boot_monitor_is_recognized() -> None:
 
 def test_a_hand_that_falls_silent_is_not_waited_for_again_and_again() -> None:
     hand, link = scripted({"VERS": None}, retries=1)
-    found, _ = diagnose.examine(Patient(hand, simulated=lambda: False), diagnose.USUAL, None)
+    found, _ = diagnose.examine(ExaminedHand(hand, simulated=lambda: False), diagnose.USUAL, None)
     expected = {"communication": OK, "firmware": FAIL, **dict.fromkeys(diagnose.USUAL[1:], SKIPPED)}
     assert statuses(found) == expected
     assert link.commands == ["VERS", "VERS"]
@@ -273,7 +273,7 @@ def test_a_hand_that_falls_silent_is_not_waited_for_again_and_again() -> None:
 
 def test_a_lost_line_keeps_the_rows_and_its_own_error() -> None:
     hand = hand_on(Simulated("initialized=1&fault=disconnect"))
-    found, failure = diagnose.examine(Patient(hand, simulated=lambda: True), diagnose.USUAL, None)
+    found, failure = diagnose.examine(ExaminedHand(hand, simulated=lambda: True), diagnose.USUAL, None)
     assert isinstance(failure, LinkError)
     assert statuses(found) == {"communication": FAIL, **dict.fromkeys(diagnose.USUAL, SKIPPED)}
     assert diagnose.table_of(hand, found, None, failure).failure is failure
@@ -282,7 +282,7 @@ def test_a_lost_line_keeps_the_rows_and_its_own_error() -> None:
 def test_a_hot_hand_still_tells_its_temperature() -> None:
     """ERR 8192 on every motor command; PGET answers (§5.4.1)."""
     hand, _ = simulated("initialized=1&fault=over-temperature")
-    found, _ = diagnose.examine(Patient(hand, simulated=lambda: True), diagnose.USUAL, None)
+    found, _ = diagnose.examine(ExaminedHand(hand, simulated=lambda: True), diagnose.USUAL, None)
     got = statuses(found)
     assert (got["temperature"], got["over_temperature_limit"], got["status"], got["firmware"]) == (FAIL, OK, FAIL, OK)
     assert "8192" in {finding.check: finding.evidence for finding in found}["status"]
@@ -324,16 +324,16 @@ HEALTHY = "initialized=1"
 )
 def test_trials(trial: str, query: str, bad: dict[str, str]) -> None:
     hand, link = simulated(query)
-    found = trials.run_all(Patient(hand, simulated=lambda: True), [trial], "123", Guide())
+    found = movement_checks.run_all(ExaminedHand(hand, simulated=lambda: True), [trial], "123", Prompts())
     got = {name: status for name, status in statuses(found).items() if status != OK}
     assert got == bad
     moved = [line for line in link.commands if "GET" not in line]
-    planned = [step.data.decode().strip() for step in trials.steps([trial], "123")]
+    planned = [step.data.decode().strip() for step in movement_checks.steps([trial], "123")]
     assert moved == planned if not (FAIL in bad.values() and "initialized=0" in query) else moved == planned[:1]
 
 
 def test_the_movements_are_those() -> None:
-    got = {name: trial.commands("12") for name, trial in trials.TRIALS.items()}
+    got = {name: trial.commands("12") for name, trial in movement_checks.TRIALS.items()}
     assert got == {
         "initialize": ["12HI"],
         "open": ["12O"],
@@ -350,12 +350,12 @@ def test_a_slow_spread_is_seen() -> None:
     body.values["MCV", "SPREAD"] = body.values["MOV", "SPREAD"] = 4080  # what the hand was told is far slower
     hand = body.hand
     hand.checked(hand.line.ask("4FSET MCV 16 MOV 16"))
-    assert {finding.status for finding in trials.run_all(body, ["spread_time"], "123", Guide())} == {WARNING}
+    assert {finding.status for finding in movement_checks.run_all(body, ["spread_time"], "123", Prompts())} == {WARNING}
 
 
 def test_a_failed_trial_ends_the_rest() -> None:
     hand, link = simulated("initialized=0")
-    found = trials.run_all(Patient(hand, simulated=lambda: True), ["open", "direction"], "12", Guide())
+    found = movement_checks.run_all(ExaminedHand(hand, simulated=lambda: True), ["open", "direction"], "12", Prompts())
     assert statuses(found) == {"open": FAIL, "direction": SKIPPED}
     assert [line for line in link.commands if "GET" not in line] == ["12O"]
 
@@ -365,5 +365,5 @@ def test_interrupt_stops_the_hand(trial: str) -> None:
     hand, link = simulated(HEALTHY)
     link.interrupt_at = link.now() + 0.4
     with pytest.raises(Interrupted, match=r"\^C stopped the hand"):
-        trials.run_all(Patient(hand, simulated=lambda: True), [trial], "123", Guide())
+        movement_checks.run_all(ExaminedHand(hand, simulated=lambda: True), [trial], "123", Prompts())
     assert b"\x03" in link.sent

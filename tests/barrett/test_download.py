@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handctl.devices.barrett.firmware.records import READY, SELECT, TRIGGER, EchoError, Transfer
+from handctl.devices.barrett.firmware.srecords import READY, SELECT, TRIGGER, EchoError, Transfer
 from tests.support.scripted import hexed
 
 

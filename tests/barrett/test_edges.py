@@ -8,15 +8,15 @@ from types import SimpleNamespace
 
 import pytest
 
-from handctl.devices.barrett.care import diagnose, trials
-from handctl.devices.barrett.care.diagnose import Patient, Values
-from handctl.devices.barrett.firmware.records import parse
-from handctl.devices.barrett.gcl.language import Answer
-from handctl.devices.barrett.realtime.flags import Wish
+from handctl.devices.barrett.firmware.srecords import parse
+from handctl.devices.barrett.gcl.codec import Answer
+from handctl.devices.barrett.maintenance import diagnose, movement_checks
+from handctl.devices.barrett.maintenance.diagnose import ExaminedHand, Values
+from handctl.devices.barrett.realtime.flags import FlagRequest
 from handctl.devices.barrett.realtime.loop import RealtimeLoop
 from handctl.errors import HandctlError, NoAnswer
 from handctl.link import Deadline
-from handctl.model.guide import Guide, Presses
+from handctl.model.prompts import Presses, Prompts
 from tests.barrett.download import DATA, SIZE, Operated, Operator, sha
 from tests.barrett.download import Run as Load
 from tests.barrett.realtime import Run, example
@@ -52,7 +52,7 @@ def test_flags_are_not_written_to_a_hand_that_may_still_be_in_its_loop() -> None
 
 
 def test_ctrl_c_while_a_block_is_written_ends_the_loop() -> None:
-    class Impatient(Guide):
+    class Impatient(Prompts):
         """Presses Ctrl-C in the middle of the third block."""
 
         def __init__(self) -> None:
@@ -65,7 +65,7 @@ def test_ctrl_c_while_a_block_is_written_ends_the_loop() -> None:
             self.blocks += 1
             presses.count = self.blocks == 3
 
-    run = Run(controls=example(), guide=Impatient()).go(50)
+    run = Run(controls=example(), prompts=Impatient()).go(50)
     assert isinstance(run.error, KeyboardInterrupt)
     assert len(run.samples) < 3 and run.stands() and run.flags() == run.before
     assert "124T" in run.after
@@ -83,14 +83,22 @@ def test_a_deadline_bounds_the_wait_for_the_loop() -> None:
     script = {"*": "1", "1LOOP": None}
     hand, link = scripted(script)
     with refused(NoAnswer, "no-answer", "1LOOP", "1.5 s"):
-        list(RealtimeLoop(hand, Guide(), Wish((0,)), None, sequential=False).run(rate=0.0, count=1, duration=None))
+        list(
+            RealtimeLoop(hand, Prompts(), FlagRequest((0,)), None, sequential=False).run(
+                rate=0.0, count=1, duration=None
+            )
+        )
     entered = link.sent_at[link.sent.index(b"1LOOP\r")]
     assert link.sent_at[link.sent.index(ABORT)] - entered > 1.4
     hand, link = scripted(script)
     end = link.clock + entered + 0.2
     hand.line.bound = Deadline(lambda: link.clock, end)
     with pytest.raises(NoAnswer) as caught:
-        list(RealtimeLoop(hand, Guide(), Wish((0,)), None, sequential=False).run(rate=0.0, count=1, duration=None))
+        list(
+            RealtimeLoop(hand, Prompts(), FlagRequest((0,)), None, sequential=False).run(
+                rate=0.0, count=1, duration=None
+            )
+        )
     assert caught.value.code == "deadline"
     assert link.sent_at[link.sent.index(ABORT)] == pytest.approx(end, abs=0.01)
 
@@ -120,11 +128,11 @@ def test_a_download_begun_again_counts_from_nothing() -> None:
             link.control("fault healthy")
             return super().ask(question, word)
 
-    guide = Mended(link, answers=1)
-    run = Load(link=link, guide=guide)
-    assert run.error is None and sha(DATA) in run.image and len(guide.asked) == 1
-    assert any(text.startswith(f"{SIZE} bytes sent") for text in guide.said), guide.said
-    assert all(int(text.split("%")[0].split()[-1]) <= 100 for text in guide.shown if "%" in text)
+    prompts = Mended(link, answers=1)
+    run = Load(link=link, prompts=prompts)
+    assert run.error is None and sha(DATA) in run.image and len(prompts.asked) == 1
+    assert any(text.startswith(f"{SIZE} bytes sent") for text in prompts.said), prompts.said
+    assert all(int(text.split("%")[0].split()[-1]) <= 100 for text in prompts.shown if "%" in text)
 
 
 def test_after_the_last_power_cycle_nothing_is_sent_into_the_monitors_window() -> None:
@@ -145,7 +153,7 @@ def test_after_the_last_power_cycle_nothing_is_sent_into_the_monitors_window() -
             return True
 
     link = Operated("download-end=power")
-    guide = Quick(link)
+    prompts = Quick(link)
     when: list[float] = []
     write = link.write
 
@@ -154,26 +162,26 @@ def test_after_the_last_power_cycle_nothing_is_sent_into_the_monitors_window() -
         write(data, deadline)
 
     link.write = timed  # type: ignore[method-assign]
-    run = Load(link=link, guide=guide)
+    run = Load(link=link, prompts=prompts)
     assert run.error is None and sha(DATA) in run.image
-    assert min(at for at in when if at >= guide.on_at) - guide.on_at > 0.5
+    assert min(at for at in when if at >= prompts.on_at) - prompts.on_at > 0.5
 
 
 def test_the_old_firmware_that_started_is_told_once() -> None:
     link = Operated("image=blank")
-    guide = Operator(link)
-    guide.ready = False
+    prompts = Operator(link)
+    prompts.ready = False
     inner = link.inner.read
     texts = iter([b"\n\r=> "])
 
     def started(deadline: Deadline, size: int = 4096) -> bytes:
-        asked = any("ON. The download" in text for text in guide.said)
+        asked = any("ON. The download" in text for text in prompts.said)
         return (next(texts, b"") if asked else b"") or inner(deadline, size)
 
     link.inner.read = started  # type: ignore[method-assign]
-    run = Load(link=link, guide=guide)
+    run = Load(link=link, prompts=prompts)
     assert run.failed[:2] == ("no-monitor", 4)
-    assert len([text for text in guide.said if "too late for the download" in text]) == 1
+    assert len([text for text in prompts.said if "too late for the download" in text]) == 1
 
 
 def test_the_first_record_goes_byte_by_byte_whatever_the_window() -> None:
@@ -212,6 +220,6 @@ def test_the_spread_is_timed_against_the_velocity_of_its_way() -> None:
     """It closes with MCV and opens with MOV (barrett §5.5)."""
     hand, _ = simulated("initialized=1")
     hand.checked(hand.line.ask("4FSET MCV 60 MOV 40"))
-    found = trials.run_all(Patient(hand, simulated=lambda: True), ["spread_time"], "123", Guide())
+    found = movement_checks.run_all(ExaminedHand(hand, simulated=lambda: True), ["spread_time"], "123", Prompts())
     assert [finding.evidence.rpartition(" at ")[2] for finding in found] == ["MCV 60", "MOV 40"]
     assert [finding.evidence[:2] for finding in found] == ["4C", "4O"]

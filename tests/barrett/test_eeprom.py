@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from handctl.cli import main
-from handctl.devices.barrett import eeprom, hostfile
+from handctl.devices.barrett import eeprom, state_files
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.line import Restarted
 from handctl.errors import DeviceRefused, HandctlError, OutputError, ProtocolError, UsageError
@@ -140,7 +140,7 @@ def test_a_damaged_journal_is_refused_before_anything_is_saved(text: str, state:
 
 
 def test_the_journal_is_replaced_atomically(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    hostfile.store(state, eeprom.WHAT, {"a": {"saves": 1}})
+    state_files.store(state, eeprom.WHAT, {"a": {"saves": 1}})
     assert [path.name for path in state.parent.iterdir()] == [state.name]
     seen: list[str] = []
 
@@ -150,7 +150,7 @@ def test_the_journal_is_replaced_atomically(state: Path, monkeypatch: pytest.Mon
 
     monkeypatch.setattr(os, "replace", replace)
     with pytest.raises(OutputError) as caught:
-        hostfile.store(state, eeprom.WHAT, {"b": {"saves": 2}})
+        state_files.store(state, eeprom.WHAT, {"b": {"saves": 2}})
     assert json.loads(seen[0]) == {"b": {"saves": 2}}
     assert kept(state) == {"a": {"saves": 1}}
     assert "No space left" in caught.value.text

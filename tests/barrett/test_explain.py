@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from handctl.devices.barrett.explain import BarrettExplainer
-from handctl.model.piece import DEVICE, HOST
+from handctl.model.explainer import DEVICE, HOST
 
 
 def test_a_download_is_recognised_behind_the_power_switch() -> None:

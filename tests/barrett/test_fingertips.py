@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.barrett.care import fingertips
+from handctl.devices.barrett.maintenance import fingertips
 from handctl.errors import DeviceRefused, NoAnswer, UsageError
 from tests.barrett.support import codes, scripted
 

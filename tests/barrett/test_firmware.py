@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from handctl.devices.barrett.firmware.download import Loader, version_in
-from handctl.devices.barrett.firmware.records import Firmware, parse
+from handctl.devices.barrett.firmware.srecords import Firmware, parse
 from handctl.errors import NoAnswer
 from handctl.link import Deadline
-from handctl.model.guide import Guide
+from handctl.model.prompts import Prompts
 from tests.barrett.download import DATA, SIZE, Operated, Operator, Run, firmware, sha
 from tests.barrett.srecords import END, record
 from tests.barrett.support import Simulated, codes, hand_on
@@ -76,11 +76,11 @@ def test_time_of_a_download_is_its_floor() -> None:
     large = firmware(bytes(2048))
     seconds = []
     for window in (1, 2):
-        guide = Operator()
-        guide.moving = False
-        run = Run("wire=auto", file=large, window=window, guide=guide)
+        prompts = Operator()
+        prompts.moving = False
+        run = Run("wire=auto", file=large, window=window, prompts=prompts)
         assert run.error is None
-        (told,) = [text for text in guide.said if "sent and echoed" in text]
+        (told,) = [text for text in prompts.said if "sent and echoed" in text]
         seconds.append(float(told.split()[-2]))
     assert seconds[0] == pytest.approx(large.seconds, rel=0.05)
     assert 0.5 * large.seconds < seconds[1] < 0.62 * large.seconds
@@ -90,12 +90,12 @@ def test_time_of_a_download_is_its_floor() -> None:
 @pytest.mark.parametrize("moving", [True, False])
 def test_progress(moving: bool) -> None:
     """A bar on a terminal, a line every 10 % elsewhere."""
-    guide = Operator()
-    guide.moving = moving
-    run = Run("wire=auto", file=firmware(bytes(1024)), guide=guide)
+    prompts = Operator()
+    prompts.moving = moving
+    run = Run("wire=auto", file=firmware(bytes(1024)), prompts=prompts)
     assert run.error is None
-    bars = [text for text in guide.shown if text.startswith("[")]
-    lines = [text for text in guide.said if "%" in text]
+    bars = [text for text in prompts.shown if text.startswith("[")]
+    lines = [text for text in prompts.said if "%" in text]
     if moving:
         assert len(bars) == 32 and not lines
         assert "[#####.....]" in bars[15] and "512 of 1024 bytes" in bars[15]
@@ -115,10 +115,10 @@ def test_a_slow_adapter_is_told_after_the_first_record() -> None:
 
 def test_the_operator_is_guided() -> None:
     link = Operated("wire=auto")
-    guide = Operator(link)
-    run = Run(link=link, guide=guide)
+    prompts = Operator(link)
+    run = Run(link=link, prompts=prompts)
     assert run.error is None and sha(DATA) in run.image
-    off, on = guide.said[1], guide.said[2]  # the first line says what is being looked for
+    off, on = prompts.said[1], prompts.said[2]  # the first line says what is being looked for
     assert "OFF" in off and "5 seconds" in off and "Do not pull any cable" in off
     assert "ON" in on
 
@@ -126,25 +126,25 @@ def test_the_operator_is_guided() -> None:
 def test_a_hand_that_was_not_switched_off() -> None:
     """It still answers: X comes back, and the operator is asked again."""
     link = Operated()
-    guide = Operator(link)
+    prompts = Operator(link)
     times = []
 
     def lazy(text: str) -> bool:
         times.append(text)
         if len(times) > 1:
-            Operator.wait_for_enter(guide, text)
+            Operator.wait_for_enter(prompts, text)
         return True
 
-    guide.wait_for_enter = lazy  # type: ignore[method-assign]
-    run = Run(link=link, guide=guide)
+    prompts.wait_for_enter = lazy  # type: ignore[method-assign]
+    run = Run(link=link, prompts=prompts)
     assert run.error is None and sha(DATA) in run.image
-    assert len(times) == 2 and any("power is on" in text for text in guide.said)
+    assert len(times) == 2 and any("power is on" in text for text in prompts.said)
 
 
 def test_the_moment_was_missed() -> None:
     """The old firmware's banner came instead of `:` (7.3, step 5): said, and waited for the next switching."""
     link = Operated("window=0.5&boot=0.6&switch=200,206")
-    guide = Operator(link)
+    prompts = Operator(link)
     ready = link.inner.read
 
     def deaf(deadline: Deadline, size: int = 4096) -> bytes:
@@ -152,15 +152,15 @@ def test_the_moment_was_missed() -> None:
         return data.replace(b":", b"") if 5 < link.now() < 100 else data
 
     link.inner.read = deaf  # type: ignore[method-assign]
-    run = Run(link=link, guide=guide)
-    assert any("too late" in text for text in guide.said)
+    run = Run(link=link, prompts=prompts)
+    assert any("too late" in text for text in prompts.said)
     assert run.error is not None and run.failed[:2] == ("no-monitor", 4)
     assert "Nothing was loaded" in str(run.error.hint) and "image valid" in run.image
 
 
 def test_a_second_switching_after_the_missed_moment() -> None:
     link = Operated("window=0.5&boot=0.6&switch=40,46")
-    guide = Operator(link)
+    prompts = Operator(link)
     inner = link.inner.read
 
     def deaf(deadline: Deadline, size: int = 4096) -> bytes:
@@ -168,16 +168,16 @@ def test_a_second_switching_after_the_missed_moment() -> None:
         return data.replace(b":", b"") if link.now() < 30 else data
 
     link.inner.read = deaf  # type: ignore[method-assign]
-    run = Run(link=link, guide=guide)
-    assert any("too late" in text for text in guide.said)
+    run = Run(link=link, prompts=prompts)
+    assert any("too late" in text for text in prompts.said)
     assert run.error is None and sha(DATA) in run.image
 
 
 def test_nobody_switches() -> None:
     link = Operated()
-    guide = Operator(link)
-    guide.ready = False
-    run = Run(link=link, guide=guide)
+    prompts = Operator(link)
+    prompts.ready = False
+    run = Run(link=link, prompts=prompts)
     assert run.failed[:2] == ("no-monitor", 4) and "Nothing was loaded" in str(run.error and run.error.hint)
     assert 120 <= link.now() < 140
     assert b"".join(link.sent).count(b"\xff") == 0, "no trigger without `:`"
@@ -186,35 +186,35 @@ def test_nobody_switches() -> None:
 def test_a_colon_in_a_text_is_not_the_monitor() -> None:
     """`:` behind a letter belongs to a text (the invented `download` text has one)."""
     link = Operated("image=blank")
-    guide = Operator(link)
-    guide.ready = False
+    prompts = Operator(link)
+    prompts.ready = False
     inner = link.inner.read
     texts = iter([b"\n\rPlease note:", b" version: 1\n\r", b"x", b": 2"])
 
     def chatty(deadline: Deadline, size: int = 4096) -> bytes:
-        asked = any("ON. The download" in text for text in guide.said)
+        asked = any("ON. The download" in text for text in prompts.said)
         return (next(texts, b"") if asked else b"") or inner(deadline, size)
 
     link.inner.read = chatty  # type: ignore[method-assign]
-    run = Run(link=link, guide=guide)
+    run = Run(link=link, prompts=prompts)
     assert run.failed[0] == "no-monitor" and next(texts, None) is None
     assert b"\xff" not in b"".join(link.sent)
 
 
 def test_again_after_a_failure_when_the_operator_wants_it() -> None:
     link = Operated("fault=wrong-echo&download-at=0x2C40")
-    guide = Operator(link, answers=1)
-    original = guide.ask
+    prompts = Operator(link, answers=1)
+    original = prompts.ask
 
     def ask(question: str, word: str) -> bool:
         link.control("download-at off")
         link.control("fault healthy")
         return original(question, word)
 
-    guide.ask = ask  # type: ignore[method-assign]
-    run = Run(link=link, guide=guide)
+    prompts.ask = ask  # type: ignore[method-assign]
+    run = Run(link=link, prompts=prompts)
     assert run.error is None and sha(DATA) in run.image
-    assert len(guide.asked) == 1 and "2C40h" in guide.asked[0]
+    assert len(prompts.asked) == 1 and "2C40h" in prompts.asked[0]
 
 
 # -- faults at every kind of place ------------------------------------------------------------------------------------
@@ -302,17 +302,17 @@ def test_after_a_failure_the_next_download_heals() -> None:
 
 
 def test_the_first_ctrl_c_asks_and_goes_on() -> None:
-    guide = Operator()
-    guide.press_at = {6: 1}
-    run = Run("wire=auto", guide=guide)
+    prompts = Operator()
+    prompts.press_at = {6: 1}
+    run = Run("wire=auto", prompts=prompts)
     assert run.error is None and sha(DATA) in run.image
-    assert len([text for text in guide.said if "Press Ctrl-C again" in text]) == 1
+    assert len([text for text in prompts.said if "Press Ctrl-C again" in text]) == 1
 
 
 def test_the_second_ctrl_c_stops_and_says_where() -> None:
-    guide = Operator()
-    guide.press_at = {4: 1, 6: 2}
-    run = Run("wire=auto", file=firmware(bytes(1024)), guide=guide)
+    prompts = Operator()
+    prompts.press_at = {4: 1, 6: 2}
+    run = Run("wire=auto", file=firmware(bytes(1024)), prompts=prompts)
     _, exit_code, text = run.failed
     assert exit_code == 130 and "2C" in text and "of 1024 bytes" in text
     assert "load the whole file again" in text and "leave it off" in text
@@ -339,10 +339,10 @@ def test_every_way_a_download_may_end(end: str) -> None:
 
 def test_the_operator_cycles_once_more() -> None:
     link = Operated("download-end=power")
-    guide = Operator(link)
-    run = Run(link=link, guide=guide)
+    prompts = Operator(link)
+    run = Run(link=link, prompts=prompts)
     assert run.error is None and sha(DATA) in run.image
-    assert any("No firmware has replied yet" in text for text in guide.said)
+    assert any("No firmware has replied yet" in text for text in prompts.said)
 
 
 @pytest.mark.parametrize(
@@ -430,7 +430,7 @@ def test_the_deadline_is_the_time_that_is_told() -> None:
     link = Simulated("boot-chunk=together")
     hand = hand_on(link, bound=link.deadline(40.0))
     with pytest.raises(NoAnswer) as caught:
-        Loader(hand, Guide(), firmware(), window=1, expect=None).run()
+        Loader(hand, Prompts(), firmware(), window=1, expect=None).run()
     assert "(--deadline)" in caught.value.text and "120" not in caught.value.text
     within = float(caught.value.text.partition("within ")[2].split()[0])
     assert 30 < within <= 40

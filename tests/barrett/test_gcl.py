@@ -8,11 +8,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from handctl import ending
+from handctl import interrupts
 from handctl.devices.barrett.gcl import passthrough
-from handctl.devices.barrett.gcl.language import COMMANDS, KINDS, split
+from handctl.devices.barrett.gcl.codec import COMMANDS, KINDS, split
 from handctl.errors import DeviceRefused, Interrupted, NoAnswer, UsageError
-from handctl.model.guide import Guide
+from handctl.model.prompts import Prompts
 from handctl.system import signals
 from tests.barrett.support import ABORT, gcl, scripted, simulated
 from tests.support.each_row import each_row
@@ -288,10 +288,10 @@ def test_a_movement_is_interrupted_however_soon_after_a_ctrl_c_at_the_prompt(mon
         raise AssertionError(f"{command} goes on")
 
     before = {number: signal.getsignal(number) for number in signals.numbers(suspend=False)}
-    ending.end_on_signals(suspend=False)
+    interrupts.end_on_signals(suspend=False)
     try:
         monkeypatch.setattr(hand.line, "ask", moves)
-        run = SimpleNamespace(guide=Guide(), out=lambda text: None, simulated=True)
+        run = SimpleNamespace(prompts=Prompts(), out=lambda text: None, simulated=True)
         passthrough.interactive(run, hand, read_line, lambda text: None)  # type: ignore[arg-type]
     finally:
         signals.give_back(before.items())

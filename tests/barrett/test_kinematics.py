@@ -7,7 +7,7 @@ from math import cos, pi, sin, sqrt
 
 import pytest
 
-from handctl.devices.barrett.care.fingertips import LIMITS, Joints, beyond, joints, tip
+from handctl.devices.barrett.maintenance.fingertips import LIMITS, Joints, beyond, joints, tip
 
 # F1 tip, F2 tip, F3 tip in mm, joints of F1 and F2 (barrett §9.5; dossier, section 10)
 VECTORS = [
@@ -83,7 +83,7 @@ def test_breakaway_is_continuous_and_keeps_the_inner_link() -> None:
 
 
 def test_no_tip_leaves_the_bars_of_the_live_view() -> None:
-    from handctl.devices.barrett.care.fingertips import REACH
+    from handctl.devices.barrett.maintenance.fingertips import REACH
 
     for position in range(0, 20001, 500):
         for spread in range(0, 3151, 525):

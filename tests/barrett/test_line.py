@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.barrett.gcl.language import Answer
+from handctl.devices.barrett.gcl.codec import Answer
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.sim.barrett.uart import RECEIVERS, resample
 from tests.barrett.support import (

@@ -8,14 +8,14 @@ from itertools import pairwise
 
 import pytest
 
-from handctl.devices.barrett.gcl.language import Answer
+from handctl.devices.barrett.gcl.codec import Answer
 from handctl.devices.barrett.realtime.blocks import Values
-from handctl.devices.barrett.realtime.flags import Wish
+from handctl.devices.barrett.realtime.flags import FlagRequest
 from handctl.devices.barrett.realtime.loop import SELF_TEST_BLOCKS, RealtimeLoop
 from handctl.devices.barrett.realtime.schedule import Controls, Schedule
 from handctl.errors import CheckFailed, HandctlError, ProtocolError, UsageError
 from handctl.link import Deadline
-from handctl.model.guide import Guide
+from handctl.model.prompts import Prompts
 from handctl.model.result import Sample
 from tests.barrett.realtime import TWENTY, Names, Run, assert_left, example
 from tests.barrett.support import ABORT, CR, Simulated, codes, scripted
@@ -300,7 +300,7 @@ def test_hold_leaves_the_motors_powered() -> None:
 def test_leaving_is_undisturbed() -> None:
     """A second Ctrl-C must not fall between velocity 0 and T."""
 
-    class Shield(Guide):
+    class Shield(Prompts):
         depth = 0
 
         @contextmanager
@@ -309,14 +309,14 @@ def test_leaving_is_undisturbed() -> None:
             yield
             self.depth -= 1
 
-    guide = Shield()
-    run = Run(controls=example(), guide=guide)
+    prompts = Shield()
+    run = Run(controls=example(), prompts=prompts)
     depths: dict[bytes, int] = {}
     write = run.link.write
-    run.link.write = lambda data, deadline: (depths.update({bytes(data): guide.depth}), write(data, deadline))[1]  # type: ignore[method-assign]
+    run.link.write = lambda data, deadline: (depths.update({bytes(data): prompts.depth}), write(data, deadline))[1]  # type: ignore[method-assign]
     run.go(2)
     assert [depths[data] for data in (b"C\x14\x7f", b"c\x00\x00", b"\x03", b"124T\r")] == [0, 1, 1, 1]
-    assert depths[b"PSET LFT 0\r"] == 1 and guide.depth == 0
+    assert depths[b"PSET LFT 0\r"] == 1 and prompts.depth == 0
 
 
 @pytest.mark.parametrize(("status", "fails"), [(0, False), (4, False), (32, True), (8192, True), (8196, True)])
@@ -432,7 +432,7 @@ def test_faults_inside(fault: str, codes_: set[str], exit_code: int, sequential:
 def test_a_refusal_that_cannot_be_read() -> None:
     """A prompt without `*` and without a legible ERR: an error with the bytes, never `ERR 0: ready`."""
     hand, link = scripted({"*": "1", "1LOOP": b"1LOOP\n\rER\xb2 4\n\r=> "})
-    loop = RealtimeLoop(hand, Guide(), Wish((0,)), None, sequential=False)
+    loop = RealtimeLoop(hand, Prompts(), FlagRequest((0,)), None, sequential=False)
     with pytest.raises(ProtocolError) as caught:
         list(loop.run(rate=0.0, count=1, duration=None))
     assert link.name in caught.value.text and "45 52 B2 20 34" in caught.value.text

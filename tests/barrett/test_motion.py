@@ -9,8 +9,8 @@ import pytest
 from handctl.cli import main
 from handctl.devices.barrett import motion
 from handctl.errors import CheckFailed, DeviceRefused, Interrupted, NoAnswer, ProtocolError, UsageError
-from handctl.model.guide import Guide
-from handctl.model.stopping import NOT_STOPPED
+from handctl.model.prompts import Prompts
+from handctl.model.stop_sequence import NOT_STOPPED
 from tests.barrett.support import ABORT, BARRETT, ScriptedHand, Simulated, codes, hand_on, scripted, simulated
 from tests.support.cli import run
 from tests.support.each_row import each_row
@@ -25,7 +25,7 @@ def doing(link: Simulated | ScriptedHand) -> list[str]:
 def moved(query: str, prefix: str, name: str, argument: int | None = None) -> tuple[dict[str, dict], Simulated, object]:
     """Rows by motor after a movement of the simulated hand, its link, and the failure."""
     hand, link = simulated(query)
-    table = motion.move(hand, prefix, name, argument, Guide())
+    table = motion.move(hand, prefix, name, argument, Prompts())
     return {row["motor"]: row for row in table.rows}, link, table.failure
 
 
@@ -52,7 +52,7 @@ def test_arguments_are_checked(argument: int) -> None:
     assert (caught.value.code, caught.value.exit_code) == ("out-of-range", 2)
     hand, link = simulated()
     with pytest.raises(UsageError):
-        motion.move(hand, "", "IC", argument, Guide())
+        motion.move(hand, "", "IC", argument, Prompts())
     assert link.sent == []
 
 
@@ -62,7 +62,7 @@ def test_a_spoiled_status_is_no_success(line: bytes) -> None:
     hand, link = scripted(
         {"*": "0", "12M 5000": b"12M 5000\n\r" + line + b"\n\r=> ", "T": b"T\n\r" + line + b"\n\r=> "}
     )
-    table = motion.move(hand, "12", "M", 5000, Guide())
+    table = motion.move(hand, "12", "M", 5000, Prompts())
     assert [row["motor"] for row in table.rows] == ["F1", "F2"]
     assert isinstance(table.failure, ProtocolError) and table.failure.code == "bad-line"
     assert line.hex(" ").upper() in table.failure.text and link.name in table.failure.text
@@ -111,15 +111,15 @@ def test_what_is_refused_for_one_moves_none() -> None:
     hand, link = simulated("initialized=1")
     goals = motion.goals_of(["F1=9000", "F2=0"], "", "M")
     hand.write([(BARRETT.elements("MOV")[1], 2000)])
-    motion.move(hand, "2", "M", 500, Guide())
+    motion.move(hand, "2", "M", 500, Prompts())
     with pytest.raises(UsageError):
-        motion.move_each(hand, goals, "M", Guide())
+        motion.move_each(hand, goals, "M", Prompts())
     assert not any(command.startswith("1M") for command in link.commands)
 
 
 def test_the_rows_of_all_are_shown_and_the_first_failure_ends_it() -> None:
     hand, _ = simulated("initialized=1")
-    table = motion.move_each(hand, motion.goals_of(["F1=9000", "F2=500"], "", "M"), "M", Guide())
+    table = motion.move_each(hand, motion.goals_of(["F1=9000", "F2=500"], "", "M"), "M", Prompts())
     assert {row["motor"]: row["value"] for row in table.rows} == {"F1": 9000, "F2": 500} and table.failure is None
 
 
@@ -168,7 +168,7 @@ def test_step_open_counts_from_here(argument: int | None, goal: int) -> None:
     hand, link = simulated()
     hand.line.ask("GM 5000")
     link.sent.clear()
-    table = motion.move(hand, "123", "IO", argument, Guide())
+    table = motion.move(hand, "123", "IO", argument, Prompts())
     assert link.commands[0].split()[:2] == ["123FGET", "P"]
     assert doing(link) == ["123IO" + (f" {argument}" if argument else "")]
     assert link.commands[-1].startswith("123FGET SG P"), "the strain first: it relaxes"
@@ -225,7 +225,7 @@ def test_what_is_expected_of_a_movement(
 ) -> None:
     for expect, code in zip(("reached", "contact", "any"), codes_of, strict=True):
         hand, _ = simulated(query)
-        failure = motion.move(hand, prefix, name, argument, Guide(), expect=expect).failure
+        failure = motion.move(hand, prefix, name, argument, Prompts(), expect=expect).failure
         assert (failure.code if failure else None) == code, expect
 
 
@@ -247,7 +247,7 @@ def test_before_hi(name: str) -> None:
 def test_strain_ends_a_movement() -> None:
     hand, _ = simulated("initialized=1&fault=strain")
     hand.line.ask("GFSET HSG 200")
-    table = motion.move(hand, "123", "C", None, Guide())
+    table = motion.move(hand, "123", "C", None, Prompts())
     assert [row["ended"] for row in table.rows] == ["reached", "strain limit: 221 is above HSG 200", "reached"]
 
 
@@ -267,7 +267,7 @@ def test_a_disabled_motor_did_not_move() -> None:
     """Without a prefix only enabled motors move (§5.3.4 EN): the others neither stalled nor reached anything."""
     hand, _ = simulated()
     hand.line.ask("2FSET EN 0")
-    table = motion.move(hand, "", "C", None, Guide())
+    table = motion.move(hand, "", "C", None, Prompts())
     ended = {row["motor"]: row["ended"] for row in table.rows}
     assert ended.pop("F2", "disabled").startswith(("disabled", "not enabled"))
     assert set(ended.values()) == {"reached"}
@@ -278,24 +278,24 @@ def test_a_disabled_motor_did_not_move() -> None:
 )
 def test_beyond_the_joint(prefix: str, argument: int, warned: int) -> None:
     hand, _ = simulated()
-    motion.move(hand, prefix, "M", argument, Guide())
+    motion.move(hand, prefix, "M", argument, Prompts())
     assert codes(hand).count("beyond") == warned, "one for all fingers, one for the spread"
 
 
 def test_one_command_of_movement_and_a_word_while_it_runs() -> None:
     hand, link = simulated()
-    guide = NotedGuide()
-    motion.move(hand, "1", "M", 1000, guide)
+    prompts = NotedGuide()
+    motion.move(hand, "1", "M", 1000, prompts)
     assert doing(link) == ["1M 1000"]
     assert link.commands[-1].startswith("1FGET SG P")
-    assert "1M 1000" in guide.shown[0]
+    assert "1M 1000" in prompts.shown[0]
 
 
 def test_a_slow_movement_is_waited_for() -> None:
     """max(20 s, 3 x the estimate from MCV and SAMPLE) (dossier 1.3): 17,000 counts at 1 count in 2.05 ms are 35 s."""
     hand, _ = simulated()
     hand.line.ask("1FSET MCV 16 SAMPLE 255")
-    table = motion.move(hand, "1", "C", None, Guide())
+    table = motion.move(hand, "1", "C", None, Prompts())
     assert table.rows[0]["ended"] == "reached"
 
 
@@ -366,7 +366,7 @@ def test_ctrl_c_stops_the_hand(name: str) -> None:
     hand, link = simulated()
     link.interrupt_at = link.now() + 0.3
     with pytest.raises(Interrupted) as caught:
-        motion.move(hand, "123", name, 16000 if name == "M" else None, Guide())
+        motion.move(hand, "123", name, 16000 if name == "M" else None, Prompts())
     assert caught.value.exit_code == 130
     assert ABORT in link.sent
     assert "16384" in caught.value.text
@@ -382,7 +382,7 @@ def test_ctrl_c_on_a_hand_that_does_not_stop() -> None:
     hand.line.ask("1FSET MCV 16 SAMPLE 100")
     link.interrupt_at = link.now() + 0.3
     with pytest.raises(NoAnswer) as caught:
-        motion.move(hand, "1", "M", 16000, Guide())
+        motion.move(hand, "1", "M", 16000, Prompts())
     assert (caught.value.exit_code, caught.value.code) == (4, NOT_STOPPED)
     assert "switch the power supply off" in caught.value.hint
 
@@ -394,7 +394,7 @@ def test_ctrl_c_and_silence() -> None:
     link.on_abort = None
     link.interrupt_at = link.clock + 1.0
     with pytest.raises(NoAnswer) as caught:
-        motion.move(hand, "", "C", None, Guide())
+        motion.move(hand, "", "C", None, Prompts())
     assert (caught.value.exit_code, caught.value.code) == (4, NOT_STOPPED)
     assert doing(link) == ["C", "T"], "the motors keep their power only where ^C was answered"
     assert set(link.sent[-10:-1]) == {ABORT}
@@ -425,11 +425,11 @@ def test_no_opening_faster_than_ivel_may_be(name: str, argument: int | None, lin
     hand.line.ask(line)
     link.sent.clear()
     with pytest.raises(UsageError) as caught:
-        motion.move(hand, "1", name, argument, Guide())
+        motion.move(hand, "1", name, argument, Prompts())
     assert (caught.value.code, doing(link)) == ("opening-speed", [])
     assert "IVEL" in caught.value.text and "--force" in caught.value.hint
     assert len(link.commands) == 1, "one line of questions, as before"
-    motion.move(hand, "1", name, argument, Guide(), force=True)
+    motion.move(hand, "1", name, argument, Prompts(), force=True)
     assert doing(link) == [motion.command_text("1", name, argument)]
 
 
@@ -437,7 +437,7 @@ def test_no_opening_faster_than_ivel_may_be(name: str, argument: int | None, lin
 def test_closing_asks_nothing_of_mov(name: str, argument: int | None) -> None:
     hand, link = simulated()
     hand.line.ask("1FSET MOV 4080")
-    motion.move(hand, "1", name, argument, Guide())
+    motion.move(hand, "1", name, argument, Prompts())
     assert doing(link)[-1] == motion.command_text("1", name, argument)
 
 
@@ -450,5 +450,5 @@ def test_targets_that_turn_it_around(name: str, line: str) -> None:
     hand.line.ask(line)
     link.sent.clear()
     with pytest.raises(UsageError) as caught:
-        motion.move(hand, "1", name, None, Guide())
+        motion.move(hand, "1", name, None, Prompts())
     assert (caught.value.code, doing(link)) == ("targets", [])

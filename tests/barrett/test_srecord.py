@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from handctl.devices.barrett.firmware.records import Firmware, parse
+from handctl.devices.barrett.firmware.srecords import Firmware, parse
 from tests.barrett.srecords import BROKEN, END, EXAMPLE, GOOD, HEADER, record
 from tests.support.each_row import each_row
 

@@ -17,14 +17,14 @@ from pathlib import Path
 
 import pytest
 
-from handctl.devices.barrett import hostfile
-from handctl.devices.barrett.gcl import connecting as table
-from handctl.devices.barrett.gcl.connecting import FILL, QUESTION, SAFE_ABORT
-from handctl.devices.barrett.gcl.language import ABORT
+from handctl.devices.barrett import state_files
+from handctl.devices.barrett.gcl import connect_table as table
+from handctl.devices.barrett.gcl.codec import ABORT
+from handctl.devices.barrett.gcl.connect_table import FILL, QUESTION, SAFE_ABORT
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.files import state_path
 from handctl.link import Deadline
-from handctl.model.foreign import renamed
+from handctl.model.other_devices import renamed
 from handctl.sim.barrett.board import STATES
 from handctl.sim.barrett.uart import RECEIVERS, resample
 from tests.barrett.support import Simulated, codes, hand_on
@@ -317,29 +317,29 @@ class Port:
 
 
 def test_the_last_speed_is_kept_per_port() -> None:
-    assert hostfile.recall(Port(9600)) is None  # type: ignore[arg-type]
-    hostfile.remember(Port(38400))  # type: ignore[arg-type]
-    assert hostfile.recall(Port(9600)) == 38400  # type: ignore[arg-type]
-    hostfile.remember(Port(9600))  # type: ignore[arg-type]
-    assert hostfile.recall(Port(9600)) is None  # type: ignore[arg-type]
+    assert state_files.recall(Port(9600)) is None  # type: ignore[arg-type]
+    state_files.remember(Port(38400))  # type: ignore[arg-type]
+    assert state_files.recall(Port(9600)) == 38400  # type: ignore[arg-type]
+    state_files.remember(Port(9600))  # type: ignore[arg-type]
+    assert state_files.recall(Port(9600)) is None  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
     "content", ["", "{", "[1]", '{"/dev/ttyX": "fast"}', '{"/dev/ttyX": 57600}', '{"/dev/ttyX": [9600]}']
 )
 def test_a_damaged_file_is_as_good_as_none(content: str) -> None:
-    path = state_path(hostfile.NAME)
+    path = state_path(state_files.NAME)
     path.parent.mkdir(parents=True)
     path.write_text(content)
-    assert hostfile.recall(Port(9600)) is None  # type: ignore[arg-type]
-    hostfile.remember(Port(38400))  # type: ignore[arg-type]
-    assert hostfile.recall(Port(9600)) == 38400  # type: ignore[arg-type]
+    assert state_files.recall(Port(9600)) is None  # type: ignore[arg-type]
+    state_files.remember(Port(38400))  # type: ignore[arg-type]
+    assert state_files.recall(Port(9600)) == 38400  # type: ignore[arg-type]
 
 
 def test_a_state_folder_that_cannot_be_made_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", "/proc/none")
-    hostfile.remember(Port(38400))  # type: ignore[arg-type]
-    assert hostfile.recall(Port(9600)) is None  # type: ignore[arg-type]
+    state_files.remember(Port(38400))  # type: ignore[arg-type]
+    assert state_files.recall(Port(9600)) is None  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("command", [("status", "--check"), ("diagnose",)])

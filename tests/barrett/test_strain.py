@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.barrett.care import health, strain
-from handctl.devices.barrett.care.health import FAIL, OK, SKIPPED, WARNING
+from handctl.devices.barrett.maintenance import health, strain
+from handctl.devices.barrett.maintenance.health import FAIL, OK, SKIPPED, WARNING
 from handctl.errors import CheckFailed, DeviceRefused
-from handctl.model.guide import Guide
+from handctl.model.prompts import Prompts
 from tests.barrett.support import codes, scripted, simulated
 
 OPEN = {"123FGET P S OT SGFLIP": "0 50 -50|0 0 0|0 0 0|0 0 0"}
@@ -54,7 +54,7 @@ def test_fingers_that_may_be_loaded() -> None:
 
 def test_preparation_is_initialize_free_the_spread_open() -> None:
     hand, link = simulated("initialized=0")
-    strain.prepare(hand, Guide())
+    strain.prepare(hand, Prompts())
     assert [line for line in link.commands if "GET" not in line] == ["HI", "4T", "123O"]
     assert [step.data for step in strain.preparation_steps()] == [b"HI\r", b"4T\r", b"123O\r"]
     assert strain.loaded_fingers(hand) == []
@@ -63,7 +63,7 @@ def test_preparation_is_initialize_free_the_spread_open() -> None:
 def test_preparation_stops_at_a_refusal() -> None:
     hand, link = simulated("fault=over-temperature&initialized=1")
     with pytest.raises(DeviceRefused, match="8192"):
-        strain.prepare(hand, Guide())
+        strain.prepare(hand, Prompts())
     assert [line for line in link.commands if "GET" not in line] == ["HI"]
 
 
@@ -72,8 +72,8 @@ def test_the_adjusting_view() -> None:
     table = strain.stream(hand, rate=0, count=2, duration=None)
     assert table.samples is not None
     first, second = table.samples
-    beside = [[(r["value"], r["label"]) for r in s.rows if r["name"] == "beside_window"] for s in (first, second)]
-    assert beside == [
+    deviation = [[(r["value"], r["label"]) for r in s.rows if r["name"] == "beside_window"] for s in (first, second)]
+    assert deviation == [
         [(48, "48 above 140"), (-1, "1 below 100"), (0, "ok")],
         [(0, "ok"), (0, "ok"), (None, "no gauge")],
     ]

@@ -8,11 +8,11 @@ from __future__ import annotations
 import pytest
 
 from handctl.cli import main
+from handctl.command.get_set_watch import select
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.language import Answer
+from handctl.devices.barrett.gcl.codec import Answer
 from handctl.devices.barrett.map import BARRETT
-from handctl.frame.verbs import select
-from handctl.link.tap import parse
+from handctl.link.transcript import parse
 from handctl.sim import create
 from tests.barrett.support import ABORT, CR, MET, PROMPT, QUESTION, hand_on
 from tests.support.each_row import each_row

@@ -9,7 +9,7 @@ import hashlib
 
 import pytest
 
-from handctl.devices.barrett.firmware.records import READY, SELECT, TRIGGER, Transfer, parse
+from handctl.devices.barrett.firmware.srecords import READY, SELECT, TRIGGER, Transfer, parse
 from handctl.devices.barrett.realtime.blocks import (
     CONTROL,
     FEEDBACK,

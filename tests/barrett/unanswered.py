@@ -10,20 +10,20 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import product
 from pathlib import Path
 
+from handctl.command.options import Settings
 from handctl.devices.barrett.map import SPEEDS
 from handctl.devices.barrett.realtime.blocks import Layout, Selection
-from handctl.devices.barrett.realtime.flags import Wish
+from handctl.devices.barrett.realtime.flags import FlagRequest
 from handctl.devices.barrett.realtime.session import Session
 from handctl.devices.barrett.stopper import power_off
 from handctl.devices.inspire.eb90 import read_request
 from handctl.devices.inspire.hand.probe import TARGET
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
-from handctl.frame.options import Settings
 from handctl.link.deadman import Guard, Shot
-from handctl.model.stopping import Aim, drive, talk_of
+from handctl.model.stop_sequence import StopContext, drive, stop_sequence_of
 from handctl.tools.probes import probe_of
-from tests.barrett.ear import Sent
+from tests.barrett.line_receiver import Sent
 from tests.barrett.support import hand_on
 from tests.support.cli import run
 from tests.support.scripted import ScriptedLink
@@ -58,13 +58,16 @@ def stops() -> Iterator[Way]:
     """The verb, and the holder that is asked: they run the same talk."""
     for family in FAMILIES:
         for speed in HAND_SPEEDS if family == "hand" else probe_of(family).SPEEDS:
-            aim = Aim(Settings(), speed=speed)
-            yield f"{family} stop at {speed}", sent(speed, lambda link, f=family, a=aim: drive(link, talk_of(f, a), []))  # type: ignore[misc]
+            context = StopContext(Settings(), speed=speed)
+            yield (
+                f"{family} stop at {speed}",
+                sent(speed, lambda link, f=family, a=context: drive(link, stop_sequence_of(f, a), [])),
+            )  # type: ignore[misc]
     for speed, prefix in product(SPEEDS, PREFIXES[1:]):
-        aim = Aim(Settings(), speed=speed)
+        context = StopContext(Settings(), speed=speed)
         yield (
             f"barrett stop {prefix} at {speed}",
-            sent(speed, lambda link, p=prefix, a=aim: drive(link, power_off(a, p), [])),
+            sent(speed, lambda link, p=prefix, a=context: drive(link, power_off(a, p), [])),
         )  # type: ignore[misc]
 
 
@@ -95,8 +98,8 @@ def deaths() -> Iterator[Way]:
             continue
         link = Silence(speed)
         hand = hand_on(link)
-        wish = Wish(tuple(range(motors)), {}, False, False, frozenset(), 1)
-        session = Session(hand, wish, drives=True)
+        flag_request = FlagRequest(tuple(range(motors)), {}, False, False, frozenset(), 1)
+        session = Session(hand, flag_request, drives=True)
         noted = session.dead_man = Noted()
         if names != ("torque",):
             session.layout = Layout({index: Selection(names, ()) for index in range(motors)})
@@ -107,7 +110,7 @@ def deaths() -> Iterator[Way]:
                 link.write(shot.data, None)
             link.sleep(shot.pause)
         for powered in (False, True):
-            drive(link, power_off(hand.aim()._replace(powered=powered), wish.prefix), [])
+            drive(link, power_off(hand.stop_context()._replace(powered=powered), flag_request.prefix), [])
         yield f"kill -9 at {speed}: {motors} motors, {', '.join(names)}, gain {gain}", link.writes
 
 
@@ -160,7 +163,7 @@ def traced(trace: Path, baud: int) -> Iterator[Sent]:
 def scans(ids: range) -> Iterator[Way]:
     """The reads that a scan or a connect may begin with, of these ids, one at a time."""
     from handctl.devices.inspire.identity import TABLE
-    from handctl.devices.inspire.registers import READS, ahead
+    from handctl.devices.inspire.register_bus import READS, ahead
 
     spans = {(flag, span) for flag, found in READS.items() for span in found}
     spans |= {(0x30 if sign.space == "wrist" else 0x11, span) for sign in TABLE for span in sign.reads}

@@ -12,13 +12,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from handctl.devices.aidin.exchange import Conversation
-from handctl.devices.aidin.way import ExchangeMode, Way
+from handctl.devices.aidin.exchange_settings import ExchangeMode, ExchangeSettings
 from handctl.link.tcp import TcpLink
 from handctl.model.result import Journal
 from tests.bench.measure import Figure, handctl, served
 
 ASKED = b"{}\n"
-POLLED = Way(exchange=ExchangeMode.POLL)
+POLLED = ExchangeSettings(exchange=ExchangeMode.POLL)
 RATE = 100
 PLATEAU_MS = 40.0
 
@@ -97,9 +97,9 @@ def exchanges(port: int, runs: int) -> tuple[float, float]:
 def polled(port: int, runs: int) -> list[float]:
     """Microseconds of each of our exchanges, decoded and checked."""
     link = TcpLink(f"tcp://127.0.0.1:{port}")
-    talk = Conversation(link, Journal(), way=POLLED)
-    talk.refresh()
-    times = [timed(talk.refresh) for _ in range(runs)]
+    conversation = Conversation(link, Journal(), way=POLLED)
+    conversation.refresh()
+    times = [timed(conversation.refresh) for _ in range(runs)]
     link.close()
     return times
 

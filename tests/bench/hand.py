@@ -15,20 +15,20 @@ import tty
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 
-from handctl.devices.inspire import modbus
-from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire import modbus_frames
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import ModelGate
 from handctl.devices.inspire.hand.map import DF, TP
 from handctl.devices.inspire.hand.probe import TARGET
 from handctl.devices.inspire.hand.tactile import ZONES, tactile
-from handctl.devices.inspire.modbus import RTU_SPEED
-from handctl.devices.inspire.modbusbus import ModbusBus
-from handctl.devices.inspire.registers import RegisterBus
+from handctl.devices.inspire.modbus_bus import ModbusBus
+from handctl.devices.inspire.modbus_frames import RTU_SPEED
+from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.devices.inspire.scan import sweep
+from handctl.devices.inspire.serial_bus import Bus
 from handctl.link import ByteLink, open_link
-from handctl.model.quest import Quest
 from handctl.model.result import Journal
+from handctl.model.scan_task import ScanTask
 from tests.bench.measure import Figure, served
 
 LIVE = (1534, 90)
@@ -147,11 +147,11 @@ def over_tcp(link: str, rounds: int) -> Iterator[Figure]:
     with closing(opened), socket.create_connection((host, int(port))) as plain:
         plain.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         bus = ModbusBus(opened, 1, Journal(), tcp=True)
-        asked = modbus.tcp(1, modbus.read_request(LIVE[0], LIVE[1] // 2))
+        asked = modbus_frames.tcp(1, modbus_frames.read_request(LIVE[0], LIVE[1] // 2))
 
         def bare() -> None:
             plain.sendall(asked)
-            missing = modbus.MBAP + 2 + LIVE[1]
+            missing = modbus_frames.MBAP + 2 + LIVE[1]
             while missing:
                 missing -= len(plain.recv(missing))
 
@@ -192,7 +192,7 @@ def search(link: str, protocol: str) -> tuple[float, list[tuple[object, object]]
     opened = open_link(link, baud=115200)
     assert isinstance(opened, ByteLink)
     with closing(opened):
-        quest = Quest(ids=[1], own={"protocol": protocol})
+        task = ScanTask(ids=[1], own={"protocol": protocol})
         began = time.perf_counter()
-        sweep(opened, Journal(), None, quest, [TARGET])
-        return time.perf_counter() - began, [(row["baud"], row["id"]) for row in quest.rows]
+        sweep(opened, Journal(), None, task, [TARGET])
+        return time.perf_counter() - began, [(row["baud"], row["id"]) for row in task.rows]

@@ -75,7 +75,7 @@ def quickest_by_python_can(path: str, runs: int) -> float:
 
 def slcan_figure(link: str, floor: float, runs: int) -> Figure:
     """The three reads on one open link, beside the same lines by system calls alone: bus, adapter and pty without us."""
-    from handctl.devices.inspire.canbus import CanBus
+    from handctl.devices.inspire.can_bus import CanBus
     from handctl.link import FrameLink, open_link
     from handctl.model.result import Journal
 

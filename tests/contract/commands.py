@@ -7,10 +7,10 @@ from pathlib import Path
 
 import click
 
+from handctl.command import snapshots
+from handctl.command.command_tree import Command
+from handctl.command.family import load
 from handctl.families import FAMILIES
-from handctl.frame import stored
-from handctl.frame.clikit import Command
-from handctl.frame.family import load
 from tests.contract.facts import facts_of
 from tests.support.inputs import made_once
 
@@ -52,5 +52,5 @@ def scratch_of(folder: Path) -> None:
     """A folder with a snapshot of each family that has settings."""
     for kind in FAMILIES:
         if values := facts_of(kind).snapshot:
-            content = stored.make(kind, {"kind": kind}, dict(values), link="x", fake=True)
-            stored.write(str(folder / f"{kind}.json"), content)
+            content = snapshots.make(kind, {"kind": kind}, dict(values), link="x", fake=True)
+            snapshots.write(str(folder / f"{kind}.json"), content)

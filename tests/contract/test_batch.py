@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from handctl.command.option_types import OutFile
 from handctl.families import FAMILIES
-from handctl.frame.types import OutFile
 from tests.contract.alone import alone, steady, words_of
 from tests.contract.cell import wrote
 from tests.contract.commands import ELSEWHERE, commands, scratch_of

@@ -20,11 +20,11 @@ from unittest import mock
 
 import pytest
 
+from handctl.command.command_tree import HEADINGS, USUAL
+from handctl.command.family import load
 from handctl.docgen.tree import map_of
 from handctl.errors import ProtocolError
 from handctl.families import COMMANDS, FAMILIES, LISTED
-from handctl.frame.clikit import HEADINGS, USUAL
-from handctl.frame.family import load
 from handctl.link.fake import FakeFrames, FakeLink
 from handctl.model.param import SETTING, Element, ParamMap, elements_of
 from handctl.tools.trace_read import explainer_of
@@ -132,7 +132,7 @@ def test_a_dry_run_sends_nothing_and_is_what_then_goes_out(family: str, name: st
     assert not [entry for entry in transcript if entry.mark == ">"]
     if name in facts.adapts:
         return
-    same = load(family, "writes").words().planned
+    same = load(family, "write_rules").words().planned
     _, _, _, transcript = tried(family, name, scratch)
     meant = [same(bytes.fromhex(row["bytes"].partition("]")[2] or row["bytes"]), None) for row in rows]
     went = [same(data, None) for data in wrote(family, name, transcript)]

@@ -6,10 +6,10 @@ from itertools import cycle
 
 import pytest
 
+from handctl.command.family import Family, load
+from handctl.command.options import Settings
 from handctl.errors import JUDGED, HandctlError
 from handctl.families import FAMILIES
-from handctl.frame.family import Family, load
-from handctl.frame.options import Settings
 from handctl.link import ByteLink, Deadline
 from handctl.model.result import Journal
 
@@ -19,7 +19,7 @@ NOISE = bytes(byte * 167 % 256 for byte in range(997))
 PATTERNS = {"noise": NOISE, "zeros": bytes(12), "text": b"counter 17\r\n", "begun": b"\x90\xeb\x01\xff"}
 SECONDS = {"exo": 1.2, "wrist": 1.2, "hand": 1.5, "ekso": 3.2, "aidin": 1.5, "barrett": 16.0}
 """Three attempts with the usual timeout of the family; of the BarrettHand the table by which it is met
-(`gcl.connecting`), which listens for as long as a boot monitor may take."""
+(`gcl.connect_table`), which listens for as long as a boot monitor may take."""
 
 
 class Flooded(ByteLink):

@@ -12,10 +12,10 @@ import pytest
 
 import handctl
 from handctl.api import methods
+from handctl.command.family import load
+from handctl.command.options import said
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
-from handctl.frame.family import load
-from handctl.frame.options import said
 from tests.contract.alone import alone, steady, words_of
 from tests.contract.cell import wrote
 from tests.contract.commands import ELSEWHERE, commands, scratch_of

@@ -9,9 +9,9 @@ import pytest
 
 import handctl
 from handctl.api import Device
+from handctl.command.family import map_of
 from handctl.errors import NoAnswer
 from handctl.families import FAMILIES
-from handctl.frame.family import map_of
 from handctl.link import Link
 from tests.contract.alone import steady
 from tests.contract.facts import passed

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from handctl.command import snapshots
+from handctl.command.family import load, map_of
 from handctl.families import FAMILIES
-from handctl.frame import stored
-from handctl.frame.family import load, map_of
 from handctl.tools.probes import probe_of
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
@@ -43,7 +43,7 @@ def words(family: str, verb: str, folder: Path) -> tuple[str, ...]:
         return verb, "--count", "2"
     if verb == "diff":
         path = folder / "a.json"
-        stored.write(str(path), stored.make(family, {"kind": family}, {}, link="x", fake=True))
+        snapshots.write(str(path), snapshots.make(family, {"kind": family}, {}, link="x", fake=True))
         more = [param.name for param in load(family, "cli").cli.commands[verb].params]
         return verb, str(path), *(("--setpoints",) if "setpoints" in more else ())
     if verb in ("log", "snapshot", "report"):

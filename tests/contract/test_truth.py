@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 
+from handctl.command.family import in_words
 from handctl.docgen.tree import map_of
 from handctl.families import FAMILIES
-from handctl.frame.family import in_words
+from handctl.model.explainer import DEVICE, HOST
 from handctl.model.param import Param, elements_of
-from handctl.model.piece import DEVICE, HOST
 from handctl.sim import model_class
 from handctl.tools.trace_read import explainer_of
 from tests.contract.cell import in_bytes, tried

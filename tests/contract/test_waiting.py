@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from handctl.command.family import load
+from handctl.command.options import Settings
 from handctl.families import FAMILIES
-from handctl.frame.family import load
-from handctl.frame.options import Settings
 from handctl.link import NoLink
 from handctl.model.device import Device
 from handctl.model.result import Journal

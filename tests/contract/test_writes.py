@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from handctl.command.family import load
 from handctl.families import FAMILIES
-from handctl.frame.family import load
 from tests.contract.cell import go, judge
 from tests.contract.commands import scratch_of, writing_commands
 from tests.contract.facts import facts_of
@@ -22,7 +22,7 @@ def test_every_command_that_writes_is_here_and_every_family_says_what_writes() -
     for family in FAMILIES:
         missing = set(writing_commands(family)) - set(facts_of(family).writes)
         assert not missing, f"no arguments in tests/contract/facts/{family}.py for what writes: {sorted(missing)}"
-    assert all(callable(load(name, "writes").words) for name in FAMILIES)
+    assert all(callable(load(name, "write_rules").words) for name in FAMILIES)
 
 
 ASK_FIRST = {("wrist", "stop")}

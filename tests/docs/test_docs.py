@@ -19,13 +19,13 @@ import pytest
 import handctl
 import handctl.docgen.__main__ as program
 from handctl import __version__, errors, guides
-from handctl.devices.barrett.care import upkeep
+from handctl.command.command_tree import root
+from handctl.command.options import SharedOption
+from handctl.devices.barrett.maintenance import lubrication
 from handctl.docgen.__main__ import generate
 from handctl.docgen.roff import Page, escape, marked
 from handctl.docgen.tree import map_of
 from handctl.families import COMMANDS, FAMILIES, WIRES
-from handctl.frame.clikit import root
-from handctl.frame.options import SharedOption
 from tests.support.cli import run
 from tests.support.each_row import each_row
 from tests.support.leaves import taken
@@ -219,7 +219,7 @@ def test_exit_status_is_that_of_the_error_tree(name: str) -> None:
 
 def test_every_file_that_is_kept_for_the_user_is_named() -> None:
     sources = [path.read_text("utf-8") for path in Path(handctl.__file__).parent.rglob("*.py")]
-    kept = {name for text in sources for name in re.findall(r'state_path\("(.+)"\)', text)} | {upkeep.FILE}
+    kept = {name for text in sources for name in re.findall(r'state_path\("(.+)"\)', text)} | {lubrication.FILE}
     assert len(kept) > 3
     text = plain(section(pages()["handctl"], "FILES"))
     assert not {name for name in kept if name not in text}

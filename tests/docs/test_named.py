@@ -13,7 +13,7 @@ from typing import NamedTuple
 import click
 
 from handctl import guides
-from handctl.frame.clikit import root
+from handctl.command.command_tree import root
 from handctl.tools.help import _text, _topics
 from tests.support.syntax import nodes_of
 

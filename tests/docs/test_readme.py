@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 
 from handctl import errors, guides
+from handctl.command.options import lasting_options
 from handctl.docgen.readme import MAKERS, SECTION, filled
 from handctl.docgen.tree import read_tree
 from handctl.families import COMMANDS, FAMILIES
-from handctl.frame.options import lasting_options
-from handctl.model import ledger
+from handctl.model import write_ledger
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
 from tests.support.leaves import taken
@@ -172,7 +172,9 @@ def test_every_example_is_a_line_that_handctl_takes(name: str) -> None:
 def test_every_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In order and in one directory, as a reader would: one example's file is the next one's input."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("handctl.tools.machine.source", lambda _address: "")  # `doctor` asks which address is its own
+    monkeypatch.setattr(
+        "handctl.tools.port_inventory.source", lambda _address: ""
+    )  # `doctor` asks which address is its own
     for file, text in GIVEN.items():
         (tmp_path / file).write_text(text, encoding="ascii")
     if "devices add left" not in PAGES[name]:
@@ -189,7 +191,7 @@ def test_every_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.Monke
 def test_the_states_of_a_write_are_those_of_the_schema() -> None:
     schema = (README.parent / "src/handctl/schema/envelope-1.json").read_text(encoding="utf-8")
     states = [cells[0].strip("`") for cells in rows("state")]
-    assert states == list(ledger.IN_WORDS)
+    assert states == list(write_ledger.IN_WORDS)
     assert all(f'"{state}"' in schema for state in states)
 
 

@@ -8,15 +8,15 @@ from typing import Any
 
 import pytest
 
+from handctl.command.console import TerminalPrompts
 from handctl.devices.ekso.audit import AuditLog
 from handctl.devices.ekso.change import Change
 from handctl.devices.ekso.device import Ekso, one_setting
 from handctl.devices.ekso.map import EKSO
-from handctl.devices.ekso.settings import Writer
+from handctl.devices.ekso.setting_writer import Writer
 from handctl.errors import (
     HandctlError,
 )
-from handctl.frame.console import TerminalGuide
 from tests.ekso.support import (
     Unit,
     port_on,
@@ -33,7 +33,7 @@ class Bench:
         self.asked: list[tuple[str, str]] = []
         self.ekso = Ekso(self.port)
         audit = AuditLog(self.log, {"operator": "me", "port": "unit"})
-        self.ekso.writer = Writer(self.port, audit, self._ask, override=override, guide=TerminalGuide(quiet=True))
+        self.ekso.writer = Writer(self.port, audit, self._ask, override=override, prompts=TerminalPrompts(quiet=True))
 
     def _ask(self, question: str, word: str) -> None:
         self.asked.append((question, word))

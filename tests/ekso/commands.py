@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from handctl.frame import stored
+from handctl.command import snapshots
 from tests.support.inputs import made_once
 
 ME = ("--yes", "--operator", "me")
@@ -143,7 +143,7 @@ def prepare(path: Path) -> None:
     """The input files of the commands."""
     kept = {name: raw / scale for name, raw, scale in SETTING_WORDS if name not in ("swing_complete", "pilot_id")}
     for name, values in (("power-on", kept), ("other", {**kept, "swing_time": 1.2, "left_stance_support": 2})):
-        stored.write(str(path / f"{name}.json"), stored.make("ekso", {}, values, link="test", fake=True))
+        snapshots.write(str(path / f"{name}.json"), snapshots.make("ekso", {}, values, link="test", fake=True))
 
 
 def unit(**options: object) -> str:

@@ -9,8 +9,8 @@ from typing import Any
 
 from handctl.devices.ekso.log import USUAL_MS, FeedbackLine, RowLayout
 from handctl.errors import HandctlError
-from handctl.model.clocks import Moment
-from handctl.model.guide import Guide
+from handctl.model.clock_comparison import Moment
+from handctl.model.prompts import Prompts
 from handctl.record.marks import Heard
 from handctl.record.recording import Limits, Recording, record
 from handctl.record.source import Sample, Source
@@ -125,6 +125,6 @@ def recorded(
 def run(recording: Recording, limits: Limits, mark: Callable[[], str] = str) -> HandctlError | None:
     """The loop of a recording; what ended it."""
     try:
-        return record(recording, limits, mark=lambda: [Heard(text)] if (text := mark()) else [], guide=Guide())
+        return record(recording, limits, mark=lambda: [Heard(text)] if (text := mark()) else [], prompts=Prompts())
     finally:
         recording.close()

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from handctl.frame import console
+from handctl.command import console
 from tests.support.cli import Result, run, sent
 from tests.support.each_row import each_row
 

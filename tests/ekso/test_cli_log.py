@@ -201,7 +201,7 @@ def test_an_end_while_the_lost_port_is_closed_leaves_the_hole(tmp_path: Path, mo
     def interrupted(_hold: object) -> bool:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("handctl.stop.holding.Hold.reopen", interrupted)
+    monkeypatch.setattr("handctl.stop.device_access.DeviceAccess.reopen", interrupted)
     path = tmp_path / "a.csv"
     done = log(path, "--rate", "50", "--silence", "3", unplug="2.013:90")
     assert done.code == 130

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from handctl.command.get_set_watch import select
 from handctl.devices.ekso.device import dump_view, one_setting, words_view
 from handctl.devices.ekso.map import EKSO, MESSAGES
 from handctl.devices.ekso.status import status_view, unfit
@@ -20,7 +21,6 @@ from handctl.errors import (
     ProtocolError,
     UsageError,
 )
-from handctl.frame.verbs import select
 from handctl.model.param import Reading
 from handctl.model.result import Cell, Grid
 from tests.ekso.support import (

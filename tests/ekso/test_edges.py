@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
+from handctl.command.console import TerminalPrompts
 from handctl.devices.ekso.audit import AuditLog
 from handctl.devices.ekso.device import Ekso, one_setting
 from handctl.devices.ekso.frames import Command, cancel_body, encode
-from handctl.devices.ekso.settings import Writer
-from handctl.devices.ekso.writes import EksoWrites
+from handctl.devices.ekso.setting_writer import Writer
+from handctl.devices.ekso.write_rules import EksoWriteRules
 from handctl.errors import NoAnswer, OutputError, ProtocolError, UsageError
-from handctl.frame.console import TerminalGuide
 from handctl.record import recording as recording_module
 from handctl.record.recording import Limits
 from tests.ekso.recordings import Device, opened, recorded, steady
@@ -26,7 +26,9 @@ def writer_of(folder: Path, unit: Unit) -> Ekso:
     port = port_on(unit)
     ekso = Ekso(port)
     audit = AuditLog(folder / "audit.jsonl", {"operator": "me", "port": "unit"})
-    ekso.writer = Writer(port, audit, lambda _question, _word: None, override=False, guide=TerminalGuide(quiet=True))
+    ekso.writer = Writer(
+        port, audit, lambda _question, _word: None, override=False, prompts=TerminalPrompts(quiet=True)
+    )
     return ekso
 
 
@@ -173,7 +175,7 @@ def test_a_link_that_leads_nowhere_is_a_file_that_is_there(tmp_path: Path, name:
 
 def test_an_echo_of_cancel_action_confirms_nothing() -> None:
     """The answer has the length of the request, and its low status byte reads 0: only the bytes tell an echo."""
-    words = EksoWrites()
+    words = EksoWriteRules()
     request = encode(Command.CANCEL_ACTION, 0xF000, cancel_body(), "body")
     assert len(words.sent(request, None)) == 1 and list(words.came(request, None)) == []
     answer = encode(Command.CANCEL_ACTION, 0xF000, bytes(2), "body")

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from handctl.devices.ekso.export import LogFile, motion, table
 from handctl.devices.ekso.map import DATA
 from handctl.errors import UsageError
-from handctl.model.clocks import Moment
+from handctl.model.clock_comparison import Moment
 from handctl.record.marks import Heard
 from handctl.record.source import Sample
 from tests.ekso.recordings import STANDING, Device, opened, words_at

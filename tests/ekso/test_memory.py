@@ -13,11 +13,11 @@ from typing import Any
 
 import pytest
 
+from handctl.command.console import TerminalPrompts
 from handctl.devices.ekso.audit import WINDOW, AuditLog, Past, logs, recent
 from handctl.devices.ekso.map import EKSO
-from handctl.devices.ekso.settings import Writer
+from handctl.devices.ekso.setting_writer import Writer
 from handctl.errors import CheckFailed, DeviceRefused, Interrupted, NoAnswer, OutputError, UsageError
-from handctl.frame.console import TerminalGuide
 from tests.ekso.bench import Bench, change
 from tests.ekso.commands import ME, unit
 from tests.ekso.support import SET, frame, pack
@@ -50,7 +50,7 @@ def again(bench: Bench, *, stepwise: bool = False, override: bool = False) -> No
     """A further handctl on the same unit: a new writer with the same log."""
     audit = AuditLog(bench.log, {"operator": "me", "port": "unit"})
     bench.ekso.writer = Writer(
-        bench.port, audit, bench._ask, override=override, stepwise=stepwise, guide=TerminalGuide(quiet=True)
+        bench.port, audit, bench._ask, override=override, stepwise=stepwise, prompts=TerminalPrompts(quiet=True)
     )
     bench.ekso.known = None
 
@@ -349,7 +349,7 @@ def test_somebody_else_who_writes_all_the_time_ends_the_waits(bench: Bench, monk
     stepwise(bench)
     always = [Past(0.0, "step_length", 1825, 1725)]
     monkeypatch.setattr(
-        "handctl.devices.ekso.settings.recent", lambda _audit, now: [past._replace(at=now - 1) for past in always]
+        "handctl.devices.ekso.setting_writer.recent", lambda _audit, now: [past._replace(at=now - 1) for past in always]
     )
     always[0] = always[0]._replace(old=2000)
     error = bench.failing(CheckFailed, "step_length=15.5")

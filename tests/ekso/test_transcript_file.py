@@ -11,7 +11,7 @@ from handctl.devices.ekso.device import Ekso
 from handctl.devices.ekso.frames import Command, cancel_body, set_value_body
 from handctl.devices.ekso.map import EKSO, MESSAGES
 from handctl.errors import HandctlError
-from handctl.link.tap import parse
+from handctl.link.transcript import parse
 from handctl.model.result import Journal
 from tests.ekso.support import in_pieces
 from tests.support.each_row import each_row

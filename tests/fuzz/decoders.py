@@ -10,17 +10,17 @@ import binascii
 import random
 from collections.abc import Iterator
 
-from handctl.devices.aidin import messages
-from handctl.devices.barrett.firmware import records
-from handctl.devices.barrett.gcl import language
+from handctl.devices.aidin import json_codec
+from handctl.devices.barrett.firmware import srecords
+from handctl.devices.barrett.gcl import codec
 from handctl.devices.barrett.realtime import blocks
 from handctl.devices.ekso import frames
-from handctl.devices.inspire import canreg, eb90
+from handctl.devices.inspire import can_frames, eb90
 from handctl.devices.inspire.explain import InspireExplainer
 from handctl.devices.inspire.map import WRIST
 from handctl.errors import LinkError, ProtocolError, UsageError
 from handctl.link import CanFrame, Deadline
-from handctl.model.piece import SIDES
+from handctl.model.explainer import SIDES
 from tests.ekso.support import frame as ekso_frame
 from tests.fuzz.support import Chunks, mutated
 from tests.support.scripted import unhex
@@ -150,7 +150,7 @@ class Aidin:
     def __init__(self) -> None:
         floods = [b"{", b'{"a":', b"[", b'"', b'{"a":[1,', b'{"' + b"k" * 200, b"1"]
         self._chunks = Chunks(AIDIN_GOODS, AIDIN_LIKELY, floods)
-        self._decoder = messages.Decoder()
+        self._decoder = json_codec.Decoder()
 
     def _feed(self, chunk: bytes) -> list[dict[str, object]]:
         found = []
@@ -159,7 +159,7 @@ class Aidin:
             try:
                 content = self._decoder.next()
             except ProtocolError as exc:
-                assert isinstance(exc, messages.MalformedObject)
+                assert isinstance(exc, json_codec.MalformedObject)
                 assert exc.data
                 continue
             if content is None:
@@ -175,7 +175,7 @@ class Aidin:
                 assert isinstance(content, dict)
                 for value in content.values():
                     try:
-                        for number in messages.numbers(
+                        for number in json_codec.numbers(
                             value, source.randrange(4), int_range=source.choice([None, (0, 9)])
                         ):
                             assert abs(number) < float("inf")
@@ -197,7 +197,7 @@ GCL_PIECES = [
 def gcl(source: random.Random) -> int:
     """The BarrettHand's line protocol (barrett §5.1): an Answer, nothing, or a ProtocolError."""
     command = source.choice(["FGET P", "C", "ERR 3"])
-    decoder = language.Decoder(command)
+    decoder = codec.Decoder(command)
     seen = b""
     for _ in range(10):
         chunk = source.choice(GCL_PIECES) if source.random() < 0.8 else source.randbytes(source.randrange(9))
@@ -210,7 +210,7 @@ def gcl(source: random.Random) -> int:
             assert answer.raw in seen
             assert b"=>" in answer.raw
             try:
-                table = language.values(answer, 1, 4)
+                table = codec.values(answer, 1, 4)
             except ProtocolError:
                 continue
             assert all(len(row) == 4 for row in table)
@@ -278,7 +278,7 @@ def transfer(source: random.Random) -> int:
     data = source.randbytes(source.randrange(1, 40))
     address = source.randrange(0x10000)
     echoes = source.random() < 0.5
-    one = records.Transfer(_Line(address, data), window=source.randrange(1, 5), triggers_echo=echoes)
+    one = srecords.Transfer(_Line(address, data), window=source.randrange(1, 5), triggers_echo=echoes)
     wrong_at = source.randrange(2 * len(data) + 12)
     back, sent, chunks = bytearray(), bytearray(), 0
     while not one.done:
@@ -315,14 +315,14 @@ def canreg_words(source: random.Random) -> int:
         can_id = source.randrange(1 << 29)
         if source.random() < 0.7:
             can_id = source.choice((0, 1, 4, 5, 7)) << 26 | source.randrange(990, 1100) << 14 | source.randrange(3)
-        access = canreg.parse_identifier(can_id)
+        access = can_frames.parse_identifier(can_id)
         assert (access.flag << 26) + (access.address << 14) + access.hand_id == can_id
         data = source.randbytes(source.randrange(9)) if source.random() < 0.6 else bytes([source.randrange(9)])
         for piece in (*words.feed(source.choice(SIDES), data, can_id), *words.decode(data, "", can_id)):
             assert (piece.can_id, piece.raw) == (can_id, data)
             assert piece.meaning
     try:
-        can_id, data = canreg.write_request(
+        can_id, data = can_frames.write_request(
             source.randrange(-1, 1 << 15), source.randrange(-1, 5000), source.randbytes(source.randrange(10))
         )
     except UsageError:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 
 import handctl.sim
-from handctl.model.piece import DEVICE, HOST, SIDES
+from handctl.model.explainer import DEVICE, HOST, SIDES
 from handctl.sim.engine.slcan import Adapter
 from handctl.tools.trace_read import explainer_of
 from tests.contract.facts import facts_of

@@ -10,8 +10,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from handctl.devices.inspire import procedures
 from handctl.devices.inspire.hand import motion
 from handctl.devices.inspire.hand.map import BYTE_MAP, DF, TP
-from handctl.model.guide import Guide
 from handctl.model.param import Element, elements_of
+from handctl.model.prompts import Prompts
 from tests.inspire.rh56_support import CAN, EB90, RTU, TCP, hand_on
 
 PLACES = [(DF, EB90), (DF, RTU), (DF, CAN), (TP, EB90), (TP, RTU), (TP, TCP), (TP, CAN)]
@@ -60,7 +60,7 @@ class HandMachine(RuleBasedStateMachine):
         """Fast and with no limit that an empty hand reaches; only this finger."""
         self.hand.write([(element("speed_set", finger), 1000), (element("force_limit", finger), 1000)])
         self.held["speed_set"][finger] = self.held["force_limit"][finger] = 1000
-        motion.move(self.hand, "angle_set", [(element("angle_set", finger), value)], Guide(), wait=5.0)
+        motion.move(self.hand, "angle_set", [(element("angle_set", finger), value)], Prompts(), wait=5.0)
         self.at[finger] = value
 
     @rule()
@@ -76,7 +76,7 @@ class HandMachine(RuleBasedStateMachine):
 
     @rule()
     def save(self) -> None:
-        procedures.save(self.hand, Guide())
+        procedures.save(self.hand, Prompts())
         self.flash = {name: list(self.held[name]) for name in self.flash}
 
     @rule()

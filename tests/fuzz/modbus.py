@@ -6,7 +6,7 @@ import random
 import struct
 from collections.abc import Iterator
 
-from handctl.devices.inspire.modbus import Answer, RtuDecoder, TcpDecoder, answers
+from handctl.devices.inspire.modbus_frames import Answer, RtuDecoder, TcpDecoder, answers
 from handctl.errors import ProtocolError
 from tests.fuzz.support import Chunks
 from tests.support.odd_hands import crc, rtu, tcp

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from handctl.devices.barrett.gcl import language
+from handctl.devices.barrett.gcl import codec
 from handctl.devices.ekso import frames
-from handctl.devices.inspire import eb90, modbus
+from handctl.devices.inspire import eb90, modbus_frames
 from handctl.errors import ProtocolError
 from tests.inspire.scanning import scan_on
 from tests.support.cli import run
@@ -28,7 +28,7 @@ def growth(work: Callable[[int], object]) -> float:
     return calls_of(lambda: work(2 * PIECES)) / calls_of(lambda: work(PIECES))
 
 
-Decoder = eb90.Decoder | language.Decoder | frames.Decoder | modbus.RtuDecoder | modbus.TcpDecoder
+Decoder = eb90.Decoder | codec.Decoder | frames.Decoder | modbus_frames.RtuDecoder | modbus_frames.TcpDecoder
 
 
 def fed(decoder: Decoder, piece: bytes, count: int) -> None:
@@ -36,7 +36,7 @@ def fed(decoder: Decoder, piece: bytes, count: int) -> None:
         decoder.feed(piece)
         while True:
             try:
-                if decoder.next() is None or isinstance(decoder, language.Decoder):  # an answer stays where it is
+                if decoder.next() is None or isinstance(decoder, codec.Decoder):  # an answer stays where it is
                     break
             except ProtocolError:
                 continue
@@ -58,8 +58,12 @@ def test_frames_of_the_inspire_family(piece: bytes, prefixes: list[bytes]) -> No
 )
 @pytest.mark.parametrize("wire", ["rtu", "tcp"])
 def test_answers_of_modbus(wire: str, piece: bytes) -> None:
-    def made() -> modbus.RtuDecoder | modbus.TcpDecoder:
-        return modbus.TcpDecoder() if wire == "tcp" else modbus.RtuDecoder(1, modbus.read_request(1546, 6))
+    def made() -> modbus_frames.RtuDecoder | modbus_frames.TcpDecoder:
+        return (
+            modbus_frames.TcpDecoder()
+            if wire == "tcp"
+            else modbus_frames.RtuDecoder(1, modbus_frames.read_request(1546, 6))
+        )
 
     assert growth(lambda count: fed(made(), piece, count)) < 2.5
 
@@ -81,7 +85,7 @@ def test_a_scan_of_a_line_that_floods() -> None:
 @each_row("command", ["", "P", "FGET P"])
 @each_row("piece", [b"\x55", b"P", b" ", b"=>", b"x=> P\n", b"\n\rP\n\r", b"\0P\n=>"], ids=repr)
 def test_answers_of_the_barretthand(command: str, piece: bytes) -> None:
-    assert growth(lambda count: fed(language.Decoder(command), piece, count)) < 2.5
+    assert growth(lambda count: fed(codec.Decoder(command), piece, count)) < 2.5
 
 
 @pytest.mark.parametrize("piece", [b"[" * 64, b"\x01" * 4, b"\x10\x05"], ids=repr)

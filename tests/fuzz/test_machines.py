@@ -22,8 +22,8 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-from handctl.devices.aidin import modes
 from handctl.devices.aidin import motion as aidin_motion
+from handctl.devices.aidin import procedures as modes
 from handctl.devices.aidin.map import AIDIN, ENCODERS
 from handctl.devices.aidin.targets import parse
 from handctl.devices.barrett import motion as barrett_motion
@@ -32,8 +32,8 @@ from handctl.devices.inspire import procedures
 from handctl.devices.inspire.exo import device as exo_motion
 from handctl.devices.inspire.map import EXO, WRIST
 from handctl.errors import UsageError
-from handctl.model.guide import Guide
 from handctl.model.param import Element
+from handctl.model.prompts import Prompts
 from tests.aidin import support as aidin_support
 from tests.barrett import support as barrett_support
 from tests.fuzz.hand_machine import HandMachine
@@ -85,7 +85,7 @@ class ExoMachine(RuleBasedStateMachine):
 
     @rule(values=st.lists(st.integers(0, 1000), min_size=5, max_size=5))
     def command_positions(self, values: list[int]) -> None:
-        exo_motion.move(self.hand, dict(enumerate(values)), Guide(), wait=5.0)
+        exo_motion.move(self.hand, dict(enumerate(values)), Prompts(), wait=5.0)
         self.position, self.at = list(values), list(values)
 
     @rule(finger=st.integers(0, 4), value=st.integers(-1000, 1000))
@@ -110,7 +110,7 @@ class ExoMachine(RuleBasedStateMachine):
 
     @rule()
     def save(self) -> None:
-        procedures.save(self.hand, Guide())
+        procedures.save(self.hand, Prompts())
         self.flash = dict(self.ram)
 
     @rule()
@@ -166,7 +166,7 @@ class WristMachine(RuleBasedStateMachine):
 
     @rule(pitch=st.integers(-2266, 2212), yaw=st.integers(-2550, 2550), ms=st.integers(1, 3000))
     def move(self, pitch: int, yaw: int, ms: int) -> None:
-        self.wrist.move(self.wrist.targets(pitch / 100, yaw / 100, ms), Guide(), wait=10.0)
+        self.wrist.move(self.wrist.targets(pitch / 100, yaw / 100, ms), Prompts(), wait=10.0)
         self.pitch, self.yaw, self.time, self.there = pitch / 100, yaw / 100, ms, True
 
     @rule(which=st.sampled_from(["pitch", "yaw"]), value=st.integers(-2266, 2212))
@@ -270,7 +270,7 @@ class BarrettMachine(RuleBasedStateMachine):
 
     @rule()
     def init(self) -> None:
-        barrett_motion.move(self.hand, "", "HI", None, Guide())
+        barrett_motion.move(self.hand, "", "HI", None, Prompts())
         self.homed, self.at = True, [0, 0, 0, 0]
 
     @precondition(lambda self: self.homed)
@@ -286,7 +286,7 @@ class BarrettMachine(RuleBasedStateMachine):
                 "O": self.ram["OT"][motor], "HOME": 0, "IC": None if place is None else place + step,
             }[name]  # fmt: skip
         prefix = "".join(str(motor + 1) for motor in sorted(motors))
-        barrett_motion.move(self.hand, prefix, name, count, Guide())
+        barrett_motion.move(self.hand, prefix, name, count, Prompts())
         for motor, goal in goals.items():
             reachable = goal is not None and goal <= (3150 if motor == 3 else 17000)
             self.at[motor] = goal if reachable else None  # at a joint stop: the manual says "approximately" where
@@ -378,13 +378,13 @@ class AidinMachine(RuleBasedStateMachine):
 
     @rule()
     def home(self) -> None:
-        modes.home(self.hand, Guide())
+        modes.home(self.hand, Prompts())
         self.homed, self.at = True, [0] * 15
 
     @precondition(lambda self: self.homed)
     @rule()
     def initial(self) -> None:
-        modes.initial(self.hand, Guide(), assume_homed=True)
+        modes.initial(self.hand, Prompts(), assume_homed=True)
         self.at = [0] * 15
 
     @precondition(lambda self: self.homed)
@@ -396,7 +396,7 @@ class AidinMachine(RuleBasedStateMachine):
     def encoders(self, finger: str, motor: int, part: int) -> None:
         value = COUNTS.get(finger, OTHERS)[motor] * part // 100
         goal = parse(ENCODERS, [f"{finger}.m{motor + 1}={value}"])
-        aidin_motion.move(self.hand, goal, Guide(), assume_homed=True)
+        aidin_motion.move(self.hand, goal, Prompts(), assume_homed=True)
         index = 3 * ["thumb", "index", "middle", "ring", "little"].index(finger) + motor
         self.at[index] = value
 

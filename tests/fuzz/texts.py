@@ -10,14 +10,14 @@ import json
 import random
 from pathlib import Path
 
-from handctl.devices.barrett.firmware import records
+from handctl.command import config, snapshots
+from handctl.command.options import checks
+from handctl.devices.barrett.firmware import srecords
 from handctl.devices.ekso.export import LogFile
 from handctl.errors import LinkError, UsageError
-from handctl.frame import config, stored
-from handctl.frame.options import checks
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink
 from handctl.link.replay import open_replay
-from handctl.link.tap import parse
+from handctl.link.transcript import parse
 from tests.fuzz.support import mutated
 
 
@@ -48,7 +48,7 @@ def s_records(source: random.Random) -> int:
     text = ("\n".join([*good, s_record("9", 0x2000, b"")]) + "\n").encode()
     if source.random() < 0.8:
         text = damaged(source, text, b"S0123456789ABCDEFabcdef \r\n\xff")
-    firmware = records.parse("x", text)
+    firmware = srecords.parse("x", text)
     lines = text.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")
     for record in firmware.records:
         line = lines[record.line - 1].strip()
@@ -215,7 +215,7 @@ class Snapshot:
             whole = True
         self._path.write_bytes(data)
         try:
-            found = stored.load(str(self._path), "exo")
+            found = snapshots.load(str(self._path), "exo")
         except UsageError as exc:
             assert exc.exit_code == 2
             return 1
@@ -231,7 +231,7 @@ class EksoLog:
 
     def __init__(self, folder: Path) -> None:
         from handctl.devices.ekso.log import RowLayout
-        from handctl.model.clocks import Moment
+        from handctl.model.clock_comparison import Moment
         from handctl.record.source import Stamp
         from handctl.record.timeline import Timeline
         from tests.ekso.recordings import words_at

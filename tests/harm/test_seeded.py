@@ -10,8 +10,8 @@ from unittest import mock
 
 import pytest
 
-from handctl.devices.barrett.gcl import meet
-from handctl.devices.inspire import bus
+from handctl.devices.barrett.gcl import session_start
+from handctl.devices.inspire import serial_bus
 from handctl.devices.inspire.exo import probe as exo_probe
 from handctl.model.device import Gate
 from tests.harm import lines, states
@@ -53,18 +53,21 @@ def writing_scan() -> AbstractContextManager[Any]:
 @contextmanager
 def triggering() -> Iterator[None]:
     """The first question to a BarrettHand is ^C, at a speed at which its boot monitor hears that as FF, the trigger."""
-    ask = meet.Meeting._ask
+    ask = session_start.SessionStart._ask
 
     def careless(meeting: Any, early: bytes, seconds: float, _question: bytes = b"") -> bytes:
         return ask(meeting, early, seconds, b"\x03")
 
-    with mock.patch.object(meet, "SPEEDS", (38400, 9600)), mock.patch.object(meet.Meeting, "_ask", careless):
+    with (
+        mock.patch.object(session_start, "SPEEDS", (38400, 9600)),
+        mock.patch.object(session_start.SessionStart, "_ask", careless),
+    ):
         yield
 
 
 def loud() -> AbstractContextManager[Any]:
     """What a stranger may act upon is asked at once."""
-    return mock.patch.object(bus, "harmless", lambda *_: True)
+    return mock.patch.object(serial_bus, "harmless", lambda *_: True)
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import click
 
+from handctl.command.option_types import InFile, OutFile
 from handctl.families import FAMILIES
-from handctl.frame.types import InFile, OutFile
 from tests.harm import lines
 from tests.hostile.cell import DOCUMENTED, FORMATS, Folder, Tried, attempt
 from tests.hostile.devices import KINDS, RAW, READY

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from unittest import mock
 
+from handctl.command.command_tree import root
 from handctl.families import FAMILIES
-from handctl.frame.clikit import root
 from tests.harm.lines import leaves
 from tests.hostile.cell import FORMATS, harmless, judge_json
 from tests.hostile.texts import LINK

@@ -17,11 +17,11 @@ import click
 import handctl.link.can
 import handctl.link.serial
 import handctl.link.tcp
+from handctl.command.command_tree import root
+from handctl.command.option_types import InFile, OutFile
+from handctl.command.options import SharedOption
 from handctl.errors import LinkError
 from handctl.families import FAMILIES
-from handctl.frame.clikit import root
-from handctl.frame.options import SharedOption
-from handctl.frame.types import InFile, OutFile
 from tests.harm import lines as examples
 from tests.harm.lines import leaves
 from tests.hostile.cell import Folder, Tried, attempt

@@ -5,8 +5,8 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterator
 
+from handctl.command.options import lasting_options
 from handctl.families import FAMILIES
-from handctl.frame.options import lasting_options
 from tests.hostile.cell import FORMATS, Folder, Tried, attempt
 from tests.hostile.texts import LINK, TEXTS
 

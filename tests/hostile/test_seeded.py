@@ -14,7 +14,7 @@ from unittest import mock
 import pytest
 
 from handctl import files
-from handctl.frame import console
+from handctl.command import console
 from handctl.screen import render
 from tests.harm import lines
 from tests.hostile import cell, device_cells, file_cells

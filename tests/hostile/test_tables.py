@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from handctl.command.command_tree import root
 from handctl.families import FAMILIES
-from handctl.frame.clikit import root
 from tests.harm.lines import examples, leaves, tree
 from tests.hostile.devices import KINDS, places
 from tests.hostile.random_cells import Lines

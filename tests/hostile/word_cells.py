@@ -10,8 +10,8 @@ from unittest import mock
 
 import click
 
+from handctl.command.options import SharedOption
 from handctl.families import FAMILIES
-from handctl.frame.options import SharedOption
 from tests.harm import lines as examples
 from tests.hostile.cell import Folder, Tried, attempt
 from tests.hostile.devices import READY

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from handctl.frame import stored
+from handctl.command import snapshots
 from tests.support.cli import FINGERS, POWER_ON, elements, s16
 from tests.support.inputs import made_once
 
@@ -171,5 +171,5 @@ def prepare(scratch: Path) -> None:
     truth = power_on_truth()
     held = {k: v for k, v in truth.items() if k.split(".")[0] in ("id", "baud_code", "position_set", "force_set")}
     for name, values in (("power-on.json", held), ("stored.json", {**held, **STORED})):
-        content = stored.make("exo", {"kind": "exo", "id": 1}, dict(values), link="fake://exo", fake=True)
-        stored.write(str(scratch / name), content)
+        content = snapshots.make("exo", {"kind": "exo", "id": 1}, dict(values), link="fake://exo", fake=True)
+        snapshots.write(str(scratch / name), content)

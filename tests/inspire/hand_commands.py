@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from handctl.frame import stored
+from handctl.command import snapshots
 from handctl.sim.hand import MODELS
 from tests.support.inputs import made_once
 
@@ -122,5 +122,7 @@ COMMANDS = (*READING, *WRITING)
 def prepare(scratch: Path) -> None:
     """The input file of the commands: `stored.json` differs from a healthy hand in its default speeds."""
     values = {**STORED, **{f"default_force.{finger}": 501 + number for number, finger in enumerate(FINGERS)}}
-    content = stored.make("hand", {"kind": "hand", "id": 1, "model": "tp"}, dict(values), link="fake://hand", fake=True)
-    stored.write(str(scratch / "stored.json"), content)
+    content = snapshots.make(
+        "hand", {"kind": "hand", "id": 1, "model": "tp"}, dict(values), link="fake://hand", fake=True
+    )
+    snapshots.write(str(scratch / "stored.json"), content)

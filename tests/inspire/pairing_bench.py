@@ -6,20 +6,20 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.canbus import CanBus
+from handctl.devices.inspire.can_bus import CanBus
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import ModelGate
-from handctl.devices.inspire.modbusbus import ModbusBus
+from handctl.devices.inspire.modbus_bus import ModbusBus
+from handctl.devices.inspire.serial_bus import Bus
 from handctl.errors import LinkError
 from handctl.link import ByteLink, FrameLink, Link, open_link
-from handctl.model.guide import Guide
 from handctl.model.param import Step
+from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
 from tests.support.bus_file import text
 
 
-class Person(Guide):
+class Person(Prompts):
     """Does what `acts` has, one for each time that something is to be done, and says which hand has moved.
 
     hands  name -> the simulated hand
@@ -65,8 +65,8 @@ class Person(Guide):
 class Desk:
     """The command around a pairing, and the links that it may open."""
 
-    def __init__(self, link: str, guide: Guide) -> None:
-        self.name, self.guide = link, guide
+    def __init__(self, link: str, prompts: Prompts) -> None:
+        self.name, self.prompts = link, prompts
         self.journal = Journal()
         self.network: dict[str, Link] = {}
         """LINK -> what answers there; a LINK that is not in it cannot be opened."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.canbus import CanBus
+from handctl.devices.inspire.can_bus import CanBus
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import ModelGate
-from handctl.devices.inspire.modbusbus import ModbusBus
+from handctl.devices.inspire.modbus_bus import ModbusBus
+from handctl.devices.inspire.serial_bus import Bus
 from handctl.link import FrameLink, open_link
 from handctl.model.result import Journal
 

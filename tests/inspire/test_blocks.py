@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.inspire.base import Memory, plan
+from handctl.command.get_set_watch import select
 from handctl.devices.inspire.map import EXO
+from handctl.devices.inspire.register_device import Memory, plan
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
-from handctl.frame.verbs import select
 from handctl.model.param import elements_of
 from tests.support.scripted import Reply, ScriptedLink, codes, fake_hand, hand_on, hexed, message, unhex
 
@@ -197,7 +197,7 @@ def test_an_unreadable_second_block_never_ends_the_first(reply: str) -> None:
 
 
 def test_a_snapshot_refuses_to_be_partial() -> None:
-    from handctl.frame.stored import read_values
+    from handctl.command.snapshots import read_values
 
     with pytest.raises(NoAnswer) as caught:
         hand = hand_on(without(1498, 10))

@@ -8,18 +8,18 @@ from typing import Any
 import pytest
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.exo import device as exo_motion
 from handctl.devices.inspire.hand import motion as hand_motion
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import ModelGate
 from handctl.devices.inspire.map import EXO
+from handctl.devices.inspire.serial_bus import Bus
 from handctl.errors import DeviceRefused, HandctlError
 from handctl.link import ByteLink, Deadline, open_link
-from handctl.model.guide import Guide
 from handctl.model.param import Number, elements_of
+from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
-from handctl.model.stopping import NOT_STOPPED
+from handctl.model.stop_sequence import NOT_STOPPED
 from tests.inspire.wrist_support import wrist_on
 from tests.support.each_row import each_row
 from tests.support.scripted import RecordedLink, changing, hand_on
@@ -59,14 +59,14 @@ def rh56(link: ByteLink) -> Hand:
 
 def turn(hand: Hand) -> object:
     changes = [(element, 1000) for element in elements_of(hand.map["angle_set"])[:4]]
-    return hand_motion.move(hand, "angle_set", changes, Guide(), wait=5.0)
+    return hand_motion.move(hand, "angle_set", changes, Prompts(), wait=5.0)
 
 
 Kind = tuple[str, Callable[[ByteLink], Any], Callable[[Any], object], tuple[str, ...]]
 DEVICES: dict[str, Kind] = {
-    "exo": ("exo?", hand_on, lambda exo: exo_motion.move(exo, dict.fromkeys(range(5), 1000), Guide(), wait=5.0), ("position_actual",)),
+    "exo": ("exo?", hand_on, lambda exo: exo_motion.move(exo, dict.fromkeys(range(5), 1000), Prompts(), wait=5.0), ("position_actual",)),
     "wrist": (
-        "wrist?", wrist_on, lambda wrist: wrist.move(wrist.targets(20.0, -20.0, 2000), Guide(), wait=None),
+        "wrist?", wrist_on, lambda wrist: wrist.move(wrist.targets(20.0, -20.0, 2000), Prompts(), wait=None),
         ("pitch_actual", "yaw_actual"),
     ),
     "hand": ("hand?model=df&", rh56, turn, ("angle_actual",)),
@@ -118,7 +118,7 @@ def test_the_late_answer_of_a_force_is_not_that_of_the_release() -> None:
 
     link.write = pressed  # type: ignore[method-assign]
     with pytest.raises(HandctlError) as caught:
-        exo_motion.command(hand, "force", dict(enumerate(FORCES)), Guide())
+        exo_motion.command(hand, "force", dict(enumerate(FORCES)), Prompts())
     left = [reading.value for reading in hand.read(elements_of(EXO["force_set"]))]
     assert (left, caught.value.exit_code) == ([0] * 5, 130), caught.value.text
     assert [frame[12:14] for frame in changing(link.sent)] == ["31", "32", "31", "32"]

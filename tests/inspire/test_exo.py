@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from handctl.command.get_set_watch import select
 from handctl.devices.inspire.exo.device import registers_view, status_view, unhealthy
 from handctl.devices.inspire.map import EXO
 from handctl.errors import CheckFailed, DeviceRefused, LinkError, NoAnswer
-from handctl.frame.verbs import select
 from handctl.model.param import Reading, elements_of
 from handctl.model.result import Cell
 from handctl.sim.engine import line

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.inspire import procedures
-from handctl.devices.inspire.exo.writes import words
+from handctl.devices.inspire.exo.write_rules import words
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer
-from handctl.model.guide import Guide
+from handctl.model.prompts import Prompts
 from tests.support.each_row import each_row
 from tests.support.scripted import (
     Reply,
@@ -97,7 +97,7 @@ def test_refused_clear_errors() -> None:
 @pytest.mark.parametrize("flag", [17, 18])
 def test_saved(flag: int) -> None:
     hand, link = fake_hand(f"result-flag={flag}")
-    table = procedures.save(hand, Guide())
+    table = procedures.save(hand, Prompts())
     assert values(table) == ["saved"]
     assert link.now() == pytest.approx(1.0, abs=0.1)
     assert [hexed(request) for request in link.sent] == [SAVE]
@@ -108,7 +108,7 @@ def test_save_that_failed(flag: int) -> None:
     """00 is saved and FF is failed: the sense is inverted (RH56 ch. 3 ex. 4)."""
     hand, link = fake_hand(f"result-flag={flag}&fault=save-fails")
     with pytest.raises(DeviceRefused) as caught:
-        procedures.save(hand, Guide())
+        procedures.save(hand, Prompts())
     assert (caught.value.exit_code, caught.value.code) == (6, "save-failed")
     assert "FF" in caught.value.text
     assert [hexed(request) for request in link.sent] == [SAVE]
@@ -116,7 +116,7 @@ def test_save_that_failed(flag: int) -> None:
 
 def test_save_without_a_result_is_a_note() -> None:
     hand, link = fake_hand("fault=no-late-frames")
-    assert values(procedures.save(hand, Guide())) == ["accepted"]
+    assert values(procedures.save(hand, Prompts())) == ["accepted"]
     assert codes(hand) == ["no-result"]
     assert link.now() >= 2.5
     assert [hexed(request) for request in link.sent] == [SAVE]
@@ -149,10 +149,10 @@ def test_answers_to_a_save(replies: list[tuple[float, str]], result: str) -> Non
     link = ScriptedLink(lambda request: [(delay, unhex(data)) for delay, data in replies])
     hand = hand_on(link, retries=3)
     if result in ("saved", "accepted"):
-        assert values(procedures.save(hand, Guide())) == [result]
+        assert values(procedures.save(hand, Prompts())) == [result]
     else:
         with pytest.raises(HandctlError) as caught:
-            procedures.save(hand, Guide())
+            procedures.save(hand, Prompts())
         assert caught.value.code == result
     assert [hexed(request) for request in link.sent] == [SAVE]
     assert link.now() < 6.0
@@ -160,14 +160,14 @@ def test_answers_to_a_save(replies: list[tuple[float, str]], result: str) -> Non
 
 def test_silence_after_a_save_says_that_nothing_is_known() -> None:
     with pytest.raises(NoAnswer) as caught:
-        procedures.save(hand_on(ScriptedLink()), Guide())
+        procedures.save(hand_on(ScriptedLink()), Prompts())
     assert "not known" in caught.value.hint
     assert "power-cycle" in caught.value.hint
 
 
 def test_acks_without_end_do_not_hold_the_save() -> None:
     link = ScriptedLink(lambda request: [(0.1 * number, unhex(SAVE_ACK)) for number in range(2000)])
-    assert values(procedures.save(hand_on(link), Guide())) == ["accepted"]
+    assert values(procedures.save(hand_on(link), Prompts())) == ["accepted"]
     assert link.now() < 20.0
 
 
@@ -176,7 +176,7 @@ def test_an_interrupted_save_says_that_it_was_sent(moment: float) -> None:
     link = ScriptedLink(lambda request: [(0.05, unhex(SAVE_ACK)), (1.0, unhex("90 EB 01 04 11 ED 03 00 06"))])
     link.interrupt_at = moment
     with pytest.raises(HandctlError) as caught:
-        procedures.save(hand_on(link), Guide())
+        procedures.save(hand_on(link), Prompts())
     assert caught.value.exit_code == 130
     assert "save was sent" in caught.value.text
     assert changing(link.sent) == [SAVE]
@@ -228,7 +228,7 @@ def test_an_interrupted_reset_says_that_it_was_sent() -> None:
 def test_a_link_lost_during_a_save_or_a_reset_is_told() -> None:
     hand, _ = fake_hand("fault=disconnect")
     with pytest.raises(LinkError) as caught:
-        procedures.save(hand, Guide())
+        procedures.save(hand, Prompts())
     assert "its result is not known" in caught.value.text
     hand, _ = fake_hand("fault=disconnect")
     with pytest.raises(LinkError) as caught:

@@ -10,8 +10,8 @@ from handctl.devices.inspire import raw
 from handctl.devices.inspire.exo import device as procedures
 from handctl.devices.inspire.map import EXO
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, NoAnswer
-from handctl.model.guide import Guide
-from handctl.model.stopping import NOT_STOPPED
+from handctl.model.prompts import Prompts
+from handctl.model.stop_sequence import NOT_STOPPED
 from tests.support.each_row import each_row
 from tests.support.scripted import (
     NotedGuide,
@@ -43,25 +43,25 @@ UNMOVED = "EB 90 01 0D 12 CE 05 FF FF FF FF FF FF FF FF FF FF E9"
 
 def test_calibration_reports_its_end() -> None:
     hand, link = fake_hand()
-    guide = NotedGuide()
-    table = procedures.calibrate(hand, guide)
+    prompts = NotedGuide()
+    table = procedures.calibrate(hand, prompts)
     assert table.rows[0]["value"] == "completed"
     assert table.rows[0]["seconds"] == pytest.approx(11.7, abs=0.1)
     assert changing(link.sent) == [CALIBRATE]
     assert [row["value"] for row in table.rows[1:]] == [500, 500, 500, 500, 400, 0, 0, 0, 0, 0, 0]
-    assert any("calibrating" in text for text in guide.shown)
+    assert any("calibrating" in text for text in prompts.shown)
 
 
 def test_nothing_is_sent_during_a_calibration() -> None:
     hand, link = fake_hand()
-    procedures.calibrate(hand, Guide())
+    procedures.calibrate(hand, Prompts())
     assert hexed(link.sent[0]) == CALIBRATE
     assert link.sent_at[1] >= link.sent_at[0] + 11.7
 
 
 def test_calibration_without_a_report_ends_after_30_seconds() -> None:
     hand, link = fake_hand("fault=no-late-frames")
-    table = procedures.calibrate(hand, Guide())
+    table = procedures.calibrate(hand, Prompts())
     assert table.rows[0]["value"] == "not reported"
     assert 30.0 <= link.sent_at[1] < 31.0
     assert "did not report the end within 30 s" in message(hand, "no-completion")
@@ -83,20 +83,20 @@ def test_end_of_calibration_in_two_pieces(moment: float, cut: int) -> None:
     """Bluetooth and USB adapters split frames anywhere (dossier 1.1); no moment may lose one."""
     data = CALIBRATED.split()
     link = calibrating((0.0, CALIBRATE_ACK), (moment, " ".join(data[:cut])), (moment + 0.02, " ".join(data[cut:])))
-    table = procedures.calibrate(hand_on(link), Guide())
+    table = procedures.calibrate(hand_on(link), Prompts())
     assert table.rows[0]["value"] == "completed"
 
 
 def test_ack_and_end_of_calibration_in_one_piece() -> None:
     link = calibrating((0.1, f"{CALIBRATE_ACK} {CALIBRATED}"))
-    assert procedures.calibrate(hand_on(link), Guide()).rows[0]["value"] == "completed"
+    assert procedures.calibrate(hand_on(link), Prompts()).rows[0]["value"] == "completed"
 
 
 def test_calibration_refused_or_unanswered() -> None:
     with pytest.raises(DeviceRefused):
-        procedures.calibrate(hand_on(calibrating((0.0, "90 EB 01 04 12 F1 03 00 0B"))), Guide())
+        procedures.calibrate(hand_on(calibrating((0.0, "90 EB 01 04 12 F1 03 00 0B"))), Prompts())
     with pytest.raises(NoAnswer) as caught:
-        procedures.calibrate(hand_on(link := calibrating()), Guide())
+        procedures.calibrate(hand_on(link := calibrating()), Prompts())
     assert changing(link.sent) == [CALIBRATE]
     assert "calibrat" in f"{caught.value.text} {caught.value.hint}", "it may be running: the wearer must know"
 
@@ -106,7 +106,7 @@ def test_interrupted_calibration_says_that_it_goes_on(moment: float) -> None:
     link = calibrating((0.05, CALIBRATE_ACK))
     link.interrupt_at = moment
     with pytest.raises(HandctlError) as caught:
-        procedures.calibrate(hand_on(link), Guide())
+        procedures.calibrate(hand_on(link), Prompts())
     assert caught.value.exit_code == 130
     assert "still calibrating" in caught.value.text
     assert [hexed(request) for request in link.sent] == [CALIBRATE]
@@ -120,7 +120,7 @@ OPEN = dict.fromkeys(range(5), 1000)
 
 def test_motion_is_watched_until_arrival() -> None:
     hand, link = fake_hand()
-    table = procedures.move(hand, TARGET, Guide(), wait=5.0)
+    table = procedures.move(hand, TARGET, Prompts(), wait=5.0)
     assert [row["value"] for row in table.rows] == [*TARGET.values(), 660]
     assert [row["target"] for row in table.rows] == [*TARGET.values(), None]
     assert [row["arrival"] for row in table.rows] == ["reached"] * 5 + [None]
@@ -131,7 +131,7 @@ def test_motion_is_watched_until_arrival() -> None:
 
 def test_blocked_motion_ends_short_of_its_target() -> None:
     hand, link = fake_hand("fault=blocked")
-    table = procedures.move(hand, TARGET, Guide(), wait=5.0)
+    table = procedures.move(hand, TARGET, Prompts(), wait=5.0)
     assert [row["value"] for row in table.rows][:5] == [110, 220, 330, 440, 550]
     assert isinstance(table.failure, CheckFailed) and table.failure.code == "blocked"
     assert link.now() < 2.0
@@ -139,7 +139,7 @@ def test_blocked_motion_ends_short_of_its_target() -> None:
 
 def test_motion_that_takes_longer_than_the_wait() -> None:
     hand, link = fake_hand()
-    table = procedures.move(hand, OPEN, Guide(), wait=0.2, expect="any")
+    table = procedures.move(hand, OPEN, Prompts(), wait=0.2, expect="any")
     assert isinstance(table.failure, CheckFailed) and table.failure.code == "still-moving"
     assert link.now() < 0.5
     assert len(changing(link.sent)) == 1
@@ -149,7 +149,7 @@ def test_interrupted_motion_is_held_where_it_is() -> None:
     hand, link = fake_hand()
     link.interrupt_at = 0.3
     with pytest.raises(HandctlError) as caught:
-        procedures.move(hand, OPEN, Guide(), wait=5.0)
+        procedures.move(hand, OPEN, Prompts(), wait=5.0)
     assert caught.value.exit_code == 130
     first, release, hold = changing(link.sent)
     assert release == RELEASE and hold.startswith("EB 90 01 0B 32 ")
@@ -171,7 +171,7 @@ def test_interrupt_before_the_reply_of_the_command_holds_too() -> None:
 
     link.write = write  # type: ignore[method-assign]
     with pytest.raises(BaseException) as caught:
-        procedures.move(hand, OPEN, Guide(), wait=5.0)
+        procedures.move(hand, OPEN, Prompts(), wait=5.0)
     assert getattr(caught.value, "exit_code", 130) == 130
     _, *releases, hold = changing(link.sent)
     assert set(releases) == {RELEASE} and hold.startswith("EB 90 01 0B 32 ")
@@ -199,7 +199,7 @@ def moving_at(positions: list[int], interrupt_after: float) -> ScriptedLink:
 def test_hold_is_not_commanded_out_of_range() -> None:
     link = moving_at([1003, 500, 500, 500, -2, 500], 0.2)
     with pytest.raises(HandctlError) as caught:
-        procedures.move(hand_on(link), TARGET, Guide(), wait=5.0)
+        procedures.move(hand_on(link), TARGET, Prompts(), wait=5.0)
     assert caught.value.exit_code == 130
     assert changing(link.sent)[1:] == [RELEASE, UNMOVED]
 
@@ -213,7 +213,7 @@ def test_hold_that_fails_is_told() -> None:
 
     link.answer = answer
     with pytest.raises(HandctlError) as caught:
-        procedures.move(hand_on(link), TARGET, Guide(), wait=5.0)
+        procedures.move(hand_on(link), TARGET, Prompts(), wait=5.0)
     assert (caught.value.exit_code, caught.value.code) == (4, NOT_STOPPED)
     assert "power off" in caught.value.hint
     _, *stop = changing(link.sent)
@@ -242,7 +242,7 @@ def interrupted(link: RecordedLink, act: Callable[[], object]) -> HandctlError:
 def test_interrupted_force_command_is_released() -> None:
     """The force would stay on the worn hand (exo §2.2.1); Ctrl-C stops it (cli contract, 5 and 7)."""
     hand, link = fake_hand("turnaround=0.2")
-    interrupted(link, lambda: procedures.command(hand, "force", dict(enumerate((100, 0, 0, 0, -100))), Guide()))
+    interrupted(link, lambda: procedures.command(hand, "force", dict(enumerate((100, 0, 0, 0, -100))), Prompts()))
     first, *releases, hold = changing(link.sent)
     assert first == "EB 90 01 0B 31 64 00 00 00 00 00 00 00 9C FF 3C"
     assert set(releases) == {RELEASE} and hold == HELD
@@ -250,7 +250,7 @@ def test_interrupted_force_command_is_released() -> None:
 
 def test_interrupted_position_command_is_held() -> None:
     hand, link = fake_hand("turnaround=0.2")
-    interrupted(link, lambda: procedures.command(hand, "position", dict.fromkeys(range(5), 900), Guide()))
+    interrupted(link, lambda: procedures.command(hand, "position", dict.fromkeys(range(5), 900), Prompts()))
     _, *releases, hold = changing(link.sent)
     assert set(releases) == {RELEASE} and hold[12:14] == "32"
 
@@ -283,7 +283,7 @@ def test_a_release_without_an_answer_is_told() -> None:
     link.interrupt_at = 0.1
     hand = hand_on(link)
     with pytest.raises(HandctlError) as caught:
-        procedures.command(hand, "force", dict.fromkeys(range(5), 100), Guide())
+        procedures.command(hand, "force", dict.fromkeys(range(5), 100), Prompts())
     assert (caught.value.exit_code, caught.value.code) == (4, NOT_STOPPED)
     assert [hexed(data) for data in link.sent[1:]] == [RELEASE] * 7, "for a second, and no hold without a place"
     assert "power off" in caught.value.hint
@@ -302,7 +302,7 @@ def test_a_lost_answer_of_a_command_says_that_the_hand_may_act(which: str) -> No
     """Never blindly repeated: after a lost reply, read first (cli contract, 7)."""
     hand, link = fake_hand("fault=silent")
     with pytest.raises(NoAnswer):
-        procedures.command(hand, which, dict(enumerate((1, 2, 3, 4, 5))), Guide())
+        procedures.command(hand, which, dict(enumerate((1, 2, 3, 4, 5))), Prompts())
     assert "may still carry it out" in message(hand, "ack-lost")
     assert len(changing(link.sent)) == 1
 
@@ -312,7 +312,7 @@ def test_a_command_that_was_not_sent_is_not_said_to_act() -> None:
     hand.bus.bound = link.deadline(0.0)
     link.sleep(0.1)
     with pytest.raises(NoAnswer):
-        procedures.command(hand, "force", dict(enumerate((1, 2, 3, 4, 5))), Guide())
+        procedures.command(hand, "force", dict(enumerate((1, 2, 3, 4, 5))), Prompts())
     assert (link.sent, codes(hand)) == ([], [])
 
 
@@ -323,7 +323,7 @@ def test_a_command_that_was_not_sent_is_not_said_to_act() -> None:
 def test_a_motion_that_cannot_be_watched_any_more_may_go_on(fault: str) -> None:
     hand, link = fake_hand(f"fault={fault}&after=3")
     with pytest.raises(HandctlError) as caught:
-        procedures.move(hand, OPEN, Guide(), wait=5.0)
+        procedures.move(hand, OPEN, Prompts(), wait=5.0)
     assert caught.value.exit_code == {"disconnect": 3, "silent": 4, "bad-checksum": 5}[fault]
     assert "The fingers may still move" in caught.value.text
     assert "power" in caught.value.hint
@@ -333,7 +333,7 @@ def test_a_motion_that_cannot_be_watched_any_more_may_go_on(fault: str) -> None:
 def test_a_link_lost_during_a_command_or_a_write_is_told() -> None:
     hand, _ = fake_hand("fault=disconnect")
     with pytest.raises(LinkError) as caught:
-        procedures.command(hand, "force", dict.fromkeys(range(5), 100), Guide())
+        procedures.command(hand, "force", dict.fromkeys(range(5), 100), Prompts())
     assert "may still move" in caught.value.text
     hand, _ = fake_hand("fault=disconnect")
     with pytest.raises(LinkError) as caught:
@@ -344,5 +344,5 @@ def test_a_link_lost_during_a_command_or_a_write_is_told() -> None:
 def test_a_link_lost_during_a_calibration_says_that_it_goes_on() -> None:
     hand, _ = fake_hand("fault=disconnect")
     with pytest.raises(LinkError) as caught:
-        procedures.calibrate(hand, Guide())
+        procedures.calibrate(hand, Prompts())
     assert "still calibrating" in caught.value.text

@@ -10,7 +10,7 @@ from handctl.devices.inspire import procedures
 from handctl.devices.inspire.exo import device as motion
 from handctl.devices.inspire.exo.device import ExoHand
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
-from handctl.model.guide import Guide
+from handctl.model.prompts import Prompts
 from tests.support.each_row import each_row
 from tests.support.scripted import (
     NotedGuide,
@@ -276,29 +276,29 @@ def test_lost_ack_of_a_baud_change_is_read_back() -> None:
 def test_speed_acts_after_save_and_power_cycle() -> None:
     hand, link = fake_hand()
     procedures.change_baud(hand, 57600)
-    procedures.save(hand, Guide())
-    guide = NotedGuide()
-    assert procedures.wait_for_speed(hand, 57600, guide) is True
+    procedures.save(hand, Prompts())
+    prompts = NotedGuide()
+    assert procedures.wait_for_speed(hand, 57600, prompts) is True
     assert link.baud == 57600
-    assert guide.said == ["simulated: the simulator's power was switched off and on"]
+    assert prompts.said == ["simulated: the simulator's power was switched off and on"]
     assert hexed(hand.bus.read(1001, 1)) == "01"
 
 
 def test_unsaved_speed_is_gone_after_the_power_cycle() -> None:
     hand, link = fake_hand()
     procedures.change_baud(hand, 57600)
-    assert procedures.wait_for_speed(hand, 57600, Guide(), seconds=5.0) is False
+    assert procedures.wait_for_speed(hand, 57600, Prompts(), seconds=5.0) is False
     assert link.now() < 10.0
     assert procedures.find_speed(hand.bus) == 115200
 
 
 def test_waiting_for_a_real_power_cycle_asks_for_it_and_is_bounded() -> None:
-    guide = NotedGuide()
+    prompts = NotedGuide()
     hand = hand_on(link := ScriptedLink(baud=115200))
-    assert procedures.wait_for_speed(hand, 57600, guide) is False
+    assert procedures.wait_for_speed(hand, 57600, prompts) is False
     assert 120.0 <= link.now() < 125.0
     assert link.bauds == [57600]
-    assert "power off and on now" in guide.said[0]
+    assert "power off and on now" in prompts.said[0]
 
 
 def test_hand_that_comes_back_late_is_found() -> None:
@@ -307,7 +307,7 @@ def test_hand_that_comes_back_late_is_found() -> None:
         return [(0.0, reply_to(request, bytes(request[7])))] if link.now() > 20.0 else [(0.0, b"\xf8\x00")]
 
     link = ScriptedLink(answer, baud=115200)
-    assert procedures.wait_for_speed(hand_on(link), 57600, Guide()) is True
+    assert procedures.wait_for_speed(hand_on(link), 57600, Prompts()) is True
     assert 20.0 < link.now() < 22.0
 
 
@@ -317,10 +317,10 @@ PROCEDURES: dict[str, Callable[[ExoHand], object]] = {
     "id": lambda hand: procedures.change_id(hand, 2),
     "baud": lambda hand: procedures.change_baud(hand, 57600),
     "clear-errors": procedures.clear_errors,
-    "save": lambda hand: procedures.save(hand, Guide()),
+    "save": lambda hand: procedures.save(hand, Prompts()),
     "factory-reset": procedures.factory_reset,
-    "calibrate": lambda hand: motion.calibrate(hand, Guide()),
-    "position": lambda hand: motion.move(hand, dict(enumerate((500, 400, 300, 200, 100))), Guide(), wait=3.0),
+    "calibrate": lambda hand: motion.calibrate(hand, Prompts()),
+    "position": lambda hand: motion.move(hand, dict(enumerate((500, 400, 300, 200, 100))), Prompts(), wait=3.0),
     "force": lambda hand: hand.command("force", [0] * 5),
 }
 FAULTS = [

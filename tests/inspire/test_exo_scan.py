@@ -7,7 +7,7 @@ import pytest
 from handctl.devices.inspire.scan import parse_ids
 from handctl.devices.inspire.scanner import TURNAROUND
 from handctl.errors import NoAnswer, ProtocolError, UsageError
-from handctl.model.quest import Quest
+from handctl.model.scan_task import ScanTask
 from tests.inspire.scanning import ALL_IDS, scan_hand, scan_on
 from tests.support.each_row import each_row
 from tests.support.scripted import (
@@ -64,11 +64,11 @@ class Bench:
                 replies.append((moment, self.junk[request[2]]))
         return replies
 
-    def scan(self, **options: object) -> Quest:
+    def scan(self, **options: object) -> ScanTask:
         return scan_on(self.link, **options)
 
 
-def hits(table: Quest) -> list[tuple[object, object]]:
+def hits(table: ScanTask) -> list[tuple[object, object]]:
     return [(row["baud"], row["id"]) for row in table.rows]
 
 

@@ -10,14 +10,14 @@ from collections.abc import Iterator
 import pytest
 
 from handctl.cli import main
+from handctl.command.get_set_watch import select
 from handctl.devices.inspire import procedures, raw
 from handctl.devices.inspire.exo import device as motion
 from handctl.devices.inspire.exo.device import ExoHand
 from handctl.devices.inspire.map import EXO
 from handctl.errors import HandctlError, UsageError
-from handctl.frame.verbs import select
-from handctl.link.tap import Entry, parse
-from handctl.model.guide import Guide
+from handctl.link.transcript import Entry, parse
+from handctl.model.prompts import Prompts
 from handctl.model.result import Table
 from handctl.sim import create
 from tests.support.each_row import each_row
@@ -113,7 +113,7 @@ class Player:
 
 def act(hand: ExoHand, words: list[str]) -> Table | str:
     """Let the host do what a `# host` line says."""
-    guide = Guide()
+    prompts = Prompts()
     match words:
         case ["get", *names]:
             return hand.table(hand.read(select(EXO, names)))
@@ -132,11 +132,11 @@ def act(hand: ExoHand, words: list[str]) -> Table | str:
         case ["clear-errors"]:
             return procedures.clear_errors(hand)
         case ["save"]:
-            return procedures.save(hand, guide)
+            return procedures.save(hand, prompts)
         case ["factory-reset"]:
             return procedures.factory_reset(hand)
         case ["calibrate"]:
-            return motion.calibrate(hand, guide)
+            return motion.calibrate(hand, prompts)
         case ["force" | "position", *values]:
             return hand.command(words[0], [int(value) for value in values])
     raise AssertionError(f"unknown action {words}")

@@ -223,7 +223,7 @@ def test_two_questions_once_a_command_and_one_where_it_only_reads(tmp_path: Path
 def test_a_siblings_silence_is_waited_for_by_the_latency_of_this_link(latency: float, most: float) -> None:
     """Three round trips, 10 ms at least, and never longer than a reply may take."""
     link = Line("rh56", latency=latency)
-    look = identity.Look(_bus(link))
+    look = identity.IdentityCheck(_bus(link))
     link.spaces = [Memory(*(row for row in DF if row[0] not in (1612, 1618)), (1618, "<5B", (31, 32, 33, 34, 35)))]
     assert look.who(identity.EXO) is identity.EXO
     assert link.clock - link.sent_at[1] <= most
@@ -513,7 +513,7 @@ def test_nothing_but_the_buses_and_the_scanners_touches_the_link() -> None:
         for path in folder.rglob("*.py")
         if re.search(r"link\.(write|send)\(", path.read_text())
     }
-    assert users == {"bus", "canbus", "modbusbus", "scanner", "hand/raw"}
+    assert users == {"serial_bus", "can_bus", "modbus_bus", "scanner", "hand/raw"}
 
 
 @pytest.mark.parametrize("family", ["exo", "wrist", "ekso", "barrett"])

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from handctl.devices.inspire.hand.explain import explainer
-from handctl.model.piece import DEVICE, HOST, Piece
+from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
 from tests.support.cli import run
 from tests.support.each_row import each_row
 
@@ -35,9 +35,9 @@ def test_a_frame_in_words(frame: str, meaning: str) -> None:
     assert piece.raw == bytes.fromhex(frame)
 
 
-def told(*lines: str) -> list[Piece]:
+def told(*lines: str) -> list[ExplainedBytes]:
     """The pieces of a conversation; `! TEXT` is an event."""
-    words, found = explainer(), list[Piece]()
+    words, found = explainer(), list[ExplainedBytes]()
     for line in lines:
         mark, _, rest = line.partition(" ")
         if mark == "!":
@@ -109,12 +109,12 @@ def test_an_event_names_the_generation() -> None:
 
 
 def test_words_over_modbus_rtu() -> None:
-    from handctl.devices.inspire import modbus
+    from handctl.devices.inspire import modbus_frames
 
     def asked(address: int, values: list[int]) -> tuple[str, str]:
         words = b"".join((value & 0xFFFF).to_bytes(2, "big") for value in values)
-        request = modbus.rtu(1, modbus.read_request(address, len(values)))
-        return f"> {request.hex()}", f"< {modbus.rtu(1, bytes([3, len(words)]) + words).hex()}"
+        request = modbus_frames.rtu(1, modbus_frames.read_request(address, len(values)))
+        return f"> {request.hex()}", f"< {modbus_frames.rtu(1, bytes([3, len(words)]) + words).hex()}"
 
     found = meanings(*asked(1064, F1_ANGLES), *asked(1088, F1_STATES), *asked(1094, F1_STATES[6:]))
     assert found[0].startswith("read undocumented: 6 registers at 1064. On an RH56F1: angle_actual.")
@@ -151,7 +151,7 @@ def test_a_recorded_trace_names_the_generation(tmp_path: Path) -> None:
 
 def test_a_save_of_an_f1_is_done_with_its_result_only() -> None:
     """1004 clears the errors of a DF and saves on an F1 (rh56 §6 Q4): 01 is not the end of it, 00 and FF are."""
-    from handctl.devices.inspire.hand.writes import words
+    from handctl.devices.inspire.hand.write_rules import words
 
     def verdicts(*lines: str) -> list[tuple[bool, str]]:
         writes, found = words(), list[tuple[bool, str]]()

@@ -13,7 +13,7 @@ import pytest
 
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import ModelGate
-from handctl.devices.inspire.modbusbus import ModbusBus
+from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.link import ByteLink, open_link
 from handctl.model.param import elements_of
 from handctl.model.result import Journal

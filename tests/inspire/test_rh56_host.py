@@ -8,19 +8,19 @@ from unittest import mock
 
 import pytest
 
-from handctl.devices.inspire import modbus
-from handctl.devices.inspire.base import encoded
-from handctl.devices.inspire.bus import Bus
+from handctl.devices.inspire import modbus_frames
 from handctl.devices.inspire.hand import motion
 from handctl.devices.inspire.hand.generation import look
 from handctl.devices.inspire.hand.map import BYTE_MAP, DF, DG2, F1, MAPS, TP
 from handctl.devices.inspire.hand.tactile import ZONES, chosen, tactile
+from handctl.devices.inspire.register_device import encoded
+from handctl.devices.inspire.serial_bus import Bus
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, UsageError
 from handctl.link import ByteLink, Deadline, open_link
-from handctl.model.guide import Guide
 from handctl.model.param import elements_of
+from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
-from handctl.sim.hand.books import GENERATIONS
+from handctl.sim.hand.register_maps import GENERATIONS
 from tests.inspire.rh56_support import CAN, EB90, RTU, TCP, hand_on
 from tests.support.cli import run
 from tests.support.refused import refused
@@ -182,7 +182,7 @@ def test_a_finger_moves_to_its_angle_and_only_that(model: str, wire: str) -> Non
     before = motion.fit_to_move(hand)
     question, shown = motion.question(hand, changes, before)
     assert shown.told(question).endswith("index 440 to 300 (speed 604, force limit 404 g)")
-    rows = {row["name"]: row["value"] for row in motion.move(hand, "angle_set", changes, Guide(), wait=3.0).rows}
+    rows = {row["name"]: row["value"] for row in motion.move(hand, "angle_set", changes, Prompts(), wait=3.0).rows}
     assert rows == {"angle_actual": 300, "status": 2}
     others = hand.read(elements_of(hand.map["angle_set"]))
     assert [reading.value for reading in others if reading.element.part != "index"] == [-1] * 5
@@ -256,25 +256,27 @@ def test_the_host_makes_every_frame_of_the_vectors_and_takes_every_answer(wire: 
             request = data
             pdu = data[7:] if wire == TCP else data[1:-2]
             address = int.from_bytes(pdu[1:3], "big")
-            if pdu[0] == modbus.READ and int.from_bytes(pdu[3:5], "big") > modbus.MAX_WORDS:
+            if pdu[0] == modbus_frames.READ and int.from_bytes(pdu[3:5], "big") > modbus_frames.MAX_WORDS:
                 request = b""
                 continue  # more than the protocol allows: refused before it is sent
-            body = pdu[3:] if pdu[0] == modbus.WRITE_ONE else pdu[6:]
+            body = pdu[3:] if pdu[0] == modbus_frames.WRITE_ONE else pdu[6:]
             made = (
-                modbus.read_request(address, int.from_bytes(pdu[3:5], "big"))
-                if pdu[0] == modbus.READ
-                else modbus.write_request(address, body)
+                modbus_frames.read_request(address, int.from_bytes(pdu[3:5], "big"))
+                if pdu[0] == modbus_frames.READ
+                else modbus_frames.write_request(address, body)
             )
             transaction = int.from_bytes(data[:2], "big")
-            assert (modbus.tcp(transaction, made, data[6]) if wire == TCP else modbus.rtu(data[0], made)) == data, line
+            assert (
+                modbus_frames.tcp(transaction, made, data[6]) if wire == TCP else modbus_frames.rtu(data[0], made)
+            ) == data, line
             seen += 1
         elif request:
             pdu = request[7:] if wire == TCP else request[1:-2]
-            decoder = modbus.TcpDecoder() if wire == TCP else modbus.RtuDecoder(request[0], pdu)
+            decoder = modbus_frames.TcpDecoder() if wire == TCP else modbus_frames.RtuDecoder(request[0], pdu)
             for byte in data:
                 decoder.feed(bytes([byte]))
             answer = decoder.next()
-            assert answer is not None and modbus.answers(answer.pdu, pdu), line
+            assert answer is not None and modbus_frames.answers(answer.pdu, pdu), line
     assert seen >= 8
 
 

@@ -10,17 +10,17 @@ from collections.abc import Callable
 
 import pytest
 
-from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.canbus import CanBus
+from handctl.devices.inspire.can_bus import CanBus
 from handctl.devices.inspire.hand import motion
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import ModelGate
 from handctl.devices.inspire.hand.map import BYTE_MAP
-from handctl.devices.inspire.modbusbus import ModbusBus
-from handctl.devices.inspire.registers import RegisterBus
+from handctl.devices.inspire.modbus_bus import ModbusBus
+from handctl.devices.inspire.register_bus import RegisterBus
+from handctl.devices.inspire.serial_bus import Bus
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
-from handctl.model.guide import Guide
 from handctl.model.param import elements_of
+from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
 from tests.inspire.wrist_support import ScriptedFrames
 from tests.support.each_row import each_row
@@ -570,7 +570,7 @@ def test_a_hand_that_restarts_in_a_movement_ends_honestly(wire: str, which: int)
 
     odd.change = restart
     changes = [(hand.map.find("angle_set.index")[1][0], 300)]
-    found = outcome(lambda: len(motion.move(hand, "angle_set", changes, Guide(), wait=3.0).rows))
+    found = outcome(lambda: len(motion.move(hand, "angle_set", changes, Prompts(), wait=3.0).rows))
     assert found in ("exit 4", "exit 5", "exit 7", 2) or (found == "exit 6" and not odd.writes), found
     moved = [request for request in odd.writes if (request[-8:] and b"\x2c\x01" in request) or b"\x01\x2c" in request]
     assert len(moved) <= 1

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from handctl.frame.run import Run
+from handctl.command.run import Run
 from handctl.link import tcp
 from handctl.sim.engine.serve import send_control
 from tests.inspire.pairing_bench import Person

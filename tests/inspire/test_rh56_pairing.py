@@ -9,7 +9,7 @@ import pytest
 import handctl.sim.hand
 from handctl.devices.inspire.hand.pairing import Paired, pair
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Interrupted, NoAnswer, NotConfirmed
-from handctl.model.guide import Guide
+from handctl.model.prompts import Prompts
 from tests.inspire.pairing_bench import Desk, OneLine, Person, fake_hand, simulated
 
 TWO_IDS = ({"model": "df"}, {"model": "df", "id": 2})
@@ -23,8 +23,8 @@ def _listed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def person(desk: Desk) -> Person:
-    assert isinstance(desk.guide, Person)
-    return desk.guide
+    assert isinstance(desk.prompts, Person)
+    return desk.prompts
 
 
 def told(paired: list[Paired]) -> list[tuple[str, int, str]]:
@@ -190,7 +190,7 @@ def test_a_side_that_is_said_moves_nothing() -> None:
 
 def test_nobody_there_means_nothing_is_sent() -> None:
     desk = two_links()
-    desk.guide = Guide()
+    desk.prompts = Prompts()
     with pytest.raises(NotConfirmed):
         pair(desk, "one", "two")
     assert desk.journal.counters.sent == 0

@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import pytest
 
+from handctl.command.options import Settings
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
-from handctl.frame.options import Settings
 from handctl.link import CanFrame
-from handctl.model.stopping import Aim, Sent, Stopped, Talk, drive
+from handctl.model.stop_sequence import Sent, StopContext, Stopped, StopSequence, drive
 from tests.inspire.wrist_support import ScriptedFrames
 from tests.support.each_row import each_row
 from tests.support.odd_hands import (
@@ -33,19 +33,21 @@ from tests.support.scripted import ScriptedLink
 SPEEDS = slice(1522, 1534)
 
 
-def talk(wire: str, **own: object) -> Talk:
+def sequence(wire: str, **own: object) -> StopSequence:
     """The stop that `handctl hand stop` holds on this wire."""
-    from handctl.devices.inspire.hand.stopper import stop_talk
+    from handctl.devices.inspire.hand.stopper import stop_steps
 
-    return stop_talk(
-        Aim(Settings(port="tcp://192.168.11.210:6000" if wire == TCP else "/dev/ttyUSB7", own=own), can=wire == CAN)
+    return stop_steps(
+        StopContext(
+            Settings(port="tcp://192.168.11.210:6000" if wire == TCP else "/dev/ttyUSB7", own=own), can=wire == CAN
+        )
     )
 
 
 def stop(odd: Odd, **own: object) -> tuple[Stopped, list[Sent]]:
     sent: list[Sent] = []
     link = ScriptedFrames(odd.frame) if odd.wire == CAN else ScriptedLink(odd)
-    return drive(link, talk(odd.wire, **own), sent), sent
+    return drive(link, sequence(odd.wire, **own), sent), sent
 
 
 @pytest.mark.parametrize("wire", WIRES)
@@ -101,7 +103,7 @@ def test_a_line_with_echo_is_asked_in_both_protocols(wire: str) -> None:
         return [(0.0, request), *(whole(request) if ours else [])]
 
     link = ScriptedLink(answer)
-    stopped = drive(link, talk(wire), [])
+    stopped = drive(link, sequence(wire), [])
     assert stopped.error is None and odd.memory[SPEEDS] == bytes(12), stopped
 
 
@@ -111,9 +113,9 @@ def test_a_loopback_of_the_adapter_is_no_refusal() -> None:
     def both(frame: CanFrame) -> list[tuple[float, CanFrame]]:
         return [(0.0, frame), *odd.frame(frame)]
 
-    stopped = drive(ScriptedFrames(both), talk(CAN), [])
+    stopped = drive(ScriptedFrames(both), sequence(CAN), [])
     assert stopped.error is None and odd.memory[SPEEDS] == bytes(12), stopped
-    alone = drive(ScriptedFrames(lambda frame: [(0.0, frame)]), talk(CAN), [])
+    alone = drive(ScriptedFrames(lambda frame: [(0.0, frame)]), sequence(CAN), [])
     assert alone.error is not None and alone.error is not DeviceRefused, alone
 
 

@@ -14,8 +14,8 @@ from handctl.devices.inspire.scanner import TURNAROUND
 from handctl.errors import CheckFailed
 from handctl.families import FAMILIES
 from handctl.link import open_link
-from handctl.model.guide import Progress
-from handctl.model.quest import Quest
+from handctl.model.prompts import Progress
+from handctl.model.scan_task import ScanTask
 from tests.inspire.scanning import scan_hand, scanner
 from tests.search import scan_grid
 from tests.support.bus_file import text
@@ -62,13 +62,13 @@ def hand_behind(path: Path) -> ExoHand:
     return hand_on(open_link(f"fake://bus?file={path}&clock=virtual", baud=115200))
 
 
-def found(line: Line, folder: Path) -> tuple[Quest, float]:
+def found(line: Line, folder: Path) -> tuple[ScanTask, float]:
     hand = hand_behind(line.file(folder))
     table = scan_hand(hand, ids=(), find_all=False)
     return table, hand.bus.link.now()
 
 
-def right(line: Line, table: Quest) -> bool:
+def right(line: Line, table: ScanTask) -> bool:
     speed = None if line.kind == "bluetooth" else line.speed
     return [(row["baud"], row["id"]) for row in table.rows] == [(speed, line.id)]
 

@@ -9,9 +9,9 @@ import pytest
 
 from handctl.devices.inspire.map import WRIST
 from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, UsageError
-from handctl.model.guide import Guide
+from handctl.model.prompts import Prompts
 from handctl.model.result import Table
-from handctl.model.stopping import NOT_STOPPED
+from handctl.model.stop_sequence import NOT_STOPPED
 from tests.inspire.wrist_support import WIRES, RecordedFrames, Wrist, can, fake_port, fake_wrist, writes_of
 from tests.support.cli import Result, run, spying
 from tests.support.each_row import each_row
@@ -24,7 +24,7 @@ SIX = {
 
 
 def move(wrist: Wrist, pitch: float | None, yaw: float | None, time: int | None, wait: float | None = None) -> Table:
-    return wrist.move(wrist.targets(pitch, yaw, time), Guide(), wait=wait)
+    return wrist.move(wrist.targets(pitch, yaw, time), Prompts(), wait=wait)
 
 
 def reached(table: Table) -> dict[str, tuple[float, float | None]]:
@@ -82,9 +82,9 @@ def test_a_slow_axis_does_not_pass_for_a_held_one() -> None:
 
 def test_progress_is_told() -> None:
     wrist, _ = fake_wrist()
-    guide = NotedGuide()
-    wrist.move(wrist.targets(5.0, 5.0, 500), guide, wait=None)
-    assert any("pitch" in text and "yaw" in text for text in guide.shown)
+    prompts = NotedGuide()
+    wrist.move(wrist.targets(5.0, 5.0, 500), prompts, wait=None)
+    assert any("pitch" in text and "yaw" in text for text in prompts.shown)
 
 
 @pytest.mark.parametrize("wire", WIRES)
@@ -195,7 +195,7 @@ def test_a_wrist_that_cannot_be_held_is_told() -> None:
     device = link.inner._line  # type: ignore[attr-defined]
     link.interrupt_at = 0.5
 
-    class Off(Guide):
+    class Off(Prompts):
         def done(self) -> None:
             device.device.powered = False
 
@@ -332,7 +332,7 @@ def test_restore_writes_one_frame_reads_back_and_is_safe_to_repeat(tmp_path: Pat
 
 
 def test_a_snapshot_out_of_range_is_refused_before_anything_is_sent(tmp_path: Path) -> None:
-    from handctl.frame import stored as files
+    from handctl.command import snapshots as files
 
     file = tmp_path / "bad.json"
     files.write(str(file), files.make("wrist", {"kind": "wrist", "id": 1}, {"yaw_set": 25.51}, link="x", fake=True))

@@ -11,7 +11,7 @@ from handctl.devices.inspire.scan import parse_ids
 from handctl.devices.inspire.wrist.probe import TARGET
 from handctl.errors import UsageError
 from handctl.link import CanFrame
-from handctl.model.quest import Quest
+from handctl.model.scan_task import ScanTask
 from tests.inspire.scanning import scan_hand
 from tests.inspire.wrist_support import (
     WIRES,
@@ -32,15 +32,15 @@ ALL_IDS = list(range(1, 255))
 PITCH = b"\xa7\xfe"
 
 
-def scan(wrist: Wrist, ids: list[int] | None = None, **options: object) -> Quest:
+def scan(wrist: Wrist, ids: list[int] | None = None, **options: object) -> ScanTask:
     return scan_hand(wrist, TARGET, **{"ids": ids or ALL_IDS, "baud": 115200, **options})
 
 
-def found(table: Quest) -> list[int]:
+def found(table: ScanTask) -> list[int]:
     return [row["id"] for row in table.rows]
 
 
-def ended(table: Quest) -> tuple[str, int] | None:
+def ended(table: ScanTask) -> tuple[str, int] | None:
     return (table.failure.code, table.failure.exit_code) if table.failure is not None else None
 
 

@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 import pytest
 
 from handctl.cli import main
+from handctl.command.get_set_watch import select
 from handctl.devices.inspire.map import WRIST
 from handctl.devices.inspire.wrist import raw
 from handctl.devices.inspire.wrist.device import Wrist
 from handctl.errors import HandctlError, UsageError
-from handctl.frame.verbs import select
 from handctl.link import ByteLink, CanFrame, FrameLink
-from handctl.link.tap import Entry, parse
+from handctl.link.transcript import Entry, parse
 from handctl.model.result import Table
 from handctl.sim import create
 from tests.inspire.wrist_support import Arrival, ScriptedFrames, can, fake_port, wrist_on

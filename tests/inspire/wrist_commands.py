@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from handctl.frame import stored
+from handctl.command import snapshots
 from tests.support.cli import Spy, s16
 from tests.support.inputs import made_once
 
@@ -186,8 +186,8 @@ def prepare(scratch: Path) -> None:
     """The input files of the commands: `power-on.json` equals a healthy wrist, `stored.json` differs from it."""
     held = names(*SETTINGS)(power_on_truth())
     for name, values in (("power-on.json", held), ("stored.json", STORED)):
-        content = stored.make("wrist", {"kind": "wrist", "id": 1}, dict(values), link="fake://wrist", fake=True)
-        stored.write(str(scratch / name), content)
+        content = snapshots.make("wrist", {"kind": "wrist", "id": 1}, dict(values), link="fake://wrist", fake=True)
+        snapshots.write(str(scratch / name), content)
 
 
 def sent_frames(trace: Path) -> list[str]:

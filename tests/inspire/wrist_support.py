@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
-from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.canbus import CanBus
+from handctl.devices.inspire.can_bus import CanBus
+from handctl.devices.inspire.serial_bus import Bus
 from handctl.devices.inspire.wrist.device import Wrist
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Trouble, open_link
 from handctl.model.result import Journal

@@ -10,8 +10,8 @@ from unittest import mock
 
 import pytest
 
+from handctl.command import connection
 from handctl.errors import LinkError
-from handctl.frame import connection
 from handctl.link.fake import FakeLink
 from tests.support.cli import Result, check_schema, fake, run, spying
 from tests.support.each_row import each_row

@@ -8,8 +8,8 @@ from pathlib import Path
 import click
 import pytest
 
+from handctl.command.run import Run
 from handctl.devices.inspire.exo.cli import cli
-from handctl.frame.run import Run
 from handctl.model.result import Column, Row, Table
 from tests.support.cli import Simulator, fake, run
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
+from handctl.command import get_set_watch, snapshots
 from handctl.devices.barrett.map import BARRETT
-from handctl.frame import stored, verbs
 from handctl.link.fake import FakeLink
 from handctl.link.lock import hold
 from handctl.model.param import Element
@@ -58,7 +58,7 @@ def test_a_bug_of_ours_lets_the_link_and_its_lock_go(
         raise ZeroDivisionError("oops")
 
     kept: list[Any] = []
-    monkeypatch.setattr(verbs, "get", broken)
+    monkeypatch.setattr(get_set_watch, "get", broken)
     result = run("exo", "get", "id", "-p", link, "--json")
     assert (result.code, result.error["code"]) == (1, "internal")
     connection, _ = server.accept()
@@ -153,7 +153,7 @@ def test_what_a_snapshot_does_not_hold_is_named_and_left(tmp_path: Path) -> None
     path = tmp_path / "stored.json"
     held = json.loads(path.read_text(encoding="utf-8"))["values"]
     del held["force_set.ring"], held["baud_code"]
-    stored.write(str(path), stored.make("exo", {"kind": "exo", "id": 1}, held, link="fake://exo", fake=True))
+    snapshots.write(str(path), snapshots.make("exo", {"kind": "exo", "id": 1}, held, link="fake://exo", fake=True))
     result = run("exo", "restore", path, "--setpoints", "-p", fake(), "--json", "-y")
     assert result.code == 0
     (message,) = [message for message in result.json["messages"] if message["code"] == "absent"]
@@ -166,7 +166,7 @@ def test_what_concerns_the_whole_device_is_restored_before_its_parts() -> None:
     motor, whole, stranding = (
         (Element(BARRETT.by_mnemonic(name), 0), value) for name, value in (("MCV", 50), ("OTEMP", 600), ("BAUD", 96))
     )
-    names = [[element.full_name for element, _ in group] for group in stored._groups([motor, stranding, whole])]
+    names = [[element.full_name for element, _ in group] for group in snapshots._groups([motor, stranding, whole])]
     assert names == [[whole[0].full_name], [motor[0].full_name], [stranding[0].full_name]]
 
 
@@ -175,7 +175,7 @@ def test_a_value_that_only_one_snapshot_holds_is_a_difference(tmp_path: Path) ->
     whole, part = tmp_path / "power-on.json", tmp_path / "part.json"
     held = json.loads(whole.read_text(encoding="utf-8"))["values"]
     value = held.pop("force_set.ring")
-    stored.write(str(part), stored.make("exo", {"kind": "exo", "id": 1}, held, link="fake://exo", fake=True))
+    snapshots.write(str(part), snapshots.make("exo", {"kind": "exo", "id": 1}, held, link="fake://exo", fake=True))
     for a, b, row in (
         (part, whole, {"name": "force_set.ring", "kind": "command", "a": None, "b": value}),
         (whole, part, {"name": "force_set.ring", "kind": "command", "a": value, "b": None}),

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from handctl.command.config import Config, from_toml, is_name, lines_of, load, parse, statements
+from handctl.command.config_edit import change, drop, put, put_all, verified
+from handctl.command.options import checks, config_path, own_options, shared_options
 from handctl.errors import OutputError, UsageError
 from handctl.families import WIRES
-from handctl.frame.config import Config, from_toml, is_name, lines_of, load, parse, statements
-from handctl.frame.devicefile import change, drop, put, put_all, verified
-from handctl.frame.options import checks, config_path, own_options, shared_options
 from tests.support.each_row import each_row
 
 CHECKS = checks()

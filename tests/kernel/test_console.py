@@ -9,8 +9,8 @@ import time
 
 import pytest
 
+from handctl.command.console import TerminalPrompts, confirms
 from handctl.errors import OutputError
-from handctl.frame.console import TerminalGuide, confirms
 from tests.support.each_row import each_row
 
 
@@ -25,10 +25,10 @@ class Screen(io.StringIO):
         return self.terminal
 
 
-def guide(monkeypatch: pytest.MonkeyPatch, typed: str, *, stdin: bool = True, stderr: bool = True) -> TerminalGuide:
+def prompts(monkeypatch: pytest.MonkeyPatch, typed: str, *, stdin: bool = True, stderr: bool = True) -> TerminalPrompts:
     monkeypatch.setattr(sys, "stdin", Screen(typed, terminal=stdin))
     monkeypatch.setattr(sys, "stderr", Screen(terminal=stderr))
-    return TerminalGuide(quiet=False)
+    return TerminalPrompts(quiet=False)
 
 
 @pytest.mark.parametrize(
@@ -39,7 +39,7 @@ def guide(monkeypatch: pytest.MonkeyPatch, typed: str, *, stdin: bool = True, st
     ],
 )  # fmt: skip
 def test_only_y_and_yes_are_a_yes(monkeypatch: pytest.MonkeyPatch, typed: str, yes: bool) -> None:
-    assert guide(monkeypatch, typed).ask("Move the hand", "") is yes
+    assert prompts(monkeypatch, typed).ask("Move the hand", "") is yes
 
 
 @pytest.mark.parametrize(
@@ -48,20 +48,20 @@ def test_only_y_and_yes_are_a_yes(monkeypatch: pytest.MonkeyPatch, typed: str, y
      ("RESET\n", False), ("reset it\n", False)],
 )  # fmt: skip
 def test_a_word_must_be_typed_as_it_stands(monkeypatch: pytest.MonkeyPatch, typed: str, yes: bool) -> None:
-    assert guide(monkeypatch, typed).ask("Erase everything", "reset") is yes
+    assert prompts(monkeypatch, typed).ask("Erase everything", "reset") is yes
 
 
 @pytest.mark.parametrize(("stdin", "stderr"), [(True, True), (True, False), (False, True), (False, False)])
 def test_a_person_is_there_when_both_ends_are_a_terminal(
     monkeypatch: pytest.MonkeyPatch, stdin: bool, stderr: bool
 ) -> None:
-    made = guide(monkeypatch, "\n", stdin=stdin, stderr=stderr)
+    made = prompts(monkeypatch, "\n", stdin=stdin, stderr=stderr)
     assert made.interactive is (stdin and stderr)
     assert made.wait_for_enter("Switch the hand off") is (stdin and stderr)
 
 
 def test_the_end_of_input_is_no_enter(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert guide(monkeypatch, "").wait_for_enter("Switch the hand off") is False
+    assert prompts(monkeypatch, "").wait_for_enter("Switch the hand off") is False
 
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGQUIT", "SIGTERM", "SIGHUP", "SIGTSTP"])
@@ -69,7 +69,7 @@ def test_while_presses_are_counted_no_signal_ends_or_stops_the_program(name: str
     """Asleep by Ctrl-Z in the middle of a stop, it would not finish stopping the device."""
     number = getattr(signal, name)
     before = signal.getsignal(number)
-    with TerminalGuide(quiet=True).counting() as presses:
+    with TerminalPrompts(quiet=True).counting() as presses:
         handler = signal.getsignal(number)
         assert callable(handler) and handler is not before
         handler(number, None)
@@ -81,13 +81,13 @@ def test_while_presses_are_counted_no_signal_ends_or_stops_the_program(name: str
 @pytest.mark.real
 def test_the_alarm_of_impatience_is_off_afterwards() -> None:
     before = signal.getsignal(signal.SIGALRM)
-    with TerminalGuide(quiet=True).impatient(30.0, lambda: OutputError("late")):
+    with TerminalPrompts(quiet=True).impatient(30.0, lambda: OutputError("late")):
         assert 29.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 30.0
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
     assert signal.getsignal(signal.SIGALRM) is before
     with (
         pytest.raises(OutputError, match="late"),
-        TerminalGuide(quiet=True).impatient(0.01, lambda: OutputError("late")),
+        TerminalPrompts(quiet=True).impatient(0.01, lambda: OutputError("late")),
     ):
         time.sleep(5)
 

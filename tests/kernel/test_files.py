@@ -73,8 +73,8 @@ def test_the_state_folder(base: str, place: str, monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
 def test_what_is_no_file_holds_no_configuration(tmp_path: Path) -> None:
+    from handctl.command.config_edit import change
     from handctl.errors import UsageError
-    from handctl.frame.devicefile import change
 
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)

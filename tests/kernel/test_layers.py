@@ -27,36 +27,42 @@ from tests.support.each_row import each_row
 from tests.support.loading import back_ends, heavy, loaded, ours
 
 ROOT = Path(handctl.__file__).parent
-GROUND = ("", "digits", "errors", "families", "files", "ending", "light", "sentence", "system.*")
+GROUND = ("", "number_parsing", "errors", "families", "files", "interrupts", "light", "wording", "system.*")
 """What any room may import: they know nothing of handctl, or each other at most."""
 PURE = ("errors", "light", "model.param", "@.pure")
 
 RULES: list[tuple[str, tuple[str, ...]]] = [
     # room or module, what it may import of handctl (first pattern that fits; `@` is its own family, @.pure what is sans I/O there)
-    ("digits", ()),
+    ("number_parsing", ()),
     ("errors", ()),
     ("families", ()),
     ("system*", ("system.*",)),
-    ("ending", ("system.*",)),
+    ("interrupts", ("system.*",)),
     ("files", ("errors", "system.*")),
-    ("sentence", ("families",)),
-    ("cli", (*GROUND, "frame.clikit", "frame.several", "late", "screen.filter")),
+    ("wording", ("families",)),
+    ("cli", (*GROUND, "command.command_tree", "command.several_devices", "late", "screen.sanitize")),
     ("__main__", ("cli",)),
     ("model.device", (*GROUND, "link.deadman", "model.*")),
     ("model.sampling", (*GROUND, "link", "model.*")),
-    ("model.stopping", (*GROUND, "link", "model.*")),
+    ("model.stop_sequence", (*GROUND, "link", "model.*")),
     ("model*", (*GROUND, "model.*")),
-    ("link.fake", ("digits", "errors", "link.base", "sim", "system.*")),
+    ("link.fake", ("number_parsing", "errors", "link.base", "sim", "system.*")),
     ("link*", (*GROUND, "link*")),
-    ("screen*", (*GROUND, "frame.options", "model.result", "model.param", "screen.*")),
-    ("stop*", (*GROUND, "frame.console", "frame.family", "frame.options", "frame.run", "link*", "model.*", "stop.*")),
-    ("frame.console", (*GROUND, "model.guide", "screen.filter")),
+    ("screen*", (*GROUND, "command.options", "model.result", "model.param", "screen.*")),
+    (
+        "stop*",
+        (*GROUND, "command.console", "command.family", "command.options", "command.run", "link*", "model.*", "stop.*"),
+    ),
+    ("command.console", (*GROUND, "model.prompts", "screen.sanitize")),
     ("record*", (*GROUND, "model.*", "record.*")),
-    ("frame*", (*GROUND, "frame.*", "link*", "model.*", "record.*", "report", "screen.*", "stop.*", "tools.doctor")),
-    ("report.facts", ("link.base", "system.*", "tools.machine")),
-    ("report*", (*GROUND, "frame.*", "link.tap", "model.*", "report.*", "screen.render")),
-    ("api", (*GROUND, "frame.*", "model.result")),
-    ("hands", ("api", "families", "frame.call", "model.result")),
+    (
+        "command*",
+        (*GROUND, "command.*", "link*", "model.*", "record.*", "report", "screen.*", "stop.*", "tools.doctor"),
+    ),
+    ("report.computer", ("link.base", "system.*", "tools.port_inventory")),
+    ("report*", (*GROUND, "command.*", "link.transcript", "model.*", "report.*", "screen.render")),
+    ("api", (*GROUND, "command.*", "model.result")),
+    ("hands", ("api", "families", "command.library_call", "model.result")),
     ("docgen.library", ("api", "families")),
     (
         "docgen*",
@@ -64,28 +70,28 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             *GROUND,
             "guides",
             "docgen*",
-            "frame.clikit",
-            "frame.usage",
-            "frame.family",
-            "frame.options",
+            "command.command_tree",
+            "command.help_text",
+            "command.family",
+            "command.options",
             "model.param",
             "model.remedy",
         ),
     ),
     ("guides", ()),
     ("newfamily*", ("newfamily",)),
-    ("sim*", ("digits", "sim*", "system.*")),
-    ("devices.*cli", (*GROUND, "frame.*", "link", "model.*", "record.*", "stop.*", "@")),
+    ("sim*", ("number_parsing", "sim*", "system.*")),
+    ("devices.*cli", (*GROUND, "command.*", "link", "model.*", "record.*", "stop.*", "@")),
     ("devices.*", (*GROUND[1:], "link", "link.deadman", "model.*", "record.*", "@")),
-    ("tools.completion", (*GROUND, "docgen*", "frame.*", "model.*")),
+    ("tools.completion", (*GROUND, "docgen*", "command.*", "model.*")),
     ("tools.sim", ("families", "link.fake", "sim.cli")),
-    ("tools.help", (*GROUND, "docgen*", "frame.*", "guides", "model.*")),
+    ("tools.help", (*GROUND, "docgen*", "command.*", "guides", "model.*")),
     (
         "tools.*",
         (
             *GROUND,
             "guides",
-            "frame.*",
+            "command.*",
             "link*",
             "model.*",
             "record.recording",
@@ -104,15 +110,15 @@ OUTSIDE: list[tuple[str, tuple[str, ...]]] = [
     ("rich", ("screen.*",)),
     (
         "click",
-        ("cli", "api", "frame.*", "devices.*cli", "tools.*", "sim.cli", "docgen.tree", "docgen.library"),
+        ("cli", "api", "command.*", "devices.*cli", "tools.*", "sim.cli", "docgen.tree", "docgen.library"),
     ),
     ("crcmod", ("devices.*",)),
     ("bincopy", ("devices.barrett.*",)),
     ("packaging", ("build_zipapp",)),
-    ("tomllib", ("frame.config", "sim.bus.file")),
-    ("tomli", ("frame.config", "sim.bus.file")),
-    ("socket", ("link.tcp", "record.marks", "sim.*", "system.*", "tools.machine")),
-    ("_socket", ("system.local",)),
+    ("tomllib", ("command.config", "sim.bus.file")),
+    ("tomli", ("command.config", "sim.bus.file")),
+    ("socket", ("link.tcp", "record.marks", "sim.*", "system.*", "tools.port_inventory")),
+    ("_socket", ("system.local_socket",)),
 ]
 
 
@@ -282,21 +288,21 @@ def test_nobody_imports_round_about() -> None:
 def test_a_rule_can_be_broken() -> None:
     """The rules refuse what they should."""
     for module, target in [
-        ("devices.inspire.eb90", "link"), ("devices.inspire.map", "devices.inspire.bus"), ("errors", "model.result"),
-        ("devices.inspire.bus", "frame.clikit"), ("devices.inspire.exo.device", "devices.barrett.device"), ("link", "sim"),
-        ("link.fake", "sim.barrett.device"), ("model.param", "frame.run"), ("sim.ekso.device", "devices.ekso.frames"),
-        ("frame.verbs", "devices.inspire.exo.device"), ("tools.scan", "devices.inspire.exo.scan"),
-        ("frame.clikit", "devices.inspire.exo.cli"), ("screen.render", "frame.clikit"), ("link.can", "sim"),
-        ("devices.barrett.gcl.language", "link"), ("devices.barrett.device", "sim"), ("model.result", "link"),
-        ("devices.inspire.canreg", "link"), ("devices.inspire.canreg", "devices.inspire.canbus"),
-        ("devices.barrett.realtime.blocks", "link"), ("sim.wrist.device", "devices.inspire.canreg"),
+        ("devices.inspire.eb90", "link"), ("devices.inspire.map", "devices.inspire.serial_bus"), ("errors", "model.result"),
+        ("devices.inspire.serial_bus", "command.command_tree"), ("devices.inspire.exo.device", "devices.barrett.device"), ("link", "sim"),
+        ("link.fake", "sim.barrett.device"), ("model.param", "command.run"), ("sim.ekso.device", "devices.ekso.frames"),
+        ("command.get_set_watch", "devices.inspire.exo.device"), ("tools.scan", "devices.inspire.exo.scan"),
+        ("command.command_tree", "devices.inspire.exo.cli"), ("screen.render", "command.command_tree"), ("link.can", "sim"),
+        ("devices.barrett.gcl.codec", "link"), ("devices.barrett.device", "sim"), ("model.result", "link"),
+        ("devices.inspire.can_frames", "link"), ("devices.inspire.can_frames", "devices.inspire.can_bus"),
+        ("devices.barrett.realtime.blocks", "link"), ("sim.wrist.device", "devices.inspire.can_frames"),
     ]:  # fmt: skip
         assert not allowed(Import(module, target, False)), f"{module} -> {target}"
     for module, target in [
-        ("devices.inspire.exo.device", "devices.inspire.bus"), ("devices.inspire.exo.cli", "frame.clikit"),
-        ("link.fake", "sim"), ("devices.inspire.canreg", "devices.inspire.eb90"), ("cli", "frame.clikit"),
-        ("devices.barrett.device", "devices.barrett.gcl.language"), ("devices.barrett.gcl.language", "errors"),
-        ("devices.inspire.canbus", "link"),
+        ("devices.inspire.exo.device", "devices.inspire.serial_bus"), ("devices.inspire.exo.cli", "command.command_tree"),
+        ("link.fake", "sim"), ("devices.inspire.can_frames", "devices.inspire.eb90"), ("cli", "command.command_tree"),
+        ("devices.barrett.device", "devices.barrett.gcl.codec"), ("devices.barrett.gcl.codec", "errors"),
+        ("devices.inspire.can_bus", "link"),
     ]:  # fmt: skip
         assert allowed(Import(module, target, False)), f"{module} -> {target}"
 
@@ -355,7 +361,7 @@ def test_a_simulator_has_the_name_of_its_family() -> None:
     assert set(kinds()) == set(FAMILIES)
 
 
-ROLES = {"cli": "cli", "probe": "probe", "stopper": "stop_talk", "explain": "explainer", "writes": "words"}
+ROLES = {"cli": "cli", "probe": "probe", "stopper": "stop_steps", "explain": "explainer", "write_rules": "words"}
 
 
 @pytest.mark.parametrize("name", FAMILIES)
@@ -496,7 +502,7 @@ def test_what_asks_for_the_system_is_seen(text: str) -> None:
     assert asks_for_the_system(tree, ast.walk(tree))
 
 
-PRINTERS = ("frame.console",)
+PRINTERS = ("command.console",)
 
 
 def test_nobody_prints() -> None:
@@ -619,9 +625,9 @@ def test_no_test_is_imported() -> None:
 # -- what keeps the house plain ---------------------------------------------------------------------------------------
 
 
-KERNEL = {"", "frame", "link", "model", "record", "stop"}
+KERNEL = {"", "command", "link", "model", "record", "stop"}
 CIRCLES = {
-    "screen.live", "screen.render", "devices.barrett.gcl.meet", "devices.inspire.identity", "devices.inspire.twins",
+    "screen.live", "screen.render", "devices.barrett.gcl.session_start", "devices.inspire.identity", "devices.inspire.twins",
     "devices.ekso.status", "devices.barrett.realtime.rows",
     "devices.inspire.hand.device", "devices.inspire.procedures",
 }  # fmt: skip

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from handctl.command.family import load
 from handctl.families import FAMILIES
-from handctl.frame.family import load
 from handctl.model.outline import Bar, Measure, Outline, drawn, outline_of, painted
 from handctl.model.result import Cell, Row
 from handctl.report.outline import outline_svg

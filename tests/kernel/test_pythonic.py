@@ -12,10 +12,10 @@ import pytest
 
 import handctl
 from handctl.api import methods
+from handctl.command.pythonic import in_python
 from handctl.errors import HandctlError, LinkError, NoAnswer, UsageError
 from handctl.families import FAMILIES
-from handctl.frame.pythonic import in_python
-from handctl.sentence import sentence
+from handctl.wording import sentence
 from tests.support.each_row import each_row
 from tests.support.refused import refused
 

@@ -15,11 +15,11 @@ from types import SimpleNamespace
 
 import pytest
 
+from handctl.command.options import Settings
 from handctl.errors import OutputError
-from handctl.frame.options import Settings
 from handctl.model.result import Column, Sample, Table
+from handctl.screen.output import Sink
 from handctl.screen.render import stream
-from handctl.screen.sink import Sink
 from tests.support.cli import (
     FINGERS,
     PATIENCE,
@@ -172,7 +172,7 @@ def test_quiet_leaves_errors_only() -> None:
 
 def test_colours_are_codes_where_there_is_no_console(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("rich.console.detect_legacy_windows", lambda: True)  # on Windows without a console
-    from handctl.screen.terminal import console_for
+    from handctl.screen.tables import console_for
 
     with Sink(Settings(kind="exo", color="always", output=str(tmp_path / "out.txt"))) as sink:
         assert not console_for(sink).legacy_windows

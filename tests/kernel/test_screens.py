@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import pytest
 
+from handctl.command.options import Settings
 from handctl.families import FAMILIES
-from handctl.frame.options import Settings
 from handctl.model.remedy import Remedy
 from handctl.model.result import Journal, Sample, Table
 from handctl.screen import live

@@ -10,9 +10,9 @@ from typing import Any
 import click
 import pytest
 
-from handctl.frame.clikit import root
-from handctl.frame.lines import Shell, line
-from handctl.frame.run import Run
+from handctl.command.command_lines import Shell, line
+from handctl.command.command_tree import root
+from handctl.command.run import Run
 from tests.support.cli import fake, run, spying
 from tests.support.terminal import Terminal
 

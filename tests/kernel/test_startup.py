@@ -12,8 +12,8 @@ import click
 import pytest
 
 from handctl import late, light
+from handctl.command.family import load
 from handctl.families import FAMILIES
-from handctl.frame.family import load
 from tests.kernel.budget import over
 from tests.kernel.startup import KEPT, counted, machine
 

@@ -8,10 +8,10 @@ from typing import Any
 import click
 import pytest
 
+from handctl.command.command_tree import root
+from handctl.command.options import CONNECTION, SharedOption
 from handctl.docgen.tree import read_tree
 from handctl.families import FAMILIES
-from handctl.frame.clikit import root
-from handctl.frame.options import CONNECTION, SharedOption
 from tests.support.cli import run
 from tests.support.each_row import each_row
 

@@ -17,7 +17,7 @@ from handctl.errors import LinkError, UsageError
 from handctl.link import CanFrame, FrameLink, NoFrames, is_can, open_link
 from handctl.link.can import CanLink, split_link
 from handctl.link.fake import FakeFrames
-from handctl.link.tap import Tap, observed, parse
+from handctl.link.transcript import Tap, observed, parse
 from tests.inspire.wrist_support import ScriptedFrames, can, frames, wrist_on
 from tests.support.cli import PATIENCE
 

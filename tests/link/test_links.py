@@ -21,9 +21,9 @@ import serial
 from serial.rfc2217 import PortManager
 
 from handctl.errors import HandctlError, LinkError
-from handctl.link import ByteLink, Deadline, NoLink, open_link, owners
+from handctl.link import ByteLink, Deadline, NoLink, open_link, port_users
 from handctl.link import serial as serial_module
-from handctl.link.owners import Process
+from handctl.link.port_users import Process
 from tests.support.cli import PATIENCE, run
 from tests.support.scripted import unhex
 
@@ -239,7 +239,7 @@ def test_a_port_that_another_program_has_open_is_refused(opened: list[Port], mon
     """Two readers would each get half of the bytes; the exclusive opening does not see one that opened it before."""
     name = "/dev/ttyUSB7"
     holding = [Process(4711, "minicom")]
-    monkeypatch.setattr(owners, "holders", lambda device: holding if device == name else [])
+    monkeypatch.setattr(port_users, "holders", lambda device: holding if device == name else [])
     with pytest.raises(LinkError, match=r"in use by minicom \(pid 4711\)") as caught:
         open_link(name)
     assert caught.value.code == "busy" and not opened

@@ -16,7 +16,7 @@ import pytest
 
 from handctl.errors import HandctlError
 from handctl.link import open_link
-from handctl.link.owners import Rivals, holders, rivals
+from handctl.link.port_users import Rivals, holders, rivals
 from tests.support.cli import Simulator, run
 
 
@@ -138,6 +138,6 @@ def test_a_second_connection_to_one_server_is_found_by_its_socket(
         )
         (tmp_path / "proc" / "net").mkdir()
         (tmp_path / "proc" / "net" / "tcp").write_text("\n".join(["head", *lines]) + "\n")
-        monkeypatch.setattr("handctl.link.owners.ROOT", tmp_path)
+        monkeypatch.setattr("handctl.link.port_users.ROOT", tmp_path)
         link = SimpleNamespace(outlet=lambda: SimpleNamespace(descriptor=ours.fileno()))
         assert [one.pid for one in rivals(link).names] == [4000001]  # type: ignore[arg-type]

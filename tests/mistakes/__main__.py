@@ -18,10 +18,10 @@ from pathlib import Path
 
 from tests.mistakes.seeded import foreign, prepare, run, seed
 from tests.mistakes.table import TOP, Mistake, Stale, mistakes
-from tests.mistakes.together import Told, together
+from tests.mistakes.together import Outcomes, together
 
 
-def healthy(tests: Sequence[str]) -> Told:
+def healthy(tests: Sequence[str]) -> Outcomes:
     """The tests without a mistake."""
     verdict = run(tests)
     wrong = {name: f"fails without a mistake: {text}" for name, text in verdict.failed.items()}
@@ -29,7 +29,7 @@ def healthy(tests: Sequence[str]) -> Told:
     return {"broken": verdict.broken, "wrong": wrong, "took": verdict.passed, "foreign": foreign()}
 
 
-def seeded(one: Mistake, files: Sequence[str]) -> Told:
+def seeded(one: Mistake, files: Sequence[str]) -> Outcomes:
     """The tests of one mistake, or whole files, with the mistake."""
     if not (files or one.tests):
         return {"broken": ["no test is named with it"]}

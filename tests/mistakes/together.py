@@ -15,13 +15,13 @@ from typing import Any
 PATIENCE = 60.0
 """Seconds that one child may take: a mistake that lets a test hang is a bad row, and is named."""
 
-Told = dict[str, Any]
-Job = Callable[[], Told]
+Outcomes = dict[str, Any]
+Job = Callable[[], Outcomes]
 
 
 def together(
     jobs: Sequence[tuple[str, Job]], most: int, folder: Path, patience: float = PATIENCE
-) -> Iterator[tuple[str, Told]]:
+) -> Iterator[tuple[str, Outcomes]]:
     """The result of each job, at most so many running at once, in the order in which they end."""
     left, running = list(reversed(jobs)), dict[int, tuple[str, float]]()
     try:

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from handctl.command.command_tree import Command
+from handctl.command.family import Family, load, map_of
 from handctl.docgen import texts
 from handctl.families import FAMILIES
-from handctl.frame.clikit import Command
-from handctl.frame.family import Family, load, map_of
 from tests.contract.commands import ELSEWHERE, commands, scratch_of
 from tests.contract.facts import facts_of
 from tests.support import own_state

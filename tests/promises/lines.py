@@ -40,13 +40,13 @@ def _scanned(family: str, keys: str, number: int, folder: Path) -> None:
 
 def _met(family: str, _folder: Path) -> None:
     """It is not told which family is there."""
-    with mock.patch("handctl.tools.machine.source", lambda _address: ""):
+    with mock.patch("handctl.tools.port_inventory.source", lambda _address: ""):
         rows = run("doctor", "-p", link_of(family), "--count", "5", "--json").rows
     assert [row["status"] for row in rows if row["check"] == "answer"] == ["ok"], [row["check"] for row in rows]
 
 
 def _twins(family: str, _folder: Path) -> None:
-    with mock.patch("handctl.tools.machine.source", lambda _address: ""):
+    with mock.patch("handctl.tools.port_inventory.source", lambda _address: ""):
         result = run("doctor", "-p", link_of(family, "fault=twin-id"), "--family", family, "--count", "5", "--json")
     rows = needs(result, 7).rows
     assert [row["status"] for row in rows if row["check"] == "same_id"] == ["fail"], [

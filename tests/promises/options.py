@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
+from handctl.command.command_tree import root
+from handctl.command.options import SharedOption, shared_options
+from handctl.command.run import Run
 from handctl.families import FAMILIES
-from handctl.frame.clikit import root
-from handctl.frame.options import SharedOption, shared_options
-from handctl.frame.run import Run
 from tests.contract.facts import facts_of
 from tests.promises.cells import Cell, exempt, link_of, made, map_for, needs, reached, row_of, typed, unless
 from tests.search.suite import Hang, bounded

@@ -11,11 +11,11 @@ from unittest import mock
 
 import serial
 
+from handctl.command.command_tree import Command
 from handctl.docgen.texts import SYMPTOMS
 from handctl.families import FAMILIES
-from handctl.frame.clikit import Command
-from handctl.link import owners, tcp
-from handctl.link.owners import Process
+from handctl.link import port_users, tcp
+from handctl.link.port_users import Process
 from handctl.tools import doctor, ports
 from tests.contract.facts import facts_of
 from tests.promises import device
@@ -102,8 +102,8 @@ def in_use() -> Iterator[Cell]:
 
 def _held(family: str, name: str, folder: Path) -> None:
     with (
-        mock.patch.object(owners, "held_by_name", lambda _device: True),
-        mock.patch.object(owners, "holders", lambda _device: [Process(4711, "screen")]),
+        mock.patch.object(port_users, "held_by_name", lambda _device: True),
+        mock.patch.object(port_users, "holders", lambda _device: [Process(4711, "screen")]),
         mock.patch.object(serial, "serial_for_url") as opened,
     ):
         result = needs(typed(family, name, made(folder), PORT), 3, said="busy")

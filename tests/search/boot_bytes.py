@@ -1,5 +1,5 @@
 """Every read that a scan or a connect may begin with, of every id at every speed, and every scan of many ids: whether a
-BarrettHand in its boot window hears a trigger in it (`tests.barrett.ear`)."""
+BarrettHand in its boot window hears a trigger in it (`tests.barrett.line_receiver`)."""
 
 from __future__ import annotations
 

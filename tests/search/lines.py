@@ -13,8 +13,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+from handctl.command.family import load
 from handctl.families import FAMILIES
-from handctl.frame.family import load
 from handctl.sim import folder_of, model_class
 from handctl.sim.bus.file import MODELS
 from handctl.sim.engine.can import CAN_FAULTS

@@ -10,7 +10,7 @@ from handctl.sim import create
 from handctl.sim.bus import client_of
 from handctl.sim.bus.file import MODELS, read
 from handctl.sim.bus.line import Bus, Client
-from handctl.sim.bus.pair import Ear, Pair
+from handctl.sim.bus.wire_pair import Pair, Receiver
 from tests.support.bus_file import text
 from tests.support.each_row import each_row
 
@@ -64,42 +64,42 @@ def ask(client: Client, request: bytes, seconds: float = 1.0) -> bytes:
 # -- a pair of wires ----------------------------------------------------------------------------------------------------
 
 
-def heard_by(ear: Ear) -> bytes:
+def heard_by(receiver: Receiver) -> bytes:
     out = bytearray()
-    while (byte := ear.next()) is not None:
+    while (byte := receiver.next()) is not None:
         out.append(byte[1])
-        ear.take()
+        receiver.take()
     return bytes(out)
 
 
 def test_a_receiver_at_the_right_speed_hears_each_byte_at_its_last_bit() -> None:
     pair = Pair()
-    ear = Ear(pair, None, 9600)
+    receiver = Receiver(pair, None, 9600)
     pair.put("sender", 1.0, 9600, b"\x55\x00\xff")
-    assert ear.next() == pytest.approx((1.0 + 10 / 9600, 0x55, 1.0 + 9.5 / 9600, 1.0 + 30 / 9600))
-    assert heard_by(ear) == b"\x55\x00\xff"
+    assert receiver.next() == pytest.approx((1.0 + 10 / 9600, 0x55, 1.0 + 9.5 / 9600, 1.0 + 30 / 9600))
+    assert heard_by(receiver) == b"\x55\x00\xff"
 
 
 def test_a_receiver_at_half_the_speed_hears_something_else() -> None:
     pair = Pair()
     pair.put("sender", 0.0, 19200, b"\x80")  # low for 8 bits: 4 bits at 9600, the start bit and three more
-    assert heard_by(Ear(pair, None, 9600)) == bytes([0b11111000])
+    assert heard_by(Receiver(pair, None, 9600)) == bytes([0b11111000])
     pair.put("sender", 1.0, 9600, b"\xff")  # low for one bit: two at 19200, the start bit and bit 0
-    assert heard_by(Ear(pair, None, 19200))[-1:] == b"\xfe"
+    assert heard_by(Receiver(pair, None, 19200))[-1:] == b"\xfe"
 
 
 def test_two_who_send_at_once_make_a_wired_and() -> None:
     pair = Pair()
     pair.put("one", 0.0, 9600, b"\xf0\x0f")
     pair.put("two", 0.0, 9600, b"\x3c\xff")
-    assert heard_by(Ear(pair, None, 9600)) == b"\x30\x0f"
+    assert heard_by(Receiver(pair, None, 9600)) == b"\x30\x0f"
 
 
 def test_who_begins_in_the_middle_of_a_byte_spoils_its_rest() -> None:
     pair = Pair()
     pair.put("one", 0.0, 9600, b"\xff")
     pair.put("two", 4.9 / 9600, 9600, b"\x00")  # low from the end of bit 3 on
-    first = heard_by(Ear(pair, None, 9600))[0]
+    first = heard_by(Receiver(pair, None, 9600))[0]
     assert first == 0b00001111  # the start bit and four more, then the other one
 
 
@@ -107,8 +107,8 @@ def test_who_sends_hears_nothing_of_the_others_meanwhile() -> None:
     pair = Pair()
     pair.put("me", 0.0, 9600, b"\xff" * 2)
     pair.put("you", 0.0, 9600, b"\x11" * 4)
-    assert heard_by(Ear(pair, "me", 9600)) == b"\x11\x11"
-    assert heard_by(Ear(pair, "me", 9600, echo=True)) == b"\x11" * 4
+    assert heard_by(Receiver(pair, "me", 9600)) == b"\x11\x11"
+    assert heard_by(Receiver(pair, "me", 9600, echo=True)) == b"\x11" * 4
 
 
 # -- devices on one line --------------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from unittest import mock
 import pytest
 
 from handctl.devices.barrett.realtime.schedule import Controls
-from handctl.devices.inspire import canreg, eb90
+from handctl.devices.inspire import can_frames, eb90
 from handctl.link import Deadline, Link, Outlet, deadman
 from handctl.link.can import _slcan_frame
 from handctl.link.deadman import Guard, Shot
@@ -121,7 +121,7 @@ def test_a_line_of_the_can_adapter_that_was_cut_off(cut: int) -> None:
     line = create("wrist", {"bus": "can"})
     adapter = Adapter(line)
     pitch, yaw = at(wrist)
-    identifier, data = canreg.write_request(1, 1038, eb90.pack_s16([yaw, pitch]))
+    identifier, data = can_frames.write_request(1, 1038, eb90.pack_s16([yaw, pitch]))
     move = _slcan_frame(bytes.fromhex("E80318FCE803"), 0x15038001)
     adapter.feed(b"S8\rO\r")
     adapter.feed(move[:cut])

@@ -18,15 +18,15 @@ from unittest import mock
 
 import pytest
 
+from handctl.command.options import Settings
 from handctl.devices.inspire import eb90
 from handctl.families import FAMILIES
-from handctl.frame.options import Settings
 from handctl.link import Outlet, deadman
-from handctl.model.guide import Guide
 from handctl.model.param import elements_of
+from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
-from handctl.model.stopping import Stopped, aimed, carry_out, interrupted, talk_of
-from handctl.stop.holding import Hold
+from handctl.model.stop_sequence import Stopped, aimed, carry_out, interrupted, stop_sequence_of
+from handctl.stop.device_access import DeviceAccess
 from tests.stop.far import Far, Weather
 from tests.support.each_row import each_row
 
@@ -75,9 +75,9 @@ def flow(hand: Any, far: Far) -> None:
     from handctl.devices.aidin.device import object_of
     from handctl.devices.aidin.map import CURRENTS, Mode
 
-    hand.talk.connect()
+    hand.conversation.connect()
     for _ in range(20):
-        hand.talk.tick(object_of(Mode.CURRENT, **{CURRENTS.command.key: [200.0] * 15}))
+        hand.conversation.tick(object_of(Mode.CURRENT, **{CURRENTS.command.key: [200.0] * 15}))
 
 
 CURRENT = b'{"hand_mode":41,"hand_TT_cmd":[' + b",".join([b"200"] * 15) + b"]}\n"
@@ -125,7 +125,7 @@ def opened(family: str) -> tuple[Any, Far]:
 
 def by_verb(device: Any, far: Far) -> Stopped:
     """`handctl FAMILY stop`, which knows nothing of the device."""
-    return carry_out(far, talk_of(device.kind, aimed(far, Settings())))
+    return carry_out(far, stop_sequence_of(device.kind, aimed(far, Settings())))
 
 
 def by_holder(device: Any, far: Far) -> Stopped:
@@ -134,9 +134,9 @@ def by_holder(device: Any, far: Far) -> Stopped:
     journal.counters.writes = 1
     run = SimpleNamespace(
         family=SimpleNamespace(kind=device.kind), opened=device, journal=journal, ledger=journal.ledger, writes=False,
-        settings=Settings(), guide=Guide(), listens=False, stops=False, place="",
+        settings=Settings(), prompts=Prompts(), listens=False, stops=False, place="",
     )  # fmt: skip
-    hold = Hold(run, None)  # type: ignore[arg-type]
+    hold = DeviceAccess(run, None)  # type: ignore[arg-type]
     hold.around(far)
     told = hold.stop("asked")
     error = hold.stopped

@@ -16,7 +16,7 @@ from handctl.devices.barrett.map import SPEEDS
 from handctl.devices.barrett.realtime.schedule import Controls
 from handctl.link import deadman
 from handctl.link.deadman import Guard, Shot
-from handctl.model.guide import Guide
+from handctl.model.prompts import Prompts
 from tests.aidin import support as aidin
 from tests.barrett.realtime import Run
 from tests.barrett.support import Simulated
@@ -70,6 +70,6 @@ def test_a_loop(heard: list[Heard], speed: int, rate: float) -> None:
 
 def test_currents(heard: list[Heard]) -> None:
     hand, _ = aidin.simulated(start="homed")
-    currents(hand, parse(CURRENTS, ["index.m1=50"], cap=300), Guide(), seconds=0.5, cap=300)
+    currents(hand, parse(CURRENTS, ["index.m1=50"], cap=300), Prompts(), seconds=0.5, cap=300)
     (guard,) = heard
     assert guard.beats[0][1] and guard.longest() < 0.9

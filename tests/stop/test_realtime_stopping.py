@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from handctl.frame.console import TerminalGuide
+from handctl.command.console import TerminalPrompts
 from handctl.screen import render
 from handctl.sim.engine.line import Line
 from tests.barrett.commands import fake
@@ -90,7 +90,7 @@ def test_a_trace_that_cannot_be_written_keeps_nothing_from_the_wire(monkeypatch:
 
     full = Full()
     monkeypatch.setattr(
-        "handctl.link.tap.open",
+        "handctl.link.transcript.open",
         lambda path, *rest, **more: full if path == "full" else real(path, *rest, **more),
         raising=False,
     )
@@ -143,12 +143,12 @@ class Gone:
 
 def test_a_guide_without_its_terminal_is_silent(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", Gone())
-    guide = TerminalGuide(quiet=False)
-    guide.moving = True
-    guide.progress("moving")
-    guide.say("said")
-    guide.done()
-    assert not guide.moving
+    prompts = TerminalPrompts(quiet=False)
+    prompts.moving = True
+    prompts.progress("moving")
+    prompts.say("said")
+    prompts.done()
+    assert not prompts.moving
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -7,7 +7,7 @@ from unittest import mock
 
 import pytest
 
-from handctl.frame import connection
+from handctl.command import connection
 from handctl.link import Deadline, open_link
 from tests.support.cli import Result, run
 from tests.support.scripted import RecordedLink, changing, hexed

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import click
 import pytest
 
+from handctl.command.config import DEVICE_KEYS
+from handctl.command.options import CONNECTION, SharedOption, lasting_options
 from handctl.families import FAMILIES, WIRES
-from handctl.frame.config import DEVICE_KEYS
-from handctl.frame.options import CONNECTION, SharedOption, lasting_options
 from handctl.tools.probes import family_of
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row

@@ -21,12 +21,12 @@ from pathlib import Path
 
 import pytest
 
+from handctl.command.options import Settings
 from handctl.errors import DeviceRefused, NoAnswer
 from handctl.families import FAMILIES
-from handctl.frame.options import Settings
-from handctl.model.stopping import Aim, Sent, drive, talk_of, unheard
+from handctl.model.stop_sequence import Sent, StopContext, drive, stop_sequence_of, unheard
 from handctl.sim.engine.serve import send_control
-from handctl.stop.wish import STOP_SECONDS
+from handctl.stop.stop_listener import STOP_SECONDS
 from handctl.system import processes
 from tests.support.cli import PATIENCE, fake, run, spying, wait_until
 from tests.support.each_row import each_row
@@ -65,20 +65,20 @@ def test_every_family_has_a_stop() -> None:
 @each_row("family", FAMILIES)
 def test_a_stop_that_nobody_answers_ends_and_claims_nothing(family: str, speed: int | None) -> None:
     """Before who asked a holder for it gives up."""
-    talk = talk_of(family, Aim(Settings(), speed=speed))
+    sequence = stop_sequence_of(family, StopContext(Settings(), speed=speed))
     ended = None
-    say = next(talk)
+    action = next(sequence)
     seconds = 0.0
     for _ in range(200):
-        seconds += say.seconds + (10 / say.baud * (len(say.step.data) + say.size) if say.baud else 0.0)
+        seconds += action.seconds + (10 / action.baud * (len(action.step.data) + action.size) if action.baud else 0.0)
         try:
-            say = talk.send([])
+            action = sequence.send([])
         except StopIteration as end:
             ended = end.value
             break
     assert ended is not None and ended.error is not None and ended.error.exit_code == 4, ended
     assert seconds < (3 if speed is None else STOP_SECONDS), "it takes longer than anybody waits"
-    for step in unheard(talk_of(family, Aim(Settings(), speed=speed))):
+    for step in unheard(stop_sequence_of(family, StopContext(Settings(), speed=speed))):
         assert step.moves and step.meaning
 
 
@@ -295,7 +295,7 @@ STAY = bytes.fromhex("EB900107310E04C800640077")
 @each_row("latency", LATE)
 def test_a_late_wrist_is_stopped(latency: float) -> None:
     link = late_wrist(latency)
-    stopped = drive(link, talk_of("wrist", Aim(Settings())), [])
+    stopped = drive(link, stop_sequence_of("wrist", StopContext(Settings())), [])
     assert stopped.error is None and STAY in link.sent and RELEASE not in link.sent, stopped
 
 
@@ -303,7 +303,7 @@ def test_a_late_wrist_is_stopped(latency: float) -> None:
 def test_a_late_wrist_that_was_typed_as_a_hand_is_named(latency: float) -> None:
     """50 ms and the time on the wire: so long the question holds up the stop of a hand, and no longer."""
     link = late_wrist(latency)
-    stopped = drive(link, talk_of("exo", Aim(Settings())), [])
+    stopped = drive(link, stop_sequence_of("exo", StopContext(Settings())), [])
     assert stopped.error is DeviceRefused and "handctl wrist stop" in stopped.hint and STAY not in link.sent, stopped
     forces = [at for at, data in zip(link.sent_at, link.sent, strict=True) if data == RELEASE]
     assert bool(forces) == (latency > 0.06) and all(at >= 0.05 for at in forces) and min(forces, default=0) < 0.06
@@ -312,11 +312,11 @@ def test_a_late_wrist_that_was_typed_as_a_hand_is_named(latency: float) -> None:
 @pytest.mark.parametrize("typed", ["exo", "wrist"])
 def test_silence_is_said_plainly(typed: str) -> None:
     sent: list[Sent] = []
-    stopped = drive(ScriptedLink(), talk_of(typed, Aim(Settings())), sent)
+    stopped = drive(ScriptedLink(), stop_sequence_of(typed, StopContext(Settings())), sent)
     assert stopped.error is NoAnswer and "switch the power off" in stopped.hint
     assert [one.reads for one in sent] == [True, *([typed == "wrist"] * len(sent[1:]))]
     assert len(sent) >= 5, "again and again"
-    unacknowledged = drive(late_wrist(0.01, acknowledges=False), talk_of("wrist", Aim(Settings())), [])
+    unacknowledged = drive(late_wrist(0.01, acknowledges=False), stop_sequence_of("wrist", StopContext(Settings())), [])
     assert unacknowledged.error is NoAnswer and "did not acknowledge" in unacknowledged.text
 
 
@@ -334,7 +334,7 @@ def test_a_late_hand_is_stopped_and_believed(latency: float) -> None:
         return [(latency, reply + bytes([sum(reply[2:]) % 256]))]
 
     link = ScriptedLink(answer)
-    stopped = drive(link, talk_of("exo", Aim(Settings())), [])
+    stopped = drive(link, stop_sequence_of("exo", StopContext(Settings())), [])
     held = "the hand acknowledged two commands: all forces to 0, then hold at 900 910 920 930 940"
     assert stopped.error is None and held in stopped.text, stopped
     assert bytes.fromhex("EB90010B3284038E039803A203AC0345") in link.sent
@@ -342,8 +342,8 @@ def test_a_late_hand_is_stopped_and_believed(latency: float) -> None:
 
 @pytest.mark.parametrize("typed", ["exo", "wrist"])
 def test_an_echo_or_other_bytes_are_not_silence(typed: str) -> None:
-    echo = drive(ScriptedLink(lambda request: [(0.001, request)]), talk_of(typed, Aim(Settings())), [])
-    other = drive(ScriptedLink(lambda _: [(0.001, b"=> ")]), talk_of(typed, Aim(Settings())), [])
+    echo = drive(ScriptedLink(lambda request: [(0.001, request)]), stop_sequence_of(typed, StopContext(Settings())), [])
+    other = drive(ScriptedLink(lambda _: [(0.001, b"=> ")]), stop_sequence_of(typed, StopContext(Settings())), [])
     assert echo.error is not None and other.error is not None and {echo.error.exit_code, other.error.exit_code} == {5}
     assert "only our own bytes came back" in echo.text and "3D 3E 20" in other.text, (echo, other)
 

@@ -9,9 +9,9 @@ from typing import Any, cast
 
 import pytest
 
+from handctl.command import connection
+from handctl.command.run import Run
 from handctl.families import FAMILIES
-from handctl.frame import connection
-from handctl.frame.run import Run
 from handctl.link import ByteLink, FrameLink, Link, lock, open_link
 from handctl.link.lock import Holder, InUse, hold, last_family
 from handctl.model.result import Journal

@@ -29,8 +29,8 @@ from jsonschema import Draft202012Validator
 
 import handctl.sim
 from handctl import cli
+from handctl.command import command_tree
 from handctl.errors import HandctlError
-from handctl.frame import clikit
 from handctl.model.result import Journal
 from tests.support.swap import swapped
 
@@ -255,7 +255,7 @@ def refusing(kind: str) -> Iterator[io.TextIOWrapper]:
 @contextmanager
 def hearing(said: list[str]) -> Iterator[None]:
     """Take the code of every message of the commands in this process, whatever way it is shown."""
-    note, main = Journal.note, clikit.root.main
+    note, main = Journal.note, command_tree.root.main
 
     def noted(journal: Journal, level: str, code: str, text: str, hint: str = "") -> None:
         said.append(code)
@@ -268,7 +268,7 @@ def hearing(said: list[str]) -> Iterator[None]:
             said.append(getattr(exc, "code", "usage"))
             raise
 
-    with swapped((Journal, "note", noted), (clikit.root, "main", ended)):
+    with swapped((Journal, "note", noted), (command_tree.root, "main", ended)):
         yield
 
 

@@ -8,8 +8,8 @@ from unittest import mock
 
 import click
 
-from handctl.frame.clikit import Command, root
-from handctl.frame.types import InFile, OutFile
+from handctl.command.command_tree import Command, root
+from handctl.command.option_types import InFile, OutFile
 
 
 class Leaf(NamedTuple):

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from handctl.tools.machine import Machine
+from handctl.tools.port_inventory import Machine
 
 
 class System:

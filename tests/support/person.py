@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-from handctl import cli, ending
-from handctl.frame import console
+from handctl import cli, interrupts
+from handctl.command import console
 from handctl.link import fake
 from tests.support.cli import clean_environment
 from tests.support.screen import ANSI, FakeTerminal, Screen
@@ -95,7 +95,7 @@ def person(
         finally:
             for number, handler in handlers.items():
                 signal.signal(number, handler)
-            ending._state.__init__()  # type: ignore[misc]  # nobody has asked the next command to end
+            interrupts._state.__init__()  # type: ignore[misc]  # nobody has asked the next command to end
     return Screen(code, window.data, "", columns, rows)
 
 

@@ -6,10 +6,10 @@ import cProfile
 import random
 from collections.abc import Callable, Iterable, Sequence
 
-from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.exo.device import ExoHand
+from handctl.devices.inspire.serial_bus import Bus
 from handctl.link import ByteLink, Deadline, open_link
-from handctl.model.guide import Guide
+from handctl.model.prompts import Prompts
 from handctl.model.result import Journal, Table
 
 Reply = tuple[float, bytes]
@@ -151,7 +151,7 @@ class RecordedLink(ByteLink):
         self.inner.close()
 
 
-class NotedGuide(Guide):
+class NotedGuide(Prompts):
     """Keeps what a procedure tells the person."""
 
     def __init__(self) -> None:

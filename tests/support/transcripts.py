@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from handctl.link.tap import parse
+from handctl.link.transcript import parse
 from tests.support.places import TRANSCRIPTS
 from tests.support.scripted import Reply, unhex
 

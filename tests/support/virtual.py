@@ -347,7 +347,7 @@ class Loop(Clock):
         enter(mock.patch.object(serve, "select", SimpleNamespace(select=self._select)))
         enter(mock.patch.object(serve, "print", self._print, create=True))
         local = SimpleNamespace(remove_dead=lambda _path: None, Listener=self._control, connected=self._connected)
-        enter(mock.patch.object(serve, "local", local))
+        enter(mock.patch.object(serve, "local_socket", local))
         enter(mock.patch.object(serial, "serial_for_url", self._for_url))
         self._thread.start()
         assert self._ours.acquire(timeout=PATIENCE), "the loop does not wait for anything"

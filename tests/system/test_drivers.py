@@ -12,8 +12,8 @@ from handctl.model.result import Journal
 from handctl.system import advice
 from handctl.system.drivers import Driver, usb_of
 from handctl.tools import ports
-from handctl.tools.machine import Machine
-from handctl.tools.machine_checks import machine_checks
+from handctl.tools.doctor_machine import machine_checks
+from handctl.tools.port_inventory import Machine
 
 
 @pytest.fixture

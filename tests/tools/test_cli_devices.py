@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
+from handctl.command import config_edit
+from handctl.command.options import Settings
 from handctl.errors import LinkError
-from handctl.frame import devicefile
-from handctl.frame.options import Settings
 from handctl.link import lock
 from tests.support.cli import Result, Simulator, clean_environment, fake, program, run, spying, wait_until
 from tests.support.each_row import each_row
@@ -153,9 +153,9 @@ def test_a_name_that_plugging_changes_gets_a_better_one(
     (adapter / "1-2:1.0" / "ttyUSB0").mkdir(parents=True)
     (tty / "ttyUSB0").mkdir(parents=True)
     (tty / "ttyUSB0" / "device").symlink_to(adapter / "1-2:1.0" / "ttyUSB0")
-    monkeypatch.setattr(devicefile, "TTY", str(tty))
-    monkeypatch.setattr(devicefile, "BY_ID", str(by_id))
-    assert devicefile.stable_name("/dev/ttyUSB0") == ""
+    monkeypatch.setattr(config_edit, "TTY", str(tty))
+    monkeypatch.setattr(config_edit, "BY_ID", str(by_id))
+    assert config_edit.stable_name("/dev/ttyUSB0") == ""
     for key, text in (("idVendor", "0403"), ("idProduct", "6001"), ("serial", "A1B2")):
         (adapter / key).write_text(f"{text}\n")
     result = place("devices", "add", "a", "exo", "-p", "/dev/ttyUSB0", "--json")
@@ -164,8 +164,8 @@ def test_a_name_that_plugging_changes_gets_a_better_one(
     assert result.rows[0]["link"] == "/dev/ttyUSB0"
     by_id.mkdir()
     (by_id / "usb-FTDI_A1B2-if00").symlink_to("/dev/ttyUSB0")
-    assert devicefile.stable_name("/dev/ttyUSB0") == f"{by_id}/usb-FTDI_A1B2-if00"
-    assert devicefile.stable_name("/dev/ttyS0") == devicefile.stable_name(f"{by_id}/usb-FTDI_A1B2-if00") == ""
+    assert config_edit.stable_name("/dev/ttyUSB0") == f"{by_id}/usb-FTDI_A1B2-if00"
+    assert config_edit.stable_name("/dev/ttyS0") == config_edit.stable_name(f"{by_id}/usb-FTDI_A1B2-if00") == ""
 
 
 SCAN = [
@@ -361,8 +361,8 @@ def test_without_a_file_nothing_is_loaded_for_it(place: Place) -> None:
             [*program()[:1], "-c", PROBE, *args], env=env, capture_output=True, text=True, timeout=30, check=False
         )
         modules = set(done.stderr.rpartition("[")[2].replace("'", "").strip("]\n").split(", "))
-        assert "handctl.frame.options" in modules, done
-        assert not {"tomllib", "handctl.frame.config", "handctl.link.lock", "fcntl", "hashlib"} & modules
+        assert "handctl.command.options" in modules, done
+        assert not {"tomllib", "handctl.command.config", "handctl.link.lock", "fcntl", "hashlib"} & modules
 
 
 # -- one process at a time --------------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ import pytest
 from handctl import report
 from handctl.errors import CheckFailed, OutputError, ProtocolError
 from handctl.families import FAMILIES
-from handctl.link.tap import parse
+from handctl.link.transcript import parse
 from handctl.model.outline import outline_of
 from handctl.model.result import Column, Row, Table
 from handctl.report import html as report_html
@@ -169,10 +169,10 @@ def test_findings_stand_first(tmp_path: Path) -> None:
 
 def test_a_family_may_look_deeper(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Rows of further checks stand with the findings; that they judge is no failure of the report."""
+    from handctl.command.command_tree import Group
+    from handctl.command.common_commands import add_map_verbs
     from handctl.devices.inspire.exo.cli import cli
     from handctl.devices.inspire.map import EXO
-    from handctl.frame.clikit import Group
-    from handctl.frame.mapverbs import add_map_verbs
 
     def checks(_run: object) -> Table:
         rows: list[Row] = [{"check": "cable", "status": "fail"}]

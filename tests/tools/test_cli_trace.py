@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from handctl.model.piece import DEVICE, HOST, Piece
-from handctl.tools.trace_read import Stamp, Told, row_text
+from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
+from handctl.tools.trace_read import Stamp, TranscriptRow, row_text
 from tests.support.cli import fake, run
 
 ASK, REPLY = "EB 90 01 04 11 C0 05 02 DD", "90 EB 01 05 11 C0 05 2E 02 0C"
@@ -116,16 +116,16 @@ def test_the_family_can_be_told_by_the_bytes_or_said(trace: Path) -> None:
 
 
 def test_a_terminal_gets_wrapped_lines_and_one_line_of_bytes() -> None:
-    long = Piece(direction=DEVICE, raw=bytes(200), meaning="word " * 40)
+    long = ExplainedBytes(direction=DEVICE, raw=bytes(200), meaning="word " * 40)
     for width in (40, 80, 200):
-        lines = row_text(Told(Stamp(1.5, 1), Stamp(1.5, 1), long, round_trip=0.004), width).splitlines()
+        lines = row_text(TranscriptRow(Stamp(1.5, 1), Stamp(1.5, 1), long, round_trip=0.004), width).splitlines()
         assert max(len(line) for line in lines) <= width, width
         assert lines[0].startswith("   1.500000 <   +4.000 ms")
         assert lines[-1].endswith("… (200 bytes)")
         assert sum(line.count("word") for line in lines) == 40
-    can = Piece(direction=HOST, raw=bytes(8), can_id=0x10FF0001, meaning="read")
+    can = ExplainedBytes(direction=HOST, raw=bytes(8), can_id=0x10FF0001, meaning="read")
     assert (
-        row_text(Told(Stamp(None, 3), Stamp(None, 3), can), 40).splitlines()[-1]
+        row_text(TranscriptRow(Stamp(None, 3), Stamp(None, 3), can), 40).splitlines()[-1]
         == "    can 10FF0001 [8] 00 00 … (8 bytes)"
     )
 

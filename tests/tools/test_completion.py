@@ -17,10 +17,10 @@ from typing import Any
 import click
 import pytest
 
+from handctl.command.command_tree import root
 from handctl.docgen.completion import MARK, SHELLS
 from handctl.docgen.tree import map_of
 from handctl.families import COMMANDS, FAMILIES
-from handctl.frame.clikit import root
 from handctl.tools import completion as tool
 from tests.support.cli import run
 from tests.support.each_row import each_row

@@ -9,9 +9,9 @@ import click
 import pytest
 
 from handctl import guides
+from handctl.command.command_tree import root
 from handctl.docgen.roff import plain
 from handctl.families import COMMANDS
-from handctl.frame.clikit import root
 from tests.support.cli import run
 from tests.support.each_row import each_row
 

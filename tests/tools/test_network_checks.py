@@ -9,7 +9,7 @@ from unittest import mock
 import pytest
 
 from handctl.tools import doctor
-from handctl.tools.link_checks import host_in, is_local, subnet
+from handctl.tools.doctor_link import host_in, is_local, subnet
 from tests.support.cli import Result, Simulator, run
 from tests.support.machine import System
 
@@ -61,7 +61,7 @@ def test_a_hand_that_cannot_be_reached_names_the_network(system: System) -> None
     system.source = "10.0.0.5"
     from handctl.errors import LinkError
 
-    with mock.patch("handctl.frame.run.Run.open_link", side_effect=LinkError("no way", hint="look")):
+    with mock.patch("handctl.command.run.Run.open_link", side_effect=LinkError("no way", hint="look")):
         answer = run("doctor", "-p", "tcp://192.0.2.7", "--family", "hand", "--json")
     assert answer.code == 7
     found = rows_of(answer)
@@ -106,7 +106,7 @@ def test_a_hand_that_serves_one_client_only(system: System) -> None:
 
 def test_a_moving_hand_proves_nothing(system: System) -> None:
     from handctl.model.result import Journal
-    from handctl.tools.link_checks import same_address
+    from handctl.tools.doctor_link import same_address
 
     numbers = iter(range(0, 1000, 10))
     with mock.patch("handctl.link.open_link") as opened:

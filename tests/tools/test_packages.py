@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from handctl.frame.config import from_toml
-from handctl.tools.machine import CHIPS
+from handctl.command.config import from_toml
+from handctl.tools.port_inventory import CHIPS
 from tests.support.each_row import each_row
 from tests.support.places import PROJECT
 

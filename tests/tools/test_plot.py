@@ -10,7 +10,7 @@ import pytest
 
 from handctl.errors import UsageError
 from handctl.report.curves import ticks
-from handctl.screen.sheet import column_of, of_column
+from handctl.screen.csv_output import column_of, of_column
 from handctl.tools.plot import grouped
 from handctl.tools.plot_read import read
 from tests.support.cli import run

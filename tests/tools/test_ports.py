@@ -11,9 +11,9 @@ from unittest import mock
 import pytest
 
 from handctl.model.result import Journal, Row
-from handctl.tools import machine as machine_module
+from handctl.tools import port_inventory as machine_module
 from handctl.tools import ports
-from handctl.tools.machine import Machine
+from handctl.tools.port_inventory import Machine
 from tests.support.cli import Result, run
 from tests.support.machine import System
 

@@ -14,13 +14,13 @@ from handctl.families import FAMILIES
 from handctl.model.param import Param, ParamMap
 from handctl.model.result import Cell, Grid, Message, Sample
 from handctl.report import LONGEST, explained, shortened
-from handctl.report import private as report_private
+from handctl.report import redaction as report_private
+from handctl.report.computer import environment, port
 from handctl.report.curves import Curve, curves, draw
-from handctl.report.facts import environment, port
 from handctl.report.html import Report, page
-from handctl.report.private import Privacy
-from handctl.tools import machine
-from handctl.tools.machine import Chip, Machine, Port
+from handctl.report.redaction import Privacy
+from handctl.tools import port_inventory
+from handctl.tools.port_inventory import Chip, Machine, Port
 from tests.support.page import Page
 
 OPEN: ParamMap[Param] = ParamMap("exo", [Param(name="speed", doc="", source="")])
@@ -333,10 +333,10 @@ def test_an_incomplete_page_says_so_first() -> None:
 
 def test_the_environment_names_versions_and_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
     facts = dict(environment())
-    assert set(facts) == {"system", "Python", *machine.needed()}
+    assert set(facts) == {"system", "Python", *port_inventory.needed()}
     assert re.fullmatch(r"\d+\.\d+.*", facts["click"])
     assert os.uname().nodename not in " ".join(facts.values()).split()
-    monkeypatch.setattr(machine, "needed", lambda: ("no-such-package",))
+    monkeypatch.setattr(port_inventory, "needed", lambda: ("no-such-package",))
     assert dict(environment())["no-such-package"] == "not installed as a package"
 
 

@@ -13,7 +13,7 @@ from unittest import mock
 
 import pytest
 
-from handctl.devices.inspire import modbus
+from handctl.devices.inspire import modbus_frames as modbus
 from handctl.errors import LinkError, ProtocolError
 from handctl.families import FAMILIES, SCANNED
 from handctl.link import ByteLink, Deadline
@@ -22,7 +22,7 @@ from handctl.model.result import Journal, Row
 from handctl.sim.barrett.uart import resample
 from handctl.tools import scan, scan_report
 from handctl.tools.probes import probe_of
-from handctl.tools.scan_look import plan
+from handctl.tools.scan_probing import plan
 from handctl.tools.scan_report import Step
 from tests.support import bus_file
 from tests.support.cli import Result, Simulator, run, sent

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from handctl.frame.options import Settings
+from handctl.command.options import Settings
 from handctl.model.param import Bound
 from handctl.model.result import Journal, Row, Sample, Table
 from handctl.screen import live

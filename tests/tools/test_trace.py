@@ -12,17 +12,17 @@ from hypothesis import strategies as st
 
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, TOLD
-from handctl.model.piece import DEVICE, HOST, Piece
+from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
 from handctl.tools import trace_diff
 from handctl.tools.trace import Given, parse_given
-from handctl.tools.trace_read import Teller, Told, chosen, explainer_of, family_in, lines_of
+from handctl.tools.trace_read import TranscriptReader, TranscriptRow, chosen, explainer_of, family_in, lines_of
 from tests.support.each_row import each_row
 from tests.support.places import TRANSCRIPTS
 
 
-def told(family: str, *lines: str) -> list[Told]:
+def told(family: str, *lines: str) -> list[TranscriptRow]:
     """The rows of a transcript with these lines."""
-    return list(Teller(family).tell(lines_of(io.StringIO("\n".join(lines)), "t")))
+    return list(TranscriptReader(family).tell(lines_of(io.StringIO("\n".join(lines)), "t")))
 
 
 def meanings(family: str, *lines: str) -> list[str]:
@@ -33,7 +33,7 @@ def hex_of(text: str) -> str:
     return text.encode().hex(" ").upper()
 
 
-def decoded(family: str, text: str, side: str = "") -> Piece:
+def decoded(family: str, text: str, side: str = "") -> ExplainedBytes:
     """The one piece of some bytes without a conversation."""
     (found,) = parse_given(text)
     (piece,) = explainer_of(family).decode(found.data, side, found.can_id)
@@ -185,7 +185,7 @@ def test_a_new_id_acknowledges_for_the_old_one() -> None:
 
 def test_a_repeated_request_leaves_the_first_without_an_answer() -> None:
     ask, answer = "EB 90 01 04 11 C0 05 02 DD", "90 EB 01 05 11 C0 05 2E 02 0C"
-    teller = Teller("exo")
+    teller = TranscriptReader("exo")
     rows = list(teller.tell(lines_of(io.StringIO(f"0.0 > {ask}\n0.5 > {ask}\n0.502 < {answer}\n"), "t")))
     assert [row.problem for row in rows] == ["", "no-answer", "", ""]
     assert rows[1].meaning == "no answer to the request of line 1: read system_voltage: 2 bytes at 1472, id 1"
@@ -352,7 +352,7 @@ def test_no_byte_is_lost() -> None:
         family = path.name.partition("-")[0]
         with path.open(encoding="utf-8") as file:
             lines = list(lines_of(file, path.name))
-        rows = list(Teller(family).tell(lines))
+        rows = list(TranscriptReader(family).tell(lines))
         for mark, direction in ((">", HOST), ("<", DEVICE)):
             sent = b"".join(line.entry.data for line in lines if line.entry is not None and line.entry.mark == mark)
             pieces = b"".join(

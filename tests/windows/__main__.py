@@ -125,12 +125,12 @@ def main() -> int:
         windows = Windows(root / "windows", asked.folder.resolve())
         share = 5 if asked.quick else 1
         try:
-            with ThreadPoolExecutor(1) as beside:
+            with ThreadPoolExecutor(1) as additional:
                 seen: list[Scene] = []
                 waiting = []
                 if asked.only in ("", "scenes") and not asked.line:
                     seen += tried(consoles(windows, root, share))  # alone: the key must meet a movement of 0.7 s
-                    waiting.append(beside.submit(tried, others(linux, windows, root, share)))
+                    waiting.append(additional.submit(tried, others(linux, windows, root, share)))
                 cells = matrix.compare(todo, linux, windows, root, began + seconds, told)
                 seen += [scene for future in waiting for scene in future.result()]
         finally:

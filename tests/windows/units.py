@@ -10,7 +10,7 @@ from tests.windows.systems import CHECKOUT, System, assemble, end, on_windows
 
 FILES = (
     "tests/inspire/test_eb90.py",
-    "tests/inspire/test_canreg.py",
+    "tests/inspire/test_can_frames.py",
     "tests/inspire/test_registers.py",
     "tests/ekso/test_frames.py",
     "tests/ekso/test_fields.py",
@@ -21,7 +21,7 @@ FILES = (
     "tests/kernel/test_param.py",
     "tests/kernel/test_config.py",
     "tests/kernel/test_sampling.py",
-    "tests/kernel/test_ledger.py",
+    "tests/kernel/test_write_ledger.py",
 )
 LEFT_OUT = {
     "test_the_xdg_place": "folders of Linux",

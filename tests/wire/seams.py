@@ -17,12 +17,12 @@ from typing import Any
 from unittest import mock
 
 from handctl import report
-from handctl.link import deadman, owners
+from handctl.link import deadman, port_users
 from handctl.link.base import Outlet
 from handctl.link.fake import FakeFrames, FakeLink
-from handctl.stop.holding import Hold
+from handctl.stop.device_access import DeviceAccess
 from handctl.system import child
-from handctl.tools import doctor, machine
+from handctl.tools import doctor, port_inventory
 
 SPEAKS = ((FakeLink, "write"), (FakeFrames, "send"))
 LISTENS = ((FakeLink, "read"), (FakeFrames, "receive"))
@@ -30,8 +30,8 @@ WAITS = (*LISTENS, (FakeLink, "sleep"), (FakeFrames, "sleep"))
 THIS_MACHINE = (
     (doctor, "machine_checks", list),
     (report, "environment", list),
-    (machine, "source", str),
-    (owners, "rivals", lambda: owners.Rivals([])),
+    (port_inventory, "source", str),
+    (port_users, "rivals", lambda: port_users.Rivals([])),
 )
 """What tells of the machine: says nothing here."""
 EVENTS = ((FakeLink, "set_baud"), (FakeLink, "reopen"), (FakeLink, "power_cycle"), (FakeFrames, "power_cycle"))
@@ -56,7 +56,7 @@ class Wire:
     place: Callable[[Wire], None] | None = None
     passed: list[Passed] = field(default_factory=list)
     links: list[Any] = field(default_factory=list)
-    hold: Hold | None = None
+    hold: DeviceAccess | None = None
     over: bool = False
     """Nothing more is noted: the process is taken for dead."""
 
@@ -112,7 +112,7 @@ class Wire:
         return done
 
     def keeping(self, around: Any) -> Any:
-        def kept(hold: Hold, link: Any) -> Any:
+        def kept(hold: DeviceAccess, link: Any) -> Any:
             self.hold = hold
             return around(hold, link)
 
@@ -135,7 +135,7 @@ def watched(wire: Wire) -> Iterator[None]:
             patch(owner, name, wire.waiting)
         for owner, name in EVENTS:
             patch(owner, name, lambda do, name=name: wire.telling(name, do))
-        patch(Hold, "around", wire.keeping)
+        patch(DeviceAccess, "around", wire.keeping)
         for owner, name, nothing in THIS_MACHINE:
             patch(owner, name, lambda _own, nothing=nothing: lambda *_args: nothing())
         yield

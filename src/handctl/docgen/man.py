@@ -12,16 +12,16 @@ from importlib.util import find_spec
 from typing import Any
 
 from handctl import __version__, errors, guides
+from handctl.command.help_text import examples_of
 from handctl.docgen import texts
 from handctl.docgen.completion import mnemonic
 from handctl.docgen.roff import Page, bold, escape, italic, marked
 from handctl.docgen.tree import Node, Option
 from handctl.families import FAMILIES
-from handctl.frame.usage import examples_of
 from handctl.guides import Code, Heading, Item, Para, Table
 from handctl.model.param import MEASURED, Param
 from handctl.model.remedy import UNKNOWN, remedies_of
-from handctl.sentence import sentence
+from handctl.wording import sentence
 
 REFERENCE = re.compile(r"\b(handctl(?:-[a-z]+)*)\(([17])\)")
 EDITION = "2026-11-21"
@@ -108,7 +108,7 @@ def _command(node: Node, tree: Node) -> str:
 
 def _own(family: str, name: str) -> Any:
     """What a family's module `page` says, None without it."""
-    where = FAMILIES[family].module("page") if family in FAMILIES else ""
+    where = FAMILIES[family].module("manpage") if family in FAMILIES else ""
     return getattr(importlib.import_module(where), name, None) if where and find_spec(where) else None
 
 

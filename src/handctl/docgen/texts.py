@@ -1,7 +1,7 @@
 """Texts of the pages that are not in the command tree: links, output, files, promises of every device.
 
 A page is looked up by its top-level command, "" is handctl(1). A family has its own files and examples in its module
-`page`: FILES as here, EXAMPLES as in `frame.usage`, and `section() -> title, paragraphs, (term, text, lines) items` where
+`page`: FILES as here, EXAMPLES as in `command.help_text`, and `section() -> title, paragraphs, (term, text, lines) items` where
 it has more to say; EXCEPTIONS are rows of (key of a promise, commands or options that it does not cover, reason). The tables
 of README and the guides are generated from here, and `tests/promises` checks each row of the promises for every family.
 """
@@ -166,7 +166,7 @@ def exceptions(family: str = "") -> Iterator[Exempt]:
     """The exceptions of one family, or of all."""
     for name in [family] if family else FAMILIES:
         try:
-            page = import_module(FAMILIES[name].module("page"))
+            page = import_module(FAMILIES[name].module("manpage"))
         except ModuleNotFoundError:
             continue
         for promise, where, why in getattr(page, "EXCEPTIONS", ()):

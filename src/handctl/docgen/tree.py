@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import click
 
+from handctl.command.command_tree import root
+from handctl.command.family import map_of
+from handctl.command.options import SharedOption
 from handctl.families import COMMANDS, FAMILIES
-from handctl.frame.clikit import root
-from handctl.frame.family import map_of
-from handctl.frame.options import SharedOption
 from handctl.model.param import Param
 
 

@@ -21,7 +21,7 @@ from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, NoF
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from handctl.link.tap import Tap
+    from handctl.link.transcript import Tap
 
 __all__ = [
     "ByteLink",
@@ -56,7 +56,7 @@ def open_link(
     """
     opened = _open(link, baud, tcp_port, exclusive, simulator or {})
     if tap is not None:
-        from handctl.link.tap import observed
+        from handctl.link.transcript import observed
 
         observed(opened, tap)
     return opened

@@ -8,8 +8,8 @@ from typing import Any
 
 from handctl.errors import LinkError
 from handctl.light import NamedTuple
-from handctl.sentence import plural
 from handctl.system import clock
+from handctl.wording import plural
 
 
 class Deadline:

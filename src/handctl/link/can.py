@@ -17,7 +17,7 @@ import can
 
 from handctl.errors import HandctlError, LinkError, NoAnswer, UsageError
 from handctl.link.base import CanFrame, Deadline, FrameLink, Outlet, Trouble
-from handctl.link.owners import busy, refuse_held
+from handctl.link.port_users import busy, refuse_held
 from handctl.link.slcan import (
     AGAIN_SECONDS,
     BUS_ERROR,
@@ -29,8 +29,8 @@ from handctl.link.slcan import (
     SlcanBus,
     said_flags,
 )
-from handctl.sentence import plural
 from handctl.system import clock, ports
+from handctl.wording import plural
 
 BITRATE = 1_000_000
 """wrist §2.3."""

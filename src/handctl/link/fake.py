@@ -11,9 +11,9 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from handctl.digits import number_in
 from handctl.errors import LinkError, UsageError
 from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, Trouble
+from handctl.number_parsing import number_in
 from handctl.system import clock
 from handctl.system.folders import own_folder, private_folders
 

@@ -17,7 +17,7 @@ from typing import BinaryIO
 from handctl.errors import LinkError, UsageError
 from handctl.files import opened
 from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link
-from handctl.link.tap import Entry, parse_line
+from handctl.link.transcript import Entry, parse_line
 from handctl.system import clock
 
 LONGEST_LINE = 1 << 20
@@ -82,7 +82,7 @@ class Recording:
                 return self._hashes.index(wanted, first, last)
         return None
 
-    def stands_at(self, index: int, request: Key) -> bool:
+    def is_request_at(self, index: int, request: Key) -> bool:
         """Whether the request with this index is this one."""
         return index < len(self) and self._hashes[index] == hash(request)
 
@@ -194,7 +194,7 @@ class _Replayed(Link):
         self._clock += max(0.0, seconds)
 
     def recorded_next(self, request: bytes) -> bool:
-        return self._recording.stands_at(self._cursor, (None, request))
+        return self._recording.is_request_at(self._cursor, (None, request))
 
     def _ask(self, key: Key, text: str) -> None:
         index = found = self._recording.find(key, self._cursor)

@@ -16,10 +16,10 @@ import serial
 
 from handctl.errors import LinkError, UsageError
 from handctl.link.base import SCHEMES, ByteLink, Deadline, Outlet, path_in, scheme_of
-from handctl.link.owners import busy, group_of, group_remedy, holders, refuse_held
-from handctl.sentence import plural
+from handctl.link.port_users import busy, group_of, group_remedy, holders, refuse_held
 from handctl.system import clock, ports
 from handctl.system.waits import readable, writable
+from handctl.wording import plural
 
 WRITE_SECONDS = 2.0
 SLICE_SECONDS = 0.02

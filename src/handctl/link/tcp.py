@@ -6,9 +6,9 @@ import contextlib
 import socket
 import struct
 
-from handctl.digits import number_in
 from handctl.errors import LinkError, UsageError
 from handctl.link.base import ByteLink, Deadline, Outlet
+from handctl.number_parsing import number_in
 from handctl.system.waits import connect, readable, writable
 
 CONNECT_SECONDS = 3.0

@@ -17,26 +17,26 @@ from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, Not
 from handctl.light import NamedTuple
 from handctl.model.param import Changes, Element, FromTo, Number, ParamMap, Reading, elements_of
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table
-from handctl.model.stopping import (
-    Aim,
+from handctl.model.stop_sequence import (
     Known,
     Options,
+    StopContext,
     Stopped,
-    Talk,
+    StopSequence,
     aimed,
     carry_out,
     drive,
+    stop_sequence_of,
     stopped_by_ctrl_c,
-    talk_of,
 )
-from handctl.sentence import plural
+from handctl.wording import plural
 
 if TYPE_CHECKING:
     from handctl.link import Deadline, Link
     from handctl.link.deadman import Guard
-    from handctl.model.guide import Guide
-    from handctl.model.moving import Clock
+    from handctl.model.movement import Clock
     from handctl.model.param import Step
+    from handctl.model.prompts import Prompts
 
 RETRIES = 2
 """Repetitions of a read that got no valid answer, unless --retries says otherwise."""
@@ -124,7 +124,7 @@ class Line:
 
     def clock(self, wait: float, refresh: float, what: str) -> Clock:
         """The time of a movement of `what` that is watched for `wait` seconds at most, every `refresh` seconds."""
-        from handctl.model.moving import Clock
+        from handctl.model.movement import Clock
 
         end = self.link.deadline(wait)
 
@@ -173,7 +173,7 @@ class Line:
 
 
 class Device(ABC):
-    """One device behind a line, as the verbs know it (`frame.verbs`, `frame.stored`, `report`).
+    """One device behind a line, as the verbs know it (`command.get_set_watch`, `command.snapshots`, `report`).
 
     kind         the name of its command and its simulator
     product      its model, if the reply to any read identifies it; "" = it does not
@@ -196,7 +196,7 @@ class Device(ABC):
     columns: tuple[Column, ...]
     plain: tuple[str, ...] = ()
     live: tuple[str, ...]
-    beside: tuple[str, ...] = ()
+    additional: tuple[str, ...] = ()
     slowly: tuple[str, ...] = ()
     scales: Mapping[str, tuple[float, float]] = MappingProxyType({})
     worn = False
@@ -254,37 +254,37 @@ class Device(ABC):
 
     # -- stopping ------------------------------------------------------------------------------------------------
 
-    def aim(self) -> Aim:
+    def stop_context(self) -> StopContext:
         """The context of its stop sequence: everything this program knows about it."""
         options = self.options
         known = Known(getattr(self._line, "id", options.id), options.timeout, options.port, options.wire, options.own)
         return aimed(self.link, known)._replace(fixed=True, proven=True)
 
     def stop(self, *, powered: bool = False) -> Stopped:
-        """Stop it by its family's plan, after --deadline too; `powered` as in `Aim`. Never raises."""
+        """Stop it by its family's plan, after --deadline too; `powered` as in `StopContext`. Never raises."""
         ledger = self.journal.ledger
-        talk = talk_of(self.kind, self.aim()._replace(powered=powered))
-        return carry_out(self.link, talk, ledger=ledger if ledger.words is not None else None)
+        sequence = stop_sequence_of(self.kind, self.stop_context()._replace(powered=powered))
+        return carry_out(self.link, sequence, ledger=ledger if ledger.words is not None else None)
 
     def guarded(
-        self, *, beat: float = 0.0, powered: bool = False, talk: Callable[[Aim], Talk] | None = None
+        self, *, beat: float = 0.0, powered: bool = False, sequence: Callable[[StopContext], StopSequence] | None = None
     ) -> AbstractContextManager[Guard]:
         """While it lasts the death of this process stops the device by the same plan, or `talk`. Raises LinkError.
 
-        `beat` as in `link.deadman`, `powered` as in `Aim`.
+        `beat` as in `link.deadman`, `powered` as in `StopContext`.
         """
         from handctl.link.deadman import guarding
 
-        said, aim = talk or partial(talk_of, self.kind), self.aim()._replace(powered=powered)
-        said(aim)  # so that the child finds it imported
-        return guarding(self.link, lambda link: drive(link, said(aim), []), self.journal.warn, beat=beat)
+        said, context = sequence or partial(stop_sequence_of, self.kind), self.stop_context()._replace(powered=powered)
+        said(context)  # so that the child finds it imported
+        return guarding(self.link, lambda link: drive(link, said(context), []), self.journal.warn, beat=beat)
 
     @contextmanager
-    def driven(self, guide: Guide, *, beat: float = 0.0, powered: bool = False, what: str = "") -> Iterator[Guard]:
+    def driven(self, prompts: Prompts, *, beat: float = 0.0, powered: bool = False, what: str = "") -> Iterator[Guard]:
         """Around a movement: Ctrl-C and the death of this process stop it. Raises Interrupted with `what` and the result of the stop."""
         with (
             self.guarded(beat=beat, powered=powered) as guard,
-            stopped_by_ctrl_c(lambda: self.stop(powered=powered), guide, what),
+            stopped_by_ctrl_c(lambda: self.stop(powered=powered), prompts, what),
         ):
             yield guard
 

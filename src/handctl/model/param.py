@@ -10,10 +10,10 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Generic, TypeVar
 
-from handctl.digits import number_in
 from handctl.errors import HandctlError, UsageError
 from handctl.light import NamedTuple, field, light
-from handctl.sentence import near, plural
+from handctl.number_parsing import number_in
+from handctl.wording import near, plural
 
 Number = int | float
 

@@ -9,14 +9,14 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from handctl.light import NamedTuple, field, light
-from handctl.model.ledger import Ledger
-from handctl.model.profile import Profile
-from handctl.sentence import honest, utc
+from handctl.model.line_quality import LineQuality
+from handctl.model.write_ledger import Ledger
+from handctl.wording import honest, utc
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
     from handctl.model.param import Bound
-    from handctl.model.stopping import Stopped
+    from handctl.model.stop_sequence import Stopped
 
 SCHEMA = "handctl/1"
 
@@ -204,12 +204,12 @@ class Journal:
         self,
         on_message: Callable[[Message], None] | None = None,
         progress: Callable[[str], None] | None = None,
-        line: Profile | None = None,
+        line: LineQuality | None = None,
     ) -> None:
         """`progress` shows a line that the next one replaces, while something takes its time."""
         self.progress = progress or (lambda text: None)
         self.counters = Counters()
-        self.line = line or Profile()
+        self.line = line or LineQuality()
         self.ledger = Ledger()
         self.messages: list[Message] = []
         self.kept: Table | None = None

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from handctl.errors import HandctlError
 from handctl.model.result import Row, Sample
-from handctl.sentence import utc
+from handctl.wording import utc
 
 if TYPE_CHECKING:
     from handctl.link import Link

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.files import atomic_write
-from handctl.model.guide import Guide
+from handctl.model.prompts import Prompts
 from handctl.record.marks import Heard
 from handctl.record.source import Stamp, clean
 from handctl.record.timeline import CLOCKS, PORT_LOST, RESTART, Hole, Place, Timeline
@@ -392,10 +392,10 @@ class _Loop:
         recording: Recording,
         limits: Limits,
         mark: Callable[[], Sequence[Heard]],
-        guide: Guide,
+        prompts: Prompts,
         before: dict[str, Any],
     ) -> None:
-        self._recording, self._limits, self._mark, self._guide = recording, limits, mark, guide
+        self._recording, self._limits, self._mark, self._guide = recording, limits, mark, prompts
         self._source, self._clock, self._before = recording.source, recording.clock, before
         clock = self._clock
         self.pace = Pace(clock, limits.rate)
@@ -528,7 +528,7 @@ def record(
     limits: Limits,
     *,
     mark: Callable[[], Sequence[Heard]],
-    guide: Guide,
+    prompts: Prompts,
     before: dict[str, Any] | None = None,
 ) -> HandctlError | None:
     """Record until a limit is reached; returns what ended it earlier, if anything. Never raises.
@@ -536,7 +536,7 @@ def record(
     mark     asked before each request for the marks that have come
     before   the settings at the start: those at the first row of a segment are compared with them
     """
-    loop = _Loop(recording, limits, mark, guide, before or {})
+    loop = _Loop(recording, limits, mark, prompts, before or {})
     try:
         while loop.wanted:
             try:
@@ -551,6 +551,6 @@ def record(
     finally:
         recording.skipped = loop.pace.skipped
         with contextlib.suppress(OSError):
-            guide.done()
+            prompts.done()
         recording.end()
     return None

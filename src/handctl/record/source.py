@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from handctl.model.clocks import Moment
+from handctl.model.clock_comparison import Moment
 from handctl.model.result import Row
 from handctl.record.timeline import Place
 

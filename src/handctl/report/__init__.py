@@ -16,25 +16,25 @@ from itertools import accumulate, groupby
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from handctl import __version__
+from handctl.command import get_set_watch
+from handctl.command.family import load
 from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.files import atomic_write
-from handctl.frame import verbs
-from handctl.frame.family import load
-from handctl.link.tap import Tap, observed, parse
+from handctl.link.transcript import Tap, observed, parse
+from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Explainer
 from handctl.model.outline import outline_of
 from handctl.model.param import ParamMap
-from handctl.model.piece import DEVICE, HOST, Explainer, Piece
 from handctl.model.result import Column, Grid, Message, Sample, Table
+from handctl.report.computer import environment, port
 from handctl.report.curves import curves
-from handctl.report.facts import environment, port
 from handctl.report.html import Report, page
 from handctl.report.outline import outline_svg
-from handctl.report.private import REDACTED, Privacy
+from handctl.report.redaction import REDACTED, Privacy
 from handctl.screen.render import default_view
-from handctl.sentence import plural
+from handctl.wording import plural
 
 if TYPE_CHECKING:
-    from handctl.frame.run import Run
+    from handctl.command.run import Run
 
 
 RATE_HZ = 10.0
@@ -45,7 +45,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
-class Wishes:
+class RequestedOptions:
     """What the user asked for: `watch` in seconds (0 = none), whether ids are kept, whether FILE may be replaced."""
 
     watch: float = 3.0
@@ -87,7 +87,12 @@ class _Visit:
 
 
 def report(
-    run: Run, params: ParamMap[Any], path: str, wishes: Wishes, *, checks: Callable[[Run], Table] | None = None
+    run: Run,
+    params: ParamMap[Any],
+    path: str,
+    wishes: RequestedOptions,
+    *,
+    checks: Callable[[Run], Table] | None = None,
 ) -> Table:
     """Read everything and write the page. `checks` are a family's own, as rows that only reading finds.
 
@@ -134,7 +139,7 @@ def _ask(
     visit: _Visit,
     content: Report,
     privacy: Privacy,
-    wishes: Wishes,
+    wishes: RequestedOptions,
     checks: Callable[[Run], Table] | None,
 ) -> None:
     device: Any = visit.attempt("connection", run.device)
@@ -191,15 +196,15 @@ def _grids(visit: _Visit, part: str, table: Table) -> list[Grid]:
 
 
 def _watch(run: Run, params: ParamMap[Any], content: Report, seconds: float, visit: _Visit) -> None:
-    table = verbs.watch(run, params, (), rate=RATE_HZ, count=None, duration=seconds)
+    table = get_set_watch.watch(run, params, (), rate=RATE_HZ, count=None, duration=seconds)
     samples: list[Sample] = []
-    run.guide.progress(f"watching for {seconds:g} s")
+    run.prompts.progress(f"watching for {seconds:g} s")
     try:
         for sample in table.samples or ():
             samples.append(sample)  # noqa: PERF402 - what came before an error is kept
     except HandctlError as exc:
         visit.failed("watch", exc)
-    run.guide.done()
+    run.prompts.done()
     content.curves = curves(samples, table.decimals)
     content.words = table.flags | {param.name for param in params if param.choices}
     content.seconds = samples[-1].t if samples else 0.0
@@ -214,7 +219,7 @@ def _conclude(run: Run, visit: _Visit, content: Report, privacy: Privacy) -> Non
     content.simulated = run.simulated
     content.facts = [("device", content.kind), ("link", privacy.text(link)), *content.facts]
     for part, error in visit.problems:
-        told = error.retold(privacy.text(error.text), hint=privacy.text(error.hint))
+        told = error.reworded(privacy.text(error.text), hint=privacy.text(error.hint))
         content.problems.append((part, told))
     content.findings = privacy.messages(run.journal.messages)
 
@@ -306,7 +311,7 @@ def explained(lines: Iterable[str], kind: str, privacy: Privacy) -> Iterator[str
     yield from _comments(explainer.flush(), privacy)
 
 
-def _comments(pieces: Iterable[Piece], privacy: Privacy) -> Iterator[str]:
+def _comments(pieces: Iterable[ExplainedBytes], privacy: Privacy) -> Iterator[str]:
     """One comment per piece. Of what the device said nothing but its kind where its bytes are left out."""
     for piece in pieces:
         text = piece.meaning

@@ -15,7 +15,7 @@ from handctl.errors import HandctlError
 from handctl.families import FAMILIES
 from handctl.model.result import Cell, Grid, Message
 from handctl.report.curves import Curve, draw, escape, unchanged
-from handctl.sentence import sentence
+from handctl.wording import sentence
 
 
 @dataclass(slots=True)

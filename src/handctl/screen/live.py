@@ -18,16 +18,16 @@ from rich.console import Console, ConsoleOptions, RenderResult
 from rich.live import Live
 from rich.text import Text
 
-from handctl import ending
+from handctl import interrupts
 from handctl.errors import STOPPED, Interrupted
 from handctl.light import replace
 from handctl.model.result import Row, Sample, Table
-from handctl.screen.filter import text_shown
-from handctl.screen.sheet import Wide
-from handctl.screen.terminal import console_on, flowing, grid_lines
-from handctl.sentence import plural, sentence
+from handctl.screen.csv_output import Wide
+from handctl.screen.sanitize import text_shown
+from handctl.screen.tables import console_on, flowing, grid_lines
 from handctl.system import clock
 from handctl.system.terminal import FINE
+from handctl.wording import plural, sentence
 
 if TYPE_CHECKING:
     from handctl.model.param import Bound
@@ -819,7 +819,7 @@ def watched(table: Table, samples: Generator[Sample, None, None], context: Conte
             except (KeyboardInterrupt, Interrupted) as exc:
                 if not quit_ or getattr(exc, "code", "") == STOPPED:
                     raise
-                ending.afresh()
+                interrupts.reset_interrupts()
     finally:
         if said := tape.end() or (view.noted if tape.path else ""):
             context.journal.info("recorded", said)

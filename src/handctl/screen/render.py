@@ -13,16 +13,16 @@ import sys
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
-from handctl import ending
+from handctl import interrupts
 from handctl.errors import HandctlError, Interrupted, OutputError
 from handctl.model.result import Cell, Column, Grid, Journal, Row, Sample, Table
-from handctl.screen.filter import shown, text_shown, value_shown
-from handctl.screen.sheet import Wide, csv_lines, is_sheet, is_wide, stream_format, text_of
-from handctl.screen.sink import Sink
-from handctl.sentence import plural
+from handctl.screen.csv_output import Wide, csv_lines, is_sheet, is_wide, stream_format, text_of
+from handctl.screen.output import Sink
+from handctl.screen.sanitize import shown, text_shown, value_shown
+from handctl.wording import plural
 
 if TYPE_CHECKING:
-    from handctl.frame.options import Settings
+    from handctl.command.options import Settings
 
     class Context(Protocol):
         """What rendering needs to know of the running command."""
@@ -80,9 +80,9 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
             sink.write(line + "\n")
         sink.write(dumps(context.closing(failure, extra)) + "\n")
     elif how == "openmetrics":
-        from handctl.screen import metrics
+        from handctl.screen import openmetrics
 
-        sink.write(metrics.exposition(rows, context, failure))
+        sink.write(openmetrics.exposition(rows, context, failure))
     elif table is None:
         return
     elif how == "csv":
@@ -129,9 +129,9 @@ def _stream(table: Table, samples: Generator[Sample, None, None], how: str, sink
             return
     with contextlib.closing(samples):
         if how == "openmetrics":
-            from handctl.screen import metrics
+            from handctl.screen import openmetrics
 
-            metrics.stream(samples, sink, context)
+            openmetrics.stream(samples, sink, context)
         if how == "csv":
             samples = _wide_lines(table, samples, sink, context)
         _stream_lines(table, samples, how, sink, context.settings.time)
@@ -148,10 +148,10 @@ def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
             _stream(table, samples, how, sink, context)
         except HandctlError as exc:
             failure = exc
-        ending.served()  # the device has been left: only its reader can hold up the rest
+        interrupts.device_done()  # the device has been left: only its reader can hold up the rest
     except KeyboardInterrupt:
         failure = failure or Interrupted("interrupted")
-    ending.finish_on_signals()
+    interrupts.finish_on_signals()
     if isinstance(failure, OutputError) and failure.code == "reader":
         sink.abandon()
     failure = table.failure = context.judged(failure or table.failure)  # stands, should its end find no room
@@ -159,9 +159,9 @@ def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
     if "stream" in summary:
         summary["stream"]["samples"] = sink.samples
     if how == "openmetrics" and speaks(how, failure):
-        from handctl.screen import metrics
+        from handctl.screen import openmetrics
 
-        sink.write_whole(metrics.exposition([], context, failure))
+        sink.write_whole(openmetrics.exposition([], context, failure))
     if how in ("json", "ndjson"):
         sink.write(dumps(context.closing(failure, summary)) + "\n")
     elif (
@@ -314,7 +314,7 @@ def _grids(table: Table, sink: Sink, context: Context) -> None:
     grids = [grid.with_texts(shown) for grid in grids]
     mark = "simulated" if context.simulated else ""
     if sink.terminal or sink.color == "always":
-        from handctl.screen.terminal import print_grids
+        from handctl.screen.tables import print_grids
 
         print_grids(grids, sink, mark)
         return

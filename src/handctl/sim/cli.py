@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from handctl.digits import number_in
+from handctl.number_parsing import number_in
 from handctl.sim import create, folder_of, kinds, model_class
 
 Address = tuple[str, int]

@@ -1,6 +1,6 @@
 """The command `stop` of every family: it sends first and reports afterwards. Works without lock, disk or configuration.
 
-If another handctl command is using the device, it is asked to stop it (`stop.wish`). If it does not reply, it is killed
+If another handctl command is using the device, it is asked to stop it (`stop.stop_listener`). If it does not reply, it is killed
 and the bytes are sent from here. They are also sent to a port that another program has open.
 """
 
@@ -11,19 +11,19 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from handctl import errors
+from handctl.command.options import COMMAND_LINE, NAMED
 from handctl.errors import DeviceRefused, HandctlError, LinkError, UsageError
-from handctl.frame.options import COMMAND_LINE, NAMED
 from handctl.link import Deadline
 from handctl.link.lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock
 from handctl.model.result import Column, Table
-from handctl.stop.holding import Hold, lock_for, report, stopped_at
+from handctl.stop.device_access import DeviceAccess, lock_for, report, stopped_at
 from handctl.system import clock, processes
 
 if TYPE_CHECKING:
-    from handctl.frame.options import Settings
-    from handctl.frame.run import Run
+    from handctl.command.options import Settings
+    from handctl.command.run import Run
     from handctl.model.param import Step
-    from handctl.model.stopping import Aim, Sent, Talk
+    from handctl.model.stop_sequence import Sent, StopContext, StopSequence
 
 GONE_SECONDS = 0.2
 """A process that was ended has let go of the port by then."""
@@ -35,7 +35,11 @@ TRY_SECONDS = 0.01
 COLUMNS = (Column("step", "Step", right=True), Column("bytes", "Bytes"), Column("meaning", "Meaning"), Column("answer", "Answer"))  # fmt: skip
 
 
-def stop(run: Run, talk: Callable[[Aim], Talk] | None = None, otherwise: Callable[[Any], str] | None = None) -> Table:
+def stop(
+    run: Run,
+    sequence: Callable[[StopContext], StopSequence] | None = None,
+    otherwise: Callable[[Any], str] | None = None,
+) -> Table:
     """Stop the device of this run, through its holder or from here. Rows with the bytes sent and received.
 
     `talk` replaces the family's stopper. `otherwise` is tried if there was no reply: device -> evidence.
@@ -43,7 +47,7 @@ def stop(run: Run, talk: Callable[[Aim], Talk] | None = None, otherwise: Callabl
     began = clock.now()
     fall_back(run)
     if run.settings.dry_run:
-        return run.dry_run(_plan(run, talk))
+        return run.dry_run(_plan(run, sequence))
     name = run.link_name()
     until = None if run.settings.deadline is None else Deadline(clock.now, began + run.settings.deadline)
     for problem in run.said.passed_over:
@@ -53,7 +57,7 @@ def stop(run: Run, talk: Callable[[Aim], Talk] | None = None, otherwise: Callabl
     ours = run.session is not None
     lock, told, ended = (None, None, False) if ours else _ask_holder(run, name, until)
     if told is None or not (told["open"] or told["refused"]):
-        told = _from_here(run, lock, talk, until, patient=ended, otherwise=otherwise)
+        told = _from_here(run, lock, sequence, until, patient=ended, otherwise=otherwise)
     else:
         _take_over(run, told)
     table = Table(rows=told["rows"], columns=COLUMNS, plain=("bytes",))
@@ -68,18 +72,20 @@ def stop(run: Run, talk: Callable[[Aim], Talk] | None = None, otherwise: Callabl
     return table
 
 
-def _plan(run: Run, talk: Callable[[Aim], Talk] | None) -> list[Step]:
+def _plan(run: Run, sequence: Callable[[StopContext], StopSequence] | None) -> list[Step]:
     """What goes out where nothing answers."""
     from handctl.link import is_can
-    from handctl.model.stopping import Aim, talk_of, unheard
+    from handctl.model.stop_sequence import StopContext, stop_sequence_of, unheard
 
     assert run.family is not None
     port = run.settings.port
     can = run.settings.wire == "can" if port is None else is_can(port)
     fixed = can or run.family.baud is None or (port or "").startswith(("tcp://", "socket://", "replay:"))
     speed = None if fixed else run.settings.baud or _last_speed(run, port or "") or run.family.baud
-    aim = Aim(run.settings, can, speed)
-    return unheard(talk(aim) if talk is not None else talk_of(run.family.kind, aim), reads=True)
+    context = StopContext(run.settings, can, speed)
+    return unheard(
+        sequence(context) if sequence is not None else stop_sequence_of(run.family.kind, context), reads=True
+    )
 
 
 def _last_speed(run: Run, name: str) -> int | None:
@@ -99,7 +105,7 @@ def _ask_holder(run: Run, name: str, bound: Deadline | None) -> tuple[Lock | Non
     except LinkError as exc:
         run.journal.warn(exc.code, exc.text, exc.hint)
         return None, None, False
-    from handctl.stop.wish import HEARD_SECONDS, STOP_SECONDS, ask
+    from handctl.stop.stop_listener import HEARD_SECONDS, STOP_SECONDS, ask
 
     until = clock.now() + HEARD_SECONDS
     who = busy.holder
@@ -174,7 +180,7 @@ def _end(run: Run, who: Holder | None) -> None:
 def _from_here(
     run: Run,
     lock: Lock | None,
-    talk: Callable[[Aim], Talk] | None,
+    sequence: Callable[[StopContext], StopSequence] | None,
     bound: Deadline | None,
     *,
     patient: bool,
@@ -182,7 +188,7 @@ def _from_here(
 ) -> dict[str, Any]:
     """Open the link and send. With `patient` a link that is not free yet is tried again for a second."""
     if run.session is None:
-        run.connection.hold = Hold(run, lock)
+        run.connection.device_access = DeviceAccess(run, lock)
     until = clock.now() + _left(bound, AGAIN_SECONDS) if patient else 0.0
     sent: list[Sent] = []
     stopped = None
@@ -196,8 +202,8 @@ def _from_here(
             continue
         sent.clear()
         end = None if bound is None else link.deadline(bound.remaining)
-        with run.guide.undisturbed():
-            stopped = stopped_at(run, link, sent, talk, end)
+        with run.prompts.undisturbed():
+            stopped = stopped_at(run, link, sent, sequence, end)
     expired = end is not None and end.expired
     silent = (
         not expired and stopped.error is not None and issubclass(stopped.error, (errors.NoAnswer, errors.ProtocolError))
@@ -243,7 +249,7 @@ def fall_back(run: Run) -> None:
     if settings.deadline is not None and settings.deadline < DEADLINE:
         _drop(run, ["deadline"], f"{settings.deadline:g} s for the whole stop: it needs {DEADLINE:g} s")
     if settings.port and settings.wire is not None:
-        from handctl.frame.family import wire_in
+        from handctl.command.family import wire_in
 
         if not settings.port.startswith("replay:") and wire_in(family, settings.port) != settings.wire:
             _drop(run, ["wire"], f"{settings.wire} does not fit {settings.port}")
@@ -267,14 +273,14 @@ def _own(run: Run) -> None:
 def _trouble(run: Run, settings: Settings) -> HandctlError | None:
     """Why nothing would go out with these settings, None where it would."""
     from handctl.link import is_can
-    from handctl.model.stopping import Aim, talk_of, unheard
+    from handctl.model.stop_sequence import StopContext, stop_sequence_of, unheard
 
     assert run.family is not None
     can = settings.wire == "can" if settings.port is None else is_can(settings.port)
     try:
         if run.family.check is not None:
             run.family.check(settings)
-        unheard(talk_of(run.family.kind, Aim(settings, can)), reads=True)
+        unheard(stop_sequence_of(run.family.kind, StopContext(settings, can)), reads=True)
     except HandctlError as exc:
         return exc
     except (ValueError, LookupError, OverflowError, TypeError, AttributeError) as exc:
@@ -283,7 +289,7 @@ def _trouble(run: Run, settings: Settings) -> HandctlError | None:
 
 
 def _without(settings: Settings, keys: list[str]) -> Settings:
-    from handctl.frame.options import Settings as Default
+    from handctl.command.options import Settings as Default
 
     shared = {key: value for key, value in Default()._asdict().items() if key in keys}
     return settings._replace(**shared, own={key: value for key, value in settings.own.items() if key not in keys})

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import click
 
-from handctl.frame.clikit import Command
-from handctl.frame.run import Run
-from handctl.frame.types import InFile
+from handctl.command.command_tree import Command
+from handctl.command.option_types import InFile
+from handctl.command.run import Run
 from handctl.model.result import Table
 
 
@@ -24,6 +24,6 @@ def cli(run: Run, file: str, keep_going: bool) -> Table | None:
     apply to every line that does not set its own. handctl checks all lines before it sends anything. If some lines
     need confirmation, it lists them and asks once. The exit code is that of the first line that failed.
     """
-    from handctl.frame.lines import batch
+    from handctl.command.command_lines import batch
 
     return batch(run, file, keep_going=keep_going)

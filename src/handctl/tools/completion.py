@@ -10,10 +10,10 @@ from pathlib import Path
 
 import click
 
+from handctl.command.command_tree import Command
+from handctl.command.run import Run
 from handctl.errors import OutputError, UsageError
 from handctl.files import atomic_write
-from handctl.frame.clikit import Command
-from handctl.frame.run import Run
 from handctl.model.result import Column, Table
 from handctl.system.folders import config_folder, data_folder
 

@@ -14,13 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.errors import UsageError
-from handctl.families import FAMILIES, WIRES
-from handctl.files import read_text
-from handctl.frame.clikit import Group
-from handctl.frame.devicefile import stable_name
-from handctl.frame.family import Family, refuse_missing, refuse_serial
-from handctl.frame.options import (
+from handctl.command.command_tree import Group
+from handctl.command.config_edit import stable_name
+from handctl.command.family import Family, refuse_missing, refuse_serial
+from handctl.command.option_types import InFile
+from handctl.command.options import (
     COMMAND_LINE,
     Settings,
     Source,
@@ -30,15 +28,17 @@ from handctl.frame.options import (
     read_config,
     said,
 )
-from handctl.frame.precedence import resolve
-from handctl.frame.run import Run
-from handctl.frame.types import InFile
+from handctl.command.precedence import resolve
+from handctl.command.run import Run
+from handctl.errors import UsageError
+from handctl.families import FAMILIES, WIRES
+from handctl.files import read_text
 from handctl.link.base import SCHEMES
 from handctl.model.result import Column, Row, Table
 from handctl.tools.probes import family_of
 
 if TYPE_CHECKING:
-    from handctl.frame.config import Config, Device
+    from handctl.command.config import Config, Device
 
 
 MOST = 1_000_000
@@ -99,8 +99,8 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
 
     Saves the family and, if given, --port, --id, --baud, --timeout, --deadline and --retries. Does not contact the device.
     """
-    from handctl.frame import devicefile
-    from handctl.frame.config import NAME_HELP, is_name
+    from handctl.command import config_edit
+    from handctl.command.config import NAME_HELP, is_name
 
     if not is_name(name):
         raise UsageError(f"{name!r} cannot be the name of a device", hint=f"allowed: {NAME_HELP}")
@@ -125,7 +125,7 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
 
     def edit(config: Config) -> str:
         _refuse_taken(config, name, force)
-        return devicefile.put(config, name, values)
+        return config_edit.put(config, name, values)
 
     changed = _changed(run, present, edit, values, {**row_of(name, family, given), "file": path, "result": done})
     if not run.settings.dry_run:
@@ -135,13 +135,13 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
 
 def _changed(run: Run, config: Config, edit: Callable[[Config], str], values: dict[str, Any], row: Row) -> Table:
     """The file edited, or with --dry-run only looked at; `values` are those of the device afterwards."""
-    from handctl.frame import devicefile
+    from handctl.command import config_edit
 
     if run.settings.dry_run:
-        devicefile.verified(config, edit(config), checks(), values, row["name"])
+        config_edit.verified(config, edit(config), checks(), values, row["name"])
         run.journal.info("dry-run", "dry run: nothing was written")
     else:
-        devicefile.change(row["file"], checks(), edit, values, row["name"])
+        config_edit.change(row["file"], checks(), edit, values, row["name"])
     return Table(rows=[row], columns=(*COLUMNS, *DONE), plain=("name",))
 
 
@@ -149,7 +149,7 @@ def _changed(run: Run, config: Config, edit: Callable[[Config], str], values: di
 @click.argument("name")
 def remove(run: Run, name: str) -> Table:
     """Delete a name from the configuration file. The rest of the file is unchanged."""
-    from handctl.frame import devicefile
+    from handctl.command import config_edit
 
     path = config_path()
     config = read_config(path)
@@ -158,7 +158,7 @@ def remove(run: Run, name: str) -> Table:
     if default is not None and default.value == name:
         raise UsageError(f"{path}, line {default.line}: {name!r} is the default device", hint="delete that line first")
     row = {**told(device), "file": path, "result": "removed"}
-    return _changed(run, config, lambda now: devicefile.drop(now, name), {}, row)
+    return _changed(run, config, lambda now: config_edit.drop(now, name), {}, row)
 
 
 @cli.verb("show")
@@ -190,7 +190,7 @@ def show(run: Run, name: str | None) -> Table:
 
 def _given(run: Run) -> dict[str, Any]:
     """What the command line itself says about the device; what comes from elsewhere is not copied into it."""
-    from handctl.frame.config import DEVICE_KEYS
+    from handctl.command.config import DEVICE_KEYS
 
     if run.sources.get("device") == COMMAND_LINE:
         raise UsageError("-d names an existing device, not the new one", hint="run the command without -d")

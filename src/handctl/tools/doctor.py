@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handctl.command.command_tree import Command, reads_option
+from handctl.command.family import Family
+from handctl.command.run import Run
 from handctl.errors import CheckFailed, Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES, SCANNED, WIRES
-from handctl.frame.clikit import Command, reads_option
-from handctl.frame.family import Family
-from handctl.frame.run import Run
 from handctl.link import ByteLink, Deadline, Link
 from handctl.model.result import Cell, Column, Grid, Journal, Row, Table
-from handctl.tools.link_checks import LinkChecks, failed_open, host_in, is_local, same_address, subnet
-from handctl.tools.machine import Machine
-from handctl.tools.machine_checks import Check, machine_checks, port_checks
+from handctl.tools.doctor_link import LinkChecks, failed_open, host_in, is_local, same_address, subnet
+from handctl.tools.doctor_machine import Check, machine_checks, port_checks
+from handctl.tools.port_inventory import Machine
 from handctl.tools.probes import family_of, has_speed, listened, probe_of, usual_ports, wire_of
-from handctl.tools.scan_look import Looking
+from handctl.tools.scan_probing import LinkScan
 from handctl.tools.scan_report import Search, report
 
 if TYPE_CHECKING:
-    from handctl.frame.options import Settings
+    from handctl.command.options import Settings
 
 
 LINK_SECONDS = 8.0
@@ -107,7 +107,7 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
         run.family.check(run.settings)
     name = run.link_name()
     yield from port_checks(machine, name)
-    run.guide.progress(f"{name}: opening")
+    run.prompts.progress(f"{name}: opening")
     link, failure = None, None
     for run.family in families if name.startswith("tcp://") else families[:1]:
         try:
@@ -136,7 +136,7 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
         return family.open(on, settings, run.journal)
 
     looking = LinkChecks(link, probe, device, reads, link.deadline(seconds), run.journal)
-    run.guide.progress(f"{name}: reading {reads} times")
+    run.prompts.progress(f"{name}: reading {reads} times")
     try:
         yield from looking.run()
         if probe is not None and looking.device is not None:
@@ -147,7 +147,7 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
     except LinkError as exc:
         yield Check("connection", "fail", exc.text, exc.hint)
     finally:
-        run.guide.done()
+        run.prompts.done()
 
 
 def _on_network(machine: Machine, name: str, probe: Any, device: Any, make: Any) -> Iterator[Check]:
@@ -188,7 +188,7 @@ def present(run: Run, link: Link, bound: Deadline) -> tuple[str, int | None, Che
     Leaves the port at the speed at which it was found. Raises LinkError.
     """
     search, was = Search(link.name), getattr(link, "baud", None)
-    Looking(run, link, search, [run.settings.id or 1], False, bound).at(wire_of(link.name), SCANNED)
+    LinkScan(run, link, search, [run.settings.id or 1], False, bound).at(wire_of(link.name), SCANNED)
     if isinstance(link, ByteLink):
         listened(link, link.deadline(LATE))  # answers that came too late are nobody's
     if search.rows:

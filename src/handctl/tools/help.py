@@ -11,13 +11,13 @@ import sys
 
 import click
 
+from handctl.command.command_tree import Command, root
+from handctl.command.options import CONNECTION, OUTPUT, WRITING, SharedOption
+from handctl.command.run import Run
 from handctl.errors import UsageError
 from handctl.families import COMMANDS
-from handctl.frame.clikit import Command, root
-from handctl.frame.options import CONNECTION, OUTPUT, WRITING, SharedOption
-from handctl.frame.run import Run
 from handctl.model.result import Column, Table
-from handctl.sentence import near
+from handctl.wording import near
 
 OPTIONS = "options"
 HOW = (

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import click
 
 from handctl import __version__
+from handctl.command.command_tree import Command
+from handctl.command.option_types import InFile
+from handctl.command.run import Run
 from handctl.errors import OutputError, UsageError
-from handctl.frame.clikit import Command
-from handctl.frame.run import Run
-from handctl.frame.types import InFile
 from handctl.model.result import Column, Row, Table
-from handctl.sentence import near, plural
+from handctl.wording import near, plural
 
 if TYPE_CHECKING:
     from handctl.report.curves import Curve
@@ -33,7 +33,7 @@ LETTERS = 150
 
 
 @click.command("plot", cls=Command, offline=True)
-@click.argument("files", type=InFile(beside=(".json",)), nargs=-1, required=True, metavar="FILE...")
+@click.argument("files", type=InFile(additional=(".json",)), nargs=-1, required=True, metavar="FILE...")
 @click.option(
     "--only", "names", multiple=True, metavar="NAME", help="Draw only this quantity or element, such as temperature.index. Repeatable."
 )  # fmt: skip

@@ -19,7 +19,7 @@ from handctl.families import FAMILIES
 from handctl.model.param import scale_of
 from handctl.record.recording import schema
 from handctl.report.curves import PIXELS, Curve
-from handctl.screen.sheet import PARTS, of_column
+from handctl.screen.csv_output import PARTS, of_column
 
 TIME = "t_s"
 ABOUT = frozenset(

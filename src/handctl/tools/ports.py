@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import click
 
-from handctl.frame.clikit import Command
-from handctl.frame.run import Run
-from handctl.link.owners import Process, group_remedy
+from handctl.command.command_tree import Command
+from handctl.command.run import Run
+from handctl.link.port_users import Process, group_remedy
 from handctl.model.result import Cell, Column, Grid, Journal, Row, Table
 from handctl.system import advice
-from handctl.tools.machine import CanInterface, Chip, Machine, Port
+from handctl.tools.port_inventory import CanInterface, Chip, Machine, Port
 from handctl.tools.probes import on_can
 
 BITRATE = 1_000_000

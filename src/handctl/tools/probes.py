@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
+from handctl.command.family import load
 from handctl.families import FAMILIES
-from handctl.frame.family import load
 from handctl.link import ByteLink, Deadline, Link
 from handctl.model.result import Journal, Row
 
 if TYPE_CHECKING:
-    from handctl.frame.family import Family
+    from handctl.command.family import Family
 
 
 class FamilyProbe(Protocol):

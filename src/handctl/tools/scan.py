@@ -28,18 +28,18 @@ from dataclasses import dataclass
 import click
 
 from handctl import __version__
+from handctl.command.command_tree import Command, scan_options
+from handctl.command.run import Run
 from handctl.errors import Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES, SCANNED
-from handctl.frame.clikit import Command, scan_options
-from handctl.frame.run import Run
 from handctl.link import ByteLink, Deadline, Link, is_can, open_link
 from handctl.link.lock import Lock, hold
-from handctl.link.tap import Tap, TraceFile
+from handctl.link.transcript import Tap, TraceFile
 from handctl.model.result import Journal, Table
 from handctl.system import clock
-from handctl.tools.machine import Machine
+from handctl.tools.port_inventory import Machine
 from handctl.tools.probes import probe_of, usual_ports, wire_of
-from handctl.tools.scan_look import Looking, plan
+from handctl.tools.scan_probing import LinkScan, plan
 from handctl.tools.scan_report import Search, report
 
 LONG = 1800.0
@@ -93,9 +93,9 @@ def scan_family(run: Run, ids: str | None, find_all: bool) -> Table:
     search = Search(link.name)
     bound = link.deadline(LONG) if run.end is None else Deadline(link.now, run.end)
     try:
-        Looking(run, link, search, chosen, find_all, bound).at(_wire(link, name), (family.kind,))
+        LinkScan(run, link, search, chosen, find_all, bound).at(_wire(link, name), (family.kind,))
     finally:
-        run.guide.done()
+        run.prompts.done()
         if was is not None and isinstance(link, ByteLink) and link.can_set_baud and link.baud != was:
             link.set_baud(was)
     run.journal.line = search.line
@@ -189,14 +189,14 @@ class Scan:
             spent, opened = clock.now() - started, link.now()
             chosen = chosen_ids(self._run, self._families, wire, self._ids)
             bound = link.deadline(LONG if self._left is None else self._left - spent)
-            looking = Looking(self._run, link, search, chosen, self._all, bound)
+            looking = LinkScan(self._run, link, search, chosen, self._all, bound)
             looking.at(wire, self._families)
         except LinkError as exc:
             search.error = exc
         except KeyboardInterrupt:
             search.error = Interrupted("interrupted")
         finally:
-            self._run.guide.done()
+            self._run.prompts.done()
             spent += link.now() - opened if link is not None else clock.now() - started
             self._left = self._left - spent if self._left is not None else None
             if link is not None:

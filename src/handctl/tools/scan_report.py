@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from handctl.errors import HandctlError, Interrupted, NoAnswer, ProtocolError, joined
-from handctl.model.profile import Profile
+from handctl.model.line_quality import LineQuality
 from handctl.model.result import Column, Journal, Row, Table, hex_bytes
-from handctl.sentence import plural
+from handctl.wording import plural
 
 TALKATIVE = 16
 """So many bytes unasked are somebody who talks by himself."""
@@ -49,8 +49,8 @@ class Search:
     """Family -> ids that others ask on this line."""
     error: HandctlError | None = None
     expired: bool = False
-    lines: dict[str, Profile] = field(default_factory=dict)
-    line: Profile = field(default_factory=Profile)
+    lines: dict[str, LineQuality] = field(default_factory=dict)
+    line: LineQuality = field(default_factory=LineQuality)
     left: list[str] = field(default_factory=list)
     """What was not asked, in words, with how to ask it."""
     facts: dict[str, object] = field(default_factory=dict)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import click
 
+from handctl.command.command_tree import Command
+from handctl.command.run import Run
 from handctl.families import FAMILIES
-from handctl.frame.clikit import Command
-from handctl.frame.run import Run
 
 
 @click.command("shell", cls=Command, writes=True)
@@ -18,6 +18,6 @@ def cli(run: Run, family: str | None) -> None:
     quantities, and the history is kept. `sleep S` waits S seconds. If the port was lost, the next line opens it again. Ctrl-C stops a movement,
     Ctrl-D ends the shell.
     """
-    from handctl.frame.lines import shell
+    from handctl.command.command_lines import shell
 
     shell(run, family or "")

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handctl.command.command_tree import Command
+from handctl.command.config import Device
+from handctl.command.family import load
+from handctl.command.options import NAMED, Settings, Source, config_path, read_config
+from handctl.command.run import Run
 from handctl.errors import HandctlError, UsageError
 from handctl.families import FAMILIES, SCANNED
-from handctl.frame.clikit import Command
-from handctl.frame.config import Device
-from handctl.frame.family import load
-from handctl.frame.options import NAMED, Settings, Source, config_path, read_config
-from handctl.frame.run import Run
 from handctl.link import ByteLink, open_link
 from handctl.link.lock import canonical, hold, last_family
 from handctl.model.result import Journal, Row, Table
@@ -144,7 +144,7 @@ def _answering(run: Run, link: str) -> str:
 
 def _asked(link: Link, wire: str, number: int | None, journal: Journal) -> Row | None:
     """The first row of a scan's questions, each family at its usual speed."""
-    from handctl.tools.scan_look import plan, port_of
+    from handctl.tools.scan_probing import plan, port_of
 
     speeds = has_speed(link) and wire == "serial"
     bound = link.deadline(SECONDS)

@@ -8,13 +8,13 @@ from collections.abc import Iterator, Sequence
 
 import click
 
+from handctl.command.command_lines import line
+from handctl.command.command_tree import LIMIT, Command, streaming
+from handctl.command.get_set_watch import bounds_of
+from handctl.command.options import config_path, read_config
+from handctl.command.run import Run
+from handctl.command.several_devices import DEVICE, LEAVE_SECONDS, POLL_SECONDS, Each
 from handctl.errors import HandctlError, UsageError
-from handctl.frame.clikit import LIMIT, Command, streaming
-from handctl.frame.lines import line
-from handctl.frame.options import config_path, read_config
-from handctl.frame.run import Run
-from handctl.frame.several import DEVICE, LEAVE_SECONDS, POLL_SECONDS, Each
-from handctl.frame.verbs import bounds_of
 from handctl.model.bound import Watchdog
 from handctl.model.param import Bound
 from handctl.model.result import Column, Row, Sample, Table

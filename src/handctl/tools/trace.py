@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+from handctl.command.command_tree import Group
+from handctl.command.option_types import InFile
+from handctl.command.run import Run
 from handctl.errors import CheckFailed, HandctlError, UsageError
 from handctl.families import FAMILIES
-from handctl.frame.clikit import Group
-from handctl.frame.run import Run
-from handctl.frame.types import InFile
-from handctl.model.piece import DEVICE, HOST
+from handctl.model.explainer import DEVICE, HOST
 
 if TYPE_CHECKING:
-    from handctl.model.piece import Piece
+    from handctl.model.explainer import ExplainedBytes
     from handctl.model.result import Grid, Row, Table
     from handctl.tools.trace_diff import Difference
-    from handctl.tools.trace_read import Told
+    from handctl.tools.trace_read import TranscriptRow
 
 
 MOST_DIFFERENCES = 10_000
@@ -127,7 +127,7 @@ def decode(run: Run, family: str, hex_bytes: tuple[str, ...], side: str | None) 
 
     text = sys.stdin.read() if hex_bytes == ("-",) else " ".join(hex_bytes)
     explainer = explainer_of(family)
-    pieces: list[Piece] = []
+    pieces: list[ExplainedBytes] = []
     for given in parse_given(text):
         if given.can_id is not None and "can" not in probe_of(family).WIRES:
             raise UsageError(f"{family} has no CAN wire", hint="give the bytes alone")
@@ -154,16 +154,16 @@ class _Telling:
         self.family = family or ""
         self.statistics: Any = None
 
-    def rows(self, run: Run) -> Iterator[Told]:
+    def rows(self, run: Run) -> Iterator[TranscriptRow]:
         """The rows; the file is open as long as they are read. Raises UsageError."""
-        from handctl.tools.trace_read import Teller, chosen, lines_of, opened
+        from handctl.tools.trace_read import TranscriptReader, chosen, lines_of, opened
 
         with opened(self.path) as source:
             self.family, by_bytes, lines = chosen(lines_of(source, self.path), self.family, self.path)
             if by_bytes:
                 text = f"{self.path}: recognized as {self.family} by its bytes"
                 run.journal.info("family", text, hint="choose another with --family")
-            teller = Teller(self.family)
+            teller = TranscriptReader(self.family)
             self.statistics = teller.statistics
             yield from teller.tell(lines)
 
@@ -173,7 +173,7 @@ class _Telling:
         return {} if self.statistics is None else {"statistics": self.statistics.as_row()}
 
 
-def _matcher(only: str | None, pattern: str | None) -> Callable[[Told], bool]:
+def _matcher(only: str | None, pattern: str | None) -> Callable[[TranscriptRow], bool]:
     """Which rows are shown."""
     try:
         wanted = re.compile(pattern, re.IGNORECASE) if pattern is not None else None
@@ -183,7 +183,7 @@ def _matcher(only: str | None, pattern: str | None) -> Callable[[Told], bool]:
             hint="write a regular expression, with \\ before . * + ( ) for the literal character",
         ) from exc
 
-    def matches(row: Told) -> bool:
+    def matches(row: TranscriptRow) -> bool:
         from handctl.tools.trace_read import wire
 
         if row.comment:
@@ -195,7 +195,7 @@ def _matcher(only: str | None, pattern: str | None) -> Callable[[Told], bool]:
     return matches
 
 
-def _collected(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> Table:
+def _collected(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool]) -> Table:
     from handctl.files import Spool
     from handctl.model.result import Table
     from handctl.screen.render import dumps
@@ -209,7 +209,7 @@ def _collected(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> Tab
     return Table(spool=spool.lines, failure=failure, extra=told.extra)
 
 
-def _streamed(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> Table:
+def _streamed(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool]) -> Table:
     from handctl.model.result import Column, Sample, Table
 
     def samples() -> Iterator[Sample]:
@@ -221,8 +221,8 @@ def _streamed(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> Tabl
     return Table(samples=samples(), columns=columns, summary=lambda: told.extra)
 
 
-def _write_text(run: Run, told: _Telling, matches: Callable[[Told], bool]) -> None:
-    from handctl.screen.sink import Sink
+def _write_text(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool]) -> None:
+    from handctl.screen.output import Sink
     from handctl.tools.trace_read import row_text, statistics_text
 
     with Sink(run.settings) as sink:
@@ -268,12 +268,12 @@ def _difference_text(rows: list[Row]) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def _piece_row(piece: Piece) -> Row:
+def _piece_row(piece: ExplainedBytes) -> Row:
     from handctl.model.result import hex_bytes
-    from handctl.tools.trace_read import Stamp, Told
+    from handctl.tools.trace_read import Stamp, TranscriptRow
 
     nowhere = Stamp(None, 0)
-    row = Told(nowhere, nowhere, piece).as_row()
+    row = TranscriptRow(nowhere, nowhere, piece).as_row()
     del row["line"]
     row["parts"] = [{"bytes": hex_bytes(part.raw), "field": part.name, "meaning": part.meaning} for part in piece.parts]
     return row

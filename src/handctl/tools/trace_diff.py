@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import NamedTuple
 
-from handctl.model.piece import HOST, Piece, Value
-from handctl.tools.trace_read import FAMILY_EVENT, Told
+from handctl.model.explainer import HOST, ExplainedBytes, Value
+from handctl.tools.trace_read import FAMILY_EVENT, TranscriptRow
 
 WINDOW = 200
 """Exchanges that are looked ahead for the place where both meet again."""
@@ -48,7 +48,7 @@ class Difference(NamedTuple):
     b: Exchange | None
 
 
-def exchanges(told: Iterable[Told]) -> Iterator[Exchange]:
+def exchanges(told: Iterable[TranscriptRow]) -> Iterator[Exchange]:
     """Exchanges in the order of their requests."""
     line: deque[Exchange] = deque()
     asked: dict[str, Exchange] = {}
@@ -74,7 +74,7 @@ def exchanges(told: Iterable[Told]) -> Iterator[Exchange]:
     yield from line
 
 
-def _opened(row: Told, piece: Piece, asked: dict[str, Exchange]) -> Exchange:
+def _opened(row: TranscriptRow, piece: ExplainedBytes, asked: dict[str, Exchange]) -> Exchange:
     key = f"{piece.direction} {piece.title or piece.meaning}"
     if piece.direction != HOST:
         return Exchange(key, row.first.line, answer=row.meaning, values=_values(piece))
@@ -84,7 +84,7 @@ def _opened(row: Told, piece: Piece, asked: dict[str, Exchange]) -> Exchange:
     return opened
 
 
-def _values(piece: Piece) -> dict[str, Value]:
+def _values(piece: ExplainedBytes) -> dict[str, Value]:
     return {value.name: value for value in piece.values}
 
 

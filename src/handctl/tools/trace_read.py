@@ -17,15 +17,15 @@ from itertools import chain
 from typing import IO, Any, NamedTuple
 
 from handctl import files
+from handctl.command.family import load
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, TOLD
-from handctl.frame.family import load
 from handctl.light import light
-from handctl.link.tap import Entry, parse_line
-from handctl.model.piece import DEVICE, HOST, SIDES, Explainer, Piece
-from handctl.model.profile import RoundTrips
+from handctl.link.transcript import Entry, parse_line
+from handctl.model.explainer import DEVICE, HOST, SIDES, ExplainedBytes, Explainer
+from handctl.model.line_quality import RoundTrips
 from handctl.model.result import Row
-from handctl.sentence import plural
+from handctl.wording import plural
 
 LONGEST_LINE = 1 << 20
 OPEN_REQUESTS = 64
@@ -153,7 +153,7 @@ class Stamp(NamedTuple):
 
 
 @light()
-class Told:
+class TranscriptRow:
     """One row of `trace show`: explained bytes, an event, a comment, or a request without a reply.
 
     first, last   place and time of its first and last byte
@@ -164,10 +164,10 @@ class Told:
 
     first: Stamp
     last: Stamp
-    piece: Piece | None = None
+    piece: ExplainedBytes | None = None
     event: str = ""
     comment: str = ""
-    unanswered: Piece | None = None
+    unanswered: ExplainedBytes | None = None
     request: Stamp | None = None
     round_trip: float | None = None
     unasked: bool = False
@@ -219,7 +219,7 @@ class Told:
         return row
 
 
-def wire(piece: Piece) -> str:
+def wire(piece: ExplainedBytes) -> str:
     """The bytes of a piece as a transcript has them."""
     text = piece.raw.hex(" ").upper()
     return text if piece.can_id is None else f"can {piece.can_id:08X} [{len(piece.raw)}] {text}".rstrip()
@@ -245,7 +245,7 @@ class Statistics:
         """From the first to the last byte with a time."""
         return None if self.start is None or self.end is None else self.end - self.start
 
-    def note(self, told: Told) -> None:
+    def note(self, told: TranscriptRow) -> None:
         """Count one row."""
         if problem := told.problem:
             self.problems[problem] = self.problems.get(problem, 0) + 1
@@ -275,7 +275,7 @@ class Statistics:
         }  # fmt: skip
 
 
-class Teller:
+class TranscriptReader:
     """Lines -> rows. `statistics` cover the rows returned so far.
 
     A comment ``# case NAME`` begins another conversation, as in a file of test vectors; an event ``! family NAME`` one
@@ -287,16 +287,16 @@ class Teller:
         self._family = family
         self._explainer = explainer_of(family)
         self._stamps: dict[str, deque[list[Any]]] = {side: deque() for side in SIDES}
-        self._open: dict[str, tuple[Stamp, Piece]] = {}
+        self._open: dict[str, tuple[Stamp, ExplainedBytes]] = {}
 
-    def tell(self, lines: Iterable[Line]) -> Iterator[Told]:
+    def tell(self, lines: Iterable[Line]) -> Iterator[TranscriptRow]:
         """The rows, in the order in which they became complete."""
         for line in lines:
             if line.entry is None:
                 if line.comment.startswith(CASE):
                     yield from self._over()
                     self._explainer = explainer_of(self._family)
-                yield Told(Stamp(None, line.number), Stamp(None, line.number), comment=line.comment)
+                yield TranscriptRow(Stamp(None, line.number), Stamp(None, line.number), comment=line.comment)
                 continue
             note = self.statistics.note
             for told in self._entry(line.entry):
@@ -304,13 +304,13 @@ class Teller:
                 yield told
         yield from self._over()
 
-    def _over(self) -> Iterator[Told]:
+    def _over(self) -> Iterator[TranscriptRow]:
         """The conversation has ended: what is held back, and what stayed without an answer."""
         for told in (*self._pieces(self._explainer.flush()), *self._given_up(0)):
             self.statistics.note(told)
             yield told
 
-    def _entry(self, entry: Entry) -> list[Told]:
+    def _entry(self, entry: Entry) -> list[TranscriptRow]:
         stamp = Stamp(entry.time, entry.line)
         if entry.mark == "!":
             found = [*self._pieces(self._explainer.flush()), *self._given_up(0)]
@@ -318,7 +318,7 @@ class Teller:
             if family := family_of_event(entry):
                 self._family, self._explainer = family, explainer_of(family)
                 self.statistics.families.setdefault(family)
-            return [*found, Told(stamp, stamp, event=entry.text)]
+            return [*found, TranscriptRow(stamp, stamp, event=entry.text)]
         direction = MARKS[entry.mark]
         if entry.time is not None:
             statistics = self.statistics
@@ -332,11 +332,11 @@ class Teller:
             found += self._given_up(OPEN_REQUESTS)
         return found
 
-    def _pieces(self, pieces: Iterable[Piece], stamp: Stamp | None = None) -> list[Told]:
-        found: list[Told] = []
+    def _pieces(self, pieces: Iterable[ExplainedBytes], stamp: Stamp | None = None) -> list[TranscriptRow]:
+        found: list[TranscriptRow] = []
         for piece in pieces:
             first, last = (stamp, stamp) if stamp is not None else self._span(piece)
-            told = Told(first, last, piece)
+            told = TranscriptRow(first, last, piece)
             if piece.asks:
                 if piece.asks in self._open:
                     found.append(self._unanswered(piece.asks))
@@ -351,7 +351,7 @@ class Teller:
             found.append(told)
         return found
 
-    def _span(self, piece: Piece) -> tuple[Stamp, Stamp]:
+    def _span(self, piece: ExplainedBytes) -> tuple[Stamp, Stamp]:
         """Where the bytes of a piece were recorded: they are taken off the lines of their direction in order."""
         stamps, left = self._stamps[piece.direction], len(piece.raw)
         if stamps and stamps[0][0] == left:  # a frame a line
@@ -367,11 +367,11 @@ class Teller:
                 stamps.popleft()
         return first, last
 
-    def _unanswered(self, key: str) -> Told:
+    def _unanswered(self, key: str) -> TranscriptRow:
         stamp, piece = self._open.pop(key)
-        return Told(stamp, stamp, unanswered=piece)
+        return TranscriptRow(stamp, stamp, unanswered=piece)
 
-    def _given_up(self, keep: int) -> Iterator[Told]:
+    def _given_up(self, keep: int) -> Iterator[TranscriptRow]:
         while len(self._open) > keep:
             yield self._unanswered(next(iter(self._open)))
 
@@ -384,7 +384,7 @@ INDENT = 26
 BAR = 30
 
 
-def row_text(told: Told, width: int | None) -> str:
+def row_text(told: TranscriptRow, width: int | None) -> str:
     """One row as lines of text; `width` None = a pipe."""
     if told.comment:
         return told.comment

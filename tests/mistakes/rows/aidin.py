@@ -2,14 +2,14 @@
 
 from tests.mistakes.table import mistake
 
-MESSAGES = "handctl.devices.aidin.messages"
+MESSAGES = "handctl.devices.aidin.json_codec"
 TARGETS = "handctl.devices.aidin.targets"
 
 ROWS = (
     mistake(
         "aidin-homed-wherever-it-rested",
         "evidence believed",
-        "handctl.devices.aidin.modes",
+        "handctl.devices.aidin.procedures",
         "_verdict",
         "if known and abs(way.share(way.rest)) <= AT_STOP:",
         "if known:",
@@ -18,7 +18,7 @@ ROWS = (
     mistake(
         "aidin-encoders-at-0-are-an-origin",
         "evidence believed",
-        "handctl.devices.aidin.modes",
+        "handctl.devices.aidin.procedures",
         "_knows_origin",
         "return 2 * sum(abs(way.share(way.rest)) <= AT_STOP for way in went) > len(went)",
         "return 2 * sum(abs(way.share(way.rest)) <= AT_STOP for way in ways) > 0",
@@ -27,7 +27,7 @@ ROWS = (
     mistake(
         "aidin-homed-while-it-moved",
         "evidence believed",
-        "handctl.devices.aidin.modes",
+        "handctl.devices.aidin.procedures",
         "_verdict",
         "if not way.still:",
         "if not way:",
@@ -114,7 +114,7 @@ ROWS = (
         "aidin-stop-sent-once",
         "stop sent once",
         "handctl.devices.aidin.stopper",
-        "stop_talk",
+        "stop_steps",
         "for count in range(TIMES + CONFIRM):",
         "for count in range(1):",
         "tests/aidin/test_edges.py::test_a_bug_of_ours_while_something_moves_stops_the_hand",
@@ -133,7 +133,7 @@ ROWS = (
         "aidin-ledger-confirms-without-evidence",
         "ledger lies",
         "handctl.devices.aidin.stopper",
-        "stop_talk",
+        "stop_steps",
         "if not flowed:",
         "if flowed and not told:",
         "tests/aidin/test_edges.py::test_currents_that_never_flowed_confirm_nothing",

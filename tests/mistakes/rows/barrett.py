@@ -2,9 +2,9 @@
 
 from tests.mistakes.table import mistake
 
-CONNECTING = "handctl.devices.barrett.gcl.connecting"
+CONNECTING = "handctl.devices.barrett.gcl.connect_table"
 LINE = "handctl.devices.barrett.gcl.line"
-LANGUAGE = "handctl.devices.barrett.gcl.language"
+LANGUAGE = "handctl.devices.barrett.gcl.codec"
 BLOCKS = "handctl.devices.barrett.realtime.blocks"
 
 ROWS = (
@@ -13,14 +13,14 @@ ROWS = (
         "no stop",
         "handctl.devices.barrett.gcl.passthrough",
         "interactive",
-        "afresh()  # a Ctrl-C at the prompt must not swallow the next one, which is to stop what begins here",
+        "reset_interrupts()  # a Ctrl-C at the prompt must not swallow the next one, which is to stop what begins here",
         "pass",
         "tests/barrett/test_gcl.py::test_a_movement_is_interrupted_however_soon_after_a_ctrl_c_at_the_prompt",
     ),
     mistake(
         "barrett-damaged-text-passes",
         "swallowed error",
-        "handctl.devices.barrett.gcl.language",
+        "handctl.devices.barrett.gcl.codec",
         "whole",
         "if not line.isascii():",
         "if not line:",
@@ -94,7 +94,7 @@ ROWS = (
     mistake(
         "scan-at-57600-is-a-boot-trigger",
         "boot trigger",
-        "handctl.devices.inspire.registers",
+        "handctl.devices.inspire.register_bus",
         "ahead",
         "return bytes(AHEAD.get(baud or 0, 0))",
         "return bytes(AHEAD.get(baud or 0, 0) if baud != 57600 else 0)",
@@ -273,7 +273,7 @@ ROWS = (
     mistake(
         "firmware-sum-of-records-wrong",
         "checksum not checked",
-        "handctl.devices.barrett.firmware.records",
+        "handctl.devices.barrett.firmware.srecords",
         "_Reader._broken",
         'self.note("checksums", what, DAMAGED)',
         'self.note("checksums", what, DAMAGED, WARNING)',
@@ -282,7 +282,7 @@ ROWS = (
     mistake(
         "firmware-cut-off-file-is-whole",
         "evidence believed",
-        "handctl.devices.barrett.firmware.records",
+        "handctl.devices.barrett.firmware.srecords",
         "_Reader.finish",
         "if not self.ended_at:",
         "if not self.ended_at and not self.records:",
@@ -291,7 +291,7 @@ ROWS = (
     mistake(
         "firmware-record-of-33-bytes",
         "range off by one",
-        "handctl.devices.barrett.firmware.records",
+        "handctl.devices.barrett.firmware.srecords",
         "",
         "MAX_DATA = 32",
         "MAX_DATA = 33",
@@ -318,7 +318,7 @@ ROWS = (
     mistake(
         "care-tenths-of-degrees-for-degrees",
         "unit",
-        "handctl.devices.barrett.care.health",
+        "handctl.devices.barrett.maintenance.health",
         "_heat",
         'return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", "let it cool, and free the spread: `handctl barrett stop --motors S`")]  # fmt: skip',
         "return []",
@@ -327,7 +327,7 @@ ROWS = (
     mistake(
         "care-strain-limit-touched-is-not-beyond",
         "range off by one",
-        "handctl.devices.barrett.care.health",
+        "handctl.devices.barrett.maintenance.health",
         "_strain",
         "if (high < OFF and now >= high) or (low < OFF and now <= low):",
         "if (high < OFF and now > high) or (low < OFF and now < low):",

@@ -4,7 +4,7 @@ from tests.mistakes.table import mistake
 
 FRAMES = "handctl.devices.ekso.frames"
 PORT = "handctl.devices.ekso.dataport"
-SETTINGS = "handctl.devices.ekso.settings"
+SETTINGS = "handctl.devices.ekso.setting_writer"
 
 ROWS = (
     mistake(
@@ -109,7 +109,7 @@ ROWS = (
         "if change.asked_twice:",
         "if change.asked_twice and len(stages) > 1:",
         "tests/ekso/test_settings.py::test_the_second_question",
-        "tests/ekso/test_gates.py::test_the_questions",
+        "tests/ekso/test_write_checks.py::test_the_questions",
     ),
     mistake(
         "ekso-read-back-before-it-is-taken",
@@ -143,7 +143,7 @@ ROWS = (
     mistake(
         "ekso-late-answer-is-not-fresh",
         "one witness believed",
-        "handctl.model.clocks",
+        "handctl.model.clock_comparison",
         "Moment.since",
         "return Span((self.sent - earlier.answered) * 1000, (self.answered - earlier.sent) * 1000)",
         "return Span((self.middle - earlier.middle) * 1000, (self.middle - earlier.middle) * 1000)",

@@ -3,27 +3,27 @@
 from tests.mistakes.table import mistake
 
 EB90 = "handctl.devices.inspire.eb90"
-BUS = "handctl.devices.inspire.bus"
-MODBUS = "handctl.devices.inspire.modbus"
+BUS = "handctl.devices.inspire.serial_bus"
+MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
         "inspire-echo-of-a-save-is-an-acknowledgement",
         "evidence believed",
-        "handctl.devices.inspire.canbus",
+        "handctl.devices.inspire.can_bus",
         "CanBus.write",
         "if reply == data and echo is not None:",
         "if reply == data:",
-        "tests/inspire/test_canbus_faults.py::test_an_acknowledgement_that_equals_its_request_proves_nothing_by_itself",
+        "tests/inspire/test_can_bus_faults.py::test_an_acknowledgement_that_equals_its_request_proves_nothing_by_itself",
     ),
     mistake(
         "inspire-echo-on-an-echoing-bus-acknowledges",
         "evidence believed",
-        "handctl.devices.inspire.canbus",
+        "handctl.devices.inspire.can_bus",
         "CanBus._exchange",
         "returned = count is None and frame == request and self.journal.line.echo and request not in odd",
         "returned = False",
-        "tests/inspire/test_canbus_faults.py::test_an_acknowledgement_that_equals_its_request_proves_nothing_by_itself",
+        "tests/inspire/test_can_bus_faults.py::test_an_acknowledgement_that_equals_its_request_proves_nothing_by_itself",
     ),
     mistake(
         "eb90-address-high-byte-first",
@@ -32,7 +32,7 @@ ROWS = (
         "read_request",
         'return Frame(HOST, device_id, flag, address.to_bytes(2, "little") + bytes([count])).encode()',
         'return Frame(HOST, device_id, flag, address.to_bytes(2, "big") + bytes([count])).encode()',
-        "tests/inspire/test_bus.py::test_bad_frames_are_counted",
+        "tests/inspire/test_serial_bus.py::test_bad_frames_are_counted",
         "tests/inspire/test_exo.py::test_a_lost_write_is_not_sent_again",
     ),
     mistake(
@@ -63,7 +63,7 @@ ROWS = (
         "if frame[-1] != expected:",
         "if frame[-1] != expected and len(frame) < 8:",
         "tests/inspire/test_eb90.py::test_bad_sum_costs_one_byte_only",
-        "tests/inspire/test_bus.py::test_bad_frames_are_counted",
+        "tests/inspire/test_serial_bus.py::test_bad_frames_are_counted",
     ),
     mistake(
         "eb90-bad-frame-costs-the-buffer",
@@ -82,7 +82,7 @@ ROWS = (
         "return self.header + body + bytes([checksum(body)])",
         "return self.header + body + bytes([checksum(self.header + body)])",
         "tests/inspire/test_eb90.py::test_longest_write_has_length_byte_ff",
-        "tests/inspire/test_bus.py::test_read_is_one_request_and_one_reply",
+        "tests/inspire/test_serial_bus.py::test_read_is_one_request_and_one_reply",
     ),
     mistake(
         "eb90-id-255-allowed",
@@ -91,7 +91,7 @@ ROWS = (
         "check_id",
         "if not 1 <= device_id <= 254:",
         "if not 1 <= device_id <= 255:",
-        "tests/inspire/test_bus.py::test_bus_refuses_an_id_that_does_not_exist",
+        "tests/inspire/test_serial_bus.py::test_bus_refuses_an_id_that_does_not_exist",
         "tests/inspire/test_eb90.py::test_impossible_requests_are_usage_errors",
     ),
     mistake(
@@ -101,7 +101,7 @@ ROWS = (
         "Bus.write",
         "ack = self.exchange(request, prefixes, reply_size=9)",
         "ack = self.repeated(lambda: self.exchange(request, prefixes, reply_size=9), None)",
-        "tests/inspire/test_bus.py::test_acknowledgement_of_a_further_id_counts",
+        "tests/inspire/test_serial_bus.py::test_acknowledgement_of_a_further_id_counts",
         "tests/inspire/test_exo.py::test_a_lost_write_is_not_sent_again",
     ),
     mistake(
@@ -111,7 +111,7 @@ ROWS = (
         "Bus.write",
         "if ack.data != bytes([eb90.ACCEPTED]):",
         "if not ack.data:",
-        "tests/inspire/test_bus.py::test_other_ack_bytes_are_a_refusal",
+        "tests/inspire/test_serial_bus.py::test_other_ack_bytes_are_a_refusal",
         "tests/inspire/test_exo.py::test_refusal_stops_and_tells_what_was_written",
     ),
     mistake(
@@ -121,17 +121,17 @@ ROWS = (
         "Bus.write",
         "prefixes = [eb90.write_ack_prefix(target, address, self.write_flag) for target in targets]",
         "prefixes = [eb90.write_ack_prefix(target, address, self.write_flag) for target in (*targets, 1, 2, 3, 4, 5)]",
-        "tests/inspire/test_bus.py::test_acknowledgement_of_a_further_id_counts",
+        "tests/inspire/test_serial_bus.py::test_acknowledgement_of_a_further_id_counts",
         "tests/inspire/test_exo.py::test_a_lost_ack_is_cleared_up_by_reading",
     ),
     mistake(
         "bus-drain-keeps-what-came",
         "stale input believed",
-        "handctl.devices.inspire.registers",
+        "handctl.devices.inspire.register_bus",
         "ByteBus.drain",
         'stale, self._rest = self._rest, b""',
         'return b""',
-        "tests/inspire/test_bus.py::test_what_lay_in_the_input_before_the_request_is_dropped",
+        "tests/inspire/test_serial_bus.py::test_what_lay_in_the_input_before_the_request_is_dropped",
     ),
     mistake(
         "modbus-any-register-acknowledges",
@@ -140,7 +140,7 @@ ROWS = (
         "answers",
         "return pdu in (request[:5], zero)",
         "return len(pdu) == 5",
-        "tests/inspire/test_modbus.py::test_an_acknowledgement_of_another_write_before_its_own_is_passed_over",
+        "tests/inspire/test_modbus_frames.py::test_an_acknowledgement_of_another_write_before_its_own_is_passed_over",
         "tests/inspire/test_rh56_hostile.py::test_an_acknowledgement_of_another_quantity_is_none",
     ),
     mistake(
@@ -151,7 +151,7 @@ ROWS = (
         "if buffer[0] != self._unit:",
         "if buffer[0] == 0:",
         "tests/inspire/test_rh56_hostile.py::test_the_answer_of_another_id_is_not_taken",
-        "tests/inspire/test_modbus.py::test_a_write_is_acknowledged_by_its_own_unit_and_register_only",
+        "tests/inspire/test_modbus_frames.py::test_a_write_is_acknowledged_by_its_own_unit_and_register_only",
     ),
     mistake(
         "modbus-crc-not-checked",
@@ -160,7 +160,7 @@ ROWS = (
         "RtuDecoder.next",
         "if frame[-2:] == expected and answers(frame[1:-2], self._request):",
         "if answers(frame[1:-2], self._request):",
-        "tests/inspire/test_modbus.py::test_a_write_is_acknowledged_by_its_own_unit_and_register_only",
+        "tests/inspire/test_modbus_frames.py::test_a_write_is_acknowledged_by_its_own_unit_and_register_only",
         "tests/inspire/test_rh56_hostile.py::test_one_flipped_bit_is_never_a_value",
     ),
     mistake(
@@ -196,7 +196,7 @@ ROWS = (
     mistake(
         "modbus-late-answer-passes",
         "stale input believed",
-        "handctl.devices.inspire.modbusbus",
+        "handctl.devices.inspire.modbus_bus",
         "ModbusBus.exchange",
         "first = None if self._state.counts else self._owed.between(pdu)",
         "first = None",
@@ -205,7 +205,7 @@ ROWS = (
     mistake(
         "modbus-neighbour-of-a-trigger-written",
         "address off by one",
-        "handctl.devices.inspire.modbusbus",
+        "handctl.devices.inspire.modbus_bus",
         "ModbusBus.write_pdu",
         "or address in (1003, 1007)",
         "or address in (1004,)",
@@ -215,7 +215,7 @@ ROWS = (
     mistake(
         "inspire-set-is-not-stopped-by-ctrl-c",
         "stop not sent",
-        "handctl.devices.inspire.base",
+        "handctl.devices.inspire.register_device",
         "RegisterDevice.stopped_by_ctrl_c",
         "raise interrupted(self.stop() if self._moving else Stopped(unsure, look)) from exc",
         "raise interrupted(Stopped(unsure, look)) from exc",
@@ -225,7 +225,7 @@ ROWS = (
     mistake(
         "inspire-read-back-skipped",
         "read-back skipped",
-        "handctl.devices.inspire.base",
+        "handctl.devices.inspire.register_device",
         "RegisterDevice._written",
         "self._write_run(run, last=number == len(runs))",
         "self._write_run(run, last=False)",
@@ -234,47 +234,47 @@ ROWS = (
     mistake(
         "can-address-and-id-overlap",
         "address off by one",
-        "handctl.devices.inspire.canreg",
+        "handctl.devices.inspire.can_frames",
         "Access.identifier",
         "return self.flag << 26 | self.address << 14 | self.hand_id",
         "return self.flag << 26 | self.address << 13 | self.hand_id",
-        "tests/inspire/test_canbus.py::test_a_step_holds_the_exact_frame",
+        "tests/inspire/test_can_bus.py::test_a_step_holds_the_exact_frame",
     ),
     mistake(
         "can-echo-taken-for-an-acknowledgement",
         "evidence believed",
-        "handctl.devices.inspire.canbus",
+        "handctl.devices.inspire.can_bus",
         "answers",
         'return len(frame.data) <= 1 and (frame != request or frame.data == b"\\x01")',
         "return len(frame.data) <= 1",
-        "tests/inspire/test_canbus.py::test_the_echo_of_one_byte_is_no_acknowledgement",
+        "tests/inspire/test_can_bus.py::test_the_echo_of_one_byte_is_no_acknowledgement",
     ),
     mistake(
         "can-part-of-a-write-is-enough",
         "swallowed error",
-        "handctl.devices.inspire.canbus",
+        "handctl.devices.inspire.can_bus",
         "CanBus.refusal",
         "if not reply or reply[0] == len(data):",
         "if not reply or reply[0]:",
-        "tests/inspire/test_canbus.py::test_another_count_is_a_refusal",
+        "tests/inspire/test_can_bus.py::test_another_count_is_a_refusal",
     ),
     mistake(
         "can-answer-of-another-id",
         "wrong id accepted",
-        "handctl.devices.inspire.canbus",
+        "handctl.devices.inspire.can_bus",
         "CanBus._exchange",
         "if frame.can_id == request.can_id and answers(frame, request, count) and not returned:",
         "if frame.can_id >> 14 == request.can_id >> 14 and answers(frame, request, count) and not returned:",
-        "tests/inspire/test_canbus.py::test_foreign_frames_are_passed_over_and_counted",
+        "tests/inspire/test_can_bus.py::test_foreign_frames_are_passed_over_and_counted",
     ),
     mistake(
         "can-second-half-at-the-same-address",
         "address off by one",
-        "handctl.devices.inspire.canbus",
+        "handctl.devices.inspire.can_bus",
         "CanBus.read",
-        "return first + self.read(address + canreg.MAX_COUNT, count - canreg.MAX_COUNT, retries=retries)",
-        "return first + self.read(address, count - canreg.MAX_COUNT, retries=retries)",
-        "tests/inspire/test_canbus.py::test_the_whole_wrist_is_three_reads",
+        "return first + self.read(address + can_frames.MAX_COUNT, count - can_frames.MAX_COUNT, retries=retries)",
+        "return first + self.read(address, count - can_frames.MAX_COUNT, retries=retries)",
+        "tests/inspire/test_can_bus.py::test_the_whole_wrist_is_three_reads",
     ),
     mistake(
         "save-result-the-other-way-round",
@@ -352,7 +352,7 @@ ROWS = (
         "exo-late-answer-taken-for-that-of-the-release",
         "evidence believed",
         "handctl.devices.inspire.exo.stopper",
-        "stop_talk",
+        "stop_steps",
         "if now is not None and not _alike(wanted, now):",
         "if now is None:",
         "tests/inspire/test_ctrl_c_lost.py::test_the_late_answer_of_a_force_is_not_that_of_the_release",
@@ -360,7 +360,7 @@ ROWS = (
     mistake(
         "hand-stop-is-refused-and-told-as-taken",
         "swallowed error",
-        "handctl.devices.inspire.stopping",
+        "handctl.devices.inspire.stop_wires",
         "Wire.writing.acknowledged",
         "return None if frame is None else TAKEN if frame.data == bytes([eb90.ACCEPTED]) else REFUSED",
         "return None if frame is None else TAKEN",
@@ -406,7 +406,7 @@ ROWS = (
         "wrist-whose-answer-was-lost",
         "identity left out",
         "handctl.devices.inspire.identity",
-        "Look.hand",
+        "IdentityCheck.hand",
         "return None if kind is None or self._try(TABLE[:1]) is not None else kind",
         "return kind",
         "tests/inspire/test_identity.py::test_a_wrist_whose_first_answer_is_lost_is_no_hand",
@@ -415,7 +415,7 @@ ROWS = (
         "kind-that-the-wire-cannot-carry",
         "identity left out",
         "handctl.devices.inspire.identity",
-        "Look._try",
+        "IdentityCheck._try",
         "if self._bus.wire not in sign.kind.wires:",
         'if self._bus.wire == "none":',
         "tests/inspire/test_rh56_hostile.py::test_who_refuses_the_states_in_modbus_is_no_exo",
@@ -477,7 +477,7 @@ ROWS = (
     mistake(
         "explained-by-the-next-finger",
         "finger swapped",
-        "handctl.devices.inspire.spans",
+        "handctl.devices.inspire.register_spans",
         "span_values",
         "Value(Element(register, index).full_name, register.decode(raw), register.unit)",
         "Value(Element(register, index and index - 1).full_name, register.decode(raw), register.unit)",

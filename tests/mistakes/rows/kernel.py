@@ -3,9 +3,9 @@
 from tests.mistakes.table import mistake
 
 PARAM = "handctl.model.param"
-LEDGER = "handctl.model.ledger"
-STORED = "handctl.frame.stored"
-FILTER = "handctl.screen.filter"
+LEDGER = "handctl.model.write_ledger"
+STORED = "handctl.command.snapshots"
+FILTER = "handctl.screen.sanitize"
 RENDER = "handctl.screen.render"
 
 ROWS = (
@@ -63,7 +63,7 @@ ROWS = (
         "scale_of",
         "return Scale(int(whole + decimals), int(over or 1) * 10 ** len(decimals), rest)",
         "return Scale(int(whole + decimals) * 10 ** len(decimals), int(over or 1), rest)",
-        "tests/kernel/test_metrics.py::test_every_number_is_there_in_its_base_unit",
+        "tests/kernel/test_openmetrics.py::test_every_number_is_there_in_its_base_unit",
     ),
     mistake(
         "unit-milliamperes-are-amperes",
@@ -72,7 +72,7 @@ ROWS = (
         "",
         '"mA": Scale(1, 1000, "amperes"),',
         '"mA": Scale(1, 1, "amperes"),',
-        "tests/kernel/test_metrics.py::test_the_table_of_units_is_complete",
+        "tests/kernel/test_openmetrics.py::test_the_table_of_units_is_complete",
     ),
     mistake(
         "ledger-refused-is-confirmed",
@@ -81,7 +81,7 @@ ROWS = (
         "Ledger._judge",
         "write.state = CONFIRMED if accepted else REFUSED",
         "write.state = CONFIRMED",
-        "tests/kernel/test_ledger.py::test_a_refusal_that_comes_later_counts",
+        "tests/kernel/test_write_ledger.py::test_a_refusal_that_comes_later_counts",
     ),
     mistake(
         "ledger-second-of-a-group-hides-the-first",
@@ -90,7 +90,7 @@ ROWS = (
         "Write.again",
         "self.missed += self.state != CONFIRMED",
         "self.missed += 0",
-        "tests/kernel/test_ledger.py::test_a_group_is_confirmed_when_each_of_it_is",
+        "tests/kernel/test_write_ledger.py::test_a_group_is_confirmed_when_each_of_it_is",
     ),
     mistake(
         "ledger-doubt-does-not-count",
@@ -99,16 +99,16 @@ ROWS = (
         "Ledger.doubt",
         "write.state, write.evidence = SENT, evidence",
         "write.evidence = evidence",
-        "tests/kernel/test_ledger.py::test_evidence_of_a_device_confirms_and_speaks_against",
+        "tests/kernel/test_write_ledger.py::test_evidence_of_a_device_confirms_and_speaks_against",
     ),
     mistake(
         "ledger-claims-nothing-was-sent",
         "ledger lies",
-        "handctl.sentence",
+        "handctl.wording",
         "honest",
         'return re.sub(CLAIM, "", text, flags=re.IGNORECASE).strip(" ;,:")',
         "return text",
-        "tests/kernel/test_ledger.py::test_a_claim_that_nothing_was_sent_is_taken_out_of_a_text",
+        "tests/kernel/test_write_ledger.py::test_a_claim_that_nothing_was_sent_is_taken_out_of_a_text",
         "tests/kernel/test_maps.py::test_names_and_texts",
     ),
     mistake(
@@ -136,7 +136,7 @@ ROWS = (
         "_ask",
         "if forces:",
         "if forces and not others:",
-        "tests/kernel/test_kinds.py::test_forces_have_a_question_of_their_own",
+        "tests/kernel/test_families.py::test_forces_have_a_question_of_their_own",
     ),
     mistake(
         "restore-id-first",
@@ -163,7 +163,7 @@ ROWS = (
         "restore",
         "changes = [change for change in found if setpoints or change[0].param.kind != COMMAND]",
         "changes = found",
-        "tests/kernel/test_kinds.py::test_what_is_left_alone_is_told",
+        "tests/kernel/test_families.py::test_what_is_left_alone_is_told",
     ),
     mistake(
         "read-back-of-another-value",
@@ -191,7 +191,7 @@ ROWS = (
         "Line.deadline",
         "return self.link.deadline(seconds).earlier(self.bound)",
         "return self.link.deadline(seconds)",
-        "tests/inspire/test_bus.py::test_bound_of_the_command_ends_the_retries",
+        "tests/inspire/test_serial_bus.py::test_bound_of_the_command_ends_the_retries",
         "tests/ekso/test_device.py::test_a_link_that_is_lost_at_the_clock_is_no_success",
     ),
     mistake(
@@ -201,7 +201,7 @@ ROWS = (
         "shown",
         'return "".join(letter if letter.isprintable() or letter in keep else _spelled(letter) for letter in text)',
         'return "".join(letter if letter.isprintable() or letter in keep or letter == chr(27) else _spelled(letter) for letter in text)',
-        "tests/kernel/test_filter.py::test_what_is_text_stays",
+        "tests/kernel/test_sanitize.py::test_what_is_text_stays",
     ),
     mistake(
         "formula-in-a-cell",
@@ -210,7 +210,7 @@ ROWS = (
         "",
         'FORMULA = ("=", "+", "-", "@")',
         'FORMULA = ("+", "-", "@")',
-        "tests/kernel/test_filter.py::test_a_formula_gets_a_quote_and_a_number_none",
+        "tests/kernel/test_sanitize.py::test_a_formula_gets_a_quote_and_a_number_none",
     ),
     mistake(
         "values-of-a-row-unfiltered",
@@ -219,7 +219,7 @@ ROWS = (
         "_row_shown",
         "return {key: value_shown(value) for key, value in row.items()}",
         "return row",
-        "tests/kernel/test_filter.py::test_no_way_out_lets_it_pass",
+        "tests/kernel/test_sanitize.py::test_no_way_out_lets_it_pass",
     ),
     mistake(
         "json-with-half-a-surrogate",
@@ -228,16 +228,16 @@ ROWS = (
         "dumps",
         'return text if text.isascii() else _HALF.sub(lambda found: f"\\\\u{ord(found[0]):04x}", text)',
         "return text",
-        "tests/kernel/test_filter.py::test_json_is_utf8_and_lossless",
+        "tests/kernel/test_sanitize.py::test_json_is_utf8_and_lossless",
     ),
     mistake(
         "json-with-nan",
         "JSON not UTF-8",
         RENDER,
-        "dumps",
-        "text = json.dumps(value, ensure_ascii=False, allow_nan=False)",
-        "text = json.dumps(value, ensure_ascii=False)",
-        "tests/kernel/test_filter.py::test_json_has_no_number_that_json_does_not_have",
+        "",
+        "_ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)",
+        "_ENCODER = json.JSONEncoder(ensure_ascii=False)",
+        "tests/kernel/test_sanitize.py::test_json_has_no_number_that_json_does_not_have",
     ),
     mistake(
         "output-half-written",
@@ -247,7 +247,7 @@ ROWS = (
         'part = f"{target}.{os.getpid()}.part"',
         "part = target",
         "tests/kernel/test_files.py::test_a_new_file_appears_at_the_end",
-        "tests/kernel/test_several.py::test_each_has_its_own_files",
+        "tests/kernel/test_several_devices.py::test_each_has_its_own_files",
     ),
     mistake(
         "output-loses-its-permissions",
@@ -297,11 +297,11 @@ ROWS = (
     mistake(
         "worst-of-several-is-the-first",
         "wrong exit code",
-        "handctl.frame.several",
+        "handctl.command.several_devices",
         "_failure",
         "worst = max((error for _, error in failed), key=lambda error: error.exit_code)",
         "worst = failed[0][1]",
-        "tests/kernel/test_several.py::test_the_highest_exit_code_counts_wherever_it_stands",
+        "tests/kernel/test_several_devices.py::test_the_highest_exit_code_counts_wherever_it_stands",
     ),
     mistake(
         "finding-without-its-remedy",
@@ -315,7 +315,7 @@ ROWS = (
     mistake(
         "recording-replaced-by-its-picture",
         "output half written",
-        "handctl.frame.types",
+        "handctl.command.option_types",
         "files_of",
         "for path in given if isinstance(given, tuple) else (given,):",
         "for path in () if isinstance(given, tuple) else (given,):",
@@ -333,7 +333,7 @@ ROWS = (
     mistake(
         "serial-number-in-a-report",
         "secret shown",
-        "handctl.report.private",
+        "handctl.report.redaction",
         "Privacy.identity",
         "self._learn(known[key])",
         "continue",
@@ -342,7 +342,7 @@ ROWS = (
     mistake(
         "home-in-a-report",
         "secret shown",
-        "handctl.report.private",
+        "handctl.report.redaction",
         "Privacy.text",
         'text = _HOMES.sub(r"\\1(user)", text)',
         "pass",
@@ -351,7 +351,7 @@ ROWS = (
     mistake(
         "adapter-number-in-a-report",
         "secret shown",
-        "handctl.report.private",
+        "handctl.report.redaction",
         "Privacy.text",
         'text = _CALLOUT.sub(rf"\\1({REDACTED})", text)',
         "pass",
@@ -360,7 +360,7 @@ ROWS = (
     mistake(
         "private-bytes-in-a-report",
         "secret shown",
-        "handctl.report.private",
+        "handctl.report.redaction",
         "Privacy.transcript",
         'if not self.masks or not rest.startswith("<"):',
         'if not self.masks or not rest.startswith("< 00"):',
@@ -370,11 +370,11 @@ ROWS = (
     mistake(
         "private-value-as-a-metric",
         "secret shown",
-        "handctl.screen.metrics",
+        "handctl.screen.openmetrics",
         "_add_row",
         'if row.get("doubt") or (param is not None and param.private):',
         'if row.get("doubt"):',
-        "tests/kernel/test_metrics.py::test_every_number_is_there_in_its_base_unit",
+        "tests/kernel/test_openmetrics.py::test_every_number_is_there_in_its_base_unit",
     ),
     mistake(
         "metric-of-an-interrupted-command",
@@ -383,25 +383,25 @@ ROWS = (
         "",
         "UNKNOWN = (1, 2, 8, 130)",
         "UNKNOWN = (1, 2, 8)",
-        "tests/kernel/test_metrics.py::test_what_says_nothing_of_the_device_writes_nothing",
+        "tests/kernel/test_openmetrics.py::test_what_says_nothing_of_the_device_writes_nothing",
     ),
     mistake(
         "moving-is-not-seen",
         "success without evidence",
-        "handctl.model.moving",
+        "handctl.model.movement",
         "Watch._arrival",
         "moving = axis.moved and not self._stands(axis)",
         "moving = False",
-        "tests/kernel/test_moving.py::test_when_an_axis_has_ended",
+        "tests/kernel/test_movement.py::test_when_an_axis_has_ended",
     ),
     mistake(
         "movement-always-as-expected",
         "success without evidence",
-        "handctl.model.moving",
+        "handctl.model.movement",
         "judged",
         "off = [one for one in arrivals if one.met not in MET[expect]]",
         "off = [one for one in arrivals if one.verdict == UNREAD]",
-        "tests/kernel/test_moving.py::test_what_is_expected",
+        "tests/kernel/test_movement.py::test_what_is_expected",
         "tests/inspire/test_exo_motion.py::test_blocked_motion_ends_short_of_its_target",
         "tests/barrett/test_motion.py::test_what_is_expected_of_a_movement",
     ),
@@ -412,13 +412,13 @@ ROWS = (
         "_pairs",
         "found[index] = value",
         "found[max(index - 1, 0)] = value",
-        "tests/kernel/test_moving.py::test_a_vector_in_order_or_by_name",
+        "tests/kernel/test_movement.py::test_a_vector_in_order_or_by_name",
         "tests/inspire/test_exo_cli.py::test_single_fingers_are_written_to_their_registers_alone",
     ),
     mistake(
         "waiting-target-let-go-unasked",
         "question skipped",
-        "handctl.frame.verbs",
+        "handctl.command.get_set_watch",
         "ask_released",
         "if waiting := released(device, changes):",
         "if (waiting := released(device, changes)) and not changes:",
@@ -428,7 +428,7 @@ ROWS = (
     mistake(
         "blocked-is-arrived",
         "false success",
-        "handctl.model.moving",
+        "handctl.model.movement",
         "Watch._arrival",
         "return Arrival(axis.goal, value, BLOCKED, seen.blocked)",
         "return Arrival(axis.goal, value, REACHED)",

@@ -8,7 +8,7 @@ ROWS = (
     mistake(
         "link-moves-beside-another-program",
         "shared device",
-        "handctl.link.owners",
+        "handctl.link.port_users",
         "rivals",
         "return Rivals(_connected(outlet.descriptor))",
         "return Rivals([])",
@@ -17,7 +17,7 @@ ROWS = (
     mistake(
         "link-simulator-is-a-rival",
         "device taken for another",
-        "handctl.link.owners",
+        "handctl.link.port_users",
         "_has_master",
         'if target in ("/dev/ptmx", "/dev/pts/ptmx"):',
         'if target == "/dev/tty":',
@@ -112,7 +112,7 @@ ROWS = (
         "_Replayed._ask",
         "if found is None or index is None:",
         "if found is None and not len(self._recording):",
-        "tests/link/test_tap.py::test_a_request_that_was_never_recorded",
+        "tests/link/test_transcript.py::test_a_request_that_was_never_recorded",
     ),
     mistake(
         "replay-comes-before-its-time",
@@ -121,7 +121,7 @@ ROWS = (
         "_Replayed._next",
         "if first is not None and first[0] <= max(self._clock, deadline.at):",
         "if first is not None:",
-        "tests/link/test_tap.py::test_what_came_unasked_comes_again_at_its_time",
+        "tests/link/test_transcript.py::test_what_came_unasked_comes_again_at_its_time",
     ),
     mistake(
         "slcan-frame-of-the-wrong-length",
@@ -144,7 +144,7 @@ ROWS = (
     mistake(
         "scan-monitor-hears-ff",
         "boot trigger",
-        "handctl.tools.scan_look",
+        "handctl.tools.scan_probing",
         "plan",
         "if guard is not None:",
         "if guard is not None and port:",
@@ -153,8 +153,8 @@ ROWS = (
     mistake(
         "scan-asks-rtu-before-a-barrett-hand",
         "boot trigger",
-        "handctl.tools.scan_look",
-        "Looking.at",
+        "handctl.tools.scan_probing",
+        "LinkScan.at",
         "self._each([step for step in steps if step.family not in aside])",
         "self._each(steps)",
         "tests/tools/test_scan.py::test_a_silent_port_gets_reads_only_in_the_documented_order",

@@ -88,7 +88,7 @@ ROWS = (
     mistake(
         "sim-exo-writes-what-is-out-of-range",
         "out of range clamped",
-        "handctl.sim.inspire.space",
+        "handctl.sim.inspire.memory",
         "Space.plan",
         "if low <= value <= high or unchecked:",
         "if value <= 2 * high or unchecked:",

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from handctl.sim import create
-from handctl.sim.hand.books import GENERATIONS
+from handctl.sim.hand.register_maps import GENERATIONS
 from tests.sim.hand.bench import Bench, eb90, write
 
 READ_ID = "EB 90 01 04 11 E8 03 01 02"

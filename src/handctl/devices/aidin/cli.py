@@ -7,23 +7,23 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handctl.command.command_tree import Group, suspendable
+from handctl.command.common_commands import add_map_verbs
+from handctl.command.expect import expect, expected
+from handctl.command.family import Family
+from handctl.command.option_types import NEGATIVE_NUMBERS, FiniteRange
+from handctl.command.run import Act, Run
 from handctl.devices.aidin.device import AidinHand, object_of, step_of
 from handctl.devices.aidin.exchange import Conversation
+from handctl.devices.aidin.exchange_settings import exchange_settings_of
 from handctl.devices.aidin.map import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, Mode, Target
-from handctl.devices.aidin.way import way_of
 from handctl.errors import UsageError
-from handctl.frame.clikit import Group, suspendable
-from handctl.frame.expect import expect, expected
-from handctl.frame.family import Family
-from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.run import Act, Run
-from handctl.frame.types import NEGATIVE_NUMBERS, FiniteRange
 from handctl.model.device import Gate, limits_of
 from handctl.model.param import Step
-from handctl.model.stopping import BEAT
+from handctl.model.stop_sequence import BEAT
 
 if TYPE_CHECKING:
-    from handctl.frame.options import Settings
+    from handctl.command.options import Settings
     from handctl.link import ByteLink
     from handctl.model.result import Journal
 
@@ -34,14 +34,14 @@ CAP = 300.0
 
 def open_aidin(link: ByteLink, settings: Settings, journal: Journal) -> AidinHand:
     """An AIDIN-hand behind `link`; nothing is sent until something is asked."""
-    talk = Conversation(link, journal, **limits_of(settings, link), way=way_of(settings))
-    talk.gate = Gate(settings.assume_identity)
-    return AidinHand(talk)
+    conversation = Conversation(link, journal, **limits_of(settings, link), way=exchange_settings_of(settings))
+    conversation.gate = Gate(settings.assume_identity)
+    return AidinHand(conversation)
 
 
 cli = Group(
     "aidin",
-    family=Family("aidin", open_aidin, tcp_port=PORT, check=way_of),
+    family=Family("aidin", open_aidin, tcp_port=PORT, check=exchange_settings_of),
     help="Check and move an AIDIN-hand over TCP (-p tcp://HOST, default port 8000).",
 )
 add_map_verbs(
@@ -54,7 +54,7 @@ add_map_verbs(
 
 
 def _step(run: Run, meaning: str, mode: Mode, **data: int) -> Step:
-    return step_of(meaning, object_of(mode, **data), way_of(run.settings).end)
+    return step_of(meaning, object_of(mode, **data), exchange_settings_of(run.settings).end)
 
 
 ASSUME = click.option(
@@ -68,12 +68,12 @@ def home(run: Run) -> Act:
 
     Asks first. Ctrl-C stops. Home the hand after every power-on, because its encoders are incremental.
     """
-    from handctl.devices.aidin import modes
+    from handctl.devices.aidin import procedures
 
     return Act(
-        [_step(run, f"homing, every 20 ms for {modes.HOLD:g} s with nothing else in between", Mode.HOMING)],
-        lambda hand: modes.home(hand, run.guide),
-        f"All fingers will OPEN for {modes.HOLD:g} s and drop any held object. Keep clear",
+        [_step(run, f"homing, every 20 ms for {procedures.HOLD:g} s with nothing else in between", Mode.HOMING)],
+        lambda hand: procedures.home(hand, run.prompts),
+        f"All fingers will OPEN for {procedures.HOLD:g} s and drop any held object. Keep clear",
     )
 
 
@@ -81,11 +81,11 @@ def home(run: Run) -> Act:
 @ASSUME
 def initial(run: Run, assume_homed: bool) -> Act:
     """Open all fingers to the origin set by homing. Asks first. Ctrl-C stops."""
-    from handctl.devices.aidin import modes
+    from handctl.devices.aidin import procedures
 
     return Act(
         [_step(run, "initial position, every 20 ms until it is reached", Mode.INITIAL)],
-        lambda hand: modes.initial(hand, run.guide, assume_homed=assume_homed),
+        lambda hand: procedures.initial(hand, run.prompts, assume_homed=assume_homed),
         "All fingers will OPEN to their origin and drop any held object",
     )
 
@@ -93,9 +93,9 @@ def initial(run: Run, assume_homed: bool) -> Act:
 @cli.verb("bias", "Settings", writes=True)
 def bias(run: Run) -> Act:
     """Set the sensors to 0. Touch nothing: any load is subtracted from all later values."""
-    from handctl.devices.aidin import modes
+    from handctl.devices.aidin import procedures
 
-    return Act([_step(run, "sensor bias, every 20 ms for 0.5 s", Mode.BIAS)], modes.bias)
+    return Act([_step(run, "sensor bias, every 20 ms for 0.5 s", Mode.BIAS)], procedures.bias)
 
 
 @cli.verb("max-torque", "Settings", writes=True)
@@ -104,7 +104,7 @@ def max_torque(run: Run, value: str) -> Act:
     """Set the maximum output current: 0 to 1000 in 0.1 % (recommended: 700 to 1000).
 
     It cannot be read back."""
-    from handctl.devices.aidin import modes
+    from handctl.devices.aidin import procedures
 
     param = AIDIN["maxtorque"]
     number = int(param.parse(value))
@@ -112,7 +112,7 @@ def max_torque(run: Run, value: str) -> Act:
     if number < RECOMMENDED:
         run.journal.warn("low-torque", f"maxtorque {number}: 700 to 1000 is recommended ({param.source})")
     question = "Without torque the fingers do not move, and may drop a held object" if number == 0 else ""
-    return Act(steps, lambda hand: modes.max_torque(hand, number), question)
+    return Act(steps, lambda hand: procedures.max_torque(hand, number), question)
 
 
 # -- targets --------------------------------------------------------------------------------------------------------
@@ -131,8 +131,8 @@ def _move(
     goal = parse(target, values, rad=rad)
     ending = expected(expect)
     return Act(
-        lambda: motion.plan(run.device, goal, way_of(run.settings).end),
-        lambda hand: motion.move(hand, goal, run.guide, assume_homed=assume_homed, expect=ending),
+        lambda: motion.plan(run.device, goal, exchange_settings_of(run.settings).end),
+        lambda hand: motion.move(hand, goal, run.prompts, assume_homed=assume_homed, expect=ending),
     )
 
 
@@ -216,8 +216,10 @@ def currents(run: Run, values: tuple[str, ...], cap: float, duration: float, ram
         )
     beat = 0.0 if may_suspend else BEAT
     return Act(
-        lambda: [first, *motion.plan(run.device, goal, way_of(run.settings).end), last],
-        lambda hand: motion.currents(hand, goal, run.guide, seconds=duration, cap=cap, ramp_down=ramp_down, beat=beat),
+        lambda: [first, *motion.plan(run.device, goal, exchange_settings_of(run.settings).end), last],
+        lambda hand: motion.currents(
+            hand, goal, run.prompts, seconds=duration, cap=cap, ramp_down=ramp_down, beat=beat
+        ),
         f"The motors will be driven by CURRENT for {duration:g} s: the fingers push without a position limit, "
         "and the maximum torque stays at 1000",
         asks=[first, last],

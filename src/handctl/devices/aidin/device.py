@@ -9,16 +9,16 @@ from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 
 from handctl.devices.aidin.exchange import Conversation
+from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.feedback import Wire, number_of
+from handctl.devices.aidin.json_codec import TERMINATORS, Out, encode
 from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, AidinParam, Mode, some
-from handctl.devices.aidin.messages import TERMINATORS, Out, encode
-from handctl.devices.aidin.way import ExchangeMode
-from handctl.errors import HandctlError, Left, LinkError, ProtocolError
+from handctl.errors import Aftermath, HandctlError, LinkError, ProtocolError
 from handctl.model.device import Device
-from handctl.model.guide import Guide
 from handctl.model.param import Element, Reading, Step
+from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Finding, Grid, Row, Table
-from handctl.model.stopping import Aim, Known, Stopped, interrupted, leaving
+from handctl.model.stop_sequence import Known, StopContext, Stopped, interrupted, on_early_end
 
 SLACK = 0.01
 """Share of a range by which a value may be outside: encoders and angles jitter at the stops."""
@@ -46,25 +46,25 @@ class AidinHand(Device):
 
     plain = ("name", "finger", "element", "value")
 
-    def __init__(self, talk: Conversation) -> None:
-        super().__init__(talk)
-        self.talk = talk
+    def __init__(self, conversation: Conversation) -> None:
+        super().__init__(conversation)
+        self.conversation = conversation
 
-    def aim(self) -> Aim:
+    def stop_context(self) -> StopContext:
         """What ends an object is known."""
-        aim = super().aim()
-        end = next(name for name, data in TERMINATORS.items() if data == self.talk.way.end)
-        return aim._replace(settings=Known(timeout=aim.settings.timeout, own={"tx_terminator": end}))
+        context = super().stop_context()
+        end = next(name for name, data in TERMINATORS.items() if data == self.conversation.way.end)
+        return context._replace(settings=Known(timeout=context.settings.timeout, own={"tx_terminator": end}))
 
     # -- reading -------------------------------------------------------------------------------------------------
 
     def ready(self) -> None:
-        self.talk.connect()
+        self.conversation.connect()
 
     def read(self, elements: Sequence[Element]) -> list[Reading]:
         """Readings of one moment: what the hand sends from now on. A key that is wrong is an error of its elements."""
         params = {element.param.name: param_of(element) for element in elements}
-        found = self.talk.refresh(tuple(params.values()))
+        found = self.conversation.refresh(tuple(params.values()))
         return [reading(self.link.name, element, found[param_of(element).key]) for element in elements]
 
     def named(self, element: Element) -> Row:
@@ -97,8 +97,8 @@ class AidinHand(Device):
     def status(self, check: bool) -> Table:
         """The same, looked at: values out of their range, how the hand speaks. With `check`, unhealthy is exit 7."""
         table = self.dump()
-        self.talk.look_again()
-        how = "streams" if self.talk.exchange is ExchangeMode.STREAM else "replies to requests"
+        self.conversation.look_again()
+        how = "streams" if self.conversation.exchange is ExchangeMode.STREAM else "replies to requests"
         self.journal.info("exchange", f"the hand {how}")
         encoders = [row.get("value") for row in table.rows if row["name"] == "motor_pos"]
         if encoders and not any(encoders):
@@ -215,7 +215,7 @@ def stop_after(hand: AidinHand, exc: HandctlError) -> None:
     """
     if not isinstance(exc, LinkError):
         stopped = hand.stop()
-        exc.leaves(Left(behind=_told(stopped), moving=stopped.error is LinkError))
+        exc.add_aftermath(Aftermath(behind=_told(stopped), moving=stopped.error is LinkError))
 
 
 def _told(stopped: Stopped) -> str:
@@ -227,11 +227,11 @@ def in_force(what: str, *, moving: bool = True) -> AbstractContextManager[None]:
 
     Ctrl-C does so where nothing is `moving`, so that nothing is stopped.
     """
-    return leaving(Left(hint=what), by=HandctlError, interrupt=not moving)
+    return on_early_end(Aftermath(hint=what), by=HandctlError, interrupt=not moving)
 
 
 @contextmanager
-def stopped_if_cut_short(hand: AidinHand, guide: Guide, what: str = "", *, beat: float = 0.0) -> Iterator[None]:
+def stopped_if_cut_short(hand: AidinHand, prompts: Prompts, what: str = "", *, beat: float = 0.0) -> Iterator[None]:
     """Around a movement: Ctrl-C and any unexpected error stop the hand before anything is reported.
 
     The death of this process stops it, too. Where the link was lost it is opened again for that, whatever was to be kept
@@ -239,7 +239,7 @@ def stopped_if_cut_short(hand: AidinHand, guide: Guide, what: str = "", *, beat:
     """
     driven = False
     try:
-        with hand.driven(guide, beat=beat, what=what):
+        with hand.driven(prompts, beat=beat, what=what):
             hand.journal.moves(hand.stop)
             driven = True
             try:
@@ -247,14 +247,14 @@ def stopped_if_cut_short(hand: AidinHand, guide: Guide, what: str = "", *, beat:
             except HandctlError:
                 raise  # who raised it has decided what becomes of the fingers
             except Exception:
-                with guide.undisturbed():
+                with prompts.undisturbed():
                     hand.stop()
                 raise
     except HandctlError as exc:  # the child that guarded the old connection has gone, and with it the last to hold that
         lost, pressed = isinstance(exc, LinkError), isinstance(exc.__cause__, KeyboardInterrupt)
         if not driven or not (lost or exc.left.moving):
             raise
-        stopped, told = _stop_again(hand, guide, presses=0 if pressed else 1)
+        stopped, told = _stop_again(hand, prompts, presses=0 if pressed else 1)
         if stopped is None:
             exc.hint = "; ".join(filter(None, (exc.hint, UNTOLD if lost else "", told)))
         elif pressed:  # what was said before it was stopped is no longer so
@@ -264,19 +264,19 @@ def stopped_if_cut_short(hand: AidinHand, guide: Guide, what: str = "", *, beat:
         raise
 
 
-def _stop_again(hand: AidinHand, guide: Guide, presses: int) -> tuple[Stopped | None, str]:
+def _stop_again(hand: AidinHand, prompts: Prompts, presses: int) -> tuple[Stopped | None, str]:
     """Reopen a lost connection and stop the hand. Returns the result, or None and why it could not be opened.
 
     So many `presses` of Ctrl-C are passed over, for they ask for what is being done; one more ends it.
     """
-    end, before = hand.link.deadline(AGAIN), guide.unstoppable
-    guide.unstoppable = MENDS
+    end, before = hand.link.deadline(AGAIN), prompts.unstoppable
+    prompts.unstoppable = MENDS
     try:
-        with guide.counting() as counted:
+        with prompts.counting() as counted:
             counted.most = presses
             while True:
                 try:
-                    if not hand.talk.reconnect(end.remaining):
+                    if not hand.conversation.reconnect(end.remaining):
                         return None, ""
                 except LinkError as exc:
                     told = f"tried to reconnect for {AGAIN:g} s ({exc.text})"
@@ -291,4 +291,4 @@ def _stop_again(hand: AidinHand, guide: Guide, presses: int) -> tuple[Stopped | 
     except KeyboardInterrupt:
         return None, "interrupted while reconnecting to send the stop"
     finally:
-        guide.unstoppable = before
+        prompts.unstoppable = before

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from handctl.devices.aidin import way as table
+from handctl.devices.aidin import exchange_settings as table
+from handctl.devices.aidin.exchange_settings import FIND_OUT, ExchangeMode, ExchangeSettings
 from handctl.devices.aidin.feedback import ALL, Feedback, Quality, Wire, named
+from handctl.devices.aidin.json_codec import Decoder, MalformedObject
 from handctl.devices.aidin.map import FEEDBACK, AidinParam
-from handctl.devices.aidin.messages import Decoder, MalformedObject
-from handctl.devices.aidin.way import FIND_OUT, ExchangeMode, Way
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline
+from handctl.model.decoder import frames_in
 from handctl.model.device import Gate, Line
-from handctl.model.frames import frames_in
 from handctl.model.result import Journal, hex_bytes
 
 LISTEN = 0.3
@@ -61,7 +61,7 @@ class Conversation(Line):
         timeout: float | None = None,
         retries: int | None = None,
         bound: Deadline | None = None,
-        way: Way = FIND_OUT,
+        way: ExchangeSettings = FIND_OUT,
     ) -> None:
         super().__init__(link, journal, retries=retries, bound=bound)
         self.timeout = timeout

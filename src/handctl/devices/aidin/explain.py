@@ -5,12 +5,12 @@ Bytes in, pieces out; knows no link. The hand streams by itself; only the neutra
 
 from __future__ import annotations
 
+from handctl.devices.aidin.json_codec import BETWEEN, Decoder, MalformedObject, numbers
 from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, MODES, AidinParam
-from handctl.devices.aidin.messages import BETWEEN, Decoder, MalformedObject, numbers
 from handctl.errors import ProtocolError
 from handctl.light import replace
-from handctl.model.piece import DEVICE, HOST, Part, Piece, Value, stray
-from handctl.sentence import plural
+from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Part, Value, stray
+from handctl.wording import plural
 
 KEYS = {param.key: param for param in AIDIN}
 FEEDBACK_KEYS = {param.key for param in FEEDBACK}
@@ -23,11 +23,11 @@ class AidinExplainer:
         self._decoders = {HOST: Decoder(), DEVICE: Decoder()}
         self._asked = False
 
-    def feed(self, direction: str, data: bytes, can_id: int | None = None) -> list[Piece]:
+    def feed(self, direction: str, data: bytes, can_id: int | None = None) -> list[ExplainedBytes]:
         """See Explainer. There is no CAN."""
         decoder = self._decoders[direction]
         decoder.feed(data)
-        pieces: list[Piece] = []
+        pieces: list[ExplainedBytes] = []
         while True:
             try:
                 content = decoder.next()
@@ -41,11 +41,13 @@ class AidinExplainer:
             elif raw and pieces and pieces[-1].frame:
                 pieces[-1] = replace(pieces[-1], raw=pieces[-1].raw + raw)  # the line end behind an object
             elif raw:
-                pieces.append(Piece(direction=direction, raw=raw, meaning="blanks between objects", title="blanks"))
+                pieces.append(
+                    ExplainedBytes(direction=direction, raw=raw, meaning="blanks between objects", title="blanks")
+                )
             if content is None:
                 return pieces
 
-    def flush(self) -> list[Piece]:
+    def flush(self) -> list[ExplainedBytes]:
         """See Explainer."""
         pieces = []
         for direction, decoder in self._decoders.items():
@@ -57,7 +59,7 @@ class AidinExplainer:
     def event(self, text: str) -> None:
         """See Explainer. Nothing in it concerns this family."""
 
-    def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
+    def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[ExplainedBytes]:
         """See Explainer. Feedback keys come from the hand, everything else from the host."""
         device = any(f'"{key}"'.encode() in data for key in FEEDBACK_KEYS)
         direction = side or (DEVICE if device else HOST)
@@ -67,7 +69,7 @@ class AidinExplainer:
         """See Explainer."""
         return can_id is None and data.lstrip(BETWEEN)[:1] == b"{"
 
-    def _piece(self, direction: str, raw: bytes, content: dict[str, object]) -> Piece:
+    def _piece(self, direction: str, raw: bytes, content: dict[str, object]) -> ExplainedBytes:
         texts, parts, problem = [], [], ""
         values: list[Value] = []
         for key, value in content.items():
@@ -82,7 +84,7 @@ class AidinExplainer:
         self._asked = bool(asks) or (self._asked and direction == HOST)
         keys = ", ".join(content)
         mode = content.get("hand_mode")
-        return Piece(
+        return ExplainedBytes(
             direction=direction, raw=raw, meaning=meaning, problem=problem, values=tuple(values), asks=asks,
             answers=answers, title=f"{direction} {keys}", fields={"keys": keys, "mode": mode if isinstance(mode, int) else None},
             parts=tuple(parts),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from handctl.devices.aidin.json_codec import WrongNumbers, numbers
 from handctl.devices.aidin.map import FEEDBACK, AidinParam
-from handctl.devices.aidin.messages import WrongNumbers, numbers
 from handctl.errors import ProtocolError
 from handctl.model.param import Element, Number
 

@@ -25,11 +25,10 @@ from handctl.devices.aidin.device import (
 from handctl.devices.aidin.exchange import PERIOD
 from handctl.devices.aidin.feedback import Feedback, Wire, values_of
 from handctl.devices.aidin.map import AIDIN, Mode, Target
-from handctl.devices.aidin.modes import SHORT, check_homed, connect_or_command, named
+from handctl.devices.aidin.procedures import SHORT, check_homed, connect_or_command, named
 from handctl.devices.aidin.targets import Goal, axes_of, ramp
-from handctl.errors import CheckFailed, HandctlError, Left, NoAnswer
-from handctl.model.guide import CTRL_C, Guide, Presses
-from handctl.model.moving import (
+from handctl.errors import Aftermath, CheckFailed, HandctlError, NoAnswer
+from handctl.model.movement import (
     ARRIVAL,
     REACHED,
     TARGET,
@@ -42,8 +41,9 @@ from handctl.model.moving import (
     listed,
 )
 from handctl.model.param import Number, Step, elements_of
+from handctl.model.prompts import CTRL_C, Presses, Prompts
 from handctl.model.result import Row, Table
-from handctl.model.stopping import BEAT, Stopped
+from handctl.model.stop_sequence import BEAT, Stopped
 
 ARRIVE = 3.0
 """Seconds after the ramp's end until a target counts as not reached."""
@@ -65,7 +65,7 @@ def target_object(goal: Goal, values: tuple[float, ...] | list[float]) -> bytes:
 
 def measured(hand: AidinHand, target: Target) -> list[Number]:
     """Where the hand is, in the target's unit. Raises ProtocolError when its key is missing or wrong."""
-    (wire,) = hand.talk.need(target.feedback)
+    (wire,) = hand.conversation.need(target.feedback)
     return values_of(target.feedback, wire)
 
 
@@ -75,7 +75,7 @@ def plan(device: Callable[[], AidinHand], goal: Goal, end: bytes) -> list[Step]:
     here = None
     if not goal.names_all:
         hand = device()
-        hand.talk.connect(silent=True)
+        hand.conversation.connect(silent=True)
         here = measured(hand, goal.target)
     return [last_step(goal, goal.complete(here), end)]
 
@@ -86,28 +86,28 @@ def last_step(goal: Goal, values: list[float], end: bytes) -> Step:
     return step_of(meaning, target_object(goal, values), end)
 
 
-def move(hand: AidinHand, goal: Goal, guide: Guide, *, assume_homed: bool, expect: str = REACHED) -> Table:
+def move(hand: AidinHand, goal: Goal, prompts: Prompts, *, assume_homed: bool, expect: str = REACHED) -> Table:
     """Go there on a ramp from where the hand is, and see it arrive; rows have `target`, `reached` and `arrival`.
 
     An element that is not near within 3 s of the ramp's end has not arrived; then sending has ended, too. What was not as
     expected is the table's failure.
     """
-    talk = hand.talk
+    conversation = hand.conversation
     check_homed(hand, assume=assume_homed)
     here = measured(hand, goal.target)
     values = goal.complete(here)
     _check_start(hand, goal.target, here, assume=assume_homed)
     ledger = hand.journal.ledger
     begun = ledger.mark
-    ledger.plan([last_step(goal, values, talk.way.end)])
-    with stopped_if_cut_short(hand, guide), in_force(GOES_ON):
+    ledger.plan([last_step(goal, values, conversation.way.end)])
+    with stopped_if_cut_short(hand, prompts), in_force(GOES_ON):
         try:
-            _follow(hand, goal, ramp(goal, here, values, PERIOD), guide)
-            talk.feedback = Feedback()
+            _follow(hand, goal, ramp(goal, here, values, PERIOD), prompts)
+            conversation.feedback = Feedback()
             seen = Watch(axes_of(goal, values), STILL, hand.link.now())
-            _settle(hand, goal, values, seen, guide)
+            _settle(hand, goal, values, seen, prompts)
         finally:
-            guide.done()
+            prompts.done()
         arrived = seen.reached
         if not arrived:
             _tell_deadline(hand, seen)
@@ -117,7 +117,7 @@ def move(hand: AidinHand, goal: Goal, guide: Guide, *, assume_homed: bool, expec
         seen.note(hand.link.now(), _places(table))
         mark(hand, table, values, seen.arrivals(_pushing(hand, seen)), expect)
     if table.failure is not None:
-        table.failure.leaves(Left(hint=GOES_ON))
+        table.failure.add_aftermath(Aftermath(hint=GOES_ON))
     elif arrived:
         ledger.confirm("arrived, according to the feedback", since=begun)
         hand.journal.info("reached", HOLDS)
@@ -145,28 +145,28 @@ def _check_start(hand: AidinHand, target: Target, here: list[Number], *, assume:
 def _tell_deadline(hand: AidinHand, seen: Watch) -> None:
     """Raise NoAnswer when --deadline is over, with what was not reached by then as far as it is known."""
     try:
-        hand.talk.check_bound()
+        hand.conversation.check_bound()
     except NoAnswer as exc:
         if off := [one for one in seen.arrivals() if one.verdict not in (REACHED, UNREAD)]:
             exc.text += f"; not reached: {listed(off)}"
         raise
 
 
-def _follow(hand: AidinHand, goal: Goal, way: list[tuple[float, ...]], guide: Guide) -> None:
+def _follow(hand: AidinHand, goal: Goal, way: list[tuple[float, ...]], prompts: Prompts) -> None:
     for number, values in enumerate(way, 1):
-        hand.talk.tick(target_object(goal, values), by=goal.target.feedback)
-        guide.progress(f"Moving {number * PERIOD:.1f} of {len(way) * PERIOD:.1f} s.", CTRL_C)
+        hand.conversation.tick(target_object(goal, values), by=goal.target.feedback)
+        prompts.progress(f"Moving {number * PERIOD:.1f} of {len(way) * PERIOD:.1f} s.", CTRL_C)
 
 
-def _settle(hand: AidinHand, goal: Goal, values: list[float], seen: Watch, guide: Guide) -> None:
+def _settle(hand: AidinHand, goal: Goal, values: list[float], seen: Watch, prompts: Prompts) -> None:
     """Repeat the target until everything has been near it for a while, or that takes too long."""
-    talk, data, param = hand.talk, target_object(goal, values), goal.target.feedback
-    end = talk.deadline(ARRIVE)
+    conversation, data, param = hand.conversation, target_object(goal, values), goal.target.feedback
+    end = conversation.deadline(ARRIVE)
     ended = False
     while not ended and not end.expired:
-        talk.tick(data, by=param)
-        guide.progress("Waiting for the hand to arrive.", CTRL_C)
-        feedback, told = talk.feedback, {}
+        conversation.tick(data, by=param)
+        prompts.progress("Waiting for the hand to arrive.", CTRL_C)
+        feedback, told = conversation.feedback, {}
         if param.key in feedback.values and param.key not in feedback.errors:
             places = values_of(param, feedback.values[param.key])
             told = {name: Seen(place) for name, place in zip(param.elements, places, strict=True)}
@@ -184,7 +184,7 @@ def element_of(row: Row) -> str:
 
 def _pushing(hand: AidinHand, seen: Watch) -> dict[str, Seen]:
     """For elements that are not at their targets: whether a motor of the same finger pushes, by the last reported currents."""
-    told = hand.talk.feedback
+    told = hand.conversation.feedback
     if CURRENT.key in told.errors or CURRENT.key not in told.values:
         return {}
     currents = dict(zip(CURRENT.elements, map(int, told.values[CURRENT.key]), strict=True))
@@ -228,7 +228,7 @@ def followed(hand: AidinHand, goal: Goal, values: list[float], table: Table) -> 
 def currents(
     hand: AidinHand,
     goal: Goal,
-    guide: Guide,
+    prompts: Prompts,
     *,
     seconds: float,
     cap: float,
@@ -242,10 +242,10 @@ def currents(
     """
     blind = connect_or_command(hand)
     values = _values(hand, goal, cap, blind=blind)
-    drive = _Drive(hand, goal, guide)
+    drive = _Drive(hand, goal, prompts)
     ledger = hand.journal.ledger
-    ledger.plan([last_step(goal, values, hand.talk.way.end)])
-    with stopped_if_cut_short(hand, guide, beat=beat):
+    ledger.plan([last_step(goal, values, hand.conversation.way.end)])
+    with stopped_if_cut_short(hand, prompts, beat=beat):
         try:
             try:
                 table = drive.run(values, seconds, blind=blind)
@@ -253,19 +253,19 @@ def currents(
             except KeyboardInterrupt:
                 if not ramp_down:
                     raise
-                with guide.counting() as presses:
-                    guide.say("Interrupted. The currents return to 0. Press Ctrl-C again to stop immediately.")
+                with prompts.counting() as presses:
+                    prompts.say("Interrupted. The currents return to 0. Press Ctrl-C again to stop immediately.")
                     drive.to(drive.zero, "Currents return to 0,", presses)
                 raise
         except HandctlError as exc:
             stop_after(hand, exc)
             raise
         finally:
-            guide.done()
+            prompts.done()
         if table.failure is None:
             ledger.confirm("the currents followed", since=drive.begun)
         stopped = hand.stop()
-    hand.talk.check_bound()
+    hand.conversation.check_bound()
     _tell_stop(hand, stopped)
     return table
 
@@ -305,27 +305,27 @@ def _values(hand: AidinHand, goal: Goal, cap: float, *, blind: bool) -> list[flo
 class _Drive:
     """A ramp of currents; `at`: the currents sent last."""
 
-    def __init__(self, hand: AidinHand, goal: Goal, guide: Guide) -> None:
+    def __init__(self, hand: AidinHand, goal: Goal, prompts: Prompts) -> None:
         self._hand = hand
         self._goal = goal
-        self._guide = guide
+        self._guide = prompts
         self.begun = 0  # in the ledger
         self.zero = [0.0] * goal.target.command.count
         self.at = self.zero
 
     def run(self, values: list[float], seconds: float, *, blind: bool) -> Table:
         """Up the ramp and hold; the currents that the hand told last. A hand of which nothing is known must answer first."""
-        talk = self._hand.talk
-        first, end = object_of(Mode.MAXTORQUE, maxtorque=1000), talk.deadline(SHORT)
+        conversation = self._hand.conversation
+        first, end = object_of(Mode.MAXTORQUE, maxtorque=1000), conversation.deadline(SHORT)
         while not end.expired:
-            talk.tick(first, blind=blind)
+            conversation.tick(first, blind=blind)
         if blind:
             self._told()
         self.begun = self._hand.journal.ledger.mark
         self.to(values, "Currents rise,")
-        data, end = target_object(self._goal, values), talk.deadline(seconds)
+        data, end = target_object(self._goal, values), conversation.deadline(seconds)
         while not end.expired:
-            talk.tick(data, by=self._goal.target.feedback)
+            conversation.tick(data, by=self._goal.target.feedback)
             self._guide.progress(f"Currents on, {end.remaining:.1f} s left.", CTRL_C)
         found, param = self._told(), self._goal.target.feedback
         table = self._hand.table([reading(self._hand.link.name, element, found) for element in elements_of(param)])
@@ -339,12 +339,12 @@ class _Drive:
             if presses is not None and presses.count:
                 return
             self.at = list(step)
-            self._hand.talk.tick(target_object(self._goal, step), by=self._goal.target.feedback)
+            self._hand.conversation.tick(target_object(self._goal, step), by=self._goal.target.feedback)
             self._guide.progress(f"{what} {number * PERIOD:.1f} of {len(way) * PERIOD:.1f} s.", CTRL_C)
 
     def _told(self) -> Wire:
         """The currents of the last feedback, without asking: nothing may come between the objects."""
-        param, talk = self._goal.target.feedback, self._hand.talk
-        if not talk.feedback.seen:
-            raise talk.nothing_came()
-        return talk.usable(param, talk.feedback.result(param.key))
+        param, conversation = self._goal.target.feedback, self._hand.conversation
+        if not conversation.feedback.seen:
+            raise conversation.nothing_came()
+        return conversation.usable(param, conversation.feedback.result(param.key))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.exchange import Conversation
-from handctl.devices.aidin.way import ExchangeMode
+from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.link import ByteLink, Deadline
 from handctl.model.result import Journal, Row
 
@@ -21,13 +21,13 @@ def probe(
     link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
 ) -> list[Row]:
     """A row with the evidence. Raises NoAnswer, ProtocolError for other data."""
-    talk = Conversation(link, journal, timeout=timeout, retries=0, bound=deadline)
-    talk.connect()
-    how = "streams" if talk.exchange is ExchangeMode.STREAM else "replies to an empty object with"
-    evidence = f"{how} {', '.join(sorted(talk.feedback.seen))}"
+    conversation = Conversation(link, journal, timeout=timeout, retries=0, bound=deadline)
+    conversation.connect()
+    how = "streams" if conversation.exchange is ExchangeMode.STREAM else "replies to an empty object with"
+    evidence = f"{how} {', '.join(sorted(conversation.feedback.seen))}"
     return [{"baud": None, "evidence": evidence}]
 
 
 def ping(device: AidinHand) -> None:
     """Feedback that comes from now on: the answer to an empty object, or the next of its stream. Raises NoAnswer, ProtocolError."""
-    device.talk.refresh()
+    device.conversation.refresh()

@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 
+from handctl.devices.aidin.json_codec import TERMINATORS, Decoder, encode, numbers
 from handctl.devices.aidin.map import AIDIN, Mode
-from handctl.devices.aidin.messages import TERMINATORS, Decoder, encode, numbers
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
-from handctl.model.frames import frames_in
+from handctl.model.decoder import frames_in
 from handctl.model.param import Step
-from handctl.model.stopping import Aim, Pieces, Say, Stopped, Talk, silence, taken_over
+from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, silence, taken_over
 
 PERIOD = 0.02
 TIMES = 3
@@ -24,19 +24,19 @@ NO_CURRENT = 20
 HINT = "watch the hand, and switch its power off if it still moves"
 
 
-def stop_talk(aim: Aim) -> Talk:
+def stop_steps(context: StopContext) -> StopSequence:
     """Send the stop mode three times, then until the hand reports that no current flows; then check again after a silence.
 
     What it tells between two of our own objects shows nothing: somebody else may command currents 50 times a second.
     """
-    end = TERMINATORS[aim.settings.own.get("tx_terminator") or "newline"]
+    end = TERMINATORS[context.settings.own.get("tx_terminator") or "newline"]
     data = encode({"hand_mode": Mode.STOP})
-    say = Say(Step(f"motor power off: {data.decode()}", data + end, moves=True), PERIOD, lambda _pieces: False)
+    action = StopStep(Step(f"motor power off: {data.decode()}", data + end, moves=True), PERIOD, lambda _pieces: False)
     told: tuple[int, ...] | None = None
     flowed = heard = spoke = False
     decoder = Decoder()
     for count in range(TIMES + CONFIRM):
-        pieces = yield say
+        pieces = yield action
         heard = heard or bool(pieces)
         for currents in _currents(decoder, pieces):
             told = currents
@@ -57,7 +57,7 @@ def stop_talk(aim: Aim) -> Talk:
         return Stopped(text, HINT, ProtocolError if heard else NoAnswer)
     if flow(told):
         return Stopped(f"stop was sent, but currents up to {max(map(abs, told))} still flow", HINT, CheckFailed)
-    since_then = _currents(decoder, (yield from silence())) or _currents(decoder, (yield say))
+    since_then = _currents(decoder, (yield from silence())) or _currents(decoder, (yield action))
     if any(map(flow, since_then)):
         peak = max(max(map(abs, one)) for one in since_then)
         return taken_over(Stopped("stop was sent, and the currents stopped"), f"currents up to {peak} flow again")

@@ -11,7 +11,7 @@ from math import ceil, degrees, isfinite, radians
 
 from handctl.devices.aidin.map import CURRENTS, AidinParam, Target, both_ranges, some
 from handctl.errors import CheckFailed, UsageError
-from handctl.model import moving
+from handctl.model import movement
 from handctl.model.param import Number, given
 
 SLACK = 0.01
@@ -202,7 +202,7 @@ def ramp(goal: Goal, start: Sequence[Number], values: Sequence[float], period: f
     ]
 
 
-def axes_of(goal: Goal, values: Sequence[float]) -> list[moving.Goal]:
+def axes_of(goal: Goal, values: Sequence[float]) -> list[movement.Goal]:
     """What is watched, and how near is there: 1 % of stroke, 2 deg, 2 mm; currents 20 and a tenth of the target."""
     target, param = goal.target, goal.target.command
     unit = f" {param.unit}" if param.unit else ""
@@ -211,7 +211,7 @@ def axes_of(goal: Goal, values: Sequence[float]) -> list[moving.Goal]:
         if param.label_of(index) != COUPLED:
             near = target.near(index) + (abs(wanted) * 0.1 if target is CURRENTS else 0.0)
             axes.append(
-                moving.Goal(
+                movement.Goal(
                     param.elements[index], wanted, near, jitter=near, decimals=target.feedback.places, unit=unit
                 )
             )

@@ -8,10 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.devices.barrett.care.cli import add_care_commands
+from handctl.command import get_set_watch, snapshots
+from handctl.command.command_tree import ALWAYS, Group
+from handctl.command.common_commands import add_map_verbs
+from handctl.command.expect import expect, expected
+from handctl.command.family import Family
+from handctl.command.option_types import InFile, WholeRange
+from handctl.command.run import Act, Asked, Run
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.firmware.cli import add_firmware
-from handctl.devices.barrett.gcl.language import (
+from handctl.devices.barrett.gcl.codec import (
     COMMANDS,
     ERRORS,
     KINDS,
@@ -25,23 +31,17 @@ from handctl.devices.barrett.gcl.language import (
     split_status,
 )
 from handctl.devices.barrett.gcl.line import GclLine
+from handctl.devices.barrett.maintenance.cli import add_care_commands
 from handctl.devices.barrett.map import BARRETT, BAUD_CODES, SPEEDS, check_careful
 from handctl.devices.barrett.realtime.cli import add_realtime
 from handctl.devices.barrett.views import GCL, row_of
 from handctl.errors import UsageError
-from handctl.frame import stored, verbs
-from handctl.frame.clikit import ALWAYS, Group
-from handctl.frame.expect import expect, expected
-from handctl.frame.family import Family
-from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.run import Act, Asked, Run
-from handctl.frame.types import InFile, WholeRange
 from handctl.model.device import limits_of
 from handctl.model.param import Element, Number, Step
 from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:
-    from handctl.frame.options import Settings
+    from handctl.command.options import Settings
     from handctl.link import ByteLink
     from handctl.model.result import Journal
 
@@ -63,9 +63,9 @@ def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> Barret
 
 
 def _recall(name: str) -> int | None:
-    from handctl.devices.barrett import hostfile
+    from handctl.devices.barrett import state_files
 
-    return hostfile.speed_of(name)
+    return state_files.speed_of(name)
 
 
 cli = Group(
@@ -78,11 +78,11 @@ cli = Group(
 
 def _report_checks(run: Run) -> Table:
     """The read-only checks of `diagnose`, for a report."""
-    from handctl.devices.barrett.care import diagnose
-    from handctl.devices.barrett.care.diagnose import Patient
+    from handctl.devices.barrett.maintenance import diagnose
+    from handctl.devices.barrett.maintenance.diagnose import ExaminedHand
 
     hand: BarrettHand = run.device()
-    patient = Patient(hand, simulated=lambda: run.simulated, name="")
+    patient = ExaminedHand(hand, simulated=lambda: run.simulated, name="")
     findings, failure = diagnose.examine(patient, diagnose.USUAL, run.settings.baud)
     return diagnose.table_of(hand, findings, None, failure)
 
@@ -138,7 +138,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
 
     Needs no device.
     """
-    table = verbs.describe(BARRETT, names)
+    table = get_set_watch.describe(BARRETT, names)
     for row in table.rows:
         param, _ = BARRETT.find(row["name"])
         finger, spread = param.default or (None, None)
@@ -160,7 +160,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
 @cli.verb("version", "Look")
 def version(run: Run) -> Table:
     """Show the firmware version."""
-    table = verbs.get(run, BARRETT, ["VERS"])
+    table = get_set_watch.get(run, BARRETT, ["VERS"])
     table.view, table.columns = None, (Column("value", "Firmware"),)
     return table
 
@@ -218,8 +218,8 @@ def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool
     for objection in check_careful(changes, force):
         run.journal.warn("careful", objection)
     steps = run.planner().plan(changes)
-    verbs.tell_listed(run, changes, always)
-    these = verbs.Unequal(run, changes, always)
+    get_set_watch.tell_listed(run, changes, always)
+    these = get_set_watch.Unequal(run, changes, always)
 
     def look(hand: BarrettHand) -> Asked:
         planned = hand.plan(these.look(hand))
@@ -242,7 +242,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table | Act:
         if run.settings.dry_run:
             raise UsageError("`handctl barrett baud` without a baud rate only reads", hint="run it without -n")
         run.only_reads()
-        return verbs.get(run, BARRETT, ["BAUD"])
+        return get_set_watch.get(run, BARRETT, ["BAUD"])
     code, odd = divmod(rate, 100)
     if odd or code not in BAUD_CODES:
         raise UsageError(
@@ -370,7 +370,7 @@ def _movement(name: str, gcl_name: str, doc: str, argument: str) -> None:
         goals, ending = motion.goals_of(values, prefix_of(motors), gcl_name), expected(expect)
         return Act(
             [step_of(motion.command_text(motors, gcl_name, counts)) for motors, counts in goals],
-            lambda hand: motion.move_each(hand, goals, gcl_name, run.guide, force=force, expect=ending),
+            lambda hand: motion.move_each(hand, goals, gcl_name, run.prompts, force=force, expect=ending),
         )
 
     body.__doc__ = doc
@@ -400,7 +400,7 @@ def stop(run: Run, motors: str | None) -> Table:
 
     prefix = prefix_of(motors)
     return emergency.stop(
-        run, lambda aim: power_off(aim, prefix), otherwise=lambda hand: motion.power_off(hand, prefix)
+        run, lambda context: power_off(context, prefix), otherwise=lambda hand: motion.power_off(hand, prefix)
     )
 
 
@@ -470,7 +470,7 @@ def restore(run: Run, file: str, save_too: bool, force: bool) -> Table:
             if not run.settings.dry_run:  # also when nothing differs: the EEPROM is written all the same
                 ask(run, _saves(None))
 
-    table = stored.restore(run, BARRETT, file, check=check)
+    table = snapshots.restore(run, BARRETT, file, check=check)
     if save_too and run.settings.dry_run:
         table.rows += [
             {"step": number, "bytes": step.wire, "meaning": step.meaning, "moves": False, "strands": False}

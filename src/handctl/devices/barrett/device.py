@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from itertools import product
 
-from handctl.devices.barrett.gcl.language import Answer, batches, encode, explain_status, hint_for, values
+from handctl.devices.barrett.gcl.codec import Answer, batches, encode, explain_status, hint_for, values
 from handctl.devices.barrett.gcl.line import GclLine
 from handctl.devices.barrett.map import BARRETT, GclParam, gcl_name
 from handctl.devices.barrett.views import (
@@ -28,11 +28,11 @@ from handctl.devices.barrett.views import (
     status_view,
     unhealthy,
 )
-from handctl.errors import DeviceRefused, HandctlError, Left, NoAnswer, ProtocolError
+from handctl.errors import Aftermath, DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Number, Reading, Step
 from handctl.model.result import Finding, Row, Table
-from handctl.model.stopping import Stopped
+from handctl.model.stop_sequence import Stopped
 
 SPLITTABLE = 32 | 64 | 1024
 """Statuses that a long line may cause: it is asked again in halves (dossier 1.4)."""
@@ -277,7 +277,7 @@ class BarrettHand(Device):
                 self._write_line(command, mine, last=number == len(commands))
             except HandctlError as exc:
                 if done:
-                    exc.leaves(Left(behind=f"already set: {', '.join(done)}"))
+                    exc.add_aftermath(Aftermath(behind=f"already set: {', '.join(done)}"))
                 raise
             done.append(command)
         return self._read_back(changes, commands)
@@ -301,7 +301,9 @@ class BarrettHand(Device):
             error = self.name_heat(self.refusal(answer))
             names = list(dict.fromkeys(gcl_name(element) for element, _ in changes))
             if len(names) > 1:  # the first wrong pair ends the line, those before it stay
-                error.leaves(Left(behind=f"perhaps also set: {', '.join(names[:-1])}. Check: `handctl barrett get`"))
+                error.add_aftermath(
+                    Aftermath(behind=f"perhaps also set: {', '.join(names[:-1])}. Check: `handctl barrett get`")
+                )
             raise error
 
     def _read_back(self, changes: Changes, commands: Sequence[tuple[str, Changes]]) -> list[Reading]:
@@ -330,7 +332,7 @@ class BarrettHand(Device):
         first, names = failed[0].error, dict.fromkeys(gcl_name(reading.element) for reading in failed)
         assert first is not None
         said = first.text.removeprefix(self.link.name).lstrip(": ")
-        return first.retold(f"{self.link.name}: {', '.join(names)}: {said}")
+        return first.reworded(f"{self.link.name}: {', '.join(names)}: {said}")
 
     def dump(self) -> Table:
         """Every parameter of §5.3 and §5.4 against its default, in four lines.
@@ -361,7 +363,7 @@ class BarrettHand(Device):
         table.view = status_view
         findings = unhealthy(table.rows)
         if check:  # S says nothing of it: a hand that was left in RealTime is "ready" while it runs
-            from handctl.devices.barrett.gcl.meet import look_for_motion
+            from handctl.devices.barrett.gcl.session_start import look_for_motion
 
             findings += [Finding(f"the hand is moving: {motor}", ("moving",)) for motor in look_for_motion(self.line)]
         return self.judge(table, findings, check)

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from handctl.devices.barrett import hostfile
+from handctl.devices.barrett import state_files
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.language import motors_of
+from handctl.devices.barrett.gcl.codec import motors_of
 from handctl.devices.barrett.map import BARRETT, standard
-from handctl.errors import DeviceRefused, HandctlError, Interrupted, Left, NotIdentified, UsageError
+from handctl.errors import Aftermath, DeviceRefused, HandctlError, Interrupted, NotIdentified, UsageError
 from handctl.files import state_path
 from handctl.model.result import Column, Row, Table
 
@@ -45,7 +45,7 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -
     chosen = motors_of(prefix)
     now = {name: value for name, value in everything.items() if not prefix or name.rpartition(".")[2] in chosen}
     key = _key(hand, simulated)
-    journal = hostfile.load(state_path(FILE), WHAT, _whole)
+    journal = state_files.load(state_path(FILE), WHAT, _whole)
     # A serial number of 0 is that of every hand upgraded in the field: its entry may speak of another hand.
     known = journal.get(key, {}) if key not in UNKNOWN_KEYS else {}
     saved: dict[str, int] = known.get("values", {})
@@ -101,8 +101,8 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -
 def _unsure(exc: HandctlError | KeyboardInterrupt, verb: str) -> HandctlError:
     """What is known of a save whose answer did not come."""
     hint = "leave the power on for 15 s, then run `handctl barrett dump`. The save was counted"
-    error = exc.retold(exc.text, hint="") if isinstance(exc, HandctlError) else Interrupted("interrupted")
-    error.leaves(Left(f"{verb} was sent, and the hand may be writing its EEPROM", hint))
+    error = exc.reworded(exc.text, hint="") if isinstance(exc, HandctlError) else Interrupted("interrupted")
+    error.add_aftermath(Aftermath(f"{verb} was sent, and the hand may be writing its EEPROM", hint))
     return error
 
 
@@ -114,7 +114,7 @@ class Ledger:
 
     def __init__(self, hand: BarrettHand, *, simulated: bool) -> None:
         self._hand = hand
-        self._journal = hostfile.load(state_path(FILE), WHAT, _whole)
+        self._journal = state_files.load(state_path(FILE), WHAT, _whole)
         self._key = _key(hand, simulated)
         self._values = present(hand)
 
@@ -139,7 +139,7 @@ def _count(hand: BarrettHand, journal: dict[str, Any], key: str, now: dict[str, 
     count = int(journal.get(key, {}).get("saves", 0)) + 1
     journal[key] = {"saves": count, "values": now}
     try:
-        hostfile.store(state_path(FILE), WHAT, journal)
+        state_files.store(state_path(FILE), WHAT, journal)
     except HandctlError as exc:
         hand.journal.warn("journal", f"saved, but {exc.text}")
     hand.journal.info("saves", f"save number {count} by handctl, of at most {MOST_SAVES} in the hand's life")

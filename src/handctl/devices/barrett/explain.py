@@ -10,10 +10,10 @@ from __future__ import annotations
 import re
 from collections import deque
 
-from handctl.devices.barrett import words
-from handctl.devices.barrett.gcl.language import Answer, Decoder, explain_status, split
-from handctl.devices.barrett.words import Flags, LoopWords, MonitorWords, records
-from handctl.model.piece import DEVICE, HOST, Later, Part, Piece, stray
+from handctl.devices.barrett import frame_text
+from handctl.devices.barrett.frame_text import Flags, LoopWords, MonitorWords, records
+from handctl.devices.barrett.gcl.codec import Answer, Decoder, explain_status, split
+from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Later, Part, stray
 
 CR, ABORT = 0x0D, 0x03
 _ENDS = re.compile(rb"[\r\x03]")
@@ -47,11 +47,11 @@ class BarrettExplainer:
         self._count = 0
         self._offered = False  # X was sent, and something else happened since: the power switch, say
 
-    def feed(self, direction: str, data: bytes, can_id: int | None = None) -> list[Piece]:
+    def feed(self, direction: str, data: bytes, can_id: int | None = None) -> list[ExplainedBytes]:
         """See Explainer. There is no CAN."""
         return self._from_host(data) if direction == HOST else self._from_hand(data)
 
-    def flush(self) -> list[Piece]:
+    def flush(self) -> list[ExplainedBytes]:
         """See Explainer. What was spoken before is over."""
         pieces = []
         for inner in (self._loop, self._monitor):
@@ -69,21 +69,21 @@ class BarrettExplainer:
                 meaning = f"echo of {self._asked[0].command}: the rest of the reply comes at the new baud rate"
                 pieces.append(_piece(DEVICE, raw, meaning, answers=self._asked[0].key))
                 continue
-            block = words.factory_block(direction, raw) if raw and b"=>" not in raw else []
+            block = frame_text.factory_block(direction, raw) if raw and b"=>" not in raw else []
             pieces += block  # a recording that begins inside RealTime
             if raw and not block:
                 what = "a command without its CR" if direction == HOST else "a reply without its prompt"
-                pieces.append(stray(direction, raw, f"{what}: {words.shown(raw)}", "cut-short"))
+                pieces.append(stray(direction, raw, f"{what}: {frame_text.shown(raw)}", "cut-short"))
         self._asked.clear()
         return pieces
 
     def event(self, text: str) -> None:
         """See Explainer. Nothing in it concerns this family."""
 
-    def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
+    def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[ExplainedBytes]:
         """See Explainer. Blocks are read with factory flags, all four motors."""
         direction = side or _side(data)
-        whole = records(data) or words.factory_block(direction, data)
+        whole = records(data) or frame_text.factory_block(direction, data)
         if whole:
             return whole
         if direction == DEVICE:
@@ -98,8 +98,8 @@ class BarrettExplainer:
 
     # -- from the host ------------------------------------------------------------------------------------------------
 
-    def _from_host(self, data: bytes) -> list[Piece]:
-        pieces: list[Piece] = []
+    def _from_host(self, data: bytes) -> list[ExplainedBytes]:
+        pieces: list[ExplainedBytes] = []
         while data:
             if self._monitor is not None:
                 found, data = self._monitor.host(data)
@@ -122,8 +122,8 @@ class BarrettExplainer:
                 data = data[plain + 1 :]
         return pieces
 
-    def _typed_byte(self, byte: int) -> list[Piece]:
-        pieces: list[Piece] = []
+    def _typed_byte(self, byte: int) -> list[ExplainedBytes]:
+        pieces: list[ExplainedBytes] = []
         if byte == CR:
             command = self._typed.decode("ascii", "replace")
             raw = bytes(self._typed) + b"\r"
@@ -131,7 +131,9 @@ class BarrettExplainer:
             return [self._command(command, raw)]
         if byte == ABORT:
             if self._typed:
-                pieces.append(stray(HOST, bytes(self._typed), f"an unfinished command: {words.shown(self._typed)}"))
+                pieces.append(
+                    stray(HOST, bytes(self._typed), f"an unfinished command: {frame_text.shown(self._typed)}")
+                )
                 self._typed.clear()
             key = "" if self._asked else self._expect("")
             return [*pieces, _piece(HOST, b"\x03", "^C: abort", asks=key)]
@@ -148,24 +150,24 @@ class BarrettExplainer:
         self._asked.append(Asked(command, key))
         return key
 
-    def _command(self, command: str, raw: bytes) -> Piece:
-        if command.strip("\0") == words.MARK:
-            meaning, _ = words.command(words.MARK)
+    def _command(self, command: str, raw: bytes) -> ExplainedBytes:
+        if command.strip("\0") == frame_text.MARK:
+            meaning, _ = frame_text.command(frame_text.MARK)
             return _piece(HOST, raw, meaning, asks=self._expect(command.lstrip("\0")))
         if not (command.isascii() and command.isprintable()):
-            return stray(HOST, raw, f"not a command: {words.shown(raw)}")
+            return stray(HOST, raw, f"not a command: {frame_text.shown(raw)}")
         if not command and self._asked and self._came:
             return _piece(HOST, raw, "an empty line")  # to an answer that has already begun, e.g. behind a new speed
         fields = {"command": command}
         parts = (Part(raw[:-1], "command", command), Part(raw[-1:], "CR", ""))
         key = self._expect(command)
-        meaning, problem = words.command(command)
+        meaning, problem = frame_text.command(command)
         return _piece(HOST, raw, meaning, problem=problem, asks=key, fields=fields, parts=parts)
 
     # -- from the hand ------------------------------------------------------------------------------------------------
 
-    def _from_hand(self, data: bytes) -> list[Piece]:
-        pieces: list[Piece] = []
+    def _from_hand(self, data: bytes) -> list[ExplainedBytes]:
+        pieces: list[ExplainedBytes] = []
         if self._monitor is not None:
             data = bytes(self._came) + data
             self._came.clear()
@@ -192,7 +194,7 @@ class BarrettExplainer:
             self._take(pieces[-1])
         return pieces
 
-    def _next(self) -> list[Piece]:
+    def _next(self) -> list[ExplainedBytes]:
         """The next whole answer in supervisory mode."""
         came = bytes(self._came)
         if came[:1] == b":" and (self._offered or bytes(self._typed) in OFFERS):
@@ -216,13 +218,13 @@ class BarrettExplainer:
         unasked = None if self._asked else self._unasked(came)
         return [] if unasked is None else [unasked]
 
-    def _take(self, piece: Piece) -> Piece:
+    def _take(self, piece: ExplainedBytes) -> ExplainedBytes:
         for asked in self._asked:
             asked.decoder = Decoder(asked.command)
         del self._came[: len(piece.raw)]
         return piece
 
-    def _unasked(self, came: bytes) -> Piece | None:
+    def _unasked(self, came: bytes) -> ExplainedBytes | None:
         """A prompt alone: at power-on, after a reset, or the blank of a prompt that was cut off."""
         if came == b" ":
             return self._take(_piece(DEVICE, came, "the space of the prompt"))
@@ -230,15 +232,15 @@ class BarrettExplainer:
         if end < 0 or (end and came[end - 1] not in (10, 13)):
             return None
         size = end + 3 if came[end + 2 : end + 3] == b" " else end + 2
-        lines = words.lines(came[:end])
+        lines = frame_text.lines(came[:end])
         text = f"prompt, after {' | '.join(lines)}" if lines else "prompt"
-        return self._take(_piece(DEVICE, came[:size], text, parts=words.line_parts(came[:size])))
+        return self._take(_piece(DEVICE, came[:size], text, parts=frame_text.line_parts(came[:size])))
 
-    def _answer(self, asked: Asked, answer: Answer) -> Piece:
+    def _answer(self, asked: Asked, answer: Answer) -> ExplainedBytes:
         raw = answer.raw if answer.raw.endswith(b"=> ") else answer.raw[: answer.raw.rfind(b"=>") + 2]
         self._flags.note(asked.command, answer)
-        meaning, values, problem = words.answer(asked.command, answer)
-        if asked.command.startswith(words.MARK) and answer.status == words.UNKNOWN_COMMAND:
+        meaning, values, problem = frame_text.answer(asked.command, answer)
+        if asked.command.startswith(frame_text.MARK) and answer.status == frame_text.UNKNOWN_COMMAND:
             meaning = "prompt: the hand is connected"
         elif answer.status:
             problem = "refused" if answer.status != 16384 else ""
@@ -247,10 +249,10 @@ class BarrettExplainer:
         fields = {"command": asked.command, "status": answer.status}
         return _piece(
             DEVICE, raw, meaning, problem=problem, answers=asked.key, fields=fields, values=values,
-            title=f"reply to {asked.command}", parts=Later(lambda: words.line_parts(raw)),
+            title=f"reply to {asked.command}", parts=Later(lambda: frame_text.line_parts(raw)),
         )  # fmt: skip
 
-    def _entered(self, came: bytes, asked: Asked, place: int) -> list[Piece]:
+    def _entered(self, came: bytes, asked: Asked, place: int) -> list[ExplainedBytes]:
         """The echo of LOOP with the acknowledgement right after it (barrett §6.1)."""
         sent = asked.command.upper().encode("ascii", "replace")
         start = came.upper().find(sent)
@@ -268,7 +270,7 @@ class BarrettExplainer:
         self._typed.clear()
         return [entered, *self._from_host(ahead)]
 
-    def _handed_over(self) -> list[Piece]:
+    def _handed_over(self) -> list[ExplainedBytes]:
         """The boot monitor answers "X" with ":" once the hand is switched on (dossier 7.2)."""
         typed = bytes(self._typed)
         self._typed.clear()
@@ -280,8 +282,8 @@ class BarrettExplainer:
         return [*offer, self._take(_piece(DEVICE, b":", "the boot monitor is ready for a download", answers=asks))]
 
 
-def _piece(direction: str, raw: bytes, meaning: str, **more: object) -> Piece:
-    return Piece(direction=direction, raw=raw, meaning=meaning, **more)  # type: ignore[arg-type]
+def _piece(direction: str, raw: bytes, meaning: str, **more: object) -> ExplainedBytes:
+    return ExplainedBytes(direction=direction, raw=raw, meaning=meaning, **more)  # type: ignore[arg-type]
 
 
 def _changes_speed(command: str, came: bytes) -> bool:

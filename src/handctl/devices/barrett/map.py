@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from handctl.devices.barrett.gcl.language import ERRORS, MOTORS
+from handctl.devices.barrett.gcl.codec import ERRORS, MOTORS
 from handctl.errors import UsageError
 from handctl.light import light
 from handctl.model.param import SETTING, Element, Number, Param, ParamMap, elements_of

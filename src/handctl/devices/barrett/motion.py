@@ -9,15 +9,15 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.language import MOTORS, Answer, encode, explain_status, hint_for, motor_prefix
+from handctl.devices.barrett.gcl.codec import MOTORS, Answer, encode, explain_status, hint_for, motor_prefix
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, sample_seconds
 from handctl.devices.barrett.views import MOTOR, NOT_HOMED, row_of
-from handctl.digits import number_in
-from handctl.errors import CheckFailed, Left, NoAnswer, ProtocolError, UsageError
-from handctl.model.guide import CTRL_C, Guide
-from handctl.model.moving import ARRIVAL, BLOCKED, CONTACT, REACHED, SHORT, UNREAD, Arrival, Goal, judged
+from handctl.errors import Aftermath, CheckFailed, NoAnswer, ProtocolError, UsageError
+from handctl.model.movement import ARRIVAL, BLOCKED, CONTACT, REACHED, SHORT, UNREAD, Arrival, Goal, judged
 from handctl.model.param import Step
+from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Column, Row, Table
+from handctl.number_parsing import number_in
 
 GOALS = {"C": "CT", "O": "OT", "M": "DP"}
 """Where a movement without argument goes."""
@@ -95,14 +95,14 @@ def _counts(text: str, name: str) -> int:
 
 
 def move_each(
-    hand: BarrettHand, goals: Goals, name: str, guide: Guide, *, force: bool = False, expect: str = REACHED
+    hand: BarrettHand, goals: Goals, name: str, prompts: Prompts, *, force: bool = False, expect: str = REACHED
 ) -> Table:
     """Run a movement for each, one after the other; what speaks against any of them is found before the first. It ends with the first that failed."""
     for motors, counts in goals[1:] and goals:
         _before(hand, name, counts, _indices(motors), force)
     table = Table()
     for motors, counts in goals:
-        one = move(hand, motors, name, counts, guide, force=force, expect=expect)
+        one = move(hand, motors, name, counts, prompts, force=force, expect=expect)
         one.rows = table.rows + one.rows
         table = one
         if table.failure is not None:
@@ -119,7 +119,7 @@ def move(
     prefix: str,
     name: str,
     argument: int | None,
-    guide: Guide,
+    prompts: Prompts,
     *,
     force: bool = False,
     expect: str = REACHED,
@@ -140,10 +140,10 @@ def move(
                 f"{argument} is beyond the usual {usual} counts of {'the spread' if index == 3 else 'a finger'}",
             )
     goals, seconds = _before(hand, name, argument, motors, force)
-    guide.progress(f"{text}: moving. The hand sends nothing until it stops.", CTRL_C)
-    with hand.driven(guide, powered=True):
+    prompts.progress(f"{text}: moving. The hand sends nothing until it stops.", CTRL_C)
+    with hand.driven(prompts, powered=True):
         answer = hand.line.ask(text, at_least=3 * seconds)
-    guide.done()
+    prompts.done()
     try:
         table, arrivals = _result(hand, name, answer, motors, goals, all_motors=not prefix)
     except (NoAnswer, ProtocolError) as exc:
@@ -165,10 +165,10 @@ def move(
 
 
 def moved(
-    hand: BarrettHand, prefix: str, name: str, argument: int | None, guide: Guide, expect: str = REACHED
+    hand: BarrettHand, prefix: str, name: str, argument: int | None, prompts: Prompts, expect: str = REACHED
 ) -> Table:
     """The same, where what went wrong is raised."""
-    table = move(hand, prefix, name, argument, guide, expect=expect)
+    table = move(hand, prefix, name, argument, prompts, expect=expect)
     if table.failure is not None:
         raise table.failure
     return table
@@ -268,7 +268,7 @@ def _result(
 
 
 class Ended(NamedTuple):
-    """What became of one motor: a verdict of `model.moving`, None where it was not driven, and the words of it."""
+    """What became of one motor: a verdict of `model.movement`, None where it was not driven, and the words of it."""
 
     verdict: str | None
     words: str
@@ -312,7 +312,7 @@ def power_off(hand: BarrettHand, prefix: str) -> str:
     answer = hand.line.ask(f"{prefix}T")
     error = hand.objection(answer)
     if error is not None and (not answer.status or answer.status & ~5):
-        error.leaves(Left(hint="the motors may still have power. To be sure, switch the power supply off"))
+        error.add_aftermath(Aftermath(hint="the motors may still have power. To be sure, switch the power supply off"))
         raise error
     if answer.status:
         hand.journal.ledger.confirm("ERR 4: its power is off", Step("T", encode(f"{prefix}T")))

@@ -1,7 +1,7 @@
 """The motors of a BarrettHand in their place: F1 and F2 turn round the palm with the spread, F3 is fixed across from them."""
 
-from handctl.devices.barrett.care.health import LIMIT_TENTHS
-from handctl.devices.barrett.gcl.language import MOTORS
+from handctl.devices.barrett.gcl.codec import MOTORS
+from handctl.devices.barrett.maintenance.health import LIMIT_TENTHS
 from handctl.devices.barrett.views import STROKE
 from handctl.model.outline import Bar, Measure, Outline
 

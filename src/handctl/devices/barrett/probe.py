@@ -9,23 +9,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl import connecting
-from handctl.devices.barrett.gcl.connecting import MONITOR_SPEED, MONITOR_TEXT, QUESTION, seen_in
-from handctl.devices.barrett.gcl.language import has_prompt, values
+from handctl.devices.barrett.gcl import connect_table
+from handctl.devices.barrett.gcl.codec import has_prompt, values
+from handctl.devices.barrett.gcl.connect_table import MONITOR_SPEED, MONITOR_TEXT, QUESTION, seen_in
 from handctl.devices.barrett.gcl.line import GclLine
-from handctl.devices.barrett.gcl.meet import comes_back
+from handctl.devices.barrett.gcl.session_start import comes_back
 from handctl.devices.barrett.map import SPEEDS as SPEEDS
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.result import Journal, Row, hex_bytes
-from handctl.sentence import plural
+from handctl.wording import plural
 
 FAMILY = "barrett"
 WIRES = ("serial", "tcp")
 PING = "PGET TEMP"
 ECHOES = True
 """Every character comes back: its own echo is no sign of a loop in the cable."""
-GUARD = (MONITOR_SPEED, connecting.SECONDS[connecting.SILENT], (115200, 57600))
+GUARD = (MONITOR_SPEED, connect_table.SECONDS[connect_table.SILENT], (115200, 57600))
 """Before other speeds than those in the brackets are tried, this one has been asked and the port was open for so many
 seconds: at the others a probe of any family could be a trigger to the boot monitor (a test samples the bits)."""
 PROMPT_WAIT = 0.3
@@ -39,7 +39,7 @@ def probe(
 ) -> list[Row]:
     """A row with the evidence. Raises NoAnswer, ProtocolError for other data."""
     waiting = _until_prompt(link, link.deadline(0))
-    if seen_in(waiting, b"") == connecting.COLON:
+    if seen_in(waiting, b"") == connect_table.COLON:
         raise _monitor(link, "a ':' arrived without a request")
     wire = 16 * 10 / link.baud if link.baud else 0.0
     link.write(QUESTION, link.deadline(1.0).earlier(deadline))
@@ -48,19 +48,19 @@ def probe(
     if not came:
         raise NoAnswer(f"{link.name}: no prompt", hint="check the hand's power and the cable")
     seen = seen_in(came)
-    if seen == connecting.COLON:
+    if seen == connect_table.COLON:
         raise _monitor(link, "':' arrived")
-    if seen == connecting.ECHO and link.can_set_baud and link.baud == MONITOR_SPEED and not comes_back(link):
+    if seen == connect_table.ECHO and link.can_set_baud and link.baud == MONITOR_SPEED and not comes_back(link):
         raise _monitor(link, "the request came back, but no prompt")
     if not has_prompt(came):
         raise ProtocolError(
             f"{link.name}: no prompt, but {plural(len(came), 'byte')}: {hex_bytes(came[:24])}",
             hint="check the port and the baud rate: it may be another device, an echo or a wrong baud rate",
-            code="echo" if seen == connecting.ECHO else "garbage",
+            code="echo" if seen == connect_table.ECHO else "garbage",
             came=came,
         )
     found = _identity(link, journal, deadline, timeout or READ_TIMEOUT)
-    note = ", was in RealTime" if seen == connecting.LOOP else ""
+    note = ", was in RealTime" if seen == connect_table.LOOP else ""
     return [{"evidence": found + note}]
 
 

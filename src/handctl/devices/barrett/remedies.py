@@ -1,6 +1,6 @@
-"""What a BarrettHand's status codes and readings mean, and what to do. The codes are those of `gcl.language.ERRORS`."""
+"""What a BarrettHand's status codes and readings mean, and what to do. The codes are those of `gcl.codec.ERRORS`."""
 
-from handctl.devices.barrett.gcl.language import ERRORS
+from handctl.devices.barrett.gcl.codec import ERRORS
 from handctl.model.remedy import Remedy
 
 _URGENT = (8192, 1, 2, 16, 4)

@@ -14,12 +14,12 @@ from collections.abc import Generator, Sequence
 from functools import partial
 from typing import NamedTuple
 
-from handctl.devices.barrett.gcl.connecting import SAFE_ABORT, abort_at
-from handctl.devices.barrett.gcl.language import Answer, Decoder, encode, explain_status, has_prompt
+from handctl.devices.barrett.gcl.codec import Answer, Decoder, encode, explain_status, has_prompt
+from handctl.devices.barrett.gcl.connect_table import SAFE_ABORT, abort_at
 from handctl.devices.barrett.map import SPEEDS
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
-from handctl.model.stopping import Aim, Pieces, Say, Stopped, Talk, silence, taken_over
+from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, silence, taken_over
 
 FIRST, BETWEEN, LAST = 0.15, 0.02, 0.5
 """Seconds for the prompt behind the first ^C, behind the next ones, and behind the last: a movement needs time to end."""
@@ -33,7 +33,7 @@ HARMLESS = 1 | 4 | ABORTED
 OFF = "switch the power supply off if the hand still moves"
 
 
-class Turn(NamedTuple):
+class StopAttempt(NamedTuple):
     """The attempt at one baud rate (None if the link has none), and its reply."""
 
     speed: int | None
@@ -43,43 +43,45 @@ class Turn(NamedTuple):
     sent: str
 
 
-def stop_talk(aim: Aim) -> Talk:
+def stop_steps(context: StopContext) -> StopSequence:
     """^C, then T for all motors."""
-    return power_off(aim)
+    return power_off(context)
 
 
-def power_off(aim: Aim, prefix: str = "") -> Talk:
+def power_off(context: StopContext, prefix: str = "") -> StopSequence:
     """^C, which stops all motors, then T for the motors of `prefix` ("" = all); data after a silence shows another program.
 
     Where the motors are to stay `powered`, T goes out only when ^C brings no prompt.
     """
-    stopped = yield from _power_off(aim, prefix)
+    stopped = yield from _power_off(context, prefix)
     if stopped.error is None and (said := b"".join((yield from silence())).strip(b"=> \r\n")):  # late prompts are ours
         shown = said[:24].hex(" ").upper()
         return taken_over(stopped, f"the hand sent {shown}, which this command did not request")
     return stopped
 
 
-def _power_off(aim: Aim, prefix: str) -> Talk:
+def _power_off(context: StopContext, prefix: str) -> StopSequence:
     command = f"{prefix}T"
-    slow = aim.settings.timeout or 0.0
-    others = [speed for speed in SPEEDS if speed != aim.speed] if aim.speed is not None and not aim.fixed else []
+    slow = context.settings.timeout or 0.0
+    others = (
+        [speed for speed in SPEEDS if speed != context.speed] if context.speed is not None and not context.fixed else []
+    )
     last, brief = (BETWEEN, BRIEF) if others else (LAST, POWER_OFF)
     waits = (FIRST, *[BETWEEN] * (SWALLOWED - 1), last)
-    turns = [(yield from _at(aim.speed, prefix, waits, brief, slow, powered=aim.powered))]
-    if aim.powered and turns[0].ended:
+    turns = [(yield from _at(context.speed, prefix, waits, brief, slow, powered=context.powered))]
+    if context.powered and turns[0].ended:
         return Stopped(f"{_ended_by(turns[0].seen)}. The motors keep their power")
     for speed in others:
         if turns[-1].answer is None:
             turns.append((yield from _at(speed, prefix, (FIRST,), BRIEF, slow)))
     if others and turns[-1].answer is None:  # a slow line, or a movement that took long to end
-        turns.append((yield from _at(aim.speed, prefix, (BETWEEN, LAST), POWER_OFF, slow)))
+        turns.append((yield from _at(context.speed, prefix, (BETWEEN, LAST), POWER_OFF, slow)))
     return _ending(command, turns)
 
 
 def _at(
     speed: int | None, prefix: str, waits: Sequence[float], power: float, slow: float, *, powered: bool = False
-) -> Generator[Say, Pieces, Turn]:
+) -> Generator[StopStep, Pieces, StopAttempt]:
     """One speed: ^C once for each of `waits`, the seconds for its prompt, then T. `slow` is what a slow line needs.
 
     Where ^C went out once and nothing came, T goes out neither: nobody is there.
@@ -91,28 +93,28 @@ def _at(
     for count, seconds in enumerate(waits):
         size = 8 if seconds == BETWEEN else 32  # a prompt alone, or the rest of an answer before it
         wait = max(seconds, slow) if count == 0 else seconds
-        came += yield Say(abort, wait, partial(_prompt_in, tuple(came)), baud=speed, size=size)
+        came += yield StopStep(abort, wait, partial(_prompt_in, tuple(came)), baud=speed, size=size)
         if has_prompt(b"".join(came)):
             break
     ended = has_prompt(b"".join(came))
     command = f"{prefix}T"
     risky = bool(prefix) and data == SAFE_ABORT  # three digits before T may be the trigger to a boot monitor
     if not ended and (risky or (len(waits) == 1 and not came)):
-        return Turn(speed, None, ended, b"".join(came), f"^C{where}")
+        return StopAttempt(speed, None, ended, b"".join(came), f"^C{where}")
     if ended and powered:
-        return Turn(speed, None, ended, b"".join(came), f"^C{where}")
+        return StopAttempt(speed, None, ended, b"".join(came), f"^C{where}")
     step = Step(f"{command}{where}: motor power off", encode(command), moves=True)
     tries = TRIES if ended else 1  # it is there: T goes out again until it is answered
     seconds = slow or (POWER_OFF if ended else power) / tries
     pieces: Pieces = []
     for _ in range(tries):
-        pieces += yield Say(step, seconds, partial(_answered, command, tuple(pieces)), baud=speed)
+        pieces += yield StopStep(step, seconds, partial(_answered, command, tuple(pieces)), baud=speed)
         if _answer(command, pieces) is not None:
             break
-    return Turn(speed, _answer(command, pieces), ended, b"".join([*came, *pieces]), f"^C and {command}{where}")
+    return StopAttempt(speed, _answer(command, pieces), ended, b"".join([*came, *pieces]), f"^C and {command}{where}")
 
 
-def _ending(command: str, turns: list[Turn]) -> Stopped:
+def _ending(command: str, turns: list[StopAttempt]) -> Stopped:
     """What the turns say together; only the last one can have been answered."""
     last = turns[-1]
     answer = last.answer
@@ -131,7 +133,7 @@ def _ending(command: str, turns: list[Turn]) -> Stopped:
     return Stopped(text, evidence=f"{command} was acknowledged{at}{status}" if len(turns) == 1 or status else "")
 
 
-def _unanswered(turns: list[Turn]) -> Stopped:
+def _unanswered(turns: list[StopAttempt]) -> Stopped:
     sent = ", ".join(dict.fromkeys(turn.sent for turn in turns))
     seen = next((turn.seen for turn in turns if turn.seen), b"")
     if not seen:

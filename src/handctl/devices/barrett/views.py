@@ -9,8 +9,8 @@ import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from handctl.devices.barrett.care.health import LIMIT_TENTHS
-from handctl.devices.barrett.gcl.language import ERRORS, MOTORS, explain_status, split_status
+from handctl.devices.barrett.gcl.codec import ERRORS, MOTORS, explain_status, split_status
+from handctl.devices.barrett.maintenance.health import LIMIT_TENTHS
 from handctl.devices.barrett.map import BARRETT, TENTHS, GclParam, careful
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.model.device import Device

@@ -17,7 +17,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from handctl.devices.ekso import gates
+from handctl.devices.ekso import write_checks
 from handctl.errors import OutputError
 from handctl.files import clash, in_turn, opened, state_path
 from handctl.system import disk, locks
@@ -84,8 +84,8 @@ class AuditLog:
             finally:
                 os.close(file)
         except OSError as exc:
-            raise gates.refusal(
-                gates.LOG,
+            raise write_checks.refusal(
+                write_checks.LOG,
                 f"{self.path}: the audit log cannot be written: {exc.strerror or exc}",
                 self._hint,
             ) from exc
@@ -136,8 +136,8 @@ class AuditLog:
             try:
                 locks.whole(file)
             except BlockingIOError as exc:
-                raise gates.refusal(
-                    gates.FREE,
+                raise write_checks.refusal(
+                    write_checks.FREE,
                     f"{self.path}: another handctl is writing a setting",
                     "wait until it is done, then repeat the command. Nothing was sent.",
                 ) from exc
@@ -353,7 +353,7 @@ def _entries(audit: AuditLog) -> Iterator[dict[str, Any]]:
             if not isinstance(entry, dict):
                 raise TypeError(line)
             if line.rstrip() in unfit:
-                _refuse(audit, gates.EDITED)
+                _refuse(audit, write_checks.EDITED)
             elif entry.get("event") == "intent":
                 unfit = set()  # it was not refused: what had been done by hand before it was long past
             if entry.get("event") not in ("intent", "result"):
@@ -364,7 +364,7 @@ def _entries(audit: AuditLog) -> Iterator[dict[str, Any]]:
             if not isinstance(entry["name"], str) or any(moment != moment for moment in moments):
                 raise TypeError(line)
         except (ValueError, TypeError, KeyError, RecursionError):
-            _refuse(audit, gates.DAMAGED)
+            _refuse(audit, write_checks.DAMAGED)
             continue
         yield entry
 
@@ -389,8 +389,8 @@ def _age(entry: Mapping[str, Any], now: float, audit: AuditLog) -> float:
         return bound
     passed = (datetime.now(timezone.utc) - datetime.fromisoformat(entry["utc"])).total_seconds()
     if passed < 0:
-        raise gates.refusal(
-            gates.CLOCK,
+        raise write_checks.refusal(
+            write_checks.CLOCK,
             f"{audit.path}: the last write was at {entry['utc']}, which is {-passed:.0f} s in the future, so a clock was set back",
             "set the clock of this computer, then repeat the command. Nothing was sent.",
         )
@@ -398,8 +398,8 @@ def _age(entry: Mapping[str, Any], now: float, audit: AuditLog) -> float:
 
 
 WRONG = {
-    gates.EDITED: ("its last entries were edited or removed by hand", " `handctl ekso policy` shows which."),
-    gates.DAMAGED: ("its end is damaged", ""),
+    write_checks.EDITED: ("its last entries were edited or removed by hand", " `handctl ekso policy` shows which."),
+    write_checks.DAMAGED: ("its end is damaged", ""),
 }
 
 
@@ -408,7 +408,7 @@ def _refuse(audit: AuditLog, gate: str) -> None:
     if datetime.now(timezone.utc).timestamp() - audit.changed_at() > WINDOW:
         return
     wrong, more = WRONG[gate]
-    raise gates.refusal(
+    raise write_checks.refusal(
         gate,
         f"{audit.path}: {wrong}, so handctl does not know what was written last, and when",
         f"repeat the command in {WINDOW:.0f} s, when the last write no longer matters.{more} Nothing was sent.",

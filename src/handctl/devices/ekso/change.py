@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from handctl.devices.ekso import gates
+from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.frames import Frame, set_value_body, status_text
 from handctl.devices.ekso.map import (
     ASSIST,
@@ -26,7 +26,7 @@ from handctl.devices.ekso.map import (
     state_text,
 )
 from handctl.errors import HandctlError, Interrupted
-from handctl.model.clocks import Span
+from handctl.model.clock_comparison import Span
 
 
 class Change(NamedTuple):
@@ -72,7 +72,7 @@ class Change(NamedTuple):
         """Raise UsageError for an unknown code."""
         if self.param.choices and self.new not in self.param.choices:
             text = f"{self.text}: this code is not documented, so handctl does not write it"
-            raise gates.refusal(gates.LISTED, text, NOTHING_SENT)
+            raise write_checks.refusal(write_checks.LISTED, text, NOTHING_SENT)
 
     def check_step(self, override: bool) -> None:
         """Raise UsageError for a step beyond the policy without `override`."""
@@ -80,8 +80,8 @@ class Change(NamedTuple):
             return
         firm = self.param.firm
         instead = "there is no override for leg lengths" if firm else "--override-step-limit"
-        raise gates.refusal(
-            gates.STEP,
+        raise write_checks.refusal(
+            write_checks.STEP,
             f"{self.text}: more than {limit_of(self.param)} at once is beyond this tool's policy (not the device's limit)",
             f"use smaller steps{': ' if firm else ', or '}{instead}. {NOTHING_SENT}",
         )
@@ -103,7 +103,7 @@ STATE = 18
 JOINTS = tuple(param for param in DATA if param.name.endswith(("hip_angle", "knee_angle")))
 
 
-class Looks(NamedTuple):
+class StillnessCheck(NamedTuple):
     """Two looks: State of the one that is judged, the settings that are written only while sitting, the words of both, and
     the ms of BootTime and those of ours between them."""
 
@@ -115,34 +115,34 @@ class Looks(NamedTuple):
     span: Span
 
 
-def _posture(seen: Looks) -> str | None:
+def _posture(seen: StillnessCheck) -> str | None:
     if seen.state >> 12 in (SITTING, STANDING):
         return None
     return f"the posture is {state_text(seen.state)}, neither sitting nor standing"
 
 
-def _driven(seen: Looks) -> str | None:
+def _driven(seen: StillnessCheck) -> str | None:
     return f"the joints are being driven: {state_text(seen.state)}" if seen.state & DRIVEN else None
 
 
-def _seated(seen: Looks) -> str | None:
+def _seated(seen: StillnessCheck) -> str | None:
     if not seen.sitting or seen.state >> 12 == SITTING:
         return None
     names = ", ".join(param.name for param in seen.sitting)
     return f"{names}: only while sitting, but the state is {state_text(seen.state)}"
 
 
-def _reboot(seen: Looks) -> str | None:
+def _reboot(seen: StillnessCheck) -> str | None:
     return "BootTime went back: the device has restarted" if seen.passed >= 2**31 else None
 
 
-def _fresh(seen: Looks) -> str | None:
+def _fresh(seen: StillnessCheck) -> str | None:
     if seen.span.fits(seen.passed):
         return None
     return f"BootTime advanced by {seen.passed} ms in {seen.span}: the values are not fresh"
 
 
-def _speed(seen: Looks) -> str | None:
+def _speed(seen: StillnessCheck) -> str | None:
     for param in JOINTS:
         turned = abs(param.raw_of(seen.second[param.word]) - param.raw_of(seen.first[param.word])) / 100
         speed = turned / (seen.passed / 1000 or 1e-3)
@@ -151,9 +151,9 @@ def _speed(seen: Looks) -> str | None:
     return None
 
 
-STILL: Mapping[str, Callable[[Looks], str | None]] = {
-    gates.POSTURE: _posture, gates.DRIVEN: _driven, gates.SEATED: _seated,
-    gates.REBOOT: _reboot, gates.FRESH: _fresh, gates.SPEED: _speed,
+STILL: Mapping[str, Callable[[StillnessCheck], str | None]] = {
+    write_checks.POSTURE: _posture, write_checks.DRIVEN: _driven, write_checks.SEATED: _seated,
+    write_checks.REBOOT: _reboot, write_checks.FRESH: _fresh, write_checks.SPEED: _speed,
 }  # fmt: skip
 
 
@@ -163,9 +163,9 @@ def moving(first: Sequence[int], second: Sequence[int], span: Span, sitting: Seq
     `sitting` are settings that are written only while sitting.
     """
     passed = (boot_ms(second) - boot_ms(first)) % 2**32
-    looks = [Looks(words[STATE] & 0xFFFF, sitting, first, second, passed, span) for words in (first, second)]
-    found = [STILL[gate](look) for look in looks for gate in gates.at(gates.LOOK)]
-    found += [] if any(found) else [STILL[gate](looks[0]) for gate in gates.at(gates.LOOKS)]
+    looks = [StillnessCheck(words[STATE] & 0xFFFF, sitting, first, second, passed, span) for words in (first, second)]
+    found = [STILL[gate](look) for look in looks for gate in write_checks.at(write_checks.LOOK)]
+    found += [] if any(found) else [STILL[gate](looks[0]) for gate in write_checks.at(write_checks.LOOKS)]
     return next(filter(None, found), None)
 
 
@@ -190,21 +190,21 @@ def judge(
     status = answer.status if answer is not None else None
     accepted = status is not None and status & 0xFF == 0
     if status is not None and not accepted and after == wanted:
-        return gates.refusal(
-            gates.READ_BACK,
+        return write_checks.refusal(
+            write_checks.READ_BACK,
             f"{where}: {change.text}: {status_text(status)}, but the new value reads back",
             "check with `handctl ekso settings` before anything else. Report it",
         )
     if after != wanted and (after != before or accepted):
-        return gates.refusal(
-            gates.READ_BACK,
+        return write_checks.refusal(
+            write_checks.READ_BACK,
             f"{where}: {change.text}: the read-back differs: {differences(wanted, after)}"
             + (f"; status {status_text(status)}" if status is not None else ""),
             _way_back(before, after),
         )
     if status is not None and not accepted:
-        return gates.refusal(
-            gates.STATUS,
+        return write_checks.refusal(
+            write_checks.STATUS,
             f"{where}: {change.text}: {status_text(status)} (status 0x{status:04X})",
             REFUSALS.get(status & 0xFF, "report it: this status is not documented"),
             status & 0xFF,
@@ -212,7 +212,7 @@ def judge(
     if after == before and status is None:
         if lost is None:
             return Interrupted(f"interrupted. {change.text} was not applied")
-        return lost.retold(
+        return lost.reworded(
             f"{change.text}: not applied, the old value was read twice. {lost.text}",
             hint="nothing was changed. Repeat the command if you still want it",
         )

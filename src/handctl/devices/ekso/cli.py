@@ -10,27 +10,27 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl import __version__
-from handctl.devices.ekso import gates
+from handctl.command import get_set_watch, snapshots
+from handctl.command.command_tree import Command, Group, log_options
+from handctl.command.common_commands import NAMES, add_map_verbs
+from handctl.command.family import Family
+from handctl.command.option_types import FiniteRange, InFile, OutFile, WholeRange
+from handctl.command.options import Own
+from handctl.command.run import Act, Asked, Run
+from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.device import Ekso, one_setting, written_table
 from handctl.devices.ekso.frames import LENGTH_MODES
 from handctl.devices.ekso.gait_cli import add_gait
 from handctl.devices.ekso.map import EKSO
 from handctl.errors import OutputError, UsageError
-from handctl.frame import stored, verbs
-from handctl.frame.clikit import Command, Group, log_options
-from handctl.frame.family import Family
-from handctl.frame.mapverbs import NAMES, add_map_verbs
-from handctl.frame.options import Own
-from handctl.frame.run import Act, Asked, Run
-from handctl.frame.types import FiniteRange, InFile, OutFile, WholeRange
 from handctl.model.device import Gate, limits_of
 from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:
+    from handctl.command.options import Settings
     from handctl.devices.ekso.audit import AuditLog
     from handctl.devices.ekso.export import Exported
-    from handctl.frame.options import Settings
     from handctl.link import ByteLink
     from handctl.model.param import Step
     from handctl.model.result import Journal
@@ -69,18 +69,18 @@ def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -
 
     FILE can be a directory. On a terminal, press any letter or space to set a mark.
     """
-    from handctl.frame import recorder
+    from handctl.command import log_command
 
     def source(again: Callable[[], bool]) -> Source:
         from handctl.devices.ekso.log import EksoSource
 
         return EksoSource(run.device(), again, raw=raw, personal=include_pilot_id)
 
-    return recorder.log(run, file, recorder.Wishes(**wishes), EKSO, source)
+    return log_command.log(run, file, log_command.RequestedOptions(**wishes), EKSO, source)
 
 
 @cli.verb("export", "Files", offline=True)
-@click.argument("log", metavar="LOG", type=InFile(beside=(".json",)))
+@click.argument("log", metavar="LOG", type=InFile(additional=(".json",)))
 @click.option(
     "--to",
     "--format",
@@ -189,7 +189,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
 
     Also shows the largest step that handctl writes at once. Needs no device.
     """
-    table = verbs.describe(EKSO, names)
+    table = get_set_watch.describe(EKSO, names)
     for row in table.rows:
         param, _ = EKSO.find(row["name"])
         policy = [f"{param.shown(param.step) if not param.choices else '10 %'} at once"] if param.step else []
@@ -290,13 +290,13 @@ CHANGES = "This changes a setting of an exoskeleton that someone may be wearing"
 def _give_writer(run: Run, ekso: Ekso, file: str | None, *, override: bool, stepwise: bool = False) -> None:
     """Give the device all that writing needs; --yes stands for a person, who must be named."""
     from handctl.devices.ekso.audit import logs
-    from handctl.devices.ekso.settings import Writer
+    from handctl.devices.ekso.setting_writer import Writer
 
-    run.guide.say(NOT_MEDICAL)
+    run.prompts.say(NOT_MEDICAL)
 
     def ask(question: str, word: str) -> None:
         if run.settings.yes:
-            run.guide.say(question.partition(". ")[0])
+            run.prompts.say(question.partition(". ")[0])
         run.confirm(question, word=word)
 
     audit = logs(file, _always(run))
@@ -304,7 +304,7 @@ def _give_writer(run: Run, ekso: Ekso, file: str | None, *, override: bool, step
     for log in audit.every:
         _tell_edited(run, log)
         _tell_unfinished(run, log)
-    ekso.writer = Writer(ekso.port, audit, ask, override=override, stepwise=stepwise, guide=run.guide)
+    ekso.writer = Writer(ekso.port, audit, ask, override=override, stepwise=stepwise, prompts=run.prompts)
 
 
 def _tell_edited(run: Run, audit: AuditLog) -> None:
@@ -333,8 +333,8 @@ def _tell_unfinished(run: Run, audit: AuditLog) -> None:
 
 def _need_operator(run: Run) -> None:
     if run.settings.yes and not run.settings.dry_run and not run.settings.own.get("operator", "").strip():
-        raise gates.refusal(
-            gates.OPERATOR,
+        raise write_checks.refusal(
+            write_checks.OPERATOR,
             "--yes writes without asking: it needs --operator NAME",
             "add --operator NAME: the audit log must name who did it. Nothing was sent.",
         )
@@ -394,12 +394,12 @@ def restore(run: Run, file: str, audit: str | None, override: bool) -> Table:
             run.need_answer(CHANGES)
             _give_writer(run, run.device(), audit, override=override, stepwise=True)
 
-        return stored.restore(run, EKSO, file, check=check)
+        return snapshots.restore(run, EKSO, file, check=check)
     run.journal.info(
         "steps",
         "a distant value is reached in permitted steps, one every 10 s. How many it takes depends on the device's current values",
     )
-    return stored.restore(run, EKSO, file)
+    return snapshots.restore(run, EKSO, file)
 
 
 class _WordRange(click.IntRange):

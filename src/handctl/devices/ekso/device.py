@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from handctl.devices.ekso import gates
+from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.change import Change
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.frames import READS, Command, cancel_body, status_text
@@ -26,10 +26,10 @@ from handctl.devices.ekso.map import (
     boot_text,
 )
 from handctl.errors import (
+    Aftermath,
     DeviceRefused,
     HandctlError,
     Interrupted,
-    Left,
     LinkError,
     NoAnswer,
     ProtocolError,
@@ -37,10 +37,10 @@ from handctl.errors import (
 from handctl.model.device import Device
 from handctl.model.param import Element, Number, Reading, Step, elements_of
 from handctl.model.result import Cell, Column, Grid, Row, Table, hex_bytes
-from handctl.sentence import plural
+from handctl.wording import plural
 
 if TYPE_CHECKING:
-    from handctl.devices.ekso.settings import Writer
+    from handctl.devices.ekso.setting_writer import Writer
 
 
 # -- how people see the words: units, codes in words, bits in hex, boot time; old and new of a written setting ---------
@@ -108,7 +108,7 @@ class Ekso(Device):
         *("right_knee_angle", "left_toe_pressure", "left_heel_pressure", "right_toe_pressure", "right_heel_pressure"),
         *("left_hip_current", "left_knee_current", "right_hip_current", "right_knee_current"),
     )
-    beside = ("left_hip_x", "left_hip_y", "right_hip_x", "right_hip_y")
+    additional = ("left_hip_x", "left_hip_y", "right_hip_x", "right_hip_y")
     slowly = ("steps_taken",)
     scales = MappingProxyType({
         **dict.fromkeys(("torso_pitch", "torso_roll"), (-30.0, 30.0)),
@@ -341,9 +341,11 @@ class Ekso(Device):
             except (NoAnswer, ProtocolError, LinkError) as exc:
                 record("cancel-result", {"answer": None, "verdict": exc.text})
                 if self.journal.counters.sent > before:
-                    exc.leaves(Left(hint=f"It was sent and may have taken effect. {self._state_now()}", joint=" "))
+                    exc.add_aftermath(
+                        Aftermath(hint=f"It was sent and may have taken effect. {self._state_now()}", joint=" ")
+                    )
                 elif exc.code != "deadline":  # that one says by itself that nothing was sent
-                    exc.leaves(Left(hint="It was not sent, or only in part.", joint=" "))
+                    exc.add_aftermath(Aftermath(hint="It was not sent, or only in part.", joint=" "))
                 raise
         except KeyboardInterrupt:
             if self.journal.counters.sent == before:
@@ -400,8 +402,10 @@ def one_setting(texts: Sequence[str]) -> tuple[Element, Number]:
     """The one NAME=VALUE of a `set`, checked. Raises UsageError for more: settings of a worn device are set one by one."""
     changes = EKSO.assignments(texts)
     if len(changes) != 1:
-        raise gates.refusal(
-            gates.ONE, f"{plural(len(changes), 'setting')} at once", f"one `set` writes one setting. {NOTHING_SENT}"
+        raise write_checks.refusal(
+            write_checks.ONE,
+            f"{plural(len(changes), 'setting')} at once",
+            f"one `set` writes one setting. {NOTHING_SENT}",
         )
     return changes[0]
 

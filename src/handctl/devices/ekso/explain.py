@@ -11,12 +11,12 @@ from functools import lru_cache
 
 from handctl.devices.ekso.frames import EXCHANGES, LENGTH_MODES, OVERHEAD, Command, crc, name_of, status_text, unpack
 from handctl.devices.ekso.map import CLOCKS, EKSO, MESSAGES, Word, boot_ms, boot_text
-from handctl.model.piece import DEVICE, HOST, Cut, Cutter, Later, Part, Piece, Value, stray
-from handctl.sentence import plural
+from handctl.model.explainer import DEVICE, HOST, Cut, Cutter, ExplainedBytes, Later, Part, Value, stray
+from handctl.wording import plural
 
 LONGEST = max(size for row in EXCHANGES.values() for size in row.answers) + OVERHEAD + max(LENGTH_MODES.values())
 BYTES = {"time": ("hours", "minutes", "seconds"), "date": ("year - 2000", "month", "day")}
-Told = tuple[str, Sequence[Value], Sequence[Part]]
+Explained = tuple[str, Sequence[Value], Sequence[Part]]
 """A body in words, its values, its parts."""
 
 
@@ -84,7 +84,7 @@ class EksoExplainer(Cutter):
 
     # -- words --------------------------------------------------------------------------------------------------------
 
-    def piece(self, direction: str, raw: bytes, cut: Cut) -> Piece:
+    def piece(self, direction: str, raw: bytes, cut: Cut) -> ExplainedBytes:
         if cut.problem == "stray":
             return stray(direction, raw)
         if cut.problem in ("cut-short", "waiting"):
@@ -113,7 +113,7 @@ class EksoExplainer(Cutter):
         answer = direction == DEVICE
         more = LENGTH_MODES.get(cut.mode, 0)
         counts = "" if not more else ", counts the whole frame" if more == OVERHEAD else f", counts {more} more"
-        return Piece(
+        return ExplainedBytes(
             direction=direction, raw=raw, meaning=f"{extra}{words}", problem=problem, frame=frame, values=values,
             title=problem if not frame else f"{name} {'answer' if answer else ''}".strip(),
             asks="" if answer else key, answers=key if answer else "",
@@ -145,7 +145,7 @@ def _is_status(command: int, body: bytes) -> bool:
     return command in (Command.SET_VALUE, Command.CANCEL_ACTION) and len(body) == 2
 
 
-def _told(direction: str, command: int, body: bytes) -> Told:
+def _told(direction: str, command: int, body: bytes) -> Explained:
     row, shown = EXCHANGES[command], body.hex(" ").upper()
     plain = [Part(body, "command word" if command == Command.CANCEL_ACTION else "body", "")] if body else []
     if row.asks is None:
@@ -188,7 +188,7 @@ def _shown(word: Word, number: int) -> str:
     return f"{word.name} {word.shown(word.value_of(number))}"
 
 
-def _setting(body: bytes) -> Told:
+def _setting(body: bytes) -> Explained:
     """What a SetValue sets."""
     number, raw = int.from_bytes(body[:2], "big"), int.from_bytes(body[2:], "big")
     word = next((word for word in EKSO if word.id == number), None)

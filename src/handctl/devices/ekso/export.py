@@ -25,7 +25,7 @@ from handctl.files import NoFile, Spool, opened, read_text
 from handctl.record.recording import schema
 from handctl.record.source import MARK, clean, quoted
 from handctl.record.timeline import GAP_PERIODS, LEAST_PERIOD_MS
-from handctl.sentence import plural
+from handctl.wording import plural
 
 COORDINATES: tuple[tuple[str, str], ...] = (
     ("pelvis_tilt", "torso_pitch"),

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from handctl.devices.ekso.export import LogFile, damaged
 from handctl.files import opened
 from handctl.record.timeline import GAP_PERIODS
-from handctl.sentence import plural
+from handctl.wording import plural
 
 LEFT, RIGHT = "left", "right"
 SIDES = (LEFT, RIGHT)

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handctl.command.command_tree import Group
+from handctl.command.option_types import InFile, OutFile
+from handctl.command.run import Run
 from handctl.errors import CheckFailed, OutputError
 from handctl.files import atomic_write
-from handctl.frame.clikit import Group
-from handctl.frame.run import Run
-from handctl.frame.types import InFile, OutFile
 from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:
@@ -46,8 +46,8 @@ def add_gait(group: Group) -> None:
     """Add the command."""
 
     @group.verb("gait", "Files", offline=True)
-    @click.argument("log", metavar="LOG", type=InFile(beside=(".json",)))
-    @click.argument("later", metavar="[LATER]", required=False, type=InFile(beside=(".json",)))
+    @click.argument("log", metavar="LOG", type=InFile(additional=(".json",)))
+    @click.argument("later", metavar="[LATER]", required=False, type=InFile(additional=(".json",)))
     @click.option("--steps", metavar="FILE", type=OutFile(), help="Write every stride, counted or not, to FILE (CSV).")
     def gait(run: Run, log: str, later: str | None, steps: str | None) -> Table:
         """Find the strides in a log: cadence, stance, symmetry, variability. Needs no device.

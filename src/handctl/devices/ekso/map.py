@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, InvalidOperation
 from typing import Any
 
-from handctl.devices.ekso import gates
+from handctl.devices.ekso import write_checks
 from handctl.light import light
 from handctl.model.param import MEASURED, SETTING, Element, Number, Param, ParamMap, elements_of
 
@@ -127,8 +127,8 @@ class Word(Param):
         if not self.choices:
             Param.check(self, value, where)
         if self.from_raw(self.to_raw(value)) != value or (self.choices and not 0 <= value <= 0xFFFF):
-            raise gates.refusal(
-                gates.RANGE, f"{where or self.name} = {value} does not fit {self.type_name}", NOTHING_SENT
+            raise write_checks.refusal(
+                write_checks.RANGE, f"{where or self.name} = {value} does not fit {self.type_name}", NOTHING_SENT
             )
 
     def parse(self, text: str, where: str = "") -> Number:
@@ -144,20 +144,20 @@ class Word(Param):
                 return code
         digits = text.strip().casefold().removeprefix("code:").strip()
         if not (digits.isascii() and digits.isdecimal()):
-            raise gates.refusal(
-                gates.NUMBER,
+            raise write_checks.refusal(
+                write_checks.NUMBER,
                 f"{where}: {text.strip()!r} is neither a label nor a code",
                 f"allowed: {self.range_text}. {NOTHING_SENT}",
             )
         if self.choices is ASSIST and digits == text.strip():
-            raise gates.refusal(
-                gates.AMBIGUOUS,
+            raise write_checks.refusal(
+                write_checks.AMBIGUOUS,
                 f"{where}: {digits} could be percent or a code",
                 f"write '{digits} %' (a multiple of 5), or code:N. {NOTHING_SENT}",
             )
         if int(digits) not in self.choices:
-            raise gates.refusal(
-                gates.RANGE,
+            raise write_checks.refusal(
+                write_checks.RANGE,
                 f"{where} = {digits}: this code is not documented",
                 f"allowed: {self.range_text}. {NOTHING_SENT}",
             )
@@ -171,16 +171,16 @@ class Word(Param):
             if not value.is_finite() or abs(value) > 10**9:
                 raise InvalidOperation
         except InvalidOperation as exc:
-            raise gates.refusal(
-                gates.NUMBER,
+            raise write_checks.refusal(
+                write_checks.NUMBER,
                 f"{where}: {text!r} is not a number",
                 f"a decimal number with at most {self.decimals} decimals. {NOTHING_SENT}",
             ) from exc
         step = Decimal(1).scaleb(-self.decimals)
         below, above = (value.quantize(step, mode) for mode in (ROUND_FLOOR, ROUND_CEILING))
         if below != above:
-            raise gates.refusal(
-                gates.EXACT,
+            raise write_checks.refusal(
+                write_checks.EXACT,
                 f"{where} = {text}: the device uses steps of {step}, and handctl does not round",
                 f"{below} or {above}. {NOTHING_SENT}",
             )
@@ -365,8 +365,8 @@ class EksoMap(ParamMap[Word]):
         if known is not None and (not key.isdecimal() or key == name.strip()):  # -202 is no ParameterID
             return self[known], elements_of(self[known])
         if name.strip().isdecimal():
-            raise gates.refusal(
-                gates.UNKNOWN,
+            raise write_checks.refusal(
+                write_checks.UNKNOWN,
                 f"{self.kind} has no ParameterID {name.strip()}",
                 f"they are 200 to 219 (ekso §6). {NOTHING_SENT}",
             )
@@ -379,7 +379,9 @@ class EksoMap(ParamMap[Word]):
     def _refuse_unsettable(self, param: Param) -> None:
         if not param.writable:
             why = param.note or "it is measured"
-            raise gates.refusal(gates.READ_ONLY, f"{param.name} is read-only: {why} ({param.source})", NOTHING_SENT)
+            raise write_checks.refusal(
+                write_checks.READ_ONLY, f"{param.name} is read-only: {why} ({param.source})", NOTHING_SENT
+            )
 
 
 EKSO = EksoMap("ekso", (*SETTINGS, *DATA, *FEEDBACK[:15]), CLOCKS)

@@ -8,9 +8,9 @@ from __future__ import annotations
 from handctl.devices.ekso.audit import WINDOW, AuditLog, told
 from handctl.devices.ekso.change import APART, MOST_SPEED
 from handctl.devices.ekso.map import SETTINGS, Word
-from handctl.devices.ekso.settings import BETWEEN_WRITES
+from handctl.devices.ekso.setting_writer import BETWEEN_WRITES
 from handctl.errors import CheckFailed, UsageError
-from handctl.model.clocks import WITHIN_MS
+from handctl.model.clock_comparison import WITHIN_MS
 from handctl.model.result import Column, Journal, Row, Table
 
 COLUMNS = (

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from handctl.devices.ekso.frames import Command, Decoder, Frame, cancel_body, encode, status_text
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
-from handctl.model.frames import frames_in
+from handctl.model.decoder import frames_in
 from handctl.model.param import Step
-from handctl.model.stopping import Aim, Pieces, Stopped, Talk, insist
+from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, insist
 
 MSG_ID = 0xF000
 """Far from those that count up from 1: a late answer to somebody's read is not taken for ours. And no frame with it holds a
@@ -15,12 +15,12 @@ LIMIT = "The DataPort has no stop. CancelAction cancels a running action, but it
 HINT = "use the device's own controls, and stay with the wearer"
 
 
-def stop_talk(aim: Aim) -> Talk:
+def stop_steps(context: StopContext) -> StopSequence:
     """Send CancelAction until it is answered. The device does not report what it cancelled, so nothing is checked afterwards."""
-    mode = str(aim.settings.own.get("length_mode", "body"))
+    mode = str(context.settings.own.get("length_mode", "body"))
     request = encode(Command.CANCEL_ACTION, MSG_ID, cancel_body(), "body" if mode == "auto" else mode)
     step = Step("CancelAction: cancel the running action", request, moves=True)
-    heard = yield from insist(aim, step, lambda came: _answer(request, came))
+    heard = yield from insist(context, step, lambda came: _answer(request, came))
     frame, pieces = heard.found, heard.came
     if frame is None:
         text = (

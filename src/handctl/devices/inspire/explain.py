@@ -4,7 +4,7 @@ Bytes in, pieces out; knows no link. The wrist's registers are reached through f
 through 11 and 12 (CAN 0 and 1): what lies in the other space has no names here. Which of two protocols on one pair a
 stretch is, its first bytes tell: EB 90 has its mark, Modbus TCP two zeros and a length that fits; RTU its CRC proves.
 
-`InspireWrites` tells the ledger which of these bytes write, what acknowledges them, and what to read when nothing does. What is
+`InspireWriteRules` tells the ledger which of these bytes write, what acknowledges them, and what to read when nothing does. What is
 no read request counts as a write, whatever it is: nobody knows what a damaged frame does.
 """
 
@@ -14,17 +14,17 @@ from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
-from handctl.devices.inspire import canreg, eb90, modbus
+from handctl.devices.inspire import can_frames, eb90, modbus_frames
 from handctl.devices.inspire.eb90 import FORCE_COMMAND, READ, WRIST_READ, WRIST_WRITE, WRITE, Frame
 from handctl.devices.inspire.identity import At, within
 from handctl.devices.inspire.map import EXO, FINGERS, WRIST, Register
-from handctl.devices.inspire.modbus import RTU, TCP, mode_of, pdu_of
-from handctl.devices.inspire.spans import describe, span_name, span_parts, span_values
+from handctl.devices.inspire.modbus_frames import RTU, TCP, mode_of, pdu_of
+from handctl.devices.inspire.register_spans import describe, span_name, span_parts, span_values
 from handctl.light import replace
-from handctl.model.ledger import Frame as Written
+from handctl.model.explainer import DEVICE, HOST, Cut, Cutter, ExplainedBytes, Later, Part, Value, stray
 from handctl.model.param import ParamMap
-from handctl.model.piece import DEVICE, HOST, Cut, Cutter, Later, Part, Piece, Value, stray
-from handctl.sentence import plural
+from handctl.model.write_ledger import Frame as Written
+from handctl.wording import plural
 
 RESULTS = {0x00: "saved", 0xFF: "not saved"}
 """Data of the late result frame of a save (RH56 §2.2.2)."""
@@ -121,7 +121,7 @@ class Generations:
         held = within([(per * address, data) for address, data in self._answers.items()])
         return lambda address, count: held(per * address, count)
 
-    def beside(self, address: int, count: int, *, writes: bool, data: bytes = b"") -> str:
+    def other_generations(self, address: int, count: int, *, writes: bool, data: bytes = b"") -> str:
         """What this address holds on the others, while it is not sure which generation it is; "" = nothing else."""
         if self.sure:
             return ""
@@ -186,18 +186,18 @@ class InspireExplainer(Cutter):
         if len(data) > 1 and self._generations.answer(address, data):
             self._adopt()
 
-    def feed(self, direction: str, data: bytes, can_id: int | None = None) -> list[Piece]:
+    def feed(self, direction: str, data: bytes, can_id: int | None = None) -> list[ExplainedBytes]:
         """See Explainer."""
         return [self._can(direction, can_id, data)] if can_id is not None else super().feed(direction, data)
 
-    def sent(self, data: bytes, can_id: int | None = None) -> list[Piece]:
+    def sent(self, data: bytes, can_id: int | None = None) -> list[ExplainedBytes]:
         """As `feed`, of what the host sends in one write: that is whole, or will never be."""
         return self.feed(HOST, data, can_id) if can_id is not None else super().decode(data, HOST)
 
-    def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[Piece]:
+    def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[ExplainedBytes]:
         """See Explainer. The header says who sent a frame; on CAN a read of one byte is a question, a write with data a request."""
         if can_id is not None:
-            asks = len(data) > 0 if canreg.parse_identifier(can_id).writes else len(data) == 1
+            asks = len(data) > 0 if can_frames.parse_identifier(can_id).writes else len(data) == 1
             direction = HOST if side == HOST or (not side and asks) else DEVICE
             piece = self._can_piece(direction, can_id, data, key=f"{can_id:08X}")
             return [_annotated(piece, CAN_MISPRINTS.get((can_id, data)))]
@@ -211,31 +211,35 @@ class InspireExplainer(Cutter):
         if can_id is not None:
             return self.params is WRIST
         if self._modbus:
-            return modbus.mode_of(data) != ""
+            return modbus_frames.mode_of(data) != ""
         header = data[:2] in (eb90.HOST, eb90.DEVICE)
         return header and (data[4:5] in (b"\x30", b"\x31") and len(data) != 16) == (self.params is WRIST)
 
     def cut(self, buffer: bytearray, side: str, *, final: bool) -> Cut:
         if not self._modbus:
             return _cut_eb90(buffer, final=final)
-        either = _cut_eb90 if modbus.is_eb90(buffer) else _cut_modbus
+        either = _cut_eb90 if modbus_frames.is_eb90(buffer) else _cut_modbus
         found = either(buffer, final=final)
-        if found.size or modbus.tcp_size(buffer):
+        if found.size or modbus_frames.tcp_size(buffer):
             return found
         # what seems to begin here gives way to a whole frame inside it, whose CRC fits
-        inner = (place for place in range(1, len(buffer)) if modbus.rtu_size(buffer[place:]))
+        inner = (place for place in range(1, len(buffer)) if modbus_frames.rtu_size(buffer[place:]))
         return Cut(next(inner, 0), "stray")
 
     def side_of(self, raw: bytes, cut: Cut) -> str:
         """By the header, in Modbus by the function; what is none goes with what stands before it."""
         if cut.mode:
             pdu = pdu_of(raw, cut.mode)
-            return HOST if modbus.only_reads(pdu) or (pdu[0] == modbus.WRITE_MANY and len(pdu) > 5) else DEVICE
+            return (
+                HOST
+                if modbus_frames.only_reads(pdu) or (pdu[0] == modbus_frames.WRITE_MANY and len(pdu) > 5)
+                else DEVICE
+            )
         if raw[:2] in (eb90.HOST, eb90.DEVICE):
             self._guess = HOST if raw[:2] == eb90.HOST else DEVICE
         return self._guess
 
-    def piece(self, direction: str, raw: bytes, cut: Cut) -> Piece:
+    def piece(self, direction: str, raw: bytes, cut: Cut) -> ExplainedBytes:
         problem = cut.problem
         if cut.mode:
             return self._modbus_piece(direction, raw, cut.mode)
@@ -257,7 +261,7 @@ class InspireExplainer(Cutter):
             meaning, problem = f"{who}: {self._words(frame)[0]}", "echo"
         else:
             meaning, title, key, problem, values = self._explain(frame)
-        return Piece(
+        return ExplainedBytes(
             direction=direction, raw=raw, meaning=meaning, title=title, problem=problem, values=values,
             asks=key if direction == HOST else "", answers=key if direction == DEVICE else "",
             fields=fields, parts=Later(lambda: self._parts(raw)),
@@ -283,11 +287,11 @@ class InspireExplainer(Cutter):
 
     # -- EB 90 --------------------------------------------------------------------------------------------------------
 
-    def _damaged(self, direction: str, raw: bytes) -> Piece:
+    def _damaged(self, direction: str, raw: bytes) -> ExplainedBytes:
         right = eb90.checksum(raw[2:-1])
         words = self._words(Frame(raw[:2], raw[2], raw[4], raw[5:-1]))[0]
         meaning = f"bad checksum {raw[-1]:02X}, should be {right:02X}. It would say: {words}"
-        return Piece(
+        return ExplainedBytes(
             direction=direction, raw=raw, meaning=meaning,
             problem="bad-checksum", frame=False, title="bad-checksum", fields={"checksum": f"{raw[-1]:02X}",
             "expected": f"{right:02X}"}, parts=Later(lambda: self._parts(raw)),
@@ -296,9 +300,9 @@ class InspireExplainer(Cutter):
     def _made(
         self, direction: str, raw: bytes, frame: Frame, meaning: str, *, title: str = "", problem: str = "",
         asks: str = "", answers: str = "", values: Sequence[Value] = (),
-    ) -> Piece:  # fmt: skip
+    ) -> ExplainedBytes:  # fmt: skip
         fields: dict[str, int | str | None] = {"id": frame.id, "flag": f"{frame.flag:02X}", "address": frame.address}
-        return Piece(
+        return ExplainedBytes(
             direction=direction, raw=raw, meaning=meaning, title=title,
             problem=problem, asks=asks, answers=answers, values=values, fields=fields, parts=Later(lambda: self._parts(raw)),
         )  # fmt: skip
@@ -317,7 +321,7 @@ class InspireExplainer(Cutter):
         asked = reads and not frame.from_device and len(frame.data) == 1
         count, data = (frame.data[0], b"") if asked else (len(frame.data), frame.data)
         if not (writes and frame.from_device) and "result" not in meaning:
-            meaning += self._generations.beside(address, count, writes=writes, data=data)
+            meaning += self._generations.other_generations(address, count, writes=writes, data=data)
         return meaning, *rest  # type: ignore[return-value]
 
     def _told(self, frame: Frame) -> tuple[str, str, str, str, Sequence[Value]]:
@@ -474,9 +478,9 @@ class InspireExplainer(Cutter):
 
     # -- CAN ----------------------------------------------------------------------------------------------------------
 
-    def _can(self, direction: str, can_id: int, data: bytes) -> Piece:
+    def _can(self, direction: str, can_id: int, data: bytes) -> ExplainedBytes:
         """A recorded frame. Request and reply carry the same identifier: which answers which is told by what was asked before."""
-        key, access = f"{can_id:08X}", canreg.parse_identifier(can_id)
+        key, access = f"{can_id:08X}", can_frames.parse_identifier(can_id)
         if direction == HOST:
             self._asked.pop(can_id, None)
             self._asked[can_id] = data
@@ -499,10 +503,10 @@ class InspireExplainer(Cutter):
         return self._can_piece(DEVICE, can_id, data, words, problem="cut-short")
 
     def _can_space(self, flag: int) -> ParamMap[Register] | None:
-        return self._space(flag in (canreg.READ_WRIST, canreg.WRITE_WRIST)) if flag in CAN_KINDS else None
+        return self._space(flag in (can_frames.READ_WRIST, can_frames.WRITE_WRIST)) if flag in CAN_KINDS else None
 
     def _can_words(self, direction: str, can_id: int, data: bytes) -> str:
-        access = canreg.parse_identifier(can_id)
+        access = can_frames.parse_identifier(can_id)
         space, address, where = self._can_space(access.flag), access.address, f"id {access.hand_id}"
         other = "" if space is not None else " of the hand's own registers"
         if access.flag not in CAN_KINDS:
@@ -520,8 +524,8 @@ class InspireExplainer(Cutter):
 
     def _can_piece(
         self, direction: str, can_id: int, data: bytes, meaning: str = "", *, title: str = "", problem: str = "", key: str = ""
-    ) -> Piece:  # fmt: skip
-        access = canreg.parse_identifier(can_id)
+    ) -> ExplainedBytes:  # fmt: skip
+        access = can_frames.parse_identifier(can_id)
         space, address = self._can_space(access.flag), access.address
         if direction == HOST and access.writes and key:
             title = f"write {span_name(space, address, len(data))}"
@@ -533,7 +537,7 @@ class InspireExplainer(Cutter):
             parts += span_parts(space, address, data)
         elif data:
             parts.append(Part(data, "written" if access.writes else "count", " ".join(map(str, data))))
-        return Piece(
+        return ExplainedBytes(
             direction=direction, raw=data, can_id=can_id, title=title, problem=problem,
             meaning=meaning or self._can_words(direction, can_id, data),
             asks=key if direction == HOST else "", answers=key if direction == DEVICE else "",
@@ -543,13 +547,13 @@ class InspireExplainer(Cutter):
 
     # -- Modbus -------------------------------------------------------------------------------------------------------
 
-    def _modbus_piece(self, direction: str, raw: bytes, mode: str) -> Piece:
+    def _modbus_piece(self, direction: str, raw: bytes, mode: str) -> ExplainedBytes:
         pdu = pdu_of(raw, mode)
         unit = raw[6] if mode == TCP else raw[0]
         # Order, not the transaction, pairs an answer: some hands count wrongly (rh56 §2.3).
-        key = f"{mode} {'' if mode == TCP else unit} {pdu[0] & ~modbus.FAILED}"
+        key = f"{mode} {'' if mode == TCP else unit} {pdu[0] & ~modbus_frames.FAILED}"
         where = f"transaction {int.from_bytes(raw[:2], 'big')}" if mode == TCP else f"id {unit}"
-        echo, fits = direction == DEVICE and modbus.only_reads(pdu), False
+        echo, fits = direction == DEVICE and modbus_frames.only_reads(pdu), False
         if direction == HOST or echo:
             meaning, title, address, data = self._question(pdu)
             meaning = f"our own bytes came back: {meaning}" if echo else meaning
@@ -557,10 +561,10 @@ class InspireExplainer(Cutter):
         else:
             asked = self._questions.get(key)
             meaning, title, address, data = self._answer(pdu, asked)
-            fits = asked is not None and modbus.answers(pdu, asked)
-        problem = "echo" if echo else "refused" if pdu[0] & modbus.FAILED else ""
+            fits = asked is not None and modbus_frames.answers(pdu, asked)
+        problem = "echo" if echo else "refused" if pdu[0] & modbus_frames.FAILED else ""
         params, at = self.params, None if address is None else address * self.per  # as they are now: looked at later
-        return Piece(
+        return ExplainedBytes(
             direction=direction, raw=raw, meaning=f"{meaning}, {where}", title=title, problem=problem,
             asks=key if direction == HOST else "", answers=key if fits else "",
             fields={"id": unit, "function": pdu[0], "address": address},
@@ -570,42 +574,52 @@ class InspireExplainer(Cutter):
 
     def _question(self, pdu: bytes) -> tuple[str, str, int | None, bytes]:
         """(meaning, title, address, data); no data where nothing is named by it."""
-        address, beside = int.from_bytes(pdu[1:3], "big"), self._generations.beside
-        if pdu[0] == modbus.READ:
+        address, other_generations = int.from_bytes(pdu[1:3], "big"), self._generations.other_generations
+        if pdu[0] == modbus_frames.READ:
             words = int.from_bytes(pdu[3:5], "big")
             text = self._asks(self.params, address, words, "register")
-            return text + beside(address, 2 * words, writes=False), "", address, b""
-        data = modbus.to_memory(pdu[3:5] if pdu[0] == modbus.WRITE_ONE else pdu[6:])
+            return text + other_generations(address, 2 * words, writes=False), "", address, b""
+        data = modbus_frames.to_memory(pdu[3:5] if pdu[0] == modbus_frames.WRITE_ONE else pdu[6:])
         text = f"write {self._holds(self.params, address, data)} at {address}"
         title = f"write {span_name(self.params, address * self.per, len(data))}"
-        return text + beside(address, len(data), writes=True), title, address, data
+        return text + other_generations(address, len(data), writes=True), title, address, data
 
     def _answer(self, pdu: bytes, asked: bytes | None) -> tuple[str, str, int | None, bytes]:
         """The same of what the device says."""
-        if pdu[0] & modbus.FAILED:
+        if pdu[0] & modbus_frames.FAILED:
             code = pdu[1] if len(pdu) > 1 else 0
-            return f"refused: exception {code:02X}, {modbus.EXCEPTIONS.get(code, 'unknown')}", "refused", None, b""
-        if pdu[0] != modbus.READ:
+            return (
+                f"refused: exception {code:02X}, {modbus_frames.EXCEPTIONS.get(code, 'unknown')}",
+                "refused",
+                None,
+                b"",
+            )
+        if pdu[0] != modbus_frames.READ:
             address = int.from_bytes(pdu[1:3], "big")
             return self._acknowledged("accepted", self.params, address), "", address, b""
-        data = modbus.to_memory(pdu[2:])
+        data = modbus_frames.to_memory(pdu[2:])
         if asked is None:
             text = f"{plural(len(data) // 2, 'register')}, not asked for here: {data.hex(' ').upper()}"
             return text, "others", None, b""
         address = int.from_bytes(asked[1:3], "big")
         self._heard(address, data)
         text = self._holds(self.params, address, data)
-        return text + self._generations.beside(address, len(data), writes=False, data=data), "", address, data
+        return (
+            text + self._generations.other_generations(address, len(data), writes=False, data=data),
+            "",
+            address,
+            data,
+        )
 
 
 def _modbus_parts(raw: bytes, mode: str, values: Sequence[Part], size: int) -> list[Part]:
     """A frame of Modbus field by field; its last `size` bytes are the `values`, where there are any."""
     pdu = pdu_of(raw, mode)
-    head = raw[: modbus.MBAP] if mode == TCP else raw[:1]
+    head = raw[: modbus_frames.MBAP] if mode == TCP else raw[:1]
     rest = pdu[1 : len(pdu) - size] if values else pdu[1:]
     found = [Part(head, "header" if mode == TCP else "unit", f"Modbus {mode.upper()}")]
     found += [Part(pdu[:1], "function", f"{pdu[0]:02X}"), Part(rest, "address, count", "")]
-    found += [Part(modbus.to_memory(part.raw), part.name, part.meaning) for part in values]
+    found += [Part(modbus_frames.to_memory(part.raw), part.name, part.meaning) for part in values]
     return [*found, Part(raw[-2:], "CRC", "right")] if mode == RTU else found
 
 
@@ -641,23 +655,25 @@ def _cut_eb90(buffer: bytearray, *, final: bool) -> Cut:
 
 def _cut_modbus(buffer: bytearray, *, final: bool) -> Cut:
     """See Cutter: what does not begin as EB 90 does."""
-    for size, mode in ((modbus.tcp_size(buffer), TCP), (modbus.rtu_size(buffer), RTU)):
+    for size, mode in ((modbus_frames.tcp_size(buffer), TCP), (modbus_frames.rtu_size(buffer), RTU)):
         if size and size <= len(buffer):
             return Cut(size, mode=mode)
-    waits = modbus.tcp_size(buffer) > len(buffer) or any(size > len(buffer) for size in modbus.rtu_sizes(buffer))
-    waits = waits or (len(buffer) <= modbus.MBAP and b"\0\0".startswith(buffer[2:4]))
+    waits = modbus_frames.tcp_size(buffer) > len(buffer) or any(
+        size > len(buffer) for size in modbus_frames.rtu_sizes(buffer)
+    )
+    waits = waits or (len(buffer) <= modbus_frames.MBAP and b"\0\0".startswith(buffer[2:4]))
     if waits and not final:
         return Cut(0)
 
     def begins(rest: bytearray) -> bool:
-        tcp = 0 < modbus.tcp_size(rest) <= len(rest)
-        return bytes(rest[:2]) in (eb90.HOST, eb90.DEVICE) or tcp or modbus.rtu_size(rest) > 0
+        tcp = 0 < modbus_frames.tcp_size(rest) <= len(rest)
+        return bytes(rest[:2]) in (eb90.HOST, eb90.DEVICE) or tcp or modbus_frames.rtu_size(rest) > 0
 
     place = next((place for place in range(1, len(buffer)) if begins(buffer[place:])), len(buffer))
     return Cut(place, "stray")
 
 
-def _annotated(piece: Piece, explained: str | None) -> Piece:
+def _annotated(piece: ExplainedBytes, explained: str | None) -> ExplainedBytes:
     """A frame that the manual prints for something else, with what it says about that."""
     return piece if explained is None else replace(piece, meaning=f"{piece.meaning}. {explained}")
 
@@ -694,13 +710,13 @@ def _inner(buffer: bytearray, end: int) -> tuple[int, int]:
     return 0, begun
 
 
-# -- what writes, and what acknowledges it (see model.ledger) ---------------------------------------------------------
+# -- what writes, and what acknowledges it (see model.write_ledger) ---------------------------------------------------------
 
 SHORTEST = 7
 """Bytes of a request up to its address."""
 
 
-class InspireWrites:
+class InspireWriteRules:
     """One connection to an exo, a wrist or a hand, on whichever wire."""
 
     def __init__(self, shown: InspireExplainer) -> None:
@@ -710,7 +726,7 @@ class InspireWrites:
         """Key of a save, whose acknowledgement tells only that its result will come."""
 
     def sent(self, data: bytes, can_id: int | None) -> Sequence[Written]:
-        """See WriteWords."""
+        """See WriteRules."""
         found, pieces = [], self._shown.sent(data, can_id)
         for piece in pieces if can_id is not None or not eb90.only_reads(data) else ():
             same = self.planned(piece.raw, can_id)
@@ -724,7 +740,7 @@ class InspireWrites:
         return found
 
     def came(self, data: bytes, can_id: int | None) -> Iterable[tuple[Hashable, bool]]:
-        """See WriteWords."""
+        """See WriteRules."""
         for piece in self._shown.feed(DEVICE, data, can_id):
             if piece.problem not in ("", "refused") or (can_id is not None and data == self._can.get(can_id)):
                 continue  # what may be our own write coming back: who asked knows whether it is
@@ -737,22 +753,22 @@ class InspireWrites:
                 yield key, not piece.problem
 
     def planned(self, data: bytes, can_id: int | None) -> Hashable:
-        """See WriteWords."""
+        """See WriteRules."""
         if can_id is not None:
-            reads = canreg.parse_identifier(can_id).flag in (canreg.READ_HAND, canreg.READ_WRIST)
+            reads = can_frames.parse_identifier(can_id).flag in (can_frames.READ_HAND, can_frames.READ_WRIST)
             return None if reads else (can_id, data)
         if mode := mode_of(data):
             pdu = pdu_of(data, mode)
-            return None if modbus.only_reads(pdu) else (mode, pdu)
+            return None if modbus_frames.only_reads(pdu) else (mode, pdu)
         reads = data[:2] == eb90.HOST and len(data) == 9 and data[3] == 4 and data[4] in (eb90.READ, eb90.WRIST_READ)
         return None if reads or eb90.only_reads(data) else data
 
     def next(self, data: bytes, can_id: int | None) -> str:
-        """See WriteWords."""
+        """See WriteRules."""
         params, wrist = self._shown.params, self._shown.params is WRIST
         if can_id is not None:
-            access = canreg.parse_identifier(can_id)
-            return self._read(access.address, len(data), of_hand=wrist and access.flag == canreg.WRITE_HAND)
+            access = can_frames.parse_identifier(can_id)
+            return self._read(access.address, len(data), of_hand=wrist and access.flag == can_frames.WRITE_HAND)
         if mode := mode_of(data):
             return self._read(int.from_bytes(pdu_of(data, mode)[1:3], "big"), 2)
         flag = data[4] if len(data) > 4 else 0

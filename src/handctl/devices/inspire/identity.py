@@ -16,8 +16,8 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from handctl.devices.inspire import eb90, modbus
-from handctl.devices.inspire.registers import READS, RegisterBus, Span
+from handctl.devices.inspire import eb90, modbus_frames
+from handctl.devices.inspire.register_bus import READS, RegisterBus, Span
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.light import NamedTuple
 from handctl.link import FrameLink
@@ -25,8 +25,8 @@ from handctl.model.device import Gate
 from handctl.model.result import hex_bytes
 
 if TYPE_CHECKING:
-    from handctl.devices.inspire.base import RegisterDevice
-    from handctl.devices.inspire.registers import RegisterBus, Span
+    from handctl.devices.inspire.register_bus import RegisterBus, Span
+    from handctl.devices.inspire.register_device import RegisterDevice
 
 At = Callable[[int, int], bytes | None]
 """(address, count) -> the bytes there, None where they were not read."""
@@ -38,7 +38,7 @@ LEAST = 0.010
 
 DAMAGED = ("bad-checksum", "cut-short")
 """What a valid answer turns into on a disturbed line."""
-AT_WORK = frozenset(f"modbus-{code}" for code in modbus.PASSING)
+AT_WORK = frozenset(f"modbus-{code}" for code in modbus_frames.PASSING)
 """Passes, and says nothing about who refuses."""
 AT_WORK_TIMES, AT_WORK_SECONDS = 4, 0.1
 
@@ -164,7 +164,7 @@ SIX_HINT = "use `handctl hand` for the hand itself, `handctl wrist` for a wrist 
 # -- looking ------------------------------------------------------------------------------------------------------
 
 
-class Look:
+class IdentityCheck:
     """One identity check of the id of `bus`: the family's own request first, then requests that could contradict it.
 
     held  what was read there already, in its own space: that is not asked for again; None = nothing
@@ -364,7 +364,7 @@ class FamilyGate(Gate):
         met.add(who)
 
     def _judge_read(self, bus: RegisterBus, blocks: Sequence[tuple[int, bytes]]) -> None:
-        look = Look(bus, within(blocks))
+        look = IdentityCheck(bus, within(blocks))
         kind = look.contradiction(self._own) if self._own is not WRIST else None  # nobody else has answered
         if kind is not None:
             raise stranger(bus, kind, self._own, look.evidence)
@@ -376,13 +376,13 @@ class FamilyGate(Gate):
         if (self._own.family, bus.id) in bus.journal.line.met or bus.link.replayed or bus.over:
             return
         self._sought = True
-        look = Look(bus)
+        look = IdentityCheck(bus)
         if (kind := look.hand(error)) is not None:
             look.evidence = f"{look.evidence}, and there is no answer to the wrist's flag (30, on CAN 4)"
             raise stranger(bus, kind, self._own, look.evidence) from error
 
     def _judge(self, bus: RegisterBus) -> None:
-        look = Look(bus)
+        look = IdentityCheck(bus)
         kind = look.who(self._own)
         if kind.family != self._own.family:
             raise stranger(bus, kind, self._own, look.evidence)

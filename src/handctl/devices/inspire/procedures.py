@@ -12,18 +12,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.identity import identify_alone, naming_twins
 from handctl.devices.inspire.map import BAUD_RATES, OVER_TEMPERATURE, Register
-from handctl.devices.inspire.registers import FLOOD, RegisterBus
+from handctl.devices.inspire.register_bus import FLOOD, RegisterBus
+from handctl.devices.inspire.serial_bus import Bus
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink
-from handctl.model.guide import Guide
 from handctl.model.param import Element, Reading, elements_of
+from handctl.model.prompts import Prompts
 from handctl.model.result import Column, Row, Table, hex_bytes
 
 if TYPE_CHECKING:
-    from handctl.devices.inspire.base import RegisterDevice
+    from handctl.devices.inspire.register_device import RegisterDevice
 
 PROBE_SECONDS = 0.1
 PATIENCE_SECONDS = 2.5
@@ -154,7 +154,7 @@ def change_id(hand: RegisterDevice, new: int, *, saved_next: bool = False) -> Ta
             code="id-taken",
         )
     identify_alone(hand)
-    with hand.bus.leaving(
+    with hand.bus.on_early_end(
         f"the hand may have id {new} already",
         f"find it with `handctl {hand.kind} scan`. A power-cycle brings back the saved id",
     ):
@@ -198,7 +198,7 @@ def _write_id(hand: RegisterDevice, new: int, saved_next: bool) -> Table:
     try:
         bus.at(device_id=new).read(*bus.presence)
     except (NoAnswer, ProtocolError) as exc:
-        raise exc.retold(
+        raise exc.reworded(
             f"{bus.link.name}: no hand answers to id {new} or {old} after the id change: {exc.text}",
             hint=f"find the hand with `handctl {hand.kind} scan`. A power-cycle brings back the saved id",
         ) from exc
@@ -225,7 +225,7 @@ def _id_row(hand: RegisterDevice, before: int) -> Table:
 def change_baud(hand: RegisterDevice, rate: int) -> Table:
     """Write the speed of an EH55BF1 that counts after save and power cycle (exo §2.3.2), and read it back.
 
-    The port stays as it is. The RH56 hands have their own way (`hand.place`): their code lies elsewhere.
+    The port stays as it is. The RH56 hands have their own way (`hand.baud_and_network`): their code lies elsewhere.
     """
     register, code = hand.map["baud_code"], hand.speed_code(rate)
     element = Element(register, 0)
@@ -246,30 +246,30 @@ def change_baud(hand: RegisterDevice, rate: int) -> Table:
     return hand.table(readings)
 
 
-def wait_for_speed(hand: RegisterDevice, rate: int, guide: Guide, *, seconds: float = POWER_CYCLE_SECONDS) -> bool:
+def wait_for_speed(hand: RegisterDevice, rate: int, prompts: Prompts, *, seconds: float = POWER_CYCLE_SECONDS) -> bool:
     """Wait until the hand answers at `rate` after a power cycle. A simulator's power is switched here."""
     link = hand.bus.link
     assert isinstance(link, ByteLink)
     if link.power_cycle():
-        guide.say("simulated: the simulator's power was switched off and on")
+        prompts.say("simulated: the simulator's power was switched off and on")
     else:
-        guide.say(
+        prompts.say(
             f"Switch the hand's power off and on now. handctl waits up to {seconds:.0f} s for it at {rate} bit/s."
         )
     link.set_baud(rate)
     end = link.deadline(seconds)
     while not end.expired:
-        guide.progress(f"waiting for id {hand.bus.id} at {rate} bit/s, {end.remaining:.0f} s left")
+        prompts.progress(f"waiting for id {hand.bus.id} at {rate} bit/s, {end.remaining:.0f} s left")
         try:
             allowed = max(PROBE_SECONDS, 2 * (hand.bus.round_trip or 0.0))
             if probe(hand.bus, hand.bus.id, seconds=allowed) and hand.bus.pace(allowed) is not None:
-                guide.done()
+                prompts.done()
                 return True
         except ProtocolError:
             pass  # bytes of a hand that starts, or still talks at the old speed
         hand.bus.out_of_time("the power-cycle")
         hand.bus.pause(0.2)
-    guide.done()
+    prompts.done()
     return False
 
 
@@ -277,7 +277,7 @@ def wait_for_speed(hand: RegisterDevice, rate: int, guide: Guide, *, seconds: fl
 
 
 def wait_for_calibration(
-    bus: RegisterBus, guide: Guide, seconds: float, more: str, power_off: str
+    bus: RegisterBus, prompts: Prompts, seconds: float, more: str, power_off: str
 ) -> eb90.Frame | None:
     """Wait for the frame that reports the end, or for the usual time without one. Sends nothing."""
     started = bus.link.now()
@@ -285,14 +285,14 @@ def wait_for_calibration(
     try:
         while bus.link.now() < end and not bus.over:
             elapsed = bus.link.now() - started
-            guide.progress(f"calibrating {elapsed:4.1f} s of at most {seconds:.0f} s{more}", power_off)
+            prompts.progress(f"calibrating {elapsed:4.1f} s of at most {seconds:.0f} s{more}", power_off)
             step = min(0.25, end - bus.link.now())
             if not bus.reports:
                 bus.pause(step)
             elif (frame := bus.listen([eb90.read_reply_prefix(bus.id, eb90.CALIBRATION_END, 1)], step)) is not None:
                 return frame
     finally:
-        guide.done()
+        prompts.done()
     return None
 
 
@@ -352,21 +352,21 @@ def clear_errors(hand: RegisterDevice) -> Table:
     return table
 
 
-def save(hand: RegisterDevice, guide: Guide) -> Table:
+def save(hand: RegisterDevice, prompts: Prompts) -> Table:
     """Write the present parameters to flash and wait for the result that comes about a second later (exo §2.3.4, rh56 §2.1).
 
     Two frames answer: the acknowledgement (01 = accepted) and the result (00 = saved, FF = failed; the sense is
     inverted, RH56 ch. 3 ex. 4). Nothing is sent in between. Raises DeviceRefused for FF or a refused acknowledgement.
     """
     identify_alone(hand, refusal=True)
-    with hand.bus.leaving(
+    with hand.bus.on_early_end(
         "the save was sent, but its result is not known",
         f"save again, or power-cycle the hand and check with `handctl {hand.kind} get id baud_code`",
     ):
-        return _save(hand, guide)
+        return _save(hand, prompts)
 
 
-def _save(hand: RegisterDevice, guide: Guide) -> Table:
+def _save(hand: RegisterDevice, prompts: Prompts) -> Table:
     bus, register = hand.bus, hand.map["save"]
     place = register.place_of(0)
     results = [eb90.write_ack_prefix(bus.id, place), eb90.read_reply_prefix(bus.id, place, 1)]
@@ -381,17 +381,17 @@ def _save(hand: RegisterDevice, guide: Guide) -> Table:
         )
         bus.pause(SAVE_RESULT_SECONDS)  # nothing is written meanwhile (rh56 §9)
         return outcome(hand, register, "sent", None)
-    guide.progress("saving to flash")
+    prompts.progress("saving to flash")
     end = bus.link.deadline(SAVE_RESULT_SECONDS)
     frame = bus.listen(results, end.remaining)
     while frame is not None and frame.flag == eb90.WRITE and frame.data == b"\x01":
         lost = None  # late, or twice
         frame = bus.listen(results, end.remaining)
-    guide.done()
+    prompts.done()
     if frame is None:
         bus.out_of_time("the result of the save")
         if lost is not None:
-            raise lost.retold(
+            raise lost.reworded(
                 lost.text,
                 hint=f"power-cycle the hand and check with `handctl {hand.kind} get id baud_code`: the result is not known",
             )
@@ -412,7 +412,7 @@ def _save(hand: RegisterDevice, guide: Guide) -> Table:
 
 def factory_reset(hand: RegisterDevice) -> Table:
     """Write 1 to the sibling's reset address 1006; this manual names none (exo §2.3.5). Then look who answers."""
-    with hand.bus.leaving(
+    with hand.bus.on_early_end(
         "the reset was sent, but the hand's present id is unknown",
         f"{power_cycle(hand)} Nothing was saved automatically.",
     ):

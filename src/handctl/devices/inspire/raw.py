@@ -8,15 +8,15 @@ from functools import partial
 from itertools import groupby
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.base import RegisterDevice
-from handctl.devices.inspire.bus import PATIENCE, Bus, hint_for, mishap, others_speak, shorten
 from handctl.devices.inspire.explain import InspireExplainer
 from handctl.devices.inspire.map import ALONE, EXO, Register
-from handctl.devices.inspire.registers import RegisterBus
-from handctl.devices.inspire.spans import stretches
+from handctl.devices.inspire.register_bus import RegisterBus
+from handctl.devices.inspire.register_device import RegisterDevice
+from handctl.devices.inspire.register_spans import stretches
+from handctl.devices.inspire.serial_bus import PATIENCE, Bus, hint_for, mishap, others_speak, shorten
 from handctl.errors import CheckFailed, DeviceRefused, ProtocolError, UsageError
+from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
-from handctl.model.piece import DEVICE, HOST, Piece
 from handctl.model.result import Column, Row, Table, hex_bytes
 
 FORCED = "Add --force-ambiguous to send it anyway."
@@ -241,7 +241,7 @@ def goes_on(hand: RegisterDevice, step: Step) -> AbstractContextManager[None]:
     """Ctrl-C while the answer to raw bytes is awaited: they are not taken back, which is told."""
     if not (step.moves or step.strands):
         return nullcontext()
-    return hand.bus.leaving(
+    return hand.bus.on_early_end(
         f"the bytes were sent and cannot be taken back: {step.meaning}", f"check with `handctl {hand.kind} status`"
     )
 
@@ -299,7 +299,7 @@ RAW_COLUMNS = (
 )
 
 
-def _frame_row(piece: Piece) -> Row:
+def _frame_row(piece: ExplainedBytes) -> Row:
     frame = eb90.Frame(piece.raw[:2], piece.raw[2], piece.raw[4], piece.raw[5:-1])
     return {
         "direction": "device" if frame.from_device else "host",

@@ -13,22 +13,22 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
-from handctl.devices.inspire import canreg, eb90
-from handctl.devices.inspire.base import RegisterDevice
-from handctl.devices.inspire.bus import Bus, foreign_in, hint_for
-from handctl.devices.inspire.canbus import CanBus
-from handctl.devices.inspire.identity import EXO, SIX_HINT, WRIST, Kind, Look, Row4, same_id
-from handctl.devices.inspire.modbus import RTU_SPEED
-from handctl.devices.inspire.modbusbus import ModbusBus
-from handctl.devices.inspire.registers import BETWEEN_PROTOCOLS, RegisterBus, Span, at_speed, other_speed
-from handctl.devices.inspire.scanner import Asker, CanSearch, Findings, RtuSearch, Scanner, Wanted
+from handctl.devices.inspire import can_frames, eb90
+from handctl.devices.inspire.can_bus import CanBus
+from handctl.devices.inspire.identity import EXO, SIX_HINT, WRIST, IdentityCheck, Kind, Row4, same_id
+from handctl.devices.inspire.modbus_bus import ModbusBus
+from handctl.devices.inspire.modbus_frames import RTU_SPEED
+from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus, Span, at_speed, other_speed
+from handctl.devices.inspire.register_device import RegisterDevice
+from handctl.devices.inspire.scanner import CanSearch, Findings, Requester, RtuSearch, Scanner, Wanted
+from handctl.devices.inspire.serial_bus import Bus, frames_of_others, hint_for
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline, FrameLink, Link
-from handctl.model.guide import Progress
 from handctl.model.param import ids_in
-from handctl.model.quest import Quest
+from handctl.model.prompts import Progress
 from handctl.model.result import Journal, Row
-from handctl.sentence import plural
+from handctl.model.scan_task import ScanTask
+from handctl.wording import plural
 
 SPEEDS = (115200, 57600, 19200)
 """exo §2.3.2; the wrist's manual has 115200 only, its hand's the others too."""
@@ -70,7 +70,7 @@ class Target(NamedTuple):
 
 def parse_ids(text: str, wire: str) -> list[int]:
     """``1-254`` or ``1,2,10-20`` -> ids in that order, on CAN up to 16383, at most 4096 of them. Raises UsageError."""
-    ids = ids_in(text, canreg.check_id if wire == "can" else eb90.check_id)
+    ids = ids_in(text, can_frames.check_id if wire == "can" else eb90.check_id)
     if len(ids) > MOST:
         raise UsageError(
             f"--ids {text}: these are {plural(len(ids), 'id')}, but a scan asks 1 to {MOST}",
@@ -88,9 +88,9 @@ SLOWLY = 0.010
 """Seconds more for each id, where Modbus RTU is asked a second time."""
 
 
-def sweep(link: Link, journal: Journal, bound: Deadline | None, quest: Quest, targets: Sequence[Target]) -> None:
+def sweep(link: Link, journal: Journal, bound: Deadline | None, task: ScanTask, targets: Sequence[Target]) -> None:
     """Look for `targets` on a link, into the quest. Raises LinkError."""
-    Sweep(link, journal, bound, quest, targets).run()
+    Sweep(link, journal, bound, task, targets).run()
 
 
 class Sweep:
@@ -101,20 +101,20 @@ class Sweep:
         link: Link,
         journal: Journal,
         bound: Deadline | None,
-        quest: Quest,
+        task: ScanTask,
         targets: Sequence[Target],
-        beside: float | None = None,
+        additional: float | None = None,
     ) -> None:
-        self.beside = beside
-        self.link, self.journal, self.bound, self.quest, self.targets = link, journal, bound, quest, targets
-        self.ids = list(quest.ids or USUAL)
+        self.additional = additional
+        self.link, self.journal, self.bound, self.task, self.targets = link, journal, bound, task, targets
+        self.ids = list(task.ids or USUAL)
         self.families = [target.family for target in targets]
         self.names = " or ".join(self.families)
         # Of several one is asked for whose question the others answer as well, and who answers is looked at.
         self.lead = next((target for target in targets if target.own is not WRIST), targets[0])
-        self.own = self.lead.own if self.lead.own is WRIST or (len(targets) == 1 and beside is None) else EXO
+        self.own = self.lead.own if self.lead.own is WRIST or (len(targets) == 1 and additional is None) else EXO
         self.look = next((target.look for target in targets if target.look is not None), None)
-        spoken = {target.spoken(link.name, quest.own.get("protocol")) for target in targets}
+        spoken = {target.spoken(link.name, task.own.get("protocol")) for target in targets}
         self.tcp, self.rtu, self.eb90 = "tcp" in spoken, bool(spoken & {"auto", "modbus"}), spoken != {"modbus"}
         self.started = link.now()
         self.asked_rtu: list[int | None] = []
@@ -140,20 +140,20 @@ class Sweep:
         kind, model, shown = who or (None, None, "")
         row: Row = {"family": kind.family if kind is not None else None, "link": self.link.name, "baud": baud}
         row |= {"id": device_id, "protocol": protocol, "model": model}
-        self.quest.rows.append({**row, "evidence": "; ".join(filter(None, (read, shown))), "suspicion": odd or None})
+        self.task.rows.append({**row, "evidence": "; ".join(filter(None, (read, shown))), "suspicion": odd or None})
 
     def _judge_strangers(self) -> None:
         """Who is of none of the families that were asked for is told, and is no success."""
-        quest = self.quest
-        strange = [row for row in quest.rows if row["family"] not in self.families]
+        task = self.task
+        strange = [row for row in task.rows if row["family"] not in self.families]
         for row in strange:
             text = f"id {row['id']}{at_text(row['baud'])} is not of the family {self.names}: {row['evidence']}"
             self.journal.warn("other-device", text)
-        if strange and len(strange) == len(quest.rows):
-            quest.failure = DeviceRefused(
+        if strange and len(strange) == len(task.rows):
+            task.failure = DeviceRefused(
                 f"{self.link.name}: no {self.names}, but {strange[0]['evidence']}", hint=SIX_HINT, code="other-device"
             )
-        elif quest.rows and not quest.find_all:
+        elif task.rows and not task.find_all:
             self.journal.info("first", "the scan ended at the first device", hint="add --all to look for more")
 
     # -- serial --------------------------------------------------------------------------------------------------
@@ -163,7 +163,7 @@ class Sweep:
 
     def _on_line(self, link: ByteLink) -> None:
         speeds: list[int | None] = [link.baud]
-        if link.can_set_baud and self.quest.baud is None:
+        if link.can_set_baud and self.task.baud is None:
             speeds = list(self.lead.speeds if len(self.targets) == 1 else SPEEDS)
         found = Findings()
         with at_speed(link, None):
@@ -172,7 +172,7 @@ class Sweep:
             else:
                 self._rtu_alone(link, speeds)
             if self.asked_rtu and self.eb90 and self._time_left(2 * len(self.ids) * SLOWLY):
-                if link.can_set_baud and self.quest.baud is None:
+                if link.can_set_baud and self.task.baud is None:
                     link.set_baud(RTU_SPEED)
                 self._in_rtu(link, self.ids, SLOWLY)  # a delay that varies may have pushed questions together
             if WRIST.family in self.families and self.lead.own is not WRIST and self._time_left(1.0):
@@ -182,28 +182,28 @@ class Sweep:
 
     def _time_left(self, seconds: float) -> bool:
         """Whether nobody was found, and a silent line may be asked for so long yet."""
-        quest, over = self.quest, self.bound is not None and self.bound.expired
-        if quest.rows or self.collided or over or self.beside is not None:
+        task, over = self.task, self.bound is not None and self.bound.expired
+        if task.rows or self.collided or over or self.additional is not None:
             return False
-        return quest.silence is None or self._seconds + seconds < quest.silence
+        return task.silence is None or self._seconds + seconds < task.silence
 
     def _in_eb90(self, link: ByteLink, target: Target, speeds: Sequence[int | None]) -> Findings:
         """What a scan in EB90 for one target saw; who was found is in the rows."""
-        quest, lead = self.quest, target is self.lead
+        task, lead = self.task, target is self.lead
         want = Wanted(
-            find_all=quest.find_all,
+            find_all=task.find_all,
             probe=target.probe,
             twin=target.twin,
             own=self.own if lead else target.own,
-            thorough=quest.silence is None,
-            silence=None if quest.silence is None else max(0.0, quest.silence - self._seconds),
+            thorough=task.silence is None,
+            silence=None if task.silence is None else max(0.0, task.silence - self._seconds),
             between=self._between if self.rtu and lead else None,
             behind=(speeds[:2][-1] if FAST in speeds else speeds[0], None),
-            patience=0.0 if self.beside is not None else quest.patience or 0.0,
+            patience=0.0 if self.additional is not None else task.patience or 0.0,
             both_ways=all(one.both_ways for one in self.targets),
-            beside=self.beside,
+            additional=self.additional,
         )
-        scanner = Scanner(self._bus(link, target), Progress(quest.progress), want)
+        scanner = Scanner(self._bus(link, target), Progress(task.progress), want)
         found = scanner.run(self.ids, speeds)
         self.left += [left_text(speed, number, self.ids[-1], target.family) for speed, number in scanner.left]
         self.collided += found.twins
@@ -234,7 +234,7 @@ class Sweep:
         link = self.link
         assert isinstance(link, ByteLink)
         settable = link.can_set_baud and link.baud is not None
-        if self.asked_rtu or (settable and self.quest.baud is not None and link.baud != RTU_SPEED):
+        if self.asked_rtu or (settable and self.task.baud is not None and link.baud != RTU_SPEED):
             return False
         with at_speed(link, RTU_SPEED):
             return self._in_rtu(link, self.ids)
@@ -245,17 +245,17 @@ class Sweep:
             for speed in speeds:
                 if speed is not None and link.can_set_baud:
                     link.set_baud(speed)
-                if ids is rest and self.quest.silence is not None and link.now() > self.started + self.quest.silence:
+                if ids is rest and self.task.silence is not None and link.now() > self.started + self.task.silence:
                     self.left.append(left_text(speed, ids[0], self.ids[-1], self.lead.family))
-                elif self._in_rtu(link, ids) and not self.quest.find_all:
+                elif self._in_rtu(link, ids) and not self.task.find_all:
                     return
 
     def _in_rtu(self, link: ByteLink, ids: Sequence[int], more: float = 0.0) -> bool:
         """Whether a hand answers in Modbus RTU at this speed, or two with one id do."""
         self.asked_rtu.append(link.baud)
-        search = RtuSearch(link, self.journal, self.bound, self.quest.find_all, self.beside)
+        search = RtuSearch(link, self.journal, self.bound, self.task.find_all, self.additional)
         at = at_text(link.baud)
-        answered = search.run(ids, lambda number: self.quest.progress(f"id {number} in Modbus RTU{at}"), more)
+        answered = search.run(ids, lambda number: self.task.progress(f"id {number} in Modbus RTU{at}"), more)
         self.probes += search.probes
         for device_id in answered:
             bus = ModbusBus(link, device_id, self.journal, tcp=False, bound=self.bound)
@@ -266,7 +266,7 @@ class Sweep:
                 self._row(who, self._speed_that_matters(bus), device_id, "modbus-rtu", "")
         twins = [device_id for device_id, count in search.damaged.items() if device_id not in answered and count]
         self.collided += [(link.baud, device_id) for device_id in twins if self._alike(link, device_id)]
-        return bool(self.quest.rows or self.collided)
+        return bool(self.task.rows or self.collided)
 
     def _alike(self, link: ByteLink, device_id: int) -> bool:
         """Whether the id's own register, alike in two devices with one id, is read whole although other answers are damaged."""
@@ -290,7 +290,7 @@ class Sweep:
         return was if line.speed_matters else None
 
     def _over_tcp(self, link: ByteLink) -> None:
-        bus = ModbusBus(link, 1, self.journal, tcp=True, retries=0, bound=self.bound, timeout=self.quest.patience)
+        bus = ModbusBus(link, 1, self.journal, tcp=True, retries=0, bound=self.bound, timeout=self.task.patience)
         for timeout in (bus.timeout, 2 * bus.timeout):
             bus.timeout = timeout
             try:
@@ -299,13 +299,13 @@ class Sweep:
                     self._row(self.look(bus), None, bus.id, "modbus-tcp", "")
                     return
             except (NoAnswer, ProtocolError, DeviceRefused) as exc:
-                self.quest.failure = exc
-                self.quest.tried[None] = exc.code
+                self.task.failure = exc
+                self.task.tried[None] = exc.code
 
     # -- CAN -----------------------------------------------------------------------------------------------------
 
     def _on_can(self, link: FrameLink) -> None:
-        quest = self.quest
+        task = self.task
         known: list[int] = []
         failure: HandctlError | None = None
         for target in self.targets:
@@ -313,8 +313,8 @@ class Sweep:
                 continue
             bus = CanBus(link, self.ids[0], self.journal, retries=0, bound=self.bound, family=target.family)
             search = CanSearch(bus, target.can, target.family)
-            quest.progress(f"ids {self.ids[0]} to {self.ids[-1]} of {target.family}")
-            found = search.run([number for number in self.ids if number not in known], quest.find_all, quest.patience)
+            task.progress(f"ids {self.ids[0]} to {self.ids[-1]} of {target.family}")
+            found = search.run([number for number in self.ids if number not in known], task.find_all, task.patience)
             known += found
             for number in found:
                 here = bus.at(device_id=number)
@@ -332,16 +332,16 @@ class Sweep:
             )
             summary += ", ended by --deadline before all were asked" if search.cut else ""
             self.journal.info("scanned", summary)
-            quest.facts |= {"probes": search.probes, "error_frames": search.errors}
+            task.facts |= {"probes": search.probes, "error_frames": search.errors}
             failure = failure or search.nothing(summary)
-            if quest.rows and not quest.find_all:
+            if task.rows and not task.find_all:
                 break
-        quest.facts["seconds"] = round(self._seconds, 3)
-        if not quest.rows and failure is not None:
-            quest.failure = failure
-            quest.tried[None] = failure.code
-            if not quest.ids:
-                quest.left.append(f"ids above {USUAL[-1]} of {canreg.MAX_ID}: --ids {USUAL.stop}-4350 goes on")
+        task.facts["seconds"] = round(self._seconds, 3)
+        if not task.rows and failure is not None:
+            task.failure = failure
+            task.tried[None] = failure.code
+            if not task.ids:
+                task.left.append(f"ids above {USUAL[-1]} of {can_frames.MAX_ID}: --ids {USUAL.stop}-4350 goes on")
 
     @property
     def _seconds(self) -> float:
@@ -350,8 +350,8 @@ class Sweep:
     # -- words ---------------------------------------------------------------------------------------------------
 
     def _tell(self, link: ByteLink, found: Findings, speeds: Sequence[int | None]) -> None:
-        quest, journal = self.quest, self.journal
-        quest.left += self._left_out(link, speeds)
+        task, journal = self.task, self.journal
+        task.left += self._left_out(link, speeds)
         at = ", ".join(str(speed) if speed else "the link's speed" for speed in speeds)
         probes = found.probes + self.probes
         summary = f"{probes} probes, {self._seconds:.2f} s, asked for: {span_text(self.ids)} at {at}"
@@ -364,7 +364,7 @@ class Sweep:
         if found.cut:
             summary += ", ended by --deadline before all were asked"
         journal.info("scanned", summary)
-        quest.facts = {
+        task.facts = {
             "probes": probes,
             "seconds": round(self._seconds, 3),
             "single_ms": None if found.single is None else round(found.single * 1000, 3),
@@ -381,28 +381,28 @@ class Sweep:
                 f"id {device_id}{at_text(speed)}: two devices with the same id answer. Readings that they share arrive intact, the others are damaged",
                 hint=ONE_ID,
             )
-        quest.twins = sorted({number for _, number in self.collided})
-        if not quest.rows:
-            quest.failure = nothing(
-                self.link.name, self.names, self.lead.family, found, quest.twins, summary
+        task.twins = sorted({number for _, number in self.collided})
+        if not task.rows:
+            task.failure = nothing(
+                self.link.name, self.names, self.lead.family, found, task.twins, summary
             ) or self._silence(found.cut, summary)
-        for speed in speeds if quest.baud is None else [None]:
-            quest.tried[speed] = quest.failure.code if quest.failure is not None else "found"
+        for speed in speeds if task.baud is None else [None]:
+            task.tried[speed] = task.failure.code if task.failure is not None else "found"
 
     def _left_out(self, link: ByteLink, speeds: Sequence[int | None]) -> list[str]:
         """What was not asked, and how to ask it: a BarrettHand could take its bytes for a command, or for firmware."""
         left = list(self.left)
-        if self.quest.silence is not None:
+        if self.task.silence is not None:
             left.append(
                 "all ids a second time, with more room for each answer, as a half-duplex line needs whose delay varies: --all asks so"
             )
-        if self.quest.rows or self.collided or not link.can_set_baud or link.replayed or self.look is None:
+        if self.task.rows or self.collided or not link.can_set_baud or link.replayed or self.look is None:
             return left
         others = ", ".join(str(speed) for speed in self._hands_speeds if speed != RTU_SPEED)
         if self.eb90 and self.rtu and others:
             text = f"Modbus RTU at {others} bit/s: if no BarrettHand is on this line, `handctl hand scan --protocol modbus` asks there"
             left.append(text)
-        unasked = [speed for speed in self._hands_speeds if speed not in speeds and self.quest.baud is None]
+        unasked = [speed for speed in self._hands_speeds if speed not in speeds and self.task.baud is None]
         left += [f"{speed} bit/s: `handctl hand scan` asks there" for speed in unasked]
         return left
 
@@ -451,9 +451,9 @@ def nothing(
     elif twice:
         code, hint = "bad-checksum", BAD_HINT
         text = f"{ids_text(twice)} answered, but each time with a wrong checksum"
-    elif found.beheaded:
+    elif found.headless:
         code = "first-byte-lost"
-        text = f"{ids_text(sorted(found.beheaded))} answered, but the first byte of each answer is missing"
+        text = f"{ids_text(sorted(found.headless))} answered, but the first byte of each answer is missing"
     elif found.foreign:
         code = "wrong-id"
         text = f"{ids_text([device_id for _, device_id in found.unconfirmed])} answered, but not when it was asked"
@@ -494,13 +494,13 @@ class Probing:
         self, link: Link, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
     ) -> list[Row]:
         """Rows of whoever answers to `ids` at the link's present speed. Raises NoAnswer, ProtocolError for what came instead."""
-        quest = Quest(ids=ids, baud=getattr(link, "baud", None) or 0, patience=timeout, progress=journal.progress)
-        Sweep(link, journal, deadline, quest, [self.target], beside=timeout or WAIT).run()
-        if quest.failure is not None and not quest.rows:
-            if quest.failure.code == "deadline":
-                raise NoAnswer(quest.failure.text, hint=quest.failure.hint)  # it is the search's, which says so itself
-            raise quest.failure
-        return quest.rows
+        task = ScanTask(ids=ids, baud=getattr(link, "baud", None) or 0, patience=timeout, progress=journal.progress)
+        Sweep(link, journal, deadline, task, [self.target], additional=timeout or WAIT).run()
+        if task.failure is not None and not task.rows:
+            if task.failure.code == "deadline":
+                raise NoAnswer(task.failure.text, hint=task.failure.hint)  # it is the search's, which says so itself
+            raise task.failure
+        return task.rows
 
     def ping(self, device: RegisterDevice) -> None:
         """One short read, asked once. Raises what the bus raises."""
@@ -508,7 +508,7 @@ class Probing:
 
     def identify(self, device: RegisterDevice) -> tuple[str, str, str]:
         """Status, evidence and remedy of an identity check. Raises as the check does."""
-        own, look = self.target.own, Look(device.bus)
+        own, look = self.target.own, IdentityCheck(device.bus)
         kind = look.who(own)
         if kind is own:
             return "ok", f"nothing contradicts {own.words}: {look.evidence}", ""
@@ -529,14 +529,14 @@ class Probing:
         if not isinstance(bus, Bus):
             return
         line = bus.journal.line
-        if foreign_in(unasked, b"", lambda _frame: False):
+        if frames_of_others(unasked, b"", lambda _frame: False):
             line.others = True
         if not len(line.trips):
             return
         with suppress(NoAnswer, ProtocolError):
             for _ in range(2):
                 bus.read(*self.long, retries=0)
-        asker = Asker(bus, ASIDE, self.target.probe)
+        asker = Requester(bus, ASIDE, self.target.probe)
         line.half_duplex = not any(asker.overlaps(bus.id, BURST) for _ in range(2))
         line.others = bool(line.others)
         bus.drain()
@@ -544,7 +544,7 @@ class Probing:
     def overheard(self, data: bytes) -> list[int]:
         """The ids of frames in `data` that others asked or answered, of the wrist's flags or of all others."""
         own = (eb90.WRIST_READ, eb90.WRIST_WRITE)
-        frames = foreign_in(data, b"", lambda _frame: False)
+        frames = frames_of_others(data, b"", lambda _frame: False)
         return sorted({frame.id for frame in frames if (frame.flag in own) is (self.target.own is WRIST)})
 
 

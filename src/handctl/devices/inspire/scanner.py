@@ -21,18 +21,18 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import NamedTuple
 
-from handctl.devices.inspire import canreg, eb90, modbus
-from handctl.devices.inspire.bus import Bus, beheaded, foreign_in
-from handctl.devices.inspire.canbus import HINTS, NO_ACK_HINT, CanBus, bus_failure, said_damaged
+from handctl.devices.inspire import can_frames, eb90, modbus_frames
+from handctl.devices.inspire.can_bus import HINTS, NO_ACK_HINT, CanBus, bus_failure, said_damaged
 from handctl.devices.inspire.eb90 import Decoder, Frame
-from handctl.devices.inspire.identity import WRIST, Kind, Look
-from handctl.devices.inspire.modbusbus import QUIET_SECONDS
-from handctl.devices.inspire.registers import FRESH, READS, Span, ahead, at_speed, other_speed, question
+from handctl.devices.inspire.identity import WRIST, IdentityCheck, Kind
+from handctl.devices.inspire.modbus_bus import QUIET_SECONDS
+from handctl.devices.inspire.register_bus import FRESH, READS, Span, ahead, at_speed, other_speed, question
+from handctl.devices.inspire.serial_bus import Bus, frames_of_others, headless
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, CanFrame, Deadline
-from handctl.model.frames import frames_in
-from handctl.model.guide import Guide
-from handctl.model.profile import Profile
+from handctl.model.decoder import frames_in
+from handctl.model.line_quality import LineQuality
+from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
 
 LATELY = 4096
@@ -53,7 +53,7 @@ class Findings:
     unconfirmed: list[tuple[int | None, int]] = field(default_factory=list)
     damaged: dict[int, int] = field(default_factory=dict)
     foreign: int = 0
-    beheaded: set[int] = field(default_factory=set)
+    headless: set[int] = field(default_factory=set)
     kinds: dict[tuple[int | None, int], tuple[Kind | None, str]] = field(default_factory=dict)
     echo: bool = False
     garbage: int = 0
@@ -70,7 +70,7 @@ def _prefixes(spans: tuple[Span, ...], flag: int) -> tuple[bytes, ...]:
     return tuple(eb90.read_reply_prefix(i, *span, flag) for i in range(1, 255) for span in spans)
 
 
-class Asker:
+class Requester:
     """Asks ids on one line. `wait` = reply window in seconds; `probe` is asked of whoever has answered."""
 
     def __init__(self, bus: Bus, wait: float, probe: Span) -> None:
@@ -83,7 +83,7 @@ class Asker:
         self._lately = b""  # what was sent: an echo may be as late as an answer
         self._seen: dict[tuple[int, Span], bytes] = {}  # answers that came since they were last waited for
         self.others_at: int | None = None  # the speed at which others were understood
-        self.line: Profile = bus.journal.line
+        self.line: LineQuality = bus.journal.line
         self.found = Findings()
 
     def _set_speed(self, speed: int | None) -> None:
@@ -161,9 +161,9 @@ class Asker:
     def _judge(self, received: bytes, sent: bytes) -> None:
         """Whose bytes of no reply are: an answer without its first byte, or another conversation."""
         self.found.came = (self.found.came + received)[-256:]
-        self.found.beheaded |= {frame.id for frame in beheaded(received) if _span(frame) in self._firsts}
+        self.found.headless |= {frame.id for frame in headless(received) if _span(frame) in self._firsts}
         known = {*self._firsts, *FRESH[self._bus.read_flag]}
-        if foreign_in(received, self._lately, lambda frame: _span(frame) in known):
+        if frames_of_others(received, self._lately, lambda frame: _span(frame) in known):
             self.line.others, self.others_at = True, self._bus.link.baud
 
     def _take(self, answered: dict[int, int]) -> int:
@@ -300,15 +300,15 @@ class Wanted:
     behind: Collection[int | None] = ()
     patience: float = 0.0
     both_ways: bool = False
-    beside: float | None = None
+    additional: float | None = None
 
 
-class Scanner(Asker):
+class Scanner(Requester):
     """Scans one line."""
 
-    def __init__(self, bus: Bus, guide: Guide, want: Wanted) -> None:
+    def __init__(self, bus: Bus, prompts: Prompts, want: Wanted) -> None:
         super().__init__(bus, TURNAROUND, want.probe)
-        self._guide, self._want = guide, want
+        self._guide, self._want = prompts, want
         self._until: Deadline | None = None if want.silence is None else bus.link.deadline(want.silence)
         self.left: list[tuple[int | None, int]] = []
         """Speed, and the first id that was not asked there since `silence` was over."""
@@ -336,14 +336,14 @@ class Scanner(Asker):
             done = bool(self.found.hits) or self._collided(each.speed)
             between = self._want.between if each.between and each.speed in self._want.behind else None
             if between is not None and not (done or self._cut() or self._spent):
-                if self._want.beside is None:
+                if self._want.additional is None:
                     self._await_late(ids[:1])  # an answer must not come among those in another protocol
                 done = bool(self.found.hits) or between()
                 awaited = self.found.probes
             if (done and not self._want.find_all) or self._cut():
                 break
         unheard = not (self.found.hits or self._want.thorough or awaited == self.found.probes)
-        if unheard and self._want.beside is None and not self._cut():
+        if unheard and self._want.additional is None and not self._cut():
             self._await_late(ids[:1])
 
     def _await_late(self, ids: Sequence[int]) -> None:
@@ -355,7 +355,10 @@ class Scanner(Asker):
 
     def _passes(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Iterator[Pass]:
         """Id 1 at every speed first (factory default), then all, then all with more time where that can matter."""
-        rest, patient = ids, max(FIRST_SECONDS, self._want.patience) if self._want.beside is None else self._want.beside
+        rest, patient = (
+            ids,
+            max(FIRST_SECONDS, self._want.patience) if self._want.additional is None else self._want.additional,
+        )
         if not self._want.find_all and 1 in ids and len(ids) > 1:
             rest = [i for i in ids if i != 1]
             for speed in speeds:
@@ -371,7 +374,7 @@ class Scanner(Asker):
             elif self.line.slow and not measured:
                 todo += asked  # their last answers may have been too late
             asked.append(speed)
-        if not self._want.thorough or self._want.beside is not None or self.found.beheaded:
+        if not self._want.thorough or self._want.additional is not None or self.found.headless:
             return
         if self.found.hits and not (len(ids) > 1 and self._collides()):
             return
@@ -437,7 +440,7 @@ class Scanner(Asker):
     def _spent(self) -> bool:
         """Whether the line was silent for the longest time allowed."""
         found = self.found
-        heard = found.hits or found.damaged or found.beheaded or found.foreign or len(self.line.trips)
+        heard = found.hits or found.damaged or found.headless or found.foreign or len(self.line.trips)
         return self._until is not None and self._until.expired and not heard
 
     def _tell(self, this: Pass, device_id: int, part: float) -> None:
@@ -530,7 +533,7 @@ class Scanner(Asker):
         """What a hit is, and what shows it. Nobody but a wrist answers a wrist's question: then nothing more is asked."""
         if self._want.own is WRIST:
             return WRIST, ""
-        look = Look(self._bus.at(device_id=device_id))
+        look = IdentityCheck(self._bus.at(device_id=device_id))
         try:
             return look.who(self._want.own), look.evidence
         except NoAnswer:
@@ -603,7 +606,7 @@ class CanSearch:
         """The ids that answer twice; only the first unless `find_all`."""
         found: list[int] = []
         for device_id in ids:  # who is not asked yet may answer under another name
-            self._wanted[canreg.read_request(device_id, *self._spans[0], self._bus.read_flag)[0]] = (
+            self._wanted[can_frames.read_request(device_id, *self._spans[0], self._bus.read_flag)[0]] = (
                 device_id,
                 self._spans[0],
             )
@@ -650,7 +653,7 @@ class CanSearch:
     def _ask(self, ids: Sequence[int], seconds: float, *, again: bool = False) -> set[int]:
         bus, span = self._bus, self._spans[again]
         for device_id in ids:
-            identifier = canreg.read_request(device_id, *span, bus.read_flag)[0]
+            identifier = can_frames.read_request(device_id, *span, bus.read_flag)[0]
             self._wanted[identifier] = device_id, span
             self._asked[identifier] = bus.link.now()
             bus.link.send(CanFrame(identifier, bytes([span[1]])), bus.deadline(1.0))
@@ -724,7 +727,7 @@ class CanSearch:
 PLACE, WORDS = 1546, 2
 """Angles of two fingers (rh56 §3.1), or what an RH56F1 has there: whatever is read shows who answers."""
 QUESTION, ANSWER = 8, 5 + 2 * WORDS
-HEAD = bytes([modbus.READ, 2 * WORDS])
+HEAD = bytes([modbus_frames.READ, 2 * WORDS])
 KEPT = 64
 
 
@@ -732,11 +735,11 @@ class RtuSearch:
     """`trips` are the seconds from the question to an id to its answer, `damaged` counts answers whose sum is wrong. `beside` as of `Scanner`."""
 
     def __init__(
-        self, link: ByteLink, journal: Journal, bound: Deadline | None, find_all: bool, beside: float | None = None
+        self, link: ByteLink, journal: Journal, bound: Deadline | None, find_all: bool, additional: float | None = None
     ) -> None:
         self._link = link
         self._find_all = find_all
-        self._beside = beside
+        self._beside = additional
         self._journal = journal
         self._bound = bound
         self._asked: dict[int, float] = {}
@@ -766,7 +769,7 @@ class RtuSearch:
 
     def _ask(self, device_id: int) -> None:
         link = self._link
-        request = modbus.rtu(device_id, modbus.read_request(PLACE, WORDS))
+        request = modbus_frames.rtu(device_id, modbus_frames.read_request(PLACE, WORDS))
         link.write(request, link.deadline(1.0))
         self._asked[device_id] = link.now()
         self._journal.counters.sent += 1
@@ -790,7 +793,7 @@ class RtuSearch:
         while place >= 0:
             frame = self._came[place - 1 : place - 1 + ANSWER] if place else b""
             if len(frame) == ANSWER and frame[0] in self._asked:
-                if modbus.crc(frame[:-2]) == frame[-2:]:
+                if modbus_frames.crc(frame[:-2]) == frame[-2:]:
                     self.trips[frame[0]] = self._link.now() - self._asked[frame[0]]
                     self._journal.counters.received += 1
                 else:

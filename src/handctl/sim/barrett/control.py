@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from handctl.digits import whole
+from handctl.number_parsing import whole
 from handctl.sim.barrett.board import OBSTACLES, STATES
 from handctl.sim.barrett.device import Device
 from handctl.sim.barrett.hand import NAMES, Motor

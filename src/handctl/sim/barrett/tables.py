@@ -6,7 +6,7 @@ not in the memory: nobody stores them.
 
 from __future__ import annotations
 
-from handctl.digits import number_in
+from handctl.number_parsing import number_in
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from handctl.digits import number_in
+from handctl.number_parsing import number_in
 from handctl.sim import folder_of, kinds, model_class
 from handctl.sim.engine.line import Plug
 from handctl.sim.engine.slcan import ADAPTER_FAULTS

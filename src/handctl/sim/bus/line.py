@@ -13,8 +13,8 @@ from collections import deque
 from typing import Any
 
 from handctl.sim.bus.file import Plan
-from handctl.sim.bus.pair import EDGE, Ear, Pair
 from handctl.sim.bus.rack import IDLE, Rack
+from handctl.sim.bus.wire_pair import EDGE, Pair, Receiver
 from handctl.sim.engine.line import TICK, Line
 from handctl.sim.engine.model import soonest
 
@@ -34,7 +34,7 @@ class Client:
         self.hung_up = self.pulled = False  # its adapter was unplugged, and nobody has opened it since
         self._baud: int | None = None
         self._speed: int | None = None  # at which its adapter sends; None: that of whoever listens
-        self.ear = Ear(bus.up, self, None, bus.plan.echo)
+        self.receiver = Receiver(bus.up, self, None, bus.plan.echo)
         self._forth: deque[tuple[float, bytes | None, int | None]] = deque()  # when it is at the wire, bytes or speed
         self._back: deque[tuple[float, bytes]] = deque()  # when it is at the client
         self._used = False
@@ -65,7 +65,7 @@ class Client:
             self._forth.append((self._way(self._forth), None, speed))
             self.send(self._now)
         else:
-            self._speed = self.ear.speed = speed
+            self._speed = self.receiver.speed = speed
 
     def look(self) -> None:
         """With the adapter goes what was on its way."""
@@ -129,7 +129,7 @@ class Client:
         while self._forth and self._forth[0][0] <= until:
             when, data, speed = self._forth.popleft()
             if data is None:
-                self._speed = self.ear.speed = speed
+                self._speed = self.receiver.speed = speed
             elif self._speed is None or self._speed > 0:
                 baud = self._speed or self.bus.plan.baud
                 self.bus.down.put(self, max(when, self._now), baud, data, self._speed is None)
@@ -173,7 +173,7 @@ class Station:
 
     def __init__(self, line: Line, bus: Bus) -> None:
         self.line = line
-        self.ear = Ear(bus.down, self, line.device.speed)
+        self.receiver = Receiver(bus.down, self, line.device.speed)
         self.bus = bus
         self.plug = bus.plugs[len(bus.stations)]
         self.pulled = False
@@ -201,7 +201,7 @@ class Station:
             self.bus.up.put(self, now, speed, data)
         if line.hung_up:
             line.reconnect()  # its cable was pulled in the middle; the bus is still there
-        self.ear.speed = line.device.speed
+        self.receiver.speed = line.device.speed
         wake = line.next_event()
         self.wake = wake if wake is None or wake > now else now + IDLE
 
@@ -242,12 +242,12 @@ class Bus(Rack[Line]):
 
     def next_event(self, client: Client) -> float | None:
         """When something may happen that this client notices; bytes on the wire in pieces of 2 ms."""
-        bytes_due = (byte for ear in self._ears() if (byte := ear.next()) is not None)
+        bytes_due = (byte for receiver in self._ears() if (byte := receiver.next()) is not None)
         pieces = (max(byte[0], min(byte[3], (self.now or 0.0) + TICK)) for byte in bytes_due)
         return soonest(client.arrival(), self._acts(), *pieces)
 
-    def _ears(self) -> list[Ear]:
-        return [station.ear for station in self.stations] + [client.ear for client in self.clients]
+    def _ears(self) -> list[Receiver]:
+        return [station.receiver for station in self.stations] + [client.receiver for client in self.clients]
 
     def _acts(self) -> float | None:
         """When devices, masters and what clients sent act next."""
@@ -262,8 +262,8 @@ class Bus(Rack[Line]):
 
     def _next(self) -> float | None:
         first = self._acts()
-        for ear in self._ears():
-            if (byte := ear.next()) is not None and (first is None or byte[0] < first):
+        for receiver in self._ears():
+            if (byte := receiver.next()) is not None and (first is None or byte[0] < first):
                 first = byte[0]
         return first
 
@@ -273,8 +273,8 @@ class Bus(Rack[Line]):
         heard: list[tuple[Station | Client, int]] = []
         listeners: list[Station | Client] = [*self.stations, *self.clients]
         for owner in listeners:
-            if (byte := owner.ear.next()) is not None and byte[0] <= until:
-                owner.ear.take()
+            if (byte := owner.receiver.next()) is not None and byte[0] <= until:
+                owner.receiver.take()
                 heard.append((owner, byte[1]))
         for listener, value in heard:
             listener.heard(value, now)
@@ -296,7 +296,7 @@ class Bus(Rack[Line]):
         for station in self.stations:
             if not on:
                 self.up.cut(station, self._present())
-                station.ear.silence(self._present())
+                station.receiver.silence(self._present())
 
     def _changed(self) -> None:
         for station in self.stations:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-from handctl.digits import number_in
+from handctl.number_parsing import number_in
 from handctl.sim import model_class
 from handctl.sim.bus.file import Plan
 from handctl.sim.engine.line import PLUG_COMMANDS, Cable, Plug, Switched

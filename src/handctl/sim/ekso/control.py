@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from handctl.digits import whole
+from handctl.number_parsing import whole
 from handctl.sim.ekso import tables
 from handctl.sim.ekso.body import POSTURES
 from handctl.sim.ekso.clock import WRAP

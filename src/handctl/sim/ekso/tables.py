@@ -5,7 +5,7 @@ A transcription of its own, raw numbers throughout. Limits are invented; the cod
 
 from __future__ import annotations
 
-from handctl.digits import number_in
+from handctl.number_parsing import number_in
 
 # Per word of GetSettings: (name, ParameterID or None, values that SetValue takes, power-on value). The order of the
 # words is not that of the IDs. A range is a limit in hundredths (status 2 beyond it), a set is a list of codes (status

@@ -29,7 +29,7 @@ from handctl.sim import model_class
 from handctl.sim.engine.can import CAN_FAULTS, CAN_OPTIONS, CanLine
 from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS, Line, Switched
 from handctl.sim.engine.model import Options, soonest
-from handctl.system import clock, local, terminal
+from handctl.system import clock, local_socket, terminal
 from handctl.system.signals import Served as Signals
 
 
@@ -269,10 +269,10 @@ class ControlPort:
     def __init__(self, path: str) -> None:
         self.path = path
         self._heard: deque[tuple[float, bytes]] = deque(maxlen=REMEMBERED)
-        self._clients: dict[int, tuple[local.Peer, bytearray]] = {}
+        self._clients: dict[int, tuple[local_socket.Peer, bytearray]] = {}
         try:
-            local.remove_dead(path)
-            self._listener = local.Listener(path)
+            local_socket.remove_dead(path)
+            self._listener = local_socket.Listener(path)
         except OSError as exc:
             raise ServeError(f"cannot open the control socket {path}: {exc.strerror or exc}") from exc
 
@@ -477,7 +477,7 @@ def send_control(path: str, command: str, timeout: float = 5.0) -> str:
     if "\n" in command:
         raise ServeError("a control command is one line")
     try:
-        with closing(local.connected(path, timeout)) as link:
+        with closing(local_socket.connected(path, timeout)) as link:
             link.sendall(command.encode() + b"\n")
             answer = b""
             while not answer.endswith(b"\n"):

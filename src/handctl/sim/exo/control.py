@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from handctl.digits import whole
+from handctl.number_parsing import whole
 from handctl.sim.engine.statefile import checked, kept, spread
 from handctl.sim.exo.device import SPEEDS, Device
 from handctl.sim.exo.hand import CURRENTS, FINGERS, Finger
-from handctl.sim.inspire.space import MEMORY, poking
+from handctl.sim.inspire.memory import MEMORY, poking
 
 HELP = "set ADDRESS HEX | get ADDRESS COUNT | temperature FINGER DEGREES | block FINGER | release FINGER"
 OF_BOTH = {"positions": ("position", float, 0, 1000), "targets": ("target", int, 0, 1000, None)}

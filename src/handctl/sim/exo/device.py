@@ -11,8 +11,8 @@ import struct
 from handctl.sim.engine.model import Options, Random
 from handctl.sim.exo.hand import Hand
 from handctl.sim.inspire.frames import SERIAL_OPTIONS, Serial, frame
+from handctl.sim.inspire.memory import Element, Space, differ
 from handctl.sim.inspire.servo import heat, strike
-from handctl.sim.inspire.space import Element, Space, differ
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from handctl.digits import whole
+from handctl.number_parsing import whole
 from handctl.sim.engine.statefile import checked, columns, kept, rows_of, spread
-from handctl.sim.hand.books import MEMORY
 from handctl.sim.hand.fingers import COURSE, Body, Finger
 from handctl.sim.hand.model import ACTS, Front, Hand
-from handctl.sim.inspire.space import poking
+from handctl.sim.hand.register_maps import MEMORY
+from handctl.sim.inspire.memory import poking
 
 FIELDS = {  # of a finger in a state file
     "angle": ("angle", float, -4000, 4000),

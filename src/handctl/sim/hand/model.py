@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import struct
 
-from handctl.digits import number_in
+from handctl.number_parsing import number_in
 from handctl.sim.engine.model import Model, Options, Random
-from handctl.sim.hand import books
-from handctl.sim.hand.books import FACTORY_ADDRESS, GENERATIONS, MEMORY, Generation
+from handctl.sim.hand import register_maps
 from handctl.sim.hand.fingers import Body, Finger
 from handctl.sim.hand.options import ALL_FAULTS
+from handctl.sim.hand.register_maps import FACTORY_ADDRESS, GENERATIONS, MEMORY, Generation
 from handctl.sim.inspire.frames import Asked
+from handctl.sim.inspire.memory import Space
 from handctl.sim.inspire.servo import heat, strike
-from handctl.sim.inspire.space import Space
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from handctl.sim.engine.model import Options, Random
-    from handctl.sim.inspire.space import Rows
+    from handctl.sim.inspire.memory import Rows
 
 Values = dict[str, tuple[int, ...]]
 RESERVED = (1003, 1007, 1008)  # of DF and TP: nothing is known to be there, or fingers move (dossier §3.1)
@@ -46,7 +46,7 @@ class Hand:
         given: dict[str, Any],
         random: Random,
         golden: Values,
-        readings: list[books.Found],
+        readings: list[register_maps.Found],
         factory: Values,
         stays: bool = False,
     ) -> None:
@@ -131,7 +131,7 @@ class Hand:
         self.number, self.speed_code, self.address = self.flash_number, self.flash_code, self.flash_address
         self.space.put("id", [self.number])
         self.space.memory[self.space.place("speed")] = self.flash_code
-        self.space.put("voltage", [books.VOLTAGE])
+        self.space.put("voltage", [register_maps.VOLTAGE])
         self.space.put("address", self.address)
         if (self._used or self.stays) and "fresh" not in self.faults:
             self._start({"speed-set": self.kept["default-speed"], **self.golden, **self.kept})
@@ -158,7 +158,7 @@ class Hand:
         values.setdefault("force-set", self.kept["default-force"])
         self._start(values)
         for finger in self.body.fingers:
-            finger.state = books.NEVER_COMMANDED
+            finger.state = register_maps.NEVER_COMMANDED
 
     def use_set_values(self) -> None:
         """Tells the fingers what memory says of speeds and limits."""
@@ -309,11 +309,11 @@ _TRIGGERS = ("clear", "save", "reset", "calibrate", "gesture", "run", "run-built
 def from_options(options: Options, given: dict[str, Any], random: Random) -> Hand:
     """The golden hand of a generation, with what the options say."""
     generation = GENERATIONS[given["model"]]
-    golden = books.golden(generation)
+    golden = register_maps.golden(generation)
     if given["speed"] is not None:
         golden["speed-set"] = (options.integer("speed", 0, 0, generation.fast),) * generation.count
-    readings = [books.readings(generation, number) for number in range(generation.count)]
-    return Hand(generation, given, random, golden, readings, books.factory(generation))
+    readings = [register_maps.readings(generation, number) for number in range(generation.count)]
+    return Hand(generation, given, random, golden, readings, register_maps.factory(generation))
 
 
 def _address(text: str | None) -> tuple[int, ...]:

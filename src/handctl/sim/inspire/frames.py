@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from typing import Any, ClassVar
 
-    from handctl.sim.inspire.space import Element, Space
+    from handctl.sim.inspire.memory import Element, Space
 
 
 def find(buffer: bytes | bytearray, device_id: int, possible: Callable[[int, int], bool]) -> tuple[int, int, int]:

@@ -9,11 +9,11 @@ import struct
 from collections.abc import Iterator
 from typing import Any
 
-from handctl.digits import whole
+from handctl.number_parsing import whole
 from handctl.sim.engine.statefile import Fields, checked, kept, spread
 from handctl.sim.hand.control import check_fingers, fingers_of, poke, use_fingers
 from handctl.sim.hand.fingers import CALIBRATION
-from handctl.sim.inspire.space import MEMORY, poking
+from handctl.sim.inspire.memory import MEMORY, poking
 from handctl.sim.wrist.body import AXES, PITCH, YAW
 from handctl.sim.wrist.model import KEPT, Module
 

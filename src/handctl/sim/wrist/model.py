@@ -8,12 +8,12 @@ evidence about a real wrist.
 from __future__ import annotations
 
 from handctl.sim.engine.model import Options, Random
-from handctl.sim.hand import books
+from handctl.sim.hand import register_maps
 from handctl.sim.hand.model import Hand
 from handctl.sim.hand.options import OPTIONS as OF_HAND
 from handctl.sim.inspire.frames import Asked
+from handctl.sim.inspire.memory import Element, Space
 from handctl.sim.inspire.servo import bounded, heat, strike
-from handctl.sim.inspire.space import Element, Space
 from handctl.sim.wrist.body import PITCH, YAW, Body
 
 TYPE_CHECKING = False
@@ -38,13 +38,13 @@ WRIST = (
 # The hand behind the wrist, which the wrist's manual only mentions (wrist §2.3): that of RH56 §2.4, with ranges as wide as
 # a register, so that a value meant for the wrist does its harm here.
 _HAND = tuple(
-    (word, place, size, count, access, books.LOW, books.HIGH)
+    (word, place, size, count, access, register_maps.LOW, register_maps.HIGH)
     if size == 2
     else (word, place, size, count, access, low, high)
-    for word, place, size, count, access, low, high in books.DF
+    for word, place, size, count, access, low, high in register_maps.DF
     if place < 2000
 )
-GENERATION = books.Generation("df", _HAND, full=0.8, speeds=(115200, 57600, 19200))
+GENERATION = register_maps.Generation("df", _HAND, full=0.8, speeds=(115200, 57600, 19200))
 # What is in the hand's flash when it leaves the factory: current limits, speeds and forces after power-on.
 _FACTORY: dict[str, tuple[int, ...]] = {
     "current-limit": (1501, 1502, 1503, 1504, 1505, 1506),

@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handctl.command.command_tree import Group
+from handctl.command.option_types import InFile, WholeRange
+from handctl.command.run import Act, Run
 from handctl.devices.barrett.views import CHECKED, LABEL, MOTOR, NAME
 from handctl.errors import CheckFailed, UsageError
 from handctl.files import read
-from handctl.frame.clikit import Group
-from handctl.frame.run import Act, Run
-from handctl.frame.types import InFile, WholeRange
 from handctl.model.param import Step
 from handctl.model.result import Cell, Column, Grid, Row, Table
-from handctl.sentence import plural
+from handctl.wording import plural
 
 if TYPE_CHECKING:
     from handctl.devices.barrett.device import BarrettHand
-    from handctl.devices.barrett.firmware.records import Firmware
+    from handctl.devices.barrett.firmware.srecords import Firmware
 
 POWER_SECONDS = 20.0
 """For the power switch and the hand's return, beside the download itself."""
@@ -88,8 +88,8 @@ def add_firmware(group: Group) -> None:
             )
 
         def load(hand: BarrettHand) -> Table:
-            run.guide.say(f"Firmware file OK: {_summary(found)}")
-            done = Loader(hand, run.guide, found, window=window, expect=version_in(expect) if expect else None).run()
+            run.prompts.say(f"Firmware file OK: {_summary(found)}")
+            done = Loader(hand, run.prompts, found, window=window, expect=version_in(expect) if expect else None).run()
             return Table(
                 rows=done.rows,
                 columns=(NAME, MOTOR, Column("value", "Value"), LABEL),
@@ -102,7 +102,7 @@ def add_firmware(group: Group) -> None:
 
 
 def _load(path: str) -> Firmware:
-    from handctl.devices.barrett.firmware.records import parse
+    from handctl.devices.barrett.firmware.srecords import parse
 
     content = read(
         path, "a firmware file", 4_000_000, hint="use the vendor's .S19 file. A file for 64 KiB is smaller than 300 kB"
@@ -159,7 +159,7 @@ def _table(firmware: Firmware) -> Table:
 
 def _steps(firmware: Firmware) -> list[Step]:
     """The bytes of the opening and of every record."""
-    from handctl.devices.barrett.firmware.records import SELECT, TRIGGER, Transfer
+    from handctl.devices.barrett.firmware.srecords import SELECT, TRIGGER, Transfer
 
     steps = [Step("with the hand's power off", SELECT, strands=True), Step("when the hand says : (3A)", TRIGGER)]
     for record in firmware.records:

@@ -10,13 +10,13 @@ import re
 from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.firmware.records import READY, SELECT, TRIGGER, Firmware, Transfer
-from handctl.devices.barrett.gcl.language import BANNER, CR, PROMPT, has_prompt
+from handctl.devices.barrett.firmware.srecords import READY, SELECT, TRIGGER, Firmware, Transfer
+from handctl.devices.barrett.gcl.codec import BANNER, CR, PROMPT, has_prompt
 from handctl.devices.barrett.map import BARRETT
 from handctl.devices.barrett.views import row_of
-from handctl.errors import CheckFailed, HandctlError, Interrupted, Left, LinkError, NoAnswer, ProtocolError
+from handctl.errors import Aftermath, CheckFailed, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink
-from handctl.model.guide import Guide, Presses
+from handctl.model.prompts import Presses, Prompts
 from handctl.model.result import Row
 
 MONITOR_SPEED = 9600
@@ -54,11 +54,13 @@ class Download(NamedTuple):
 class Loader:
     """One download into one hand."""
 
-    def __init__(self, hand: BarrettHand, guide: Guide, firmware: Firmware, *, window: int, expect: str | None) -> None:
+    def __init__(
+        self, hand: BarrettHand, prompts: Prompts, firmware: Firmware, *, window: int, expect: str | None
+    ) -> None:
         self.hand = hand
         self.firmware = firmware
         self.expect = expect
-        self._guide = guide
+        self._guide = prompts
         self._window = window
         self._echoes = False  # whether the monitor echoes its triggers
         self._sent = 0
@@ -87,10 +89,10 @@ class Loader:
                 break
             except LinkError as exc:
                 reached = f"stopped at {self._where}, {self._sent} of {self.firmware.size} bytes"
-                exc.leaves(Left(reached, self._left))
+                exc.add_aftermath(Aftermath(reached, self._left))
                 raise
             except (NoAnswer, ProtocolError) as exc:
-                exc.leaves(Left(hint=self._left))
+                exc.add_aftermath(Aftermath(hint=self._left))
                 self._guide.done()
                 self.hand.line.drain()
                 if not (self._guide.interactive and self._guide.ask(f"{exc.text}. Start again with the power off", "")):
@@ -276,7 +278,7 @@ class Loader:
         warning = "The vendor warns that an interrupted download may damage the hand: leave it off until you can load the file"
         raise Interrupted(
             f"interrupted after {address:04X}h, {self._sent} of {self.firmware.size} bytes",
-            left=Left(f"{HALF}. {warning}"),
+            left=Aftermath(f"{HALF}. {warning}"),
         )
 
     def _tell(self, told: int, seconds: float) -> int:
@@ -346,7 +348,7 @@ class Loader:
             line.reconnect()
         except (NoAnswer, ProtocolError) as exc:
             text = f"every byte was echoed, but no firmware replies: {exc.text}"
-            raise exc.retold(text, hint=f"{CYCLE} Then run `handctl barrett version`", code="not-alive") from exc
+            raise exc.reworded(text, hint=f"{CYCLE} Then run `handctl barrett version`", code="not-alive") from exc
 
     def _verdict(self, before: str, after: str) -> Download:
         readings = self.hand.read(BARRETT.elements("S", "SN", "OTEMP", "BAUD"))

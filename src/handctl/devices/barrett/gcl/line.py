@@ -1,14 +1,13 @@
 """One connection to a BarrettHand: find its baud rate, send a command, wait for its prompt, stop a movement.
 
-The table of `connecting` says how the hand is met. One command at a time; nothing but ^C is sent before the prompt.
+The table of `connect_table` says how the hand is met. One command at a time; nothing but ^C is sent before the prompt.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from handctl.devices.barrett.gcl.connecting import MONITOR_SPEED, QUESTION, RESTARTED_TEXT, SILENCE, abort_at, is_answer
-from handctl.devices.barrett.gcl.language import (
+from handctl.devices.barrett.gcl.codec import (
     BANNER,
     CR,
     DISTURBED,
@@ -23,7 +22,15 @@ from handctl.devices.barrett.gcl.language import (
     split,
     whole,
 )
-from handctl.errors import DeviceRefused, HandctlError, Left, LinkError, NoAnswer, ProtocolError
+from handctl.devices.barrett.gcl.connect_table import (
+    MONITOR_SPEED,
+    QUESTION,
+    RESTARTED_TEXT,
+    SILENCE,
+    abort_at,
+    is_answer,
+)
+from handctl.errors import Aftermath, DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.device import Line
 from handctl.model.param import Step
@@ -78,9 +85,9 @@ class GclLine(Line):
     def connect(self) -> None:
         """Meet the hand: its speed and its prompt. Raises DeviceRefused (boot monitor), NoAnswer, ProtocolError."""
         if not self._connected:
-            from handctl.devices.barrett.gcl.meet import Meeting
+            from handctl.devices.barrett.gcl.session_start import SessionStart
 
-            Meeting(self).run()
+            SessionStart(self).run()
 
     def reopened(self) -> None:
         self._unread, self._connected = b"", False
@@ -146,7 +153,9 @@ class GclLine(Line):
             return self._answer(command, answer, echo)
         except LinkError as exc:
             if kind.moves:
-                exc.leaves(Left(hint=f"{command} may go on to its end. To prevent that, switch the hand's power off"))
+                exc.add_aftermath(
+                    Aftermath(hint=f"{command} may go on to its end. To prevent that, switch the hand's power off")
+                )
             raise
         except Restarted:
             raise
@@ -168,7 +177,7 @@ class GclLine(Line):
                     if stands
                     else f"^C was sent, but the hand did not reply: {OFF}"
                 )
-                error.leaves(Left(hint=told))
+                error.add_aftermath(Aftermath(hint=told))
             raise error from (exc if error is not exc else None)
 
     def _stop_motors(self) -> bool:
@@ -370,7 +379,7 @@ class GclLine(Line):
                 self.reconnect()
             except (NoAnswer, ProtocolError) as exc:
                 text = f"{link.name}: no prompt after {command}, at {new} bit/s or any other baud rate. {exc.text}"
-                raise exc.retold(text, code="lost-speed") from exc
+                raise exc.reworded(text, code="lost-speed") from exc
             if link.baud == new:
                 ledger.confirm(answers, Step(command, data))
                 return

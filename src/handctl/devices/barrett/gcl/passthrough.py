@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from handctl.devices.barrett import eeprom
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.language import (
+from handctl.devices.barrett.gcl.codec import (
     COMMANDS,
     KINDS,
     Answer,
@@ -21,16 +21,16 @@ from handctl.devices.barrett.gcl.language import (
     whole,
 )
 from handctl.devices.barrett.map import BARRETT, careful
-from handctl.ending import afresh
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.files import state_path
+from handctl.interrupts import reset_interrupts
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table
-from handctl.model.stopping import interrupted
+from handctl.model.stop_sequence import interrupted
 from handctl.system import terminal
 
 if TYPE_CHECKING:
-    from handctl.frame.run import Run
+    from handctl.command.run import Run
 
 COLUMNS = (Column("command", "Command"), Column("text", "Answer"), Column("status", "Status", right=True))
 
@@ -197,17 +197,17 @@ def interactive(run: Run, hand: BarrettHand, read_line: Callable[[str], str], be
     `before` asks, where a line needs it, and raises NotConfirmed.
     """
     hand.line.connect()
-    run.guide.say("Ctrl-C stops a movement. Ctrl-D ends this GCL prompt. ?NAME explains a command or parameter.")
+    run.prompts.say("Ctrl-C stops a movement. Ctrl-D ends this GCL prompt. ?NAME explains a command or parameter.")
     while True:
         try:
             text = read_line("=> ").strip()
         except EOFError:
             return Table()
         except KeyboardInterrupt:
-            run.guide.say("^C")
+            run.prompts.say("^C")
             continue
         if text:
-            afresh()  # a Ctrl-C at the prompt must not swallow the next one, which is to stop what begins here
+            reset_interrupts()  # a Ctrl-C at the prompt must not swallow the next one, which is to stop what begins here
             _one(run, hand, text, before)
 
 
@@ -215,7 +215,7 @@ def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None]) 
     try:
         refuse(text)
         for note in notes(text):
-            run.guide.say(f"careful: {note}")
+            run.prompts.say(f"careful: {note}")
         before(text)
         ledger = eeprom.Ledger(hand, simulated=run.simulated) if saves([text]) else None
         answer = ask(hand, text)
@@ -227,17 +227,17 @@ def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None]) 
         if answer.status:
             run.out(f"ERR {answer.status}: {explain_status(answer.status)}")
         if error is not None and (not answer.status or answer.status & 8192):
-            run.guide.say(f"{'' if answer.status else error.text}\n  Next: {error.hint}".lstrip("\n"))
+            run.prompts.say(f"{'' if answer.status else error.text}\n  Next: {error.hint}".lstrip("\n"))
         if text.startswith("?") or text.upper().startswith("A?"):
             run.out(explain_help(text))
     except KeyboardInterrupt:
-        run.guide.say(hand.abort().text)
+        run.prompts.say(hand.abort().text)
     except DeviceRefused as exc:
-        run.guide.say(exc.text)
+        run.prompts.say(exc.text)
     except HandctlError as exc:
         if exc.exit_code == 3:
             raise
-        run.guide.say(f"{exc.text}\n  Next: {exc.hint}" if exc.hint else exc.text)
+        run.prompts.say(f"{exc.text}\n  Next: {exc.hint}" if exc.hint else exc.text)
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
-from handctl.devices.barrett.gcl.language import DISTURBED, PROMPT
+from handctl.devices.barrett.gcl.codec import DISTURBED, PROMPT
 from handctl.errors import ProtocolError, UsageError
 
 ACKNOWLEDGE = 0x2A

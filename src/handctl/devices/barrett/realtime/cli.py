@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.devices.barrett.gcl.language import encode
+from handctl.command.command_tree import Group, streaming, suspendable
+from handctl.command.option_types import InFile, WholeRange
+from handctl.command.run import Act, Run
+from handctl.devices.barrett.gcl.codec import encode
 from handctl.devices.barrett.views import DOUBT, MOTOR, NAME, UNIT, VALUE
 from handctl.errors import UsageError
-from handctl.frame.clikit import Group, streaming, suspendable
-from handctl.frame.run import Act, Run
-from handctl.frame.types import InFile, WholeRange
 from handctl.model.param import Step
 from handctl.model.result import Column, Table
 
@@ -117,7 +117,7 @@ def add_realtime(group: Group) -> None:
         """
         from handctl.devices.barrett.motion import moved
         from handctl.devices.barrett.realtime import schedule
-        from handctl.devices.barrett.realtime.flags import Wish, refuse_disabled
+        from handctl.devices.barrett.realtime.flags import FlagRequest, refuse_disabled
         from handctl.devices.barrett.realtime.loop import RealtimeLoop
         from handctl.devices.barrett.realtime.rows import measured
         from handctl.devices.barrett.realtime.session import steps_of
@@ -134,19 +134,25 @@ def add_realtime(group: Group) -> None:
 
             threading.Thread(target=controls.listen, daemon=True).start()
         off = set(GUARDS) if "all" in unguarded else {*unguarded, *(["opening"] if force else [])}
-        wish = Wish(tuple(indices), received, temperature, hold, frozenset(GUARDS) - off, delta_unit, not may_suspend)
-        homing = f"{wish.prefix}HI"
+        flag_request = FlagRequest(
+            tuple(indices), received, temperature, hold, frozenset(GUARDS) - off, delta_unit, not may_suspend
+        )
+        homing = f"{flag_request.prefix}HI"
         first = [Step(f"{homing}: initialize", encode(homing), moves=True)] if initialize else []
-        steps = steps_of(run.planner(), wish, controls, run.settings.baud)
+        steps = steps_of(run.planner(), flag_request, controls, run.settings.baud)
 
         def drive(hand: BarrettHand) -> Table:
-            run.ledger.plan([*first, *(step for step in steps if step.meaning.startswith(wish.prefix + "LOOP"))])
+            run.ledger.plan(
+                [*first, *(step for step in steps if step.meaning.startswith(flag_request.prefix + "LOOP"))]
+            )
             if motors is None and (initialize or controls is not None):
                 refuse_disabled(hand)
             if initialize:
-                moved(hand, wish.prefix, "HI", None, run.guide)
+                moved(hand, flag_request.prefix, "HI", None, run.prompts)
             waits = controls is not None if sequential is None else sequential
-            loop = RealtimeLoop(hand, run.guide, wish, controls, sequential=waits, measuring=measure is not None)
+            loop = RealtimeLoop(
+                hand, run.prompts, flag_request, controls, sequential=waits, measuring=measure is not None
+            )
             if measure is not None:
                 return measured(run, loop, measure, rate)
             table = Table(columns=COLUMNS, plain=("name", "motor", "value", "unit"), summary=loop.summary, wide=True)

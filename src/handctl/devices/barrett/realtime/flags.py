@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from math import ceil
 from typing import NamedTuple
 
-from handctl.devices.barrett.care.health import LIMIT_TENTHS
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.language import MOTORS
+from handctl.devices.barrett.gcl.codec import MOTORS
+from handctl.devices.barrett.maintenance.health import LIMIT_TENTHS
 from handctl.devices.barrett.map import BARRETT, OFF, TRAVEL, gcl_name, sample_seconds
 from handctl.devices.barrett.realtime.blocks import CONTROL, FEEDBACK, Layout, Selection
 from handctl.devices.barrett.realtime.guards import GUARDS, Limits, check_opening
@@ -23,7 +23,7 @@ LATER = {"breakaway_position", "analog"}
 """Feedback of firmware 4.4 (dossier 6.5)."""
 
 
-class Wish(NamedTuple):
+class FlagRequest(NamedTuple):
     """What the user asked for.
 
     motors       indices, ascending
@@ -49,18 +49,18 @@ class Wish(NamedTuple):
         return "".join(str(index + 1) for index in self.motors)
 
 
-def asked_flags(wish: Wish, controls: Controls | None) -> dict[tuple[str, int], int]:
+def asked_flags(flag_request: FlagRequest, controls: Controls | None) -> dict[tuple[str, int], int]:
     """Flags by (mnemonic, motor) as the user wants them; what was not asked for is left out."""
     wanted: dict[tuple[str, int], int] = {}
-    for index in wish.motors:
+    for index in flag_request.motors:
         if controls is not None:
             carried = controls.carries.get(index, ())
             wanted.update({(flag, index): int(name in carried) for name, flag in CONTROL.items()})
-        if wish.receive is not None:
-            names = wish.receive.get(index, ())
+        if flag_request.receive is not None:
+            names = flag_request.receive.get(index, ())
             wanted.update({(flag, index): int(name in names) for name, flag in FEEDBACK.items()})
-    if wish.temperature is not None:
-        wanted[("LFT", 0)] = int(wish.temperature)
+    if flag_request.temperature is not None:
+        wanted[("LFT", 0)] = int(flag_request.temperature)
     return wanted
 
 
@@ -83,33 +83,39 @@ class Prepared(NamedTuple):
 
 
 def prepare(
-    hand: BarrettHand, wish: Wish, controls: Controls | None, undo: list[tuple[Element, Number]], cycle: float
+    hand: BarrettHand,
+    flag_request: FlagRequest,
+    controls: Controls | None,
+    undo: list[tuple[Element, Number]],
+    cycle: float,
 ) -> Prepared:
     """Read the flags, set what was asked and differs, and say how the blocks look then.
 
     `undo` is filled with the values before, ahead of the first write. `cycle` is the longest time of a block in s.
     Raises DeviceRefused, CheckFailed, NoAnswer; UsageError for too fast an opening.
     """
-    later = _is_later(hand, wish.motors[0])
-    driven = [index for index in wish.motors if controls is not None and "velocity" in controls.carries.get(index, ())]
-    now = _read(hand, wish.motors, later, driving=bool(driven))
-    fitted = _fitted(hand, wish, controls, later)
+    later = _is_later(hand, flag_request.motors[0])
+    driven = [
+        index for index in flag_request.motors if controls is not None and "velocity" in controls.carries.get(index, ())
+    ]
+    now = _read(hand, flag_request.motors, later, driving=bool(driven))
+    fitted = _fitted(hand, flag_request, controls, later)
     wanted = fitted | now | fitted  # what was asked for goes first
-    shown = {index: _selection(wanted, index).feedback for index in wish.motors}
+    shown = {index: _selection(wanted, index).feedback for index in flag_request.motors}
     temperature = bool(wanted["LFT", 0])
-    _refuse_zero(wanted, wish.motors, sends=controls is not None)
+    _refuse_zero(wanted, flag_request.motors, sends=controls is not None)
     for index in driven:
-        wanted.update(_for_guards(wish, wanted, index))
+        wanted.update(_for_guards(flag_request, wanted, index))
         if wanted["LFDP", index]:
-            wanted["LFDPC", index] = _delta_unit(hand, wish, controls, wanted, index, cycle)
+            wanted["LFDPC", index] = _delta_unit(hand, flag_request, controls, wanted, index, cycle)
     limits = {index: _limits(wanted, index) for index in driven}
-    if controls is not None and "opening" in wish.guards and not controls.live:
+    if controls is not None and "opening" in flag_request.guards and not controls.live:
         for index in driven:
             check_opening(index, controls.extremes(index)[0], limits[index])
-    heat = _heat(hand, wish, now) if driven else LIMIT_TENTHS
+    heat = _heat(hand, flag_request, now) if driven else LIMIT_TENTHS
     _write(hand, now, wanted, undo)
     size = 0 if not wanted["LFT", 0] else 1 if later else 2
-    layout = Layout({index: _selection(wanted, index) for index in wish.motors}, size)
+    layout = Layout({index: _selection(wanted, index) for index in flag_request.motors}, size)
     discards = bool(wanted["LFDPD", 0])
     if discards and any("delta" in motor.feedback for motor in layout.motors.values()):
         hand.journal.warn(
@@ -137,14 +143,16 @@ def _write(
 # -- what the guards need -------------------------------------------------------------------------------------------
 
 
-def _for_guards(wish: Wish, wanted: Mapping[tuple[str, int], int], index: int) -> dict[tuple[str, int], int]:
+def _for_guards(
+    flag_request: FlagRequest, wanted: Mapping[tuple[str, int], int], index: int
+) -> dict[tuple[str, int], int]:
     """Feedback without which a guard of a driven motor would see nothing: it is taken in, and not shown."""
     more: dict[tuple[str, int], int] = {}
-    if wish.guards & {"stall", "window"} and not (wanted["LFAP", index] or wanted["LFDP", index]):
+    if flag_request.guards & {"stall", "window"} and not (wanted["LFAP", index] or wanted["LFDP", index]):
         more["LFAP", index] = 1
-    if "strain" in wish.guards and min(wanted["HSG", index], wanted["LSG", index]) < OFF:
+    if "strain" in flag_request.guards and min(wanted["HSG", index], wanted["LSG", index]) < OFF:
         more["LFS", index] = 1
-    if "heat" in wish.guards:
+    if "heat" in flag_request.guards:
         more["LFT", 0] = 1
     return more
 
@@ -164,15 +172,15 @@ def _limits(now: Mapping[tuple[str, int], int], index: int) -> Limits:
 
 def _delta_unit(
     hand: BarrettHand,
-    wish: Wish,
+    flag_request: FlagRequest,
     controls: Controls | None,
     now: Mapping[tuple[str, int], int],
     index: int,
     cycle: float,
 ) -> int:
     """LFDPC: what was asked for; else as much as keeps the fastest command within a byte, twice over (§6.2.3)."""
-    if wish.delta_unit is not None or controls is None:
-        return wish.delta_unit or now["LFDPC", index]
+    if flag_request.delta_unit is not None or controls is None:
+        return flag_request.delta_unit or now["LFDPC", index]
     fastest = max(map(abs, controls.extremes(index))) * _limits(now, index).speed * cycle
     needed = ceil(2 * fastest / 127)
     if needed > 255:
@@ -184,10 +192,10 @@ def _delta_unit(
     return max(now["LFDPC", index], min(needed, 255))
 
 
-def _heat(hand: BarrettHand, wish: Wish, now: Mapping[tuple[str, int], int]) -> int:
+def _heat(hand: BarrettHand, flag_request: FlagRequest, now: Mapping[tuple[str, int], int]) -> int:
     """The limit in 0.1 °C. Raises CheckFailed when the board is above it before anything moves."""
     limit = now["OTEMP", 0] if 0 < now["OTEMP", 0] < LIMIT_TENTHS else LIMIT_TENTHS
-    if "heat" in wish.guards and now["TEMP", 0] > limit:
+    if "heat" in flag_request.guards and now["TEMP", 0] > limit:
         raise CheckFailed(
             f"{hand.link.name}: the board is at {now['TEMP', 0] / 10:.1f} °C, and above {limit / 10:.1f} °C nothing is driven (guard heat)",
             hint="`handctl barrett status` shows TEMP and OTEMP. Let the hand cool, or correct OTEMP",
@@ -230,16 +238,18 @@ def _read(hand: BarrettHand, motors: tuple[int, ...], later: bool, *, driving: b
     return {(gcl_name(one), one.index): value for one, value in zip(elements, hand.numbers(elements), strict=True)}
 
 
-def _fitted(hand: BarrettHand, wish: Wish, controls: Controls | None, later: bool) -> dict[tuple[str, int], int]:
+def _fitted(
+    hand: BarrettHand, flag_request: FlagRequest, controls: Controls | None, later: bool
+) -> dict[tuple[str, int], int]:
     """What was asked for, fitted to the firmware."""
-    wanted = asked_flags(wish, controls)
+    wanted = asked_flags(flag_request, controls)
     if later:
         if controls is not None:
-            wanted.update({("LCT", index): 0 for index in wish.motors})  # excludes velocity and gain
+            wanted.update({("LCT", index): 0 for index in flag_request.motors})  # excludes velocity and gain
         return wanted
     for name in LATER:
         flag = FEEDBACK[name]
-        asked = [wanted.pop((flag, index), 0) for index in wish.motors]
+        asked = [wanted.pop((flag, index), 0) for index in flag_request.motors]
         if any(asked):
             raise DeviceRefused(
                 f"{hand.link.name}: this firmware has no {flag}",

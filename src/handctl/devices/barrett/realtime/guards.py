@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
-from handctl.devices.barrett.gcl.language import MOTORS
+from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.map import OFF, TRAVEL
 from handctl.devices.barrett.realtime.blocks import Values
 from handctl.errors import UsageError

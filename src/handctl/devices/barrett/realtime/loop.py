@@ -14,7 +14,7 @@ from functools import partial
 from typing import Any
 
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.language import DISTURBED, Answer
+from handctl.devices.barrett.gcl.codec import DISTURBED, Answer
 from handctl.devices.barrett.gcl.line import COLON_ALONE, restarted_in
 from handctl.devices.barrett.map import BARRETT
 from handctl.devices.barrett.realtime.blocks import (
@@ -27,24 +27,24 @@ from handctl.devices.barrett.realtime.blocks import (
     Values,
     still,
 )
-from handctl.devices.barrett.realtime.flags import Wish, prepare
+from handctl.devices.barrett.realtime.flags import FlagRequest, prepare
 from handctl.devices.barrett.realtime.guards import Guards
 from handctl.devices.barrett.realtime.rows import Intake, Sent, Taken
 from handctl.devices.barrett.realtime.schedule import Controls
 from handctl.devices.barrett.realtime.session import Session
 from handctl.devices.barrett.stopper import power_off
 from handctl.errors import (
+    Aftermath,
     CheckFailed,
     DeviceRefused,
     HandctlError,
-    Left,
     LinkError,
     NoAnswer,
     OutputError,
     ProtocolError,
     UsageError,
 )
-from handctl.model.guide import Guide
+from handctl.model.prompts import Prompts
 from handctl.model.result import Sample
 
 READER_SECONDS = 0.3
@@ -62,16 +62,16 @@ class RealtimeLoop:
     """
 
     def __init__(
-        self, hand: BarrettHand, guide: Guide, wish: Wish, controls: Controls | None, *, sequential: bool,
+        self, hand: BarrettHand, prompts: Prompts, flag_request: FlagRequest, controls: Controls | None, *, sequential: bool,
         measuring: bool = False,
     ) -> None:  # fmt: skip
         self.hand = hand
-        self.wish = wish
+        self.flag_request = flag_request
         self.controls = controls
-        self.session = Session(hand, wish, drives=controls is not None)
-        self._guide = guide
+        self.session = Session(hand, flag_request, drives=controls is not None)
+        self._guide = prompts
         self._sequential = sequential
-        self._intake = Intake(hand, wish, measuring=measuring)
+        self._intake = Intake(hand, flag_request, measuring=measuring)
 
     # -- the whole run -------------------------------------------------------------------------------------------
 
@@ -102,7 +102,7 @@ class RealtimeLoop:
             return
         self.hand.line.connect()  # the last bytes depend on the speed of the port
         session.cycle = 1 / rate if rate else 0.0
-        with self.hand.guarded(talk=partial(power_off, prefix=self.wish.prefix)) as session.dead_man:
+        with self.hand.guarded(sequence=partial(power_off, prefix=self.flag_request.prefix)) as session.dead_man:
             yield from self._run(rate, count, duration)
 
     def _run(self, rate: float, count: int | None, duration: float | None) -> Iterator[Sample]:
@@ -125,7 +125,9 @@ class RealtimeLoop:
             raise
         except LinkError as exc:
             if session.inside and self.controls is not None:
-                exc.leaves(Left(hint="switch the hand's power off now, because the motors keep their last velocity"))
+                exc.add_aftermath(
+                    Aftermath(hint="switch the hand's power off now, because the motors keep their last velocity")
+                )
             session.give_up()
             if exc.code == "lost":  # no T can reach the hand either
                 session.last = {}
@@ -141,7 +143,7 @@ class RealtimeLoop:
         """Flags and guards. A block takes as long as its bytes, or as the rate says."""
         line = self.hand.line
         longest = max(1 / rate if rate else 0.0, line.wire_seconds(9 + 23) or 0.035)
-        prepared = prepare(self.hand, self.wish, self.controls, self.session.undo, longest)
+        prepared = prepare(self.hand, self.flag_request, self.controls, self.session.undo, longest)
         self.session.layout = prepared.layout
         self._intake.prepared = prepared
         self.session.decoder = Decoder(self.session.layout)
@@ -164,8 +166,8 @@ class RealtimeLoop:
         prepared = self._intake.prepared
         start: dict[int, int] = {}
         if prepared.limits or any("delta" in motor.feedback for motor in session.layout.motors.values()):
-            places = hand.numbers(BARRETT.elements("P", motors=self.wish.motors))
-            start = dict(zip(self.wish.motors, places, strict=True))
+            places = hand.numbers(BARRETT.elements("P", motors=self.flag_request.motors))
+            start = dict(zip(self.flag_request.motors, places, strict=True))
         self._intake.begin(start)
         session.enter()
 

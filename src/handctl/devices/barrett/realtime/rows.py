@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.language import MOTORS
+from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE
 from handctl.devices.barrett.realtime.blocks import (
     FEEDBACK,
@@ -21,19 +21,19 @@ from handctl.devices.barrett.realtime.blocks import (
     cycles,
     velocity_unit,
 )
-from handctl.devices.barrett.realtime.flags import Prepared, Wish
+from handctl.devices.barrett.realtime.flags import FlagRequest, Prepared
 from handctl.devices.barrett.realtime.guards import Event, Guards, implausible
 from handctl.devices.barrett.views import NAME, UNIT, VALUE, row_of
 from handctl.errors import CheckFailed
-from handctl.model.guide import CTRL_C
+from handctl.model.line_quality import RoundTrips
 from handctl.model.param import Number, scale_of
-from handctl.model.profile import RoundTrips
+from handctl.model.prompts import CTRL_C
 from handctl.model.result import Grid, Row, Sample, Table
 from handctl.model.sampling import started
 
 if TYPE_CHECKING:
+    from handctl.command.run import Run
     from handctl.devices.barrett.realtime.loop import RealtimeLoop
-    from handctl.frame.run import Run
 
 
 class Sent(NamedTuple):
@@ -104,12 +104,12 @@ class Intake:
     end       why a guard ends the loop
     """
 
-    def __init__(self, hand: BarrettHand, wish: Wish, *, measuring: bool) -> None:
-        self._hand, self._wish, self._measuring = hand, wish, measuring
+    def __init__(self, hand: BarrettHand, flag_request: FlagRequest, *, measuring: bool) -> None:
+        self._hand, self._wish, self._measuring = hand, flag_request, measuring
         self.prepared = Prepared(Layout({}), {}, False, {}, 0, False)
         self.guards: Guards | None = None
         self.end: CheckFailed | None = None
-        self.velocity_points: dict[int, list[tuple[float, int, int]]] = {index: [] for index in wish.motors}
+        self.velocity_points: dict[int, list[tuple[float, int, int]]] = {index: [] for index in flag_request.motors}
         self.start = self.rate = 0.0
         self.started: float | None = None
         self._positions = Positions(self.prepared.layout, {}, discards=False)
@@ -278,8 +278,8 @@ def measured(run: Run, loop: RealtimeLoop, blocks: int, rate: float) -> Table:
     """Round trips, rate and the line's limits: what the vendor's "test delays" run is for."""
     for number, _ in enumerate(loop.run(rate=rate, count=blocks, duration=None), 1):
         if number % 20 == 0:
-            run.guide.progress(f"{number} of {blocks} blocks.", CTRL_C)
-    run.guide.done()
+            run.prompts.progress(f"{number} of {blocks} blocks.", CTRL_C)
+    run.prompts.done()
     found = loop.summary()
     latency = found["loop"]["latency"]
     rows: list[Row] = [

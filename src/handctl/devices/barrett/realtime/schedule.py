@@ -19,7 +19,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain, islice
 from typing import Any
 
-from handctl.devices.barrett.gcl.language import MOTORS, motor_prefix
+from handctl.devices.barrett.gcl.codec import MOTORS, motor_prefix
 from handctl.devices.barrett.realtime.blocks import CONTROL, FEEDBACK, LIMITS, Values, check_control, selections, still
 from handctl.errors import NoAnswer, UsageError
 from handctl.files import is_pipe, read_text

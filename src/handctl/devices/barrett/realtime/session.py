@@ -11,17 +11,17 @@ from collections.abc import Sequence
 from typing import Any
 
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.connecting import abort_at, ends_alone
-from handctl.devices.barrett.gcl.language import CR, DISTURBED, Answer, encode, has_prompt, status_in
+from handctl.devices.barrett.gcl.codec import CR, DISTURBED, Answer, encode, has_prompt, status_in
+from handctl.devices.barrett.gcl.connect_table import abort_at, ends_alone
 from handctl.devices.barrett.map import BARRETT
 from handctl.devices.barrett.realtime.blocks import ACKNOWLEDGE, Decoder, Layout, LoopError, Selection, Values, still
-from handctl.devices.barrett.realtime.flags import Wish, asked_flags
+from handctl.devices.barrett.realtime.flags import FlagRequest, asked_flags
 from handctl.devices.barrett.realtime.schedule import Controls
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link import Deadline
 from handctl.link.deadman import Guard, Shot
 from handctl.model.param import Element, Number, Step
-from handctl.model.stopping import BEAT
+from handctl.model.stop_sequence import BEAT
 
 ENTER_SECONDS = 1.5
 BLOCK_SECONDS = 0.1
@@ -54,8 +54,8 @@ class Session:
     cycle       seconds from one block to the next as they were asked for, 0 = as soon as it may be
     """
 
-    def __init__(self, hand: BarrettHand, wish: Wish, *, drives: bool) -> None:
-        self.hand, self.wish, self.drives = hand, wish, drives
+    def __init__(self, hand: BarrettHand, flag_request: FlagRequest, *, drives: bool) -> None:
+        self.hand, self.flag_request, self.drives = hand, flag_request, drives
         self.layout = Layout({})
         self.decoder = Decoder(self.layout)
         self.inside = self.thrown_out = self.asked = self.stood = False
@@ -73,7 +73,7 @@ class Session:
         Raises DeviceRefused with the hand's status, NoAnswer, ProtocolError.
         """
         hand, link, line = self.hand, self.hand.link, self.hand.line
-        command = f"{self.wish.prefix}LOOP"
+        command = f"{self.flag_request.prefix}LOOP"
         sent = command.encode("ascii")
         deadline = line.deadline(ENTER_SECONDS + 2 * line.wire_seconds(len(sent) + 2))
         line.drain()
@@ -136,7 +136,7 @@ class Session:
         except Exception as exc:  # noqa: BLE001 - one step that fails must not keep the next from stopping the motors
             self._blame(exc, "switch the hand's power off if anything moves" if moved else "power-cycle the hand")
         try:
-            if moved and self.wish.hold and stands:
+            if moved and self.flag_request.hold and stands:
                 self.hand.journal.info("held", "velocity 0 was sent. The motors stay powered (--hold)")
             elif moved:
                 self._power_off()
@@ -154,11 +154,13 @@ class Session:
         self.thrown_out = self.asked = self.stood = False  # once is enough
 
     def _power_off(self) -> None:
-        answer = self.hand.line.ask(f"{self.wish.prefix}T")
+        answer = self.hand.line.ask(f"{self.flag_request.prefix}T")
         if answer.status & ~NOT_INITIALIZED:
             raise self.hand.refusal(answer)
-        why = ". --hold was ignored, because velocity 0 was not acknowledged" if self.wish.hold else ""
-        self.hand.journal.info("stopped", f"{self.wish.prefix}T was acknowledged: the motors are switched off{why}")
+        why = ". --hold was ignored, because velocity 0 was not acknowledged" if self.flag_request.hold else ""
+        self.hand.journal.info(
+            "stopped", f"{self.flag_request.prefix}T was acknowledged: the motors are switched off{why}"
+        )
 
     def _go_out(self, moved: bool) -> bool:
         """Back to the prompt; whether the hand acknowledged velocity 0 on the way. Raises NoAnswer."""
@@ -231,7 +233,7 @@ class Session:
     def _tell_first(self, shots: Sequence[Shot], beat: float) -> None:
         """The child's, for as long as this loop drives: before and behind it, an answer may take its time."""
         if self.dead_man is not None:
-            self.dead_man.update(shots, beat if self.wish.watched else 0.0)
+            self.dead_man.update(shots, beat if self.flag_request.watched else 0.0)
 
     def _blame(self, exc: Exception, hint: str) -> None:
         text = f"while leaving the loop: {exc.text if isinstance(exc, HandctlError) else repr(exc)}"
@@ -241,24 +243,24 @@ class Session:
         self.failure = self.failure or kind(text, hint=hint, code=code)
 
 
-def steps_of(hand: BarrettHand, wish: Wish, controls: Controls | None, baud: int | None) -> list[Step]:
+def steps_of(hand: BarrettHand, flag_request: FlagRequest, controls: Controls | None, baud: int | None) -> list[Step]:
     """The exact bytes as far as they do not depend on what the hand holds."""
     changes = [
         (Element(BARRETT.by_mnemonic(name), index), value)
-        for (name, index), value in asked_flags(wish, controls).items()
+        for (name, index), value in asked_flags(flag_request, controls).items()
         if value or not BARRETT.by_mnemonic(name).since  # a hand that does not know the flag has it off
     ]
     steps = [Step(f"{step.meaning}  (only flags that differ are written)", step.data) for step in hand.plan(changes)]
-    entry = f"{wish.prefix}LOOP"
+    entry = f"{flag_request.prefix}LOOP"
     steps.append(Step(f"{entry}: enter RealTime", encode(entry)))
     if controls is None:
         steps.append(Step("request feedback, repeatedly", b"A"))
     else:
-        layout = Layout({index: Selection(controls.carries[index], ()) for index in wish.motors})
+        layout = Layout({index: Selection(controls.carries[index], ()) for index in flag_request.motors})
         steps.append(Step("first control block", layout.control(controls.first), moves=True))
         last = layout.control(still(controls.first), feedback=False)
         steps.append(Step("last control block: velocity 0", last))
     steps.append(Step("leave RealTime", abort_at(baud)))
-    if controls is not None and not wish.hold:
-        steps.append(Step(f"{wish.prefix}T: motor power off", encode(f"{wish.prefix}T")))
+    if controls is not None and not flag_request.hold:
+        steps.append(Step(f"{flag_request.prefix}T: motor power off", encode(f"{flag_request.prefix}T")))
     return steps

@@ -6,25 +6,25 @@ from typing import TYPE_CHECKING
 
 import click
 
+from handctl.command.command_tree import Group
+from handctl.command.common_commands import add_map_verbs
+from handctl.command.expect import expect, expected
+from handctl.command.family import Family
+from handctl.command.get_set_watch import going
+from handctl.command.option_types import NEGATIVE_NUMBERS, Seconds
+from handctl.command.run import Act, Asked, Run
+from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire import identity
-from handctl.devices.inspire import verbs_cli as verbs
-from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.exo import device
 from handctl.devices.inspire.exo.device import ExoHand, parse_command
 from handctl.devices.inspire.map import BAUD_RATES, EXO, address_in
+from handctl.devices.inspire.serial_bus import Bus
 from handctl.errors import UsageError
-from handctl.frame.clikit import Group
-from handctl.frame.expect import expect, expected
-from handctl.frame.family import Family
-from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.run import Act, Asked, Run
-from handctl.frame.types import NEGATIVE_NUMBERS, Seconds
-from handctl.frame.verbs import going
 from handctl.model.device import limits_of
 from handctl.model.result import Table
 
 if TYPE_CHECKING:
-    from handctl.frame.options import Settings
+    from handctl.command.options import Settings
     from handctl.link import ByteLink
     from handctl.model.result import Journal
 
@@ -181,9 +181,9 @@ def calibrate(run: Run) -> Act:
     """
     steps = [run.planner().trigger_step("calibrate", "calibrate")]
     for number, (seconds, text) in enumerate(device.CALIBRATION_STEPS if not run.settings.dry_run else (), 1):
-        run.guide.say(f"  step {number}: {text} (waits {seconds} s)")
+        run.prompts.say(f"  step {number}: {text} (waits {seconds} s)")
     question = f"{device.POWER_OFF} Someone has to wear the hand, and it moves all fingers through the steps above"
-    return Act(steps, lambda hand: device.calibrate(hand, run.guide), question)
+    return Act(steps, lambda hand: device.calibrate(hand, run.prompts), question)
 
 
 @cli.verb("force", "Move", writes=True, asks=True)
@@ -230,8 +230,8 @@ def _command(run: Run, which: str, texts: tuple[str, ...], wait: float | None = 
 
     def act(hand: ExoHand) -> Table:
         if wait is not None:
-            return device.move(hand, values, run.guide, wait=wait, expect=ending)
-        table = device.command(hand, which, values, run.guide)
+            return device.move(hand, values, run.prompts, wait=wait, expect=ending)
+        table = device.command(hand, which, values, run.prompts)
         if which == "force" and any(values.values()):
             run.journal.info(
                 "stays",

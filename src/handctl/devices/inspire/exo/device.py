@@ -12,18 +12,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.base import Movement, RegisterDevice
-from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.identity import identify_alone
 from handctl.devices.inspire.map import ALONE, BAUD_RATES, EXO, FINGERS, OVER_TEMPERATURE, pushes
-from handctl.devices.inspire.registers import may_still_move
+from handctl.devices.inspire.register_bus import may_still_move
+from handctl.devices.inspire.register_device import Movement, RegisterDevice
+from handctl.devices.inspire.serial_bus import Bus
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.device import Course, Release
-from handctl.model.guide import Guide
-from handctl.model.moving import REACHED, Goal, Seen, Stillness
+from handctl.model.movement import REACHED, Goal, Seen, Stillness
 from handctl.model.param import Element, Number, Reading, Step, elements_of, given
+from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Finding, Grid, Row, Table
-from handctl.model.stopping import stopped_by_ctrl_c
+from handctl.model.stop_sequence import stopped_by_ctrl_c
 
 LIVE = ("position_actual", "force_actual", "current", "error", "temperature")
 """What changes by itself: the default of `watch`."""
@@ -148,7 +148,7 @@ class ExoHand(RegisterDevice):
         findings = unhealthy(readings)
         return self.judge(table, findings, check, more=self._strangeness)
 
-    def meet(self, *, keeps: bool = True) -> None:
+    def confirm_identity(self, *, keeps: bool = True) -> None:
         if keeps:
             self.check_identity()
 
@@ -333,7 +333,7 @@ CALIBRATION_STEPS = (
 """Seconds of the documented wait and what the wearer does (exo §2.3.6)."""
 
 
-def calibrate(hand: ExoHand, guide: Guide) -> Table:
+def calibrate(hand: ExoHand, prompts: Prompts) -> Table:
     """Start the calibration of the worn hand and stay silent until it reports, at most 30 s (exo §2.3.6).
 
     Nothing is sent meanwhile. The end frame (address field 0002) is known from the sibling only; without it the
@@ -343,24 +343,24 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
 
     bus = hand.bus
     begun = hand.journal.ledger.mark
-    with bus.leaving("the hand is still calibrating", f"{POWER_OFF} No documented command stops a calibration"):
+    with bus.on_early_end("the hand is still calibrating", f"{POWER_OFF} No documented command stops a calibration"):
         lost = bus.try_write(EXO["calibrate"].address, b"\x01", "the start", "handctl still waits for the end")
         started = bus.link.now()
-        guide.say(
+        prompts.say(
             f"{POWER_OFF} The calibration is running. The hand goes through the steps above in this order. "
             "Nothing is sent meanwhile."
         )
         least = sum(seconds for seconds, _ in CALIBRATION_STEPS)
         more = f" (waits {least} s, the rest is movement)"
-        frame = wait_for_calibration(bus, guide, CALIBRATION_SECONDS, more, POWER_OFF)
+        frame = wait_for_calibration(bus, prompts, CALIBRATION_SECONDS, more, POWER_OFF)
     seconds = bus.link.now() - started
     if frame is not None:
-        guide.say(f"The hand reported the end after {seconds:.1f} s.")
+        prompts.say(f"The hand reported the end after {seconds:.1f} s.")
         hand.journal.ledger.confirm("its end was reported", since=begun)
     else:
         bus.out_of_time("the end of the calibration. The calibration is still running")
         if lost is not None:
-            raise lost.retold(
+            raise lost.reworded(
                 f"the calibration may have started. Its start was not acknowledged, its end was not reported: {lost.text}",
                 hint=f"{POWER_OFF} Keep wearing the hand until it has stopped moving, then check with `handctl exo status`",
             )
@@ -378,13 +378,13 @@ def calibrate(hand: ExoHand, guide: Guide) -> Table:
     return Table(rows=[*ended.rows, *(hand.row(reading) for reading in table)], columns=hand.columns)
 
 
-def command(hand: ExoHand, which: str, values: Mapping[int, int], guide: Guide) -> Table:
+def command(hand: ExoHand, which: str, values: Mapping[int, int], prompts: Prompts) -> Table:
     """Send a force or position command and show its reply. Raises Interrupted on Ctrl-C, after the hand was stopped."""
-    with stopped_by_ctrl_c(hand.stop, guide), may_still_move("the fingers"):
+    with stopped_by_ctrl_c(hand.stop, prompts), may_still_move("the fingers"):
         return hand.command_some(which, values)
 
 
-def move(hand: ExoHand, values: Mapping[int, int], guide: Guide, *, wait: float, expect: str = REACHED) -> Table:
+def move(hand: ExoHand, values: Mapping[int, int], prompts: Prompts, *, wait: float, expect: str = REACHED) -> Table:
     """Send a position command, then watch until the fingers have stopped or `wait` seconds have passed.
 
     `values` by index of the finger; others are left alone. Ctrl-C stops the hand. Rows have the target and what became of
@@ -397,7 +397,7 @@ def move(hand: ExoHand, values: Mapping[int, int], guide: Guide, *, wait: float,
         lambda readings: {reading.element.part or "": Seen(reading.value) for reading in readings},
         lambda seen, _: _evidence(hand) if seen.short else None,
     )
-    return hand.moved(this, lambda: hand.command_some("position", values), guide, wait=wait, expect=expect)[0]
+    return hand.moved(this, lambda: hand.command_some("position", values), prompts, wait=wait, expect=expect)[0]
 
 
 def _evidence(hand: ExoHand) -> dict[str, Seen]:

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.map import ALONE, EXO
-from handctl.devices.inspire.stopping import QUICK, Read, Wire, answer, asks, instead, lead, seen_since
+from handctl.devices.inspire.stop_wires import QUICK, Read, Wire, answer, asks, instead, lead, seen_since
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
-from handctl.model.stopping import Aim, Say, Stopped, Talk, insist, taken_over
+from handctl.model.stop_sequence import StopContext, Stopped, StopSequence, StopStep, insist, taken_over
 
 POSITION_SET, FORCE_SET, POSITION_ACTUAL = (
     EXO[name].address for name in ("position_set", "force_set", "position_actual")
@@ -23,30 +23,34 @@ OF_A_WRIST = "run `handctl wrist stop`"
 POWER = "switch the power off if the hand still pushes or moves"
 
 
-def stop_talk(aim: Aim) -> Talk:
+def stop_steps(context: StopContext) -> StopSequence:
     """Forces to 0, then a hold, each repeated until the hand has acknowledged it; then a second check."""
-    number, came = aim.number, list[bytes]()
+    number, came = context.number, list[bytes]()
     step, wrist = asks(number, eb90.WRIST_READ)
-    if not aim.proven:
-        came += yield Say(step, QUICK, lambda pieces: answer(pieces, wrist), reads=True, ahead=lead(aim))
+    if not context.proven:
+        came += yield StopStep(step, QUICK, lambda pieces: answer(pieces, wrist), reads=True, ahead=lead(context))
         if answer(came, wrist):
             return Stopped("this is a wrist, not an exoskeleton hand. Nothing was written", OF_A_WRIST, DeviceRefused)
     force = Step("all forces to 0", eb90.command_request(number, eb90.FORCE_COMMAND, [0] * FINGERS), moves=True)
     told = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
     meaning, late = "", False
-    for _ in range(aim.tries):
-        heard = yield from insist(aim, force, lambda pieces: answer(pieces, told), ahead=lead(aim))
+    for _ in range(context.tries):
+        heard = yield from insist(context, force, lambda pieces: answer(pieces, told), ahead=lead(context))
         came += heard.came
         if heard.found is None:
             break
         places = eb90.unpack_s16(heard.found.payload)[:FINGERS]
         step, taken, meaning = hold(number, places)
         # on a slow line as long as the forces have taken
-        pieces = yield Say(step, max(aim.each, heard.seconds), lambda pieces, taken=taken: answer(pieces, taken))  # type: ignore[misc]
+        pieces = yield StopStep(
+            step,
+            max(context.each, heard.seconds),
+            lambda pieces, taken=taken: answer(pieces, taken),  # type: ignore[misc]
+        )
         if answer(pieces, taken) is None:
             continue
         wanted: list[int | None] = [*(places if meaning.startswith("hold") else [None] * FINGERS), *[0] * FINGERS]
-        now = yield from _targets(aim)
+        now = yield from _targets(context)
         if now is not None and not _alike(wanted, now):
             if not late:
                 late = True  # the answer was that of a force that was commanded before: it begins alike
@@ -54,8 +58,8 @@ def stop_talk(aim: Aim) -> Talk:
             wanted = [None] * len(wanted)  # this hand does not show its commands there (the manual does not say)
         done = f"the hand acknowledged two commands: all forces to 0, then {meaning}. The manual has no stop command"
         against = yield from seen_since(
-            lambda: Wire(aim, first=lead(aim)).values(POSITION_ACTUAL, MEASURED),
-            lambda: _targets(aim),
+            lambda: Wire(context, first=lead(context)).values(POSITION_ACTUAL, MEASURED),
+            lambda: _targets(context),
             wanted,
             STILL,
             places,
@@ -80,9 +84,9 @@ def _alike(wanted: list[int | None], now: list[int]) -> bool:
     return all(one in (None, other) for one, other in zip(wanted, now, strict=True))
 
 
-def _targets(aim: Aim) -> Read:
+def _targets(context: StopContext) -> Read:
     """The places that it is commanded to, and the forces; None where they are not answered."""
-    wire = Wire(aim, first=lead(aim))
+    wire = Wire(context, first=lead(context))
     places = yield from wire.values(POSITION_SET, FINGERS)
     forces = (yield from wire.values(FORCE_SET, FINGERS)) if places is not None else None
     return None if places is None or forces is None else [*places, *forces]

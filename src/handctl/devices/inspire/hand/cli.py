@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.devices.inspire import verbs_cli as verbs
+from handctl.command.command_tree import ALWAYS, BOUNDS, Group, streaming
+from handctl.command.common_commands import add_map_verbs
+from handctl.command.expect import expect, expected
+from handctl.command.family import Family
+from handctl.command.get_set_watch import Unequal, ask_released, bounds_of, tell_listed, within
+from handctl.command.option_types import NEGATIVE_NUMBERS, Seconds
+from handctl.command.run import Act, Asked, Run
+from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import (
     PORT,
@@ -29,21 +36,14 @@ from handctl.devices.inspire.hand.map import BYTE_MAP, DG2, SPEEDS
 from handctl.devices.inspire.hand.pairing_cli import add_pairing
 from handctl.devices.inspire.map import ALONE, address_in
 from handctl.errors import UsageError
-from handctl.frame.clikit import ALWAYS, BOUNDS, Group, streaming
-from handctl.frame.expect import expect, expected
-from handctl.frame.family import Family
-from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.run import Act, Asked, Run
-from handctl.frame.types import NEGATIVE_NUMBERS, Seconds
-from handctl.frame.verbs import Unequal, ask_released, bounds_of, tell_listed, within
 from handctl.link import FrameLink
 from handctl.model.device import limits_of
 from handctl.model.param import COMMAND, Element, Number, Step, given
 from handctl.model.result import Table
 
 if TYPE_CHECKING:
-    from handctl.devices.inspire.registers import RegisterBus
-    from handctl.frame.options import Settings
+    from handctl.command.options import Settings
+    from handctl.devices.inspire.register_bus import RegisterBus
     from handctl.link import ByteLink
     from handctl.model.result import Journal
 
@@ -61,16 +61,16 @@ def _wires(link: ByteLink | FrameLink, settings: Settings, journal: Journal) -> 
     """The wire, and behind EB90 the one that is asked where it is silent."""
     number, limits = settings.id if settings.id is not None else 1, limits_of(settings, link)
     if isinstance(link, FrameLink):
-        from handctl.devices.inspire.canbus import CanBus
+        from handctl.devices.inspire.can_bus import CanBus
 
         return [CanBus(link, number, journal, family="hand", **limits)]
-    from handctl.devices.inspire.modbusbus import ModbusBus
+    from handctl.devices.inspire.modbus_bus import ModbusBus
 
     protocol = protocol_of(settings)
     modbus = ModbusBus(link, number, journal, tcp=over_tcp(settings), **limits)
     if modbus.tcp or protocol == "modbus":
         return [modbus]
-    from handctl.devices.inspire.bus import Bus
+    from handctl.devices.inspire.serial_bus import Bus
 
     line = Bus(link, number, journal, family="hand", **limits)
     return [line, modbus] if protocol == "auto" and asks_rtu(link) else [line]
@@ -202,7 +202,7 @@ def calibrate(run: Run) -> Act:
         return Asked(question, steps(hand))
 
     question = f"{motion.POWER_OFF} The whole hand opens and closes. It must be open and empty"
-    return Act(steps(run.planner()), lambda hand: motion.calibrate(hand, run.guide), question, look=look)
+    return Act(steps(run.planner()), lambda hand: motion.calibrate(hand, run.prompts), question, look=look)
 
 
 for takes_numbers in (angle, position, force, speed):
@@ -230,7 +230,7 @@ def write_asked(
 ) -> Act:
     """Write what was checked, and read it back. What moves the hand is shown with speed and force limit, and asked.
 
-    With `always` it is a `set`: see `frame.verbs.Unequal`.
+    With `always` it is a `set`: see `command.get_set_watch.Unequal`.
     """
     from handctl.devices.inspire.hand import motion
 
@@ -262,7 +262,7 @@ def write_asked(
     def act(hand: Hand) -> Table:
         if wait is not None:
             name = changes[0][0].param.name
-            return motion.move(hand, name, changes, run.guide, wait=wait, expect=ending, before=before)
+            return motion.move(hand, name, changes, run.prompts, wait=wait, expect=ending, before=before)
         table = hand.table(hand.write(changes)) if only is None else only.written(hand)
         if before is not None:
             motion.tell_no_speed(hand, changes, before)
@@ -370,7 +370,7 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> Act:
 
     def look(hand: Hand) -> Asked:
         nonlocal shown
-        hand.meet()
+        hand.confirm_identity()
         changes = by_number.changes_of(hand.map, place, payload)
         if step.moves:
             asked, shown = motion.question(hand, changes, motion.fit_to_move(hand))
@@ -414,7 +414,7 @@ def network(run: Run, address: str | None) -> Table | Act:
     First switch off every other hand that has the old address. handctl asks you to type the new one to confirm.
     The new address is saved and takes effect after a power-cycle. This computer then needs an address in the same network.
     """
-    from handctl.devices.inspire.hand import place
+    from handctl.devices.inspire.hand import baud_and_network as place
 
     if address is None:
         verbs.looks_only(run)
@@ -432,7 +432,7 @@ def network(run: Run, address: str | None) -> Table | Act:
         return Asked(f"{question}. {computer}. To go back, run `handctl hand network {before}`", steps)
 
     question = f"This changes the IP address of the hand to {address}, after a power-cycle"
-    return Act(steps, lambda hand: place.change_network(hand, octets, run.guide), question, word=address, look=look)
+    return Act(steps, lambda hand: place.change_network(hand, octets, run.prompts), question, word=address, look=look)
 
 
 add_pairing(cli)

@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
-from handctl.devices.inspire.base import BlockReader, RegisterDevice, T
 from handctl.devices.inspire.hand.generation import LABEL, Found, ModelGate, contradiction
 from handctl.devices.inspire.hand.map import (
     BLOCKED,
@@ -31,12 +30,13 @@ from handctl.devices.inspire.hand.map import (
     HandRegister,
 )
 from handctl.devices.inspire.identity import BYTE_HAND, UNHEARD, naming_twins, stranger
-from handctl.devices.inspire.registers import BETWEEN_PROTOCOLS, RegisterBus
+from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
+from handctl.devices.inspire.register_device import BlockReader, RegisterDevice, T
 from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.device import Course, Release
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
 from handctl.model.result import Cell, Finding, Grid, Row, Table
-from handctl.model.stopping import Aim, Known
+from handctl.model.stop_sequence import Known, StopContext
 
 LIVE = ("stroke_actual", "angle_actual", "force_actual", "current", "error", "status", "temperature")
 """What changes by itself, one block of 90 bytes on DF and TP: the default of `watch`."""
@@ -288,7 +288,7 @@ class Hand(RegisterDevice):
 
     # -- where it is found ---------------------------------------------------------------------------------------
 
-    def meet(self, *, keeps: bool = True) -> None:
+    def confirm_identity(self, *, keeps: bool = True) -> None:
         """It is of a generation that may be written to. Raises NotIdentified, NoAnswer."""
         with naming_twins(self):
             self.identify()
@@ -296,7 +296,7 @@ class Hand(RegisterDevice):
     def change_id(self, new: int) -> Table:
         """As of every device of registers, but over TCP, where a hand answers to whatever id."""
         try:
-            self.meet()
+            self.confirm_identity()
         except NoAnswer:
             return super().change_id(new)  # perhaps it has the new id already
         if self.bus.wire == "tcp":
@@ -312,25 +312,25 @@ class Hand(RegisterDevice):
         return {code: rate for code, rate in SPEEDS.items() if code < 3 or self.typed in (None, TP, F1)}
 
     def show_speed(self) -> Table:
-        from handctl.devices.inspire.hand import place
+        from handctl.devices.inspire.hand import baud_and_network as place
 
         return place.show_speed(self)
 
     def change_speed(self, rate: int) -> Table:
         """See `place.change_speed`."""
-        from handctl.devices.inspire.hand import place
+        from handctl.devices.inspire.hand import baud_and_network as place
 
         return place.change_speed(self, rate)
 
-    def aim(self) -> Aim:
+    def stop_context(self) -> StopContext:
         """Its generation, protocol and wire as far as they are known, whatever the LINK is called."""
-        aim, wire = super().aim(), self.bus.wire
+        context, wire = super().stop_context(), self.bus.wire
         if self._other is not None and not self.bus.met:
-            return aim._replace(proven=False)  # nothing has been read yet: either protocol may be the one
-        own = {**aim.settings.own, "protocol": "modbus" if wire in ("rtu", "tcp") else "eb90"}
+            return context._replace(proven=False)  # nothing has been read yet: either protocol may be the one
+        own = {**context.settings.own, "protocol": "modbus" if wire in ("rtu", "tcp") else "eb90"}
         own |= {"model": self._known} if self._known else {}
         spoken = "modbus-tcp" if wire == "tcp" else None
-        return aim._replace(settings=Known(self.bus.id, aim.settings.timeout, wire=spoken, own=own))
+        return context._replace(settings=Known(self.bus.id, context.settings.timeout, wire=spoken, own=own))
 
 
 # -- findings and views -------------------------------------------------------------------------------------------

@@ -21,22 +21,22 @@ from handctl.devices.inspire.identity import (
     STATES,
     TABLE,
     FamilyGate,
+    IdentityCheck,
     Kind,
-    Look,
     is_f1,
     stranger,
     within,
 )
-from handctl.devices.inspire.modbus import RTU, RTU_SPEED, TCP, mode_of
-from handctl.devices.inspire.registers import BETWEEN_PROTOCOLS, RegisterBus
-from handctl.digits import number_in
+from handctl.devices.inspire.modbus_frames import RTU, RTU_SPEED, TCP, mode_of
+from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError, UsageError
 from handctl.model.param import ParamMap
+from handctl.number_parsing import number_in
 
 if TYPE_CHECKING:
-    from handctl.frame.options import Settings
+    from handctl.command.options import Settings
     from handctl.link import ByteLink
-    from handctl.model.stopping import Options
+    from handctl.model.stop_sequence import Options
 
 PORT = 6000
 """Modbus TCP (rh56 §2.3)."""
@@ -175,7 +175,7 @@ def look(bus: RegisterBus, other: RegisterBus | None = None) -> Found:
     """
     bus = bus.at("hand")
     bus.per = 1
-    asked = Look(bus)
+    asked = IdentityCheck(bus)
     if other is not None and asked.ask("hand", STATES) is None and asked.unheard is not None and _answers(other):
         raise asked.unheard
     kind = asked.who(BYTE_HAND)
@@ -200,7 +200,7 @@ def _answers(bus: RegisterBus) -> bool:
     return True
 
 
-def _of_bytes(bus: RegisterBus, asked: Look) -> tuple[str | None, str]:
+def _of_bytes(bus: RegisterBus, asked: IdentityCheck) -> tuple[str | None, str]:
     """DF or TP, and what shows it; None where a second question contradicts the first, or nothing tells the two apart."""
     angles = eb90.unpack_s16(asked.ask("hand", AT, due=True) or b"")
     if not angles or any(angle not in ANGLES for angle in angles):
@@ -215,7 +215,7 @@ def _of_bytes(bus: RegisterBus, asked: Look) -> tuple[str | None, str]:
     return (model, shown) if model is not None else _df_or_tp(asked, due=True)
 
 
-def _df_or_tp(asked: Look, *, due: bool) -> tuple[str | None, str]:
+def _df_or_tp(asked: IdentityCheck, *, due: bool) -> tuple[str | None, str]:
     """Which of the two shows itself; `due`: asked with patience, since silence may be a late answer."""
     address = asked.ask("hand", IP, due=due)
     if address is not None and 1 <= address[0] <= 223 and address[0] != 127 and address[3] not in (0, 255):
@@ -257,7 +257,7 @@ class ModelGate(FamilyGate):
         assert self.typed is not None
         own, there, held = KINDS[self.typed], bus.at("hand"), within(blocks)
         per, there.per = there.per, 1
-        asked = Look(there, lambda address, count: held(per * address, count))
+        asked = IdentityCheck(there, lambda address, count: held(per * address, count))
         kind = asked.contradiction(own)
         if kind is None:
             return

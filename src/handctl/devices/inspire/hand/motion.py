@@ -13,18 +13,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from handctl.devices.inspire.base import Movement
 from handctl.devices.inspire.hand.device import COURSES
 from handctl.devices.inspire.hand.map import BLOCKED, BYTE_MAP, HOT, UNMEASURED
 from handctl.devices.inspire.map import ALONE, pushes
 from handctl.devices.inspire.procedures import outcome, wait_for_calibration
-from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Left, joined
+from handctl.devices.inspire.register_device import Movement
+from handctl.errors import Aftermath, CheckFailed, DeviceRefused, HandctlError, joined
 from handctl.model import device
-from handctl.model.guide import Guide
-from handctl.model.moving import REACHED, Goal, Seen, Stillness, Watch
+from handctl.model.movement import REACHED, Goal, Seen, Stillness, Watch
 from handctl.model.param import Changes, Element, FromTo, Number, Reading, elements_of
+from handctl.model.prompts import Prompts
 from handctl.model.result import Table
-from handctl.model.stopping import leaving
+from handctl.model.stop_sequence import on_early_end
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.hand.device import Hand
@@ -139,7 +139,7 @@ def move(
     hand: Hand,
     group: str,
     changes: Sequence[tuple[Element, Number]],
-    guide: Guide,
+    prompts: Prompts,
     *,
     wait: float,
     expect: str = REACHED,
@@ -164,7 +164,7 @@ def move(
         lambda watched, last: _evidence(hand, watched, last),
         pause=STILL.refresh,
     )
-    return hand.moved(this, lambda: hand.write(changes), guide, wait=wait, expect=expect)[0]
+    return hand.moved(this, lambda: hand.write(changes), prompts, wait=wait, expect=expect)[0]
 
 
 def _goal(group: str, part: str, target: Number, before: Before | None) -> Goal:
@@ -223,18 +223,18 @@ def plan_nudge(hand: Hand) -> Nudge:
     )
 
 
-def nudge(hand: Hand, plan: Nudge, guide: Guide) -> None:
+def nudge(hand: Hand, plan: Nudge, prompts: Prompts) -> None:
     """Carry it out: so a person sees which hand this is. Where it ends early, the finger keeps its low speed, or speed 0.
 
     A speed that was put back behind a stop would let the finger go on.
     """
     (low, away, back, was) = plan.changes
     before = f"speed_set.{NUDGED} is not {was[1]} any more, as it was before"
-    left = Left(before, f"set it with `handctl hand set speed_set.{NUDGED}={was[1]}`", joint=". ")
-    with leaving(left, since=hand.journal.counters, by=HandctlError):
+    left = Aftermath(before, f"set it with `handctl hand set speed_set.{NUDGED}={was[1]}`", joint=". ")
+    with on_early_end(left, since=hand.journal.counters, by=HandctlError):
         hand.write([low])
         for change in (away, back):
-            move(hand, "angle_set", [change], guide, wait=NUDGE_SECONDS)
+            move(hand, "angle_set", [change], prompts, wait=NUDGE_SECONDS)
     hand.write([was])
 
 
@@ -249,24 +249,24 @@ RESTING = 50
 """Grams within which an unloaded hand rests (rh56 §6 Q5)."""
 
 
-def calibrate(hand: Hand, guide: Guide) -> Table:
+def calibrate(hand: Hand, prompts: Prompts) -> Table:
     """Start it after a countdown, wait for its end, show the forces then. Raises Interrupted on Ctrl-C."""
     hand.identify()
     bus, register = hand.bus, hand.map["calibrate_force"]
     before = hand.read(elements_of(hand.map["force_actual"]))
     for left in range(COUNTDOWN, 0, -1):
-        guide.progress(f"the hand moves in {left} s: keep it open and empty, and do not touch it", "Ctrl-C cancels.")
+        prompts.progress(f"the hand moves in {left} s: keep it open and empty, and do not touch it", "Ctrl-C cancels.")
         bus.pause(1.0)
         bus.check_bound("the calibration")
-    guide.done()
+    prompts.done()
     begun = hand.journal.ledger.mark
-    with bus.leaving("the hand is still calibrating", POWER_OFF):
+    with bus.on_early_end("the hand is still calibrating", POWER_OFF):
         lost = bus.try_write(register.address, register.encode(1), "the start", "handctl still waits for the end")
-        guide.say(f"{POWER_OFF} The calibration is running. handctl sends nothing until it ends.")
+        prompts.say(f"{POWER_OFF} The calibration is running. handctl sends nothing until it ends.")
         seconds = LISTEN if bus.reports else WAIT
-        reported = wait_for_calibration(bus, guide, seconds, "", POWER_OFF) is not None
+        reported = wait_for_calibration(bus, prompts, seconds, "", POWER_OFF) is not None
     if lost is not None and not reported:
-        raise lost.retold(
+        raise lost.reworded(
             f"the calibration may have started. Its start was not acknowledged: {lost.text}",
             hint=f"{POWER_OFF} Wait until the hand has stopped moving, then check with `handctl hand status`",
         )

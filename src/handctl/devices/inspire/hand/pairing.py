@@ -14,23 +14,23 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 from handctl.devices.inspire import procedures
-from handctl.devices.inspire.hand import place
+from handctl.devices.inspire.hand import baud_and_network
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.motion import nudge, plan_nudge
 from handctl.devices.inspire.hand.probe import TARGET, fingerprint
 from handctl.devices.inspire.identity import naming_twins, refuse_twins
 from handctl.devices.inspire.scan import sweep
-from handctl.errors import CheckFailed, HandctlError, Left, LinkError, NoAnswer, NotConfirmed, UsageError
+from handctl.errors import Aftermath, CheckFailed, HandctlError, LinkError, NoAnswer, NotConfirmed, UsageError
 from handctl.link import ByteLink
-from handctl.model.guide import Guide
 from handctl.model.param import Step, elements_of
-from handctl.model.quest import Quest
-from handctl.model.stopping import leaving
-from handctl.sentence import plural
+from handctl.model.prompts import Prompts
+from handctl.model.scan_task import ScanTask
+from handctl.model.stop_sequence import on_early_end
+from handctl.wording import plural
 
 LEFT, RIGHT = "left", "right"
 OTHER = {LEFT: RIGHT, RIGHT: LEFT}
-NOBODY = Left("no hand is named", joint=". ")
+NOBODY = Aftermath("no hand is named", joint=". ")
 AGAIN = "run `handctl hand pair` again: it continues from the present state"
 LOOKS = 3
 SEARCH_SECONDS = 6.0
@@ -53,7 +53,7 @@ class Bench(Protocol):
     guide   whoever stands at the hands
     """
 
-    guide: Guide
+    prompts: Prompts
 
     def hand(self, number: int | None = None) -> Hand:
         """A hand on the first link, with this id; nothing is known of it yet."""
@@ -78,13 +78,13 @@ def pair(
 
     Raises NotConfirmed where nobody can answer, Interrupted on Ctrl-C: no hand is named then, and both stand still.
     """
-    if first is None and not bench.guide.present:
+    if first is None and not bench.prompts.present:
         raise NotConfirmed(
             "someone has to see which hand moves, but this is not an interactive terminal",
             hint="specify the side with --first left or --first right: then nothing moves. Nothing was sent.",
         )
     try:
-        with leaving(NOBODY, by=HandctlError):
+        with on_early_end(NOBODY, by=HandctlError):
             return _paired(bench, link, other, first, address)
     except HandctlError as exc:
         exc.hint = exc.hint or AGAIN
@@ -94,7 +94,7 @@ def pair(
 def _paired(bench: Bench, link: str, other: str | None, first: str | None, address: str | None) -> list[Paired]:
     if other is not None:
         found = [(bench.hand(), link), (bench.elsewhere(other), other)]
-    elif place.over_network(bench.hand()):
+    elif baud_and_network.over_network(bench.hand()):
         found = _one_address(bench, link, address)
     else:
         found = [(hand, link) for hand in _one_line(bench)]
@@ -117,8 +117,8 @@ def _seen(bench: Bench, hands: Sequence[Hand]) -> tuple[str, str]:
     bench.confirm(f"This moves {moves}. Keep both hands empty and clear", steps)
     sides = []
     for hand, plan in zip(hands, plans, strict=True):
-        nudge(hand, plan, bench.guide)
-        side = bench.guide.choose(f"{hand.bus.where}: which hand moved", (LEFT, RIGHT))
+        nudge(hand, plan, bench.prompts)
+        side = bench.prompts.choose(f"{hand.bus.where}: which hand moved", (LEFT, RIGHT))
         if not side:
             raise NotConfirmed(
                 f"{hand.bus.where}: the answer names neither the left nor the right hand",
@@ -147,17 +147,17 @@ def _two(one: Hand, other: Hand) -> None:
     )
 
 
-def ids_on(hand: Hand, guide: Guide) -> list[int]:
+def ids_on(hand: Hand, prompts: Prompts) -> list[int]:
     """The ids that answer to `hand` at its speed, in a protocol that anybody answers in, also where two hands have one."""
     protocol = "auto" if len(hand.wires) > 1 else "eb90" if hand.bus.wire == "eb90" else "modbus"
     link = hand.link
     baud = link.baud if isinstance(link, ByteLink) else None
-    quest = Quest(
-        find_all=True, baud=baud or 0, silence=SEARCH_SECONDS, own={"protocol": protocol}, progress=guide.progress
+    task = ScanTask(
+        find_all=True, baud=baud or 0, silence=SEARCH_SECONDS, own={"protocol": protocol}, progress=prompts.progress
     )
-    sweep(link, hand.journal, hand.bus.bound, quest, [TARGET])
-    guide.done()
-    return sorted({row["id"] for row in quest.rows} | {*quest.twins})
+    sweep(link, hand.journal, hand.bus.bound, task, [TARGET])
+    prompts.done()
+    return sorted({row["id"] for row in task.rows} | {*task.twins})
 
 
 # -- one serial line or CAN bus ---------------------------------------------------------------------------------------
@@ -166,7 +166,7 @@ def ids_on(hand: Hand, guide: Guide) -> list[int]:
 def _one_line(bench: Bench) -> list[Hand]:
     """The two hands on one line, each with its own id."""
     hand = bench.hand()
-    ids = ids_on(hand, bench.guide)
+    ids = ids_on(hand, bench.prompts)
     if not ids:
         raise NoAnswer(
             f"{hand.link.name}: no hand answers",
@@ -200,8 +200,8 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
         [*steps, saving],
     )
     procedures.change_id(hand, new, saved_next=True)
-    with leaving(
-        Left(
+    with on_early_end(
+        Aftermath(
             f"one hand has id {new} until the next power-cycle",
             f"`handctl hand save --id {new}` keeps it",
             joint=". ",
@@ -218,7 +218,7 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
             )
         changed = bench.hand(new)
         changed.know()
-        procedures.save(changed, bench.guide)
+        procedures.save(changed, bench.prompts)
     return [changed, bench.hand(number)]
 
 
@@ -227,36 +227,36 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
 
 def _one_address(bench: Bench, link: str, address: str | None) -> list[tuple[Hand, str]]:
     """Two hands with one IP address: the one that is on gets another, then both are looked for."""
-    guide = bench.guide
+    prompts = bench.prompts
     _done(
         bench,
         f"Two hands with the same IP address take turns answering at {link}.\n"
         "Switch one hand off. The other one gets a new address. Then press Enter",
     )
     hand = bench.again()
-    old = place.held(hand)
-    octets = place.octets_of(address) if address is not None else place.next_to(old)
+    old = baud_and_network.held(hand)
+    octets = baud_and_network.octets_of(address) if address is not None else baud_and_network.next_to(old)
     if octets == old:
         raise UsageError(
             f"{address} is the address that both hands have", hint="choose another --address. Nothing was sent."
         )
     new = ".".join(map(str, octets))
-    target = place.link_of(link, octets)
-    steps = hand.plan(place.address_plan(hand, octets))
+    target = baud_and_network.link_of(link, octets)
+    steps = hand.plan(baud_and_network.address_plan(hand, octets))
     steps.append(hand.trigger_step("save", "save to flash"))
     bench.confirm(
         f"This changes the address {'.'.join(map(str, old))} to {new}. It takes effect after a power-cycle",
         steps,
         word=new,
     )
-    place.change_network(hand, octets, guide, cycled_next=True)
+    baud_and_network.change_network(hand, octets, prompts, cycled_next=True)
     _done(
         bench,
         f"Power-cycle this hand, and leave the other one off. Then press Enter to look for it at {new}",
     )
     hand.link.power_cycle()
     moved = _wait_for(bench, lambda: bench.elsewhere(target), octets, hand)
-    with leaving(Left(f"one hand has the address {new} now, and keeps it", joint=". "), by=HandctlError):
+    with on_early_end(Aftermath(f"one hand has the address {new} now, and keeps it", joint=". "), by=HandctlError):
         _done(bench, "Switch the other hand on. Then press Enter")
         stayed = _wait_for(bench, bench.again, old, hand)
     return [(moved, target), (stayed, link)]
@@ -267,20 +267,20 @@ def _wait_for(bench: Bench, opened: Callable[[], Hand], octets: Sequence[int], c
     link, text = clock.link, ".".join(map(str, octets))
     end = link.deadline(WAIT_SECONDS)
     while True:
-        bench.guide.progress(f"waiting for the hand at {text}, {end.remaining:.0f} s left")
+        bench.prompts.progress(f"waiting for the hand at {text}, {end.remaining:.0f} s left")
         try:
             hand = opened()
-            found = place.held(hand)
+            found = baud_and_network.held(hand)
             break
         except (LinkError, NoAnswer) as exc:
             if end.expired or clock.bus.over:
-                bench.guide.done()
-                raise exc.retold(
+                bench.prompts.done()
+                raise exc.reworded(
                     f"no hand at {text}: {exc.text}",
-                    hint=f"give this computer an address such as {place.laptop_for(octets)}, mask 255.255.255.0, and run the command again",
+                    hint=f"give this computer an address such as {baud_and_network.laptop_for(octets)}, mask 255.255.255.0, and run the command again",
                 ) from exc
             link.sleep(AGAIN_SECONDS)
-    bench.guide.done()
+    bench.prompts.done()
     if found != list(octets):
         raise CheckFailed(
             f"{hand.bus.where}: the hand there holds the address {'.'.join(map(str, found))}, not {text}",
@@ -292,7 +292,7 @@ def _wait_for(bench: Bench, opened: Callable[[], Hand], octets: Sequence[int], c
 
 def _done(bench: Bench, what: str) -> None:
     """Ask the person to do something. Raises NotConfirmed without a person."""
-    if not bench.guide.wait_for_enter(f"{what}."):
+    if not bench.prompts.wait_for_enter(f"{what}."):
         raise NotConfirmed(
             f"someone has to do this at the hands: {what.splitlines()[-1]}",
             hint="run the command on a terminal next to the hands",

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handctl.command.command_tree import Group
+from handctl.command.options import COMMAND_LINE, checks, config_path, read_config
+from handctl.command.run import Run
 from handctl.errors import UsageError
-from handctl.frame.clikit import Group
-from handctl.frame.options import COMMAND_LINE, checks, config_path, read_config
-from handctl.frame.run import Run
 from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:
+    from handctl.command.config import Config
     from handctl.devices.inspire.hand.device import Hand
     from handctl.devices.inspire.hand.pairing import Paired
-    from handctl.frame.config import Config
     from handctl.model.param import Step
 
 SIDES = ("left", "right")
@@ -54,12 +54,12 @@ def add_pairing(group: Group) -> None:
         ports or two IP addresses. Give one LINK if both hands are on one bus or have the same IP address. If they share an
         id or an address, handctl takes you through changing it for one hand. Ctrl-C stops the movement, and no hand is named.
         """
-        from handctl.devices.inspire.hand import pairing, place
+        from handctl.devices.inspire.hand import baud_and_network, pairing
 
         own, other = _links(run, links)
         names = {"left": left, "right": right}
         _check_names(names, force)
-        octets = place.octets_of(address) if address is not None else None
+        octets = baud_and_network.octets_of(address) if address is not None else None
         if run.settings.dry_run:
             return run.dry_run(_steps(run, other, octets, moving=first is None))
         found = pairing.pair(_Bench(run), own, other, first=first, address=address)
@@ -84,7 +84,7 @@ def _links(run: Run, links: Sequence[str]) -> tuple[str, str | None]:
 
 def _check_names(names: dict[str, str], force: bool) -> None:
     """Whether these names can be given, before anything moves. Raises UsageError."""
-    from handctl.frame.config import NAME_HELP, is_name
+    from handctl.command.config import NAME_HELP, is_name
 
     for name in names.values():
         if not is_name(name):
@@ -115,7 +115,7 @@ def _steps(run: Run, other: str | None, octets: list[int] | None, *, moving: boo
         )
         steps += planner.plan([(planner.map.find(f"speed_set.{NUDGED}")[1][0], NUDGE_SPEED)])
     if octets is not None:
-        from handctl.devices.inspire.hand.place import address_plan
+        from handctl.devices.inspire.hand.baud_and_network import address_plan
 
         steps += planner.plan(address_plan(planner, octets))
     elif other is None:
@@ -128,7 +128,7 @@ class _Bench:
 
     def __init__(self, run: Run) -> None:
         self._run = run
-        self.guide, self.elsewhere, self.confirm = run.guide, run.device_at, run.confirm
+        self.prompts, self.elsewhere, self.confirm = run.prompts, run.device_at, run.confirm
 
     def hand(self, number: int | None = None) -> Hand:
         run = self._run
@@ -149,7 +149,7 @@ class _Bench:
 
 def _named(run: Run, found: Sequence[Paired], names: dict[str, str], force: bool) -> Table:
     """Write both into the configuration file, at once."""
-    from handctl.frame import devicefile
+    from handctl.command import config_edit
 
     wanted = {names[one.side]: _values(run, one) for one in found}
 
@@ -162,14 +162,14 @@ def _named(run: Run, found: Sequence[Paired], names: dict[str, str], force: bool
 
     path = config_path()
     rows = [_row(one, names[one.side], wanted[names[one.side]], path) for one in found]
-    devicefile.put_all(path, checks(), wanted, allow)
+    config_edit.put_all(path, checks(), wanted, allow)
     run.journal.info("next", "you can now use both names", hint=f"try `handctl -d {names['left']} hand status`")
     return Table(rows=rows, columns=COLUMNS, plain=("name", "side", "link", "id"))
 
 
 def _values(run: Run, one: Paired) -> dict[str, Any]:
     """What the configuration file says of a hand."""
-    from handctl.frame.devicefile import stable_name
+    from handctl.command.config_edit import stable_name
 
     settings, bus = run.settings, one.hand.bus
     values: dict[str, Any] = {"kind": "hand", "port": stable_name(one.link) or one.link}
@@ -182,7 +182,7 @@ def _values(run: Run, one: Paired) -> dict[str, Any]:
 
 
 def _row(one: Paired, name: str, values: dict[str, Any], path: str) -> Row:
-    from handctl.devices.inspire.hand import place
+    from handctl.devices.inspire.hand import baud_and_network
 
     model = one.hand.found().model
     return {
@@ -191,6 +191,8 @@ def _row(one: Paired, name: str, values: dict[str, Any], path: str) -> Row:
         "link": values["port"],
         "id": one.hand.bus.id,
         "model": model,
-        "network": ".".join(map(str, place.held(one.hand))) if place.over_network(one.hand) else None,
+        "network": ".".join(map(str, baud_and_network.held(one.hand)))
+        if baud_and_network.over_network(one.hand)
+        else None,
         "file": path,
     }

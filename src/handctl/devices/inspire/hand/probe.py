@@ -10,14 +10,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from handctl.devices.inspire.bus import SILENCE_HINTS, Bus
 from handctl.devices.inspire.hand.generation import AT, LABEL, asks_rtu, look, spoken
 from handctl.devices.inspire.hand.map import BLOCKED, FINGERS, HOT, IP_ADDRESS, STATUS, UNMEASURED
 from handctl.devices.inspire.identity import BYTE_HAND, Kind, Row4, same_id
 from handctl.devices.inspire.map import DRAWN
-from handctl.devices.inspire.modbusbus import ModbusBus
-from handctl.devices.inspire.registers import BETWEEN_PROTOCOLS, RegisterBus
+from handctl.devices.inspire.modbus_bus import ModbusBus
+from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.devices.inspire.scan import Probing, Target, ignores_speed, parse_ids, sweep
+from handctl.devices.inspire.serial_bus import SILENCE_HINTS, Bus
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline, FrameLink
 from handctl.model.param import elements_of

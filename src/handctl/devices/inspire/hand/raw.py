@@ -7,19 +7,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from handctl.devices.inspire import eb90, modbus
+from handctl.devices.inspire import eb90, modbus_frames
 from handctl.devices.inspire import raw as by_number
 from handctl.devices.inspire.explain import InspireExplainer
 from handctl.devices.inspire.hand.map import BYTE_MAP
-from handctl.devices.inspire.modbus import RTU, TCP, mode_of, only_reads, pdu_of
+from handctl.devices.inspire.modbus_frames import RTU, TCP, mode_of, only_reads, pdu_of
 from handctl.errors import UsageError
+from handctl.model.explainer import DEVICE, HOST
 from handctl.model.param import Step
-from handctl.model.piece import DEVICE, HOST
 from handctl.model.result import Column, Row, Table, hex_bytes
 
 if TYPE_CHECKING:
+    from handctl.command.run import Run
     from handctl.devices.inspire.hand.device import Hand
-    from handctl.frame.run import Run
 
 COLUMNS = (Column("direction", "From"), Column("meaning", "Meaning"), Column("raw", "Frame"))
 NEVER = {1: (range(1000, 1020), range(2000, 2326)), 2: (range(1000, 1016), range(1431, 1433), range(2160, 2163))}
@@ -82,7 +82,7 @@ def repaired(data: bytes) -> bytes:
         return whole[:-1] + bytes([eb90.checksum(whole[2:-1])]) if len(whole) > 7 else data
     if mode_of(data) or len(data) < 8:
         return data
-    return data[:-2] + modbus.crc(data[:-2])
+    return data[:-2] + modbus_frames.crc(data[:-2])
 
 
 def _refuse(hand: Hand, frame: bytes) -> None:
@@ -91,7 +91,7 @@ def _refuse(hand: Hand, frame: bytes) -> None:
     if mode:
         number, pdu = (frame[0] if mode == RTU else 1), pdu_of(frame, mode)
         address = int.from_bytes(pdu[1:3], "big")
-        data = modbus.to_memory(pdu[3:5] if pdu[0] == modbus.WRITE_ONE else pdu[6:])
+        data = modbus_frames.to_memory(pdu[3:5] if pdu[0] == modbus_frames.WRITE_ONE else pdu[6:])
         count = 1 if unit == 1 and len(data) == 2 and data[1] == 0 else len(data)
         data = data[:count] if any(address == register.address for register in hand.has if register.size == 1) else data
     elif frame[:2] == eb90.HOST and len(frame) > 8 and frame[4] == eb90.WRITE:

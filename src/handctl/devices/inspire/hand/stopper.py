@@ -9,13 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Generator
 
-from handctl.devices.inspire import canreg, modbus
+from handctl.devices.inspire import can_frames, modbus_frames
 from handctl.devices.inspire.hand.generation import map_of, over_tcp
 from handctl.devices.inspire.hand.map import HandRegister
 from handctl.devices.inspire.identity import STATES, is_five_wide, is_six_wide, within
-from handctl.devices.inspire.stopping import CAN, EB90, QUICK, RTU, TAKEN, TCP, Read, Wire, lead, seen_since
+from handctl.devices.inspire.stop_wires import CAN, EB90, QUICK, RTU, TAKEN, TCP, Read, Wire, lead, seen_since
 from handctl.errors import DeviceRefused, LinkError, NoAnswer, ProtocolError
-from handctl.model.stopping import WITHIN, Aim, Pieces, Say, Stopped, Talk, insist, settled, taken_over
+from handctl.model.stop_sequence import (
+    WITHIN,
+    Pieces,
+    StopContext,
+    Stopped,
+    StopSequence,
+    StopStep,
+    insist,
+    settled,
+    taken_over,
+)
 
 BRIEF = 0.3
 """Seconds for each protocol where both are tried, before both are tried for longer."""
@@ -26,18 +36,20 @@ GOES_ON = "With a new speed the fingers may move on to their last target"
 LABEL = "add --model f1 or dg2 if the label says so. Switch the power off if it still moves"
 REFUSED_IT = Stopped("the hand refused speed 0", POWER, DeviceRefused)
 BY_GATEWAY = {
-    modbus.NO_PATH: Stopped("the gateway cannot reach the hand, so speed 0 did not arrive", POWER, LinkError),
-    modbus.NO_TARGET: Stopped("the gateway sent speed 0 to the hand, but the hand did not answer", POWER, NoAnswer),
+    modbus_frames.NO_PATH: Stopped("the gateway cannot reach the hand, so speed 0 did not arrive", POWER, LinkError),
+    modbus_frames.NO_TARGET: Stopped(
+        "the gateway sent speed 0 to the hand, but the hand did not answer", POWER, NoAnswer
+    ),
 }
 """Exception -> who says so: not the hand."""
 ASKS = "ask whether a hand is there"
 
 
-def stop_talk(aim: Aim) -> Talk:
+def stop_steps(context: StopContext) -> StopSequence:
     """Speed 0 on the wire of the LINK; on a serial line in the other protocol too, where the first brings no answer."""
-    settings = aim.settings
+    settings = context.settings
     protocol = settings.own.get("protocol") or "auto"
-    if aim.can:
+    if context.can:
         wires = [CAN]
     elif over_tcp(settings):
         wires = [TCP]
@@ -47,38 +59,40 @@ def stop_talk(aim: Aim) -> Talk:
     # who speaks the second protocol must not wait until the first has been given up
     turns = [(wire, seconds) for seconds in ((BRIEF, WITHIN) if len(wires) > 1 else (WITHIN,)) for wire in wires]
     for wire, seconds in turns:
-        stopped = yield from _stop(aim._replace(within=seconds), wire)
+        stopped = yield from _stop(context._replace(within=seconds), wire)
         if stopped.error not in (NoAnswer, ProtocolError):
             return stopped
         failed.append(stopped)
     return next((one for one in failed if one.error is ProtocolError), failed[-1])
 
 
-def _stop(aim: Aim, name: str) -> Generator[Say, Pieces, Stopped]:
-    hand, wire = map_of(aim.settings), Wire(aim, name, first=lead(aim) if name == EB90 else b"")
+def _stop(context: StopContext, name: str) -> Generator[StopStep, Pieces, Stopped]:
+    hand, wire = map_of(context.settings), Wire(context, name, first=lead(context) if name == EB90 else b"")
     register = hand["speed_set"]
     # CAN ids are the hand's own, and eight bytes tell nothing
-    asks = register.per == 1 and name != CAN and not aim.proven
+    asks = register.per == 1 and name != CAN and not context.proven
     states: bytes | None = None
     if asks:
         step, found = wire.asking(*STATES, ASKS)
-        states = found((yield Say(step, QUICK, lambda came: found(came) is not None, reads=True, ahead=wire.first)))
+        states = found(
+            (yield StopStep(step, QUICK, lambda came: found(came) is not None, reads=True, ahead=wire.first))
+        )
         if states is not None and not _is_hand(states):
             return _other(states)
     zeros = b"".join(register.encode(0) for _ in range(register.count))
-    size = canreg.MAX_COUNT if name == CAN else len(zeros)
+    size = can_frames.MAX_COUNT if name == CAN else len(zeros)
     for start in range(0, len(zeros), size):
         place, data = (register.address + start) // register.per, zeros[start : start + size]
         step, verdict = wire.writing(place, data, "set the speed of every finger to 0")
-        heard = yield from insist(aim, step, verdict, ahead=wire.first)
-        said = yield from settled(aim, heard)
+        heard = yield from insist(context, step, verdict, ahead=wire.first)
+        said = yield from settled(context, heard)
         if said is None:
             return Stopped("speed 0 was sent but not acknowledged", POWER, ProtocolError if heard.came else NoAnswer)
         if said != TAKEN:
             return BY_GATEWAY.get(said, REFUSED_IT)
     if asks and states is None:
         step, found = wire.asking(*STATES, ASKS)
-        states = yield from settled(aim, (yield from insist(aim, step, found, reads=True, ahead=wire.first)))
+        states = yield from settled(context, (yield from insist(context, step, found, reads=True, ahead=wire.first)))
         if states is None or not _is_hand(states):
             text = "a device acknowledged speed 0, but it does not look like an RH56 hand with byte addresses"
             return Stopped(text, LABEL, ProtocolError)
@@ -104,7 +118,7 @@ def _other(states: bytes) -> Stopped:
 def _values(wire: Wire, register: HandRegister) -> Read:
     """All elements of a register, None where they are not answered."""
     size = register.size * register.count
-    span = canreg.MAX_COUNT if wire.name == CAN else size
+    span = can_frames.MAX_COUNT if wire.name == CAN else size
     data = b""
     for start in range(0, size, span):
         part = yield from wire.memory((register.address + start) // register.per, min(span, size - start))

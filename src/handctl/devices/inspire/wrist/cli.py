@@ -6,24 +6,24 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from handctl.command.command_tree import Group
+from handctl.command.common_commands import add_map_verbs
+from handctl.command.expect import expect, expected
+from handctl.command.family import Family
+from handctl.command.option_types import Seconds
+from handctl.command.run import Act, Run
+from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire import identity
-from handctl.devices.inspire import verbs_cli as verbs
-from handctl.devices.inspire.bus import Bus
 from handctl.devices.inspire.map import BAUD_RATES, WRIST, address_in
+from handctl.devices.inspire.serial_bus import Bus
 from handctl.devices.inspire.wrist.device import Wrist
-from handctl.frame.clikit import Group
-from handctl.frame.expect import expect, expected
-from handctl.frame.family import Family
-from handctl.frame.mapverbs import add_map_verbs
-from handctl.frame.run import Act, Run
-from handctl.frame.types import Seconds
 from handctl.link import FrameLink
 from handctl.model.device import limits_of
 from handctl.model.result import Table
 
 if TYPE_CHECKING:
-    from handctl.devices.inspire.canbus import CanBus
-    from handctl.frame.options import Settings
+    from handctl.command.options import Settings
+    from handctl.devices.inspire.can_bus import CanBus
     from handctl.link import ByteLink
     from handctl.model.result import Journal
 
@@ -33,7 +33,7 @@ def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal)
     number, limits = settings.id if settings.id is not None else 1, limits_of(settings, link)
     bus: Bus | CanBus
     if isinstance(link, FrameLink):
-        from handctl.devices.inspire.canbus import CanBus
+        from handctl.devices.inspire.can_bus import CanBus
 
         bus = CanBus(link, number, journal, **limits)
     else:
@@ -116,7 +116,7 @@ def _move(run: Run, values: dict[str, Any], wait: float | None, expect: str | No
     changes = planner.targets(values.get("pitch_set"), values.get("yaw_set"), values.get("move_time"))
     steps = planner.plan(changes)
     ending = expected(expect)
-    return Act(steps, lambda wrist: wrist.move(changes, run.guide, wait=wait, expect=ending))
+    return Act(steps, lambda wrist: wrist.move(changes, run.prompts, wait=wait, expect=ending))
 
 
 @cli.verb("write", "Service", writes=True)
@@ -161,7 +161,7 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
     Everything except a read asks first. With -n it only explains the frame, even if it is an example that the manual misprints.
     """
     from handctl.devices.inspire import raw as by_number
-    from handctl.devices.inspire.canbus import CanBus
+    from handctl.devices.inspire.can_bus import CanBus
     from handctl.devices.inspire.wrist import raw as wrist_raw
 
     can = isinstance(run.planner().bus, CanBus)

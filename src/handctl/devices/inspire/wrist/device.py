@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from handctl.devices.inspire.base import Movement, RegisterDevice
 from handctl.devices.inspire.map import WRIST, pushes, register_of
+from handctl.devices.inspire.register_device import Movement, RegisterDevice
 from handctl.errors import UsageError
-from handctl.model.guide import Guide
-from handctl.model.moving import REACHED, Goal, Seen, Stillness
+from handctl.model.movement import REACHED, Goal, Seen, Stillness
 from handctl.model.param import Element, Number, Reading
+from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Finding, Grid, Row, Table
 
 SLOWEST_USUAL, FASTEST_USUAL = 5000, 100
@@ -120,7 +120,7 @@ class Wrist(RegisterDevice):
         return wanted
 
     def move(
-        self, changes: Sequence[tuple[Element, Number]], guide: Guide, *, wait: float | None, expect: str = REACHED
+        self, changes: Sequence[tuple[Element, Number]], prompts: Prompts, *, wait: float | None, expect: str = REACHED
     ) -> Table:
         """Write a movement and watch until the axes have stopped; rows with targets and positions.
 
@@ -146,7 +146,7 @@ class Wrist(RegisterDevice):
             name=lambda reading: axis_of(reading.element.param.name),
         )
         wait = wait if wait is not None else time * 1.5 / 1000 + 2
-        table, arrivals = self.moved(this, lambda: self.write(changes), guide, wait=wait, expect=expect)
+        table, arrivals = self.moved(this, lambda: self.write(changes), prompts, wait=wait, expect=expect)
         table.view = arrival_view
         if table.failure is None and all(one.verdict == REACHED for one in arrivals):
             self.journal.info("arrived", "the wrist has arrived")

@@ -7,20 +7,20 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from handctl.devices.inspire import canreg, eb90
-from handctl.devices.inspire.bus import Bus
-from handctl.devices.inspire.canbus import CanBus, related
+from handctl.devices.inspire import can_frames, eb90
+from handctl.devices.inspire.can_bus import CanBus, related
 from handctl.devices.inspire.explain import CAN_MISPRINTS, MISPRINTS, InspireExplainer
 from handctl.devices.inspire.identity import identify_alone
 from handctl.devices.inspire.map import EXO, WRIST
 from handctl.devices.inspire.raw import RAW_COLUMNS, changes_of, check_values, judge_read_back, refused
+from handctl.devices.inspire.serial_bus import Bus
 from handctl.devices.inspire.wrist.device import Wrist
-from handctl.errors import Left, NoAnswer, ProtocolError, UsageError
+from handctl.errors import Aftermath, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
+from handctl.model.explainer import DEVICE, HOST
 from handctl.model.param import Step
-from handctl.model.piece import DEVICE, HOST
 from handctl.model.result import Row, Table, hex_bytes
-from handctl.sentence import plural
+from handctl.wording import plural
 
 CAN_COLUMNS = tuple(column for column in RAW_COLUMNS if column.key not in ("flag", "raw"))
 WRITE_SIZES = (2, 4, 6)
@@ -130,20 +130,20 @@ def parse_can(text: str) -> CanFrame:
 
 def plan_can(frame: CanFrame, force: bool, *, only_explain: bool = False) -> Step:
     """What a CAN frame would do; an explanation where the manual prints it for something else."""
-    access = canreg.parse_identifier(frame.can_id)
+    access = can_frames.parse_identifier(frame.can_id)
     explained = CAN_MISPRINTS.get((frame.can_id, frame.data))
     if explained is not None and only_explain:
         return Step(explained, frame.data, moves=True, can_id=frame.can_id)
-    if access.writes and access.hand_id == canreg.ANY_ID and not force:
+    if access.writes and access.hand_id == can_frames.ANY_ID and not force:
         raise refused("id 16383 may mean every hand on the bus", "write to one hand.", UsageError.default_code)
-    if access.flag == canreg.WRITE_WRIST and not force:
+    if access.flag == can_frames.WRITE_WRIST and not force:
         _refuse_illegal(access.address, frame.data)
-    if access.flag == canreg.WRITE_HAND and touches_shared(access.address, len(frame.data)) and not force:
+    if access.flag == can_frames.WRITE_HAND and touches_shared(access.address, len(frame.data)) and not force:
         text = f"this writes address {access.address} of the hand: current limits or power-on speeds, not the wrist"
         raise refused(text, "use flag 5 for the wrist.")
-    reads = canreg.only_reads(frame.can_id, frame.data)
+    reads = can_frames.only_reads(frame.can_id, frame.data)
     (piece,) = InspireExplainer(WRIST).sent(frame.data, frame.can_id)
-    strands = not reads and access.flag != canreg.WRITE_WRIST
+    strands = not reads and access.flag != can_frames.WRITE_WRIST
     return Step(explained or piece.meaning, frame.data, moves=not reads, strands=strands, can_id=frame.can_id)
 
 
@@ -167,7 +167,7 @@ def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
         raise bus.silence(frame, errors, wait, since, "listen longer with --wait S")
     rows: list[Row] = []
     for one in came:
-        access, (piece,) = canreg.parse_identifier(one.can_id), explainer.feed(DEVICE, one.data, one.can_id)
+        access, (piece,) = can_frames.parse_identifier(one.can_id), explainer.feed(DEVICE, one.data, one.can_id)
         row = {
             "direction": "device" if one in mine else "own" if one == frame else "other",
             "id": access.hand_id,
@@ -178,7 +178,7 @@ def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
         }
         rows.append(row)
     table = Table(rows=rows, columns=CAN_COLUMNS)
-    asked = canreg.parse_identifier(frame.can_id)
+    asked = can_frames.parse_identifier(frame.can_id)
     if not mine or not (asked.writes or [len(mine[0].data)] == list(frame.data)):
         table.failure = bus.mishap(frame, odd)
     elif asked.writes and len(mine[0].data) == 1:
@@ -240,11 +240,11 @@ def plan_hand_writes(wrist: Wrist, address: int, data: bytes, force: bool) -> li
 
 def _in_frames(bus: Bus | CanBus, address: int, data: bytes) -> list[tuple[int, bytes]]:
     """The pieces of a write, each one frame; they meet at even addresses, so that no register of 2 bytes is cut."""
-    if not isinstance(bus, CanBus) or len(data) <= canreg.MAX_COUNT:
+    if not isinstance(bus, CanBus) or len(data) <= can_frames.MAX_COUNT:
         return [(address, data)]
-    canreg.check_span(bus.id, address, len(data))
-    first = canreg.MAX_COUNT - address % 2
-    starts = [0, *range(first, len(data), canreg.MAX_COUNT), len(data)]
+    can_frames.check_span(bus.id, address, len(data))
+    first = can_frames.MAX_COUNT - address % 2
+    starts = [0, *range(first, len(data), can_frames.MAX_COUNT), len(data)]
     return [(address + start, data[start:end]) for start, end in pairwise(starts)]
 
 
@@ -255,7 +255,7 @@ def hand_write(wrist: Wrist, address: int, data: bytes) -> Table:
     Raises Interrupted on Ctrl-C, which takes nothing back.
     """
     bus = hand_bus(wrist)
-    with wrist.bus.leaving(
+    with wrist.bus.on_early_end(
         f"{hex_bytes(data)} may be written at {address} of the hand", "`handctl wrist hand-read` shows it"
     ):
         now: list[str] = []
@@ -279,7 +279,7 @@ def _hand_write(wrist: Wrist, bus: Bus | CanBus, address: int, data: bytes) -> T
     then = "handctl does not read it back, because it starts an action" if starts else "handctl reads it back"
     lost = bus.try_write(address, data, "the write", then, acknowledged_by=(new,))
     if lost is not None and starts:
-        lost.leaves(Left(hint=f"it may still have started {', '.join(starts)}", joint=". "))
+        lost.add_aftermath(Aftermath(hint=f"it may still have started {', '.join(starts)}", joint=". "))
         raise lost
     if starts:
         bus.journal.info(

@@ -8,9 +8,18 @@ from __future__ import annotations
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.map import WRIST
-from handctl.devices.inspire.stopping import CAN, EB90, REFUSED, TAKEN, Wire, answer, asks, instead, lead, seen_since
+from handctl.devices.inspire.stop_wires import CAN, EB90, REFUSED, TAKEN, Wire, answer, asks, instead, lead, seen_since
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
-from handctl.model.stopping import Aim, Pieces, Say, Stopped, Talk, insist, silence, taken_over
+from handctl.model.stop_sequence import (
+    Pieces,
+    StopContext,
+    Stopped,
+    StopSequence,
+    StopStep,
+    insist,
+    silence,
+    taken_over,
+)
 
 ANGLES, ANGLES_SET = WRIST["pitch_actual"].address, WRIST["yaw_set"].address
 """With yaw_actual behind it; with pitch_set behind it (wrist §2.1)."""
@@ -19,17 +28,17 @@ STILL = 20
 POWER = "switch the power off if it still moves"
 
 
-def stop_talk(aim: Aim) -> Talk:
+def stop_steps(context: StopContext) -> StopSequence:
     """Where is it, stay there: until it is acknowledged; then a second look."""
-    if not (aim.can or aim.proven):
-        step, prefix = asks(aim.number, eb90.WRIST_READ)
-        heard = yield from insist(aim, step, lambda pieces: answer(pieces, prefix), reads=True, ahead=lead(aim))
+    if not (context.can or context.proven):
+        step, prefix = asks(context.number, eb90.WRIST_READ)
+        heard = yield from insist(context, step, lambda pieces: answer(pieces, prefix), reads=True, ahead=lead(context))
         if heard.found is None:
             return _unanswered(heard.came)
-    meaning, wire = "", Wire(aim, CAN if aim.can else EB90, wrist=True)
+    meaning, wire = "", Wire(context, CAN if context.can else EB90, wrist=True)
     asked, found = wire.asking(ANGLES, 4)
-    for _ in range(aim.tries):
-        told = yield from insist(aim, asked, found, reads=True)
+    for _ in range(context.tries):
+        told = yield from insist(context, asked, found, reads=True)
         if told.found is None:
             return _unanswered(told.came)
         here = pitch, yaw = eb90.unpack_s16(told.found)
@@ -39,7 +48,11 @@ def stop_talk(aim: Aim) -> Talk:
             return Stopped(text, POWER, CheckFailed)
         meaning = f"stay at {at}"
         step, verdict = wire.writing(ANGLES_SET, eb90.pack_s16([yaw, pitch]), meaning)
-        pieces = yield Say(step, max(aim.each, told.seconds), lambda came, verdict=verdict: verdict(came) is not None)  # type: ignore[misc]
+        pieces = yield StopStep(
+            step,
+            max(context.each, told.seconds),
+            lambda came, verdict=verdict: verdict(came) is not None,  # type: ignore[misc]
+        )
         taken = verdict(pieces)
         if taken == REFUSED:
             return Stopped(f"the wrist rejected the command to {meaning}", POWER, DeviceRefused)
@@ -49,7 +62,7 @@ def stop_talk(aim: Aim) -> Talk:
                 lambda: wire.values(ANGLES, 2), lambda: wire.values(ANGLES_SET, 2), [yaw, pitch], STILL, here
             )
             return taken_over(Stopped(done), against) if against else Stopped(done)
-        if told.seconds > aim.each:
+        if told.seconds > context.each:
             yield from silence(told.seconds)  # answers to repetitions tell where it was
     return Stopped(f"the wrist was commanded to {meaning} but did not acknowledge it", POWER, NoAnswer)
 

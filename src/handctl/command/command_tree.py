@@ -1,0 +1,443 @@
+"""The command tree: groups and commands that accept the shared options, the root, and errors as exit codes.
+
+Help and completion load click and the data in `families`, no device family.
+"""
+
+from __future__ import annotations
+
+import gc
+import importlib
+import os
+from collections.abc import Callable, Sequence
+from functools import partial, reduce
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl import __version__
+from handctl.command.family import Family
+from handctl.command.help_text import (
+    HEADINGS,
+    MOST,
+    USUAL,
+    Described,
+    NoCommand,
+    bare,
+    need_command,
+    plain_help,
+    write_examples,
+)
+from handctl.command.option_types import Hertz, InFile, OutFile, Seconds, WholeRange
+from handctl.command.options import COMMAND_LINE, SharedOption, config_path, read_config, said, words_of
+from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
+from handctl.families import COMMANDS, LISTED
+
+if TYPE_CHECKING:
+    from handctl.command.run import Act, Run
+    from handctl.model.result import Table
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+ALONE = ("sim", "completion", "batch", "shell")
+"""Commands that are no line of a batch."""
+
+
+class Command(Described):
+    """A leaf command with the shared options.
+
+    `heading`: one of HEADINGS; `writes`: --dry-run makes sense for it; `streams`: --json means NDJSON; `stops`: an
+    emergency, which nothing holds up; `offline`: it never opens a link; `asks`: it asks first, always or in these words,
+    behind a ";" those of when it does not.
+    """
+
+    def __init__(
+        self,
+        *args: Any,
+        writes: bool = False,
+        streams: bool = False,
+        stops: bool = False,
+        offline: bool = False,
+        asks: bool | str = False,
+        heading: str = "",
+        family: Family | None = None,
+        **more: Any,
+    ) -> None:
+        super().__init__(*args, **more)
+        self.heading = heading
+        self.asks = asks
+        self.writes = writes
+        self.stops = stops
+        self.offline = offline
+        self.streams = streams
+        self.family = family
+        self.wires = family.wires if family is not None else ()
+
+    @property
+    def only_reads(self) -> bool:
+        """Whether it asks a device, and neither writes to it nor opens a file."""
+        files = any(isinstance(param.type, InFile | OutFile) and param.name != "output" for param in self.params)
+        return self.family is not None and not (self.writes or self.streams or self.offline or files)
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does; its message on the number of values knows neither the command nor what the values are called."""
+        said(ctx).stopping = self.stops
+        try:
+            return super().parse_args(ctx, args)
+        except click.UsageError as exc:
+            text = exc.message
+            for param in self.params:
+                if isinstance(param, click.Argument) and param.metavar:
+                    text = text.replace(f"Argument '{param.name}' takes", f"{param.metavar} takes")
+            if exc.ctx is not None and text == exc.message:
+                raise
+            raise click.UsageError(text, exc.ctx or ctx) from exc
+
+    def invoke(self, ctx: click.Context) -> None:
+        if (taken := said(ctx).taken) is not None:
+            taken(ctx)
+            return
+        from handctl.command.precedence import resolve
+        from handctl.command.run import Run
+
+        run = said(ctx).run or Run(ctx, resolve(ctx, self.wires, urgent=self.stops), self.family)
+        # Said for good in the environment or the file it is a safety catch, and what only reads does not need it.
+        if run.settings.dry_run and not self.writes and run.sources["dry_run"] == COMMAND_LINE:
+            raise run.failed(UsageError(
+                f"`handctl {run.command}` only reads. --dry-run is for commands that write or move",
+                hint="run it without -n, it changes nothing",
+            ))  # fmt: skip
+        if run.settings.assume_identity and "assume_identity" in self.refused():
+            raise run.failed(UsageError(
+                f"`handctl {run.command}` does not check which device answers",
+                hint="run it without --assume-identity",
+            ))  # fmt: skip
+        if not gc.isenabled():  # see `cli.main`; no loop is held up by a look through what was imported
+            gc.freeze()
+            gc.enable()
+        run.execute(self.body(run))
+
+    def body(self, run: Run) -> Callable[[], Table | Act | None]:
+        """What a run of the parsed line carries out: it gets the run first, then what was parsed."""
+        assert self.callback is not None
+        return partial(self.callback, run, **run.context.params)
+
+
+class Group(Described, click.Group):
+    """A group with the shared options. `first`: commands listed first below their heading, after the common ones."""
+
+    command_class = Command
+
+    def __init__(
+        self, *args: Any, heading: str = "", first: Sequence[str] = (), family: Family | None = None, **more: Any
+    ) -> None:
+        super().__init__(*args, **more)
+        self.heading = heading
+        self.first = (*USUAL, *first)
+        self.family = family
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        need_command(ctx, args)
+        said(ctx).stopping = "stop" in args
+        with bare(ctx, args[:1]):  # whatever stands behind a command is that command's
+            return super().parse_args(ctx, args)
+
+    def refused(self) -> frozenset[str]:
+        """What all its commands refuse."""
+        below = [one.refused() for one in self.commands.values() if isinstance(one, Described)]
+        return frozenset.intersection(*below) if below else frozenset()
+
+    def format_examples(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Its commands have them."""
+
+    def format_common(
+        self, ctx: click.Context, formatter: click.HelpFormatter, options: Sequence[SharedOption]
+    ) -> None:
+        """List the family's own options in full, and say where the others are explained."""
+        mine = [option for option in options if option.family]
+        if mine:
+            with formatter.section(f"Options of each {self.name} command"):
+                formatter.write_dl([record for option in mine if (record := option.get_help_record(ctx)) is not None])
+        formatter.write_paragraph()
+        formatter.write_text(
+            f"Run `{ctx.command_path} COMMAND -h` for one command with examples, `handctl help options` for the common options, `handctl help` for the guides."
+        )
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        name = args[0]
+        if self.get_command(ctx, name) is None and not name.startswith("-") and not ctx.resilient_parsing:
+            from handctl.command.suggestions import meant
+
+            raise click.UsageError(f"No such command {name!r}.{meant(name, self.commands)}", ctx)
+        return super().resolve_command(ctx, args)
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """By heading; below it first what every device has, then `first`, then the rest as it was added."""
+        headings, first = (*HEADINGS, ""), self.first
+
+        def place(name: str) -> tuple[int, int]:
+            rank = first.index(name) if name in first else len(first)
+            return headings.index(getattr(self.commands[name], "heading", "")), rank
+
+        return sorted(self.commands, key=place)
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        self.format_commands(ctx, formatter)
+        super().format_options(ctx, formatter)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        rows = self.listed(ctx)
+        widest = max((len(name) for _, name, _ in rows), default=0)
+        for heading in dict.fromkeys(heading for heading, _, _ in rows):
+            with formatter.section(heading):
+                formatter.write_dl([(name.ljust(widest), text) for at, name, text in rows if at == heading])
+
+    def listed(self, ctx: click.Context) -> list[tuple[str, str, str]]:
+        """Heading, name and whole first sentence of each command: click cuts it, and what is left may mislead."""
+        found = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+        return [
+            (getattr(one, "heading", "") or "Commands", name, one.get_short_help_str(MOST))
+            for name, one in found
+            if one is not None and not one.hidden
+        ]
+
+    def verb(
+        self,
+        name: str,
+        heading: str = "",
+        *,
+        writes: bool = False,
+        streams: bool = False,
+        stops: bool = False,
+        offline: bool = False,
+        asks: bool | str = False,
+    ) -> Callable[[Callable[..., Any]], Command]:
+        """Decorator: add a leaf command whose body gets the Run first and returns a Table (or None).
+
+        A family's command needs a `heading` of HEADINGS, below which the help lists it.
+        """
+
+        def decorate(body: Callable[..., Any]) -> Command:
+            made: Command = click.command(
+                name,
+                cls=Command,
+                heading=heading,
+                writes=writes,
+                streams=streams,
+                stops=stops,
+                offline=offline,
+                asks=asks,
+                family=self.family,
+            )(body)
+            self.add_command(made)
+            return made
+
+        return decorate
+
+
+def together(*options: Decorator) -> Decorator:
+    """Decorator: these options, in this order."""
+    return lambda body: reduce(lambda made, option: option(made), reversed(options), body)
+
+
+def streaming(rate: float) -> Decorator:
+    """Decorator: the options of a stream, `rate` (with this default), `count` and `duration`."""
+    return together(
+        click.option(
+            "--rate",
+            type=Hertz(),
+            default=rate,
+            show_default=True,
+            metavar="HZ",
+            help="Samples per second (0: as fast as the device replies).",
+        ),
+        click.option("--count", type=WholeRange(min=1), metavar="N", help="End after N samples."),
+        click.option("--duration", type=Seconds(), metavar="S", help="End after S seconds."),
+    )
+
+
+stream_options = streaming(10.0)
+reads_option = click.option(
+    "--count",
+    type=WholeRange(1, 10000),
+    default=100,
+    show_default=True,
+    metavar="N",
+    help="Read the device N times to measure the error rate.",
+)
+"""Of `handctl doctor`, and of a family's."""
+scan_options = together(
+    click.option(
+        "--ids", metavar="FROM-TO", help="Ids to try, such as 1-20 (default: --id, or all, the usual one first)."
+    ),
+    click.option(
+        "--all",
+        "find_all",
+        is_flag=True,
+        help="Keep searching after the first device, and search a silent line again with longer timeouts.",
+    ),
+)
+"""How far a search goes."""
+
+
+ALWAYS = click.option("--always", is_flag=True, help="Write settings even if they already have this value.")
+LIMIT = click.option(
+    "--limit",
+    "limits",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.",
+)
+UNTIL = click.option(
+    "--until",
+    "until",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.",
+)
+BOUNDS = together(LIMIT, UNTIL)
+
+
+log_options = together(
+    click.argument("file", type=OutFile(additional=(".json",))),
+    streaming(0.0),
+    click.option("--mark", metavar="TEXT", default="", help="Mark the first row with TEXT."),
+    click.option(
+        "--mark-udp",
+        type=WholeRange(0, 65535),
+        metavar="PORT",
+        help="Each datagram to this UDP port of this computer sets a mark with its text (0: any free port).",
+    ),
+    click.option("--mark-stdin", is_flag=True, help="Each line on standard input sets a mark with its text."),
+    click.option(
+        "--silence",
+        type=Seconds(),
+        default=60.0,
+        show_default=True,
+        metavar="S",
+        help="End after S seconds without a valid reply. handctl also waits this long for a lost port to come back.",
+    ),
+    click.option("--force", is_flag=True, help="Overwrite FILE."),
+    BOUNDS,
+)
+"""FILE, and the options of `recorder.Wishes`."""
+suspendable = click.option(
+    "--may-suspend", is_flag=True, help="Do not stop the motors when this command is suspended (SIGSTOP) for 0.5 s."
+)
+"""For what drives motors that do not stop by themselves."""
+
+
+class Root(Group):
+    """The root: lists its commands from `families` and imports the module of the one that is used.
+
+    in_lines  further commands of a line that is one of several (`command.command_lines`)
+    """
+
+    in_lines: dict[str, click.Command] = {}  # noqa: RUF012 - there is one root
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return [name for names in LISTED.values() for name in names]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return self.in_lines.get(cmd_name) if said(ctx).taken is not None else None
+        command = importlib.import_module(COMMANDS[cmd_name][0]).cli
+        assert isinstance(command, click.Command)
+        if not isinstance(command, Described):
+            plain_help(command)
+        return command
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        """With -d the family may be left out: the device says which it is."""
+        name = args[0]
+        if name in ALONE and said(ctx).taken is not None:
+            raise click.UsageError(f"`handctl {name}` cannot be one of several commands.", ctx)
+        if name in COMMANDS or name.startswith("-") or self.get_command(ctx, name) is not None:
+            return super().resolve_command(ctx, args)
+        from handctl.command.suggestions import device_in, top
+
+        device = device_in(ctx, args)
+        if device is None:
+            raise click.UsageError(f"No such command {name!r}.{top(args)}", ctx)
+        kind = read_config(config_path()).find(device).kind
+        return kind, self.get_command(ctx, kind), args
+
+    def listed(self, ctx: click.Context) -> list[tuple[str, str, str]]:
+        """From `families`: nothing of a command is loaded."""
+        found = ((heading, name, COMMANDS[name][1]) for heading, names in LISTED.items() for name in names)
+        return [(heading, name, f"{text[0].upper()}{text[1:]}.") for heading, name, text in found]
+
+    def format_examples(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """To begin with."""
+        write_examples(ctx, formatter)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[Any]:
+        from click.shell_completion import CompletionItem
+
+        names = [CompletionItem(name, help=text) for name, (_, text) in COMMANDS.items() if name.startswith(incomplete)]
+        return names or click.Command.shell_complete(self, ctx, incomplete)
+
+
+root = Root(
+    "handctl",
+    help="Diagnose and configure hand and exoskeleton devices.",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+
+
+click.version_option(__version__, "-V", "--version", message=f"handctl {__version__}", help="Show the version.")(root)
+
+
+def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = lambda args: False) -> int:
+    """Parse and run, unless `otherwise` does; every error becomes one message on stderr and an exit code."""
+    debug = "--debug" in args or bool(os.environ.get("HANDCTL_DEBUG"))
+    streams, command = False, ""
+    extra: dict[str, Any] = {}
+    error: HandctlError
+    try:
+        if not otherwise(args):
+            root.main(args=list(args), prog_name="handctl", standalone_mode=False)
+        return 0
+    except click.exceptions.Exit as exc:
+        return exc.exit_code
+    except (BrokenPipeError, SystemExit):
+        return 0  # a closed pipe is quiet; click ends so when it meets one
+    except OSError as exc:  # help that cannot be written; links and files translate their own
+        error = OutputError(f"stdout cannot be written: {exc.strerror or exc}")
+    except HandctlError as exc:
+        error = exc
+    except (click.Abort, KeyboardInterrupt):
+        error = Interrupted("interrupted")
+    except NoCommand as exc:
+        from handctl.command.console import print_stderr
+
+        print_stderr(exc.format_message())
+        return exc.exit_code
+    except click.UsageError as exc:
+        from handctl.command.envelope import from_click
+
+        error = from_click(exc)
+        if exc.ctx is not None:
+            streams = getattr(exc.ctx.command, "streams", False)
+            extra = {"writes": []} if getattr(exc.ctx.command, "writes", False) else {}
+            command = " ".join(words_of(exc.ctx))
+    except click.ClickException as exc:
+        error = HandctlError(exc.format_message(), hint=getattr(exc, "hint", ""))
+        error.exit_code = exc.exit_code
+    except Exception as exc:  # noqa: BLE001 - our own bug becomes exit code 1 and one message
+        error = HandctlError(
+            f"internal error: {type(exc).__name__}: {exc}",
+            hint="this is a bug of handctl. Run the command again with --debug and report the output",
+            code="internal",
+        )
+        error.__cause__ = exc
+    from handctl.command.console import print_message, print_stderr
+    from handctl.command.envelope import in_file, late_envelope
+
+    if debug or in_file("debug"):
+        import traceback
+
+        print_stderr("".join(traceback.format_exception(error)).rstrip())
+    if not error.shown:
+        late_envelope(args, error, streams, command, extra)
+    if error.text != "interrupted":  # who pressed Ctrl-C knows; what it left behind is told
+        print_message("error", error.text, error.hint)
+    return error.exit_code

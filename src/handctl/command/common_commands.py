@@ -1,0 +1,268 @@
+"""The commands that every device with a parameter map has: status, dump, get, set, describe, watch, log, snapshot, diff,
+restore, report.
+
+Their meaning is in `verbs` and `stored`; here they become click commands of a family's group. A family that needs one of its own
+leaves it out with `without` and defines it itself.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Collection
+from importlib import import_module
+from typing import Any
+
+import click
+
+from handctl.command import get_set_watch
+from handctl.command.command_tree import (
+    ALWAYS,
+    BOUNDS,
+    LIMIT,
+    Group,
+    log_options,
+    reads_option,
+    scan_options,
+    stream_options,
+    together,
+)
+from handctl.command.console import is_terminal
+from handctl.command.help_text import columns
+from handctl.command.option_types import FiniteRange, InFile, OutFile
+from handctl.command.run import Act, Run
+from handctl.families import COMMANDS
+from handctl.model.param import COMMAND, ParamMap
+from handctl.model.result import Table
+
+NAMES = "[NAME]..."
+PICTURE = "Draw the device, coloured by temperature, force or error."
+SETPOINTS = click.option(
+    "--setpoints",
+    is_flag=True,
+    help="Include set points: commanded positions and forces. Forces need a separate confirmation.",
+)
+"""Offered where a map has quantities whose writing commands something."""
+IDS = click.option("--include-ids", is_flag=True, help="Include the serial number in `device` of the JSON.")
+"""Offered where a device reports one."""
+
+
+def add_map_verbs(
+    group: Group,
+    params: ParamMap[Any],
+    *,
+    part: str = "",
+    example: str = "",
+    setting: str = "",
+    without: Collection[str] = (),
+    set_asks: bool = False,
+    checks: Callable[[Run], Table] | None = None,
+) -> None:
+    """Add the verbs for `params`. `part` names an element for help ("FINGER"), `example` and `setting` show how.
+
+    `set_asks`: what `set` writes is asked for first. `checks` are further rows for a report's findings, from a family that can look deeper by reading alone.
+    """
+    named = f"NAME[.{part}]" if part else "NAME"
+    shown = f", such as `{example}`" if example else ""
+
+    def mapped(run: Run) -> ParamMap[Any]:
+        """The map of the device that is meant."""
+        own = run.family.map_of if run.family is not None else None
+        return own(run.settings) if own is not None else params
+
+    with_setpoints = SETPOINTS if any(one.param.kind == COMMAND for one in params.kept()) else together()
+    with_ids = IDS if any(param.tells == "serial" for param in params) else together()
+
+    @click.option("--check", is_flag=True, help="Exit with code 7 if anything is unhealthy.")
+    @click.option("--picture", "by", metavar="BY", is_flag=False, flag_value="", help=PICTURE)
+    @LIMIT
+    @with_ids
+    def status(
+        run: Run, check: bool, by: str | None = None, limits: tuple[str, ...] = (), include_ids: bool = False
+    ) -> Table:
+        """Show a health summary: values of each finger or motor, with errors decoded."""
+        run.said.include_ids = include_ids
+        seen = (
+            None if by is None else get_set_watch.picture(params.kind, by)
+        )  # a wrong name is told before the link is opened
+        bounds = get_set_watch.bounds_of(run, mapped(run), limits)
+        table = get_set_watch.within(bounds, run.device().status(check))
+        table.view = seen or table.view
+        return table
+
+    @LIMIT
+    @with_ids
+    def dump(run: Run, limits: tuple[str, ...] = (), include_ids: bool = False) -> Table:
+        """Read every documented quantity."""
+        run.said.include_ids = include_ids
+        bounds = get_set_watch.bounds_of(run, mapped(run), limits)
+        return get_set_watch.within(bounds, run.device().dump())
+
+    @click.argument("names", nargs=-1, required=True, metavar=f"{named}...")
+    @LIMIT
+    def get(run: Run, names: tuple[str, ...], limits: tuple[str, ...] = ()) -> Table:
+        bounds = get_set_watch.bounds_of(run, mapped(run), limits)
+        return get_set_watch.within(bounds, get_set_watch.get(run, mapped(run), names))
+
+    get.__doc__ = f"Read quantities by name{shown}."
+
+    @click.argument("assignments", nargs=-1, required=True, metavar=f"{named}=VALUE...")
+    @ALWAYS
+    def set_(run: Run, assignments: tuple[str, ...], always: bool = False) -> Act:
+        return get_set_watch.set_values(run, mapped(run), assignments, always=always)
+
+    set_.__doc__ = f"Write quantities by name and read them back.{f' For example `{setting}`.' if setting else ''}"
+
+    @click.argument("names", nargs=-1, metavar=NAMES)
+    def describe(run: Run, names: tuple[str, ...]) -> Table:
+        """List every quantity with address, type, range, access and manual section.
+
+        Works without a device.
+        """
+        return get_set_watch.describe(mapped(run), names)
+
+    @click.argument("names", nargs=-1, metavar=NAMES)
+    @stream_options
+    @BOUNDS
+    def watch(
+        run: Run,
+        names: tuple[str, ...],
+        rate: float,
+        count: int | None,
+        duration: float | None,
+        limits: tuple[str, ...] = (),
+        until: tuple[str, ...] = (),
+    ) -> Table:
+        """Show values as they change.
+
+        A live view on a terminal (press ? for its keys), otherwise a stream of rows. Without names: everything that changes by itself.
+        """
+        seen = run.settings.format == "table" and not run.settings.output and is_terminal(sys.stdout)
+        seen = seen and columns() >= get_set_watch.BESIDE_COLUMNS
+        bounds = get_set_watch.bounds_of(run, mapped(run), limits, until)
+        table = get_set_watch.watch(run, mapped(run), names, rate=rate, count=count, duration=duration, seen=seen)
+        return get_set_watch.within(bounds, table)
+
+    @log_options
+    @click.argument("names", nargs=-1, metavar=NAMES)
+    def log(run: Run, file: str, names: tuple[str, ...], **wishes: Any) -> Table:
+        """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.
+
+        FILE can be a directory. On a terminal, press any letter or the space bar to set a mark.
+        Without names: everything that changes by itself.
+        """
+        from handctl.command import log_command
+
+        return log_command.log(
+            run,
+            file,
+            log_command.RequestedOptions(**wishes),
+            mapped(run),
+            lambda again: log_command.of_map(run, names, again),
+        )
+
+    @click.argument("file", type=OutFile())
+    def snapshot(run: Run, file: str) -> Table:
+        """Save the settings and set points of the device to FILE.
+
+        FILE also contains the device's identity, the handctl version, the time and a checksum. It replaces only another snapshot.
+        `diff` and `restore` use its settings, and with --setpoints its set points too.
+        """
+        from handctl.command import snapshots
+
+        return snapshots.snapshot(run, file)
+
+    @click.argument("a", required=False, type=InFile())
+    @click.argument("b", required=False, type=InFile())
+    @with_setpoints
+    def diff(run: Run, a: str | None, b: str | None, setpoints: bool = False) -> Table:
+        """Compare settings: two snapshots, a snapshot and the device, or two devices.
+
+        Exit code 7 means that they differ. With -d LEFT,RIGHT and no file, it compares the two devices.
+        """
+        from handctl.command import snapshots
+
+        return snapshots.diff(run, mapped(run), a, b, setpoints=setpoints)
+
+    @click.argument("file", type=InFile())
+    @with_setpoints
+    def restore(run: Run, file: str, setpoints: bool = False) -> Table:
+        """Write the settings that differ from a snapshot, and read them back.
+
+        Shows the plan first. If it is interrupted, you can safely run it again.
+        """
+        from handctl.command import snapshots
+
+        return snapshots.restore(run, mapped(run), file, setpoints=setpoints)
+
+    @click.argument("file", type=OutFile(), metavar="FILE.html")
+    @click.option(
+        "--watch",
+        type=FiniteRange(0, 600),
+        default=3.0,
+        show_default=True,
+        metavar="S",
+        help="Record curves for S seconds (0: none).",
+    )
+    @click.option(
+        "--include-ids", is_flag=True, help="Include serial numbers, pilot ids, and the replies that contain them."
+    )
+    @click.option("--force", is_flag=True, help="Replace FILE.html if it exists.")
+    def report(run: Run, file: str, watch: float, include_ids: bool, force: bool) -> Table:
+        """Write one page for a service ticket: status, dump, findings, curves, bytes.
+
+        Read-only.
+        """
+        from handctl import report as pages
+
+        run.said.include_ids = include_ids
+        return pages.report(run, mapped(run), file, pages.RequestedOptions(watch, include_ids, force), checks=checks)
+
+    @reads_option
+    def doctor(run: Run, count: int) -> Table:
+        """Check this computer, the link and the device.
+
+        Each row shows the evidence and a remedy. Read-only. If you do not know the family, use `handctl doctor -p LINK`. Exit code 7 means a warning or a failure.
+        """
+        from handctl.tools.doctor import checked
+
+        return checked(run, params.kind, count)
+
+    def stop(run: Run) -> Table:
+        """Stop the device at once, even while another handctl command is using it.
+
+        Never asks. Shows the bytes sent and the reply.
+        """
+        from handctl.stop import command
+
+        return command.stop(run)
+
+    @scan_options
+    def scan(run: Run, ids: str | None, find_all: bool) -> Table:
+        """Search for devices of this family: baud rate and id.
+
+        Read-only. It tries the usual id at each baud rate first, then all ids, and reports anything it skipped.
+        """
+        found: Table = import_module(COMMANDS["scan"][0]).scan_family(run, ids, find_all)
+        return found
+
+    group.verb("scan", "Service")(scan)
+    if "stop" not in without:
+        group.verb("stop", "Move", writes=True, stops=True)(stop)
+    asking = {"set": set_asks, "restore": True}
+    for name, heading, body, writes in (
+        ("status", "Look", status, False),
+        ("dump", "Look", dump, False),
+        ("get", "Look", get, False),
+        ("set", "Settings", set_, True),
+        ("describe", "Look", describe, False),
+        ("watch", "Look", watch, False),
+        ("log", "Files", log, False),
+        ("snapshot", "Files", snapshot, False),
+        ("diff", "Files", diff, False),
+        ("restore", "Files", restore, True),
+        ("report", "Service", report, False),
+        ("doctor", "Service", doctor, False),
+    ):
+        if name not in without:
+            more = {"streams": name == "watch", "offline": name == "describe", "asks": asking.get(name, False)}
+            group.verb(name, heading, writes=writes, **more)(body)

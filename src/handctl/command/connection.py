@@ -1,0 +1,257 @@
+"""An open link with its lock, its trace and the saved state of a simulated device, for one command or a session of several."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from handctl import __version__
+from handctl.errors import HandctlError, LinkError, UsageError
+from handctl.link import open_link
+from handctl.system import clock
+
+if TYPE_CHECKING:
+    from handctl.command.invocation import Invocation
+    from handctl.link import Link
+    from handctl.link.fake import Kept
+    from handctl.link.transcript import Tap, TraceFile
+    from handctl.model.line_quality import LineQuality
+    from handctl.model.result import Journal
+    from handctl.stop.device_access import DeviceAccess
+
+
+class Trace:
+    """The trace of one connection, or of several in sequence."""
+
+    def __init__(self) -> None:
+        self._file: TraceFile | None = None
+
+    def file(self, run: Invocation, name: str) -> TraceFile | None:
+        """What records, for --trace or -v; None without either."""
+        settings = run.settings
+        if self._file is None and (settings.trace or settings.verbose):
+            from handctl.link.transcript import TraceFile
+
+            try:
+                header = f"handctl {__version__} {run.owner}, {name}"
+                self._file = TraceFile(settings.trace, header, settings.verbose)
+            except HandctlError as exc:
+                if not run.stops:
+                    raise
+                run.journal.warn("trace", exc.text)
+        return self._file
+
+    def close(self) -> HandctlError | None:
+        """The end of the file; why it ends early, None where it does not."""
+        if self._file is not None:
+            self._file.close()
+        return self.failure
+
+    @property
+    def failure(self) -> HandctlError | None:
+        """Why the recording ends early."""
+        return self._file.failure if self._file is not None else None
+
+
+class Connection:
+    """The open link of one device: opened once and closed once, for all of its users."""
+
+    def __init__(self, trace: Trace | None = None, name: str = "") -> None:
+        """`trace`: one that continues after this connection. `name`: its LINK if it is one of several."""
+        self.name = name
+        self.key: Hashable = None
+        self.link: Link | None = None
+        self.device_access: DeviceAccess | None = None
+        self.kept: Kept | None = None
+        self.observers: tuple[Any, ...] = ()
+        """Who is told of what passes, whatever command has the link."""
+        self.trace = trace or Trace()
+        self._lasting = trace is not None
+
+    def opened(self, run: Invocation, baud: int | None) -> Link:
+        """The link of this run, tapped when --trace or -v is given. Raises UsageError, LinkError."""
+        if self.link is None:
+            name = run.link_name()
+            tap = self.trace.file(run, name)
+            if self.device_access is None:
+                from handctl.stop.device_access import DeviceAccess, lock_for
+
+                self.device_access = DeviceAccess(run, lock_for(run, name))
+            self.link = self._open(run, name, baud, tap)
+            self.observers = self.link.observers
+        if run.writes and not run.stops and self.link.outlet() is not None:
+            refuse_rivals(run, self.link)
+        return self.link
+
+    def close(self, failure: HandctlError | None, journal: Journal) -> HandctlError | None:
+        """Release everything; `failure`, or what went wrong here. May be called twice."""
+        try:
+            if self.link is not None:
+                self.link.close()
+                if self.kept is not None and self.kept.begun:
+                    journal.info("kept", self.kept.text)
+        except HandctlError as exc:
+            failure = failure or exc
+        finally:
+            if not self._lasting:
+                self.trace.close()
+            if self.device_access is not None:
+                self.device_access.release()
+        return failure or self.trace.failure
+
+    def _open(self, run: Invocation, name: str, baud: int | None, tap: Tap | None) -> Link:
+        """The LINK `name`, at `baud` if nothing else was asked for. Raises UsageError, LinkError."""
+        family = run.family
+        assert family is not None
+        opening = partial(
+            open_link,
+            name,
+            baud=run.settings.baud or baud or family.baud,
+            tap=tap,
+            tcp_port=family.tcp_port,
+            exclusive=not run.stops,
+        )
+        if not run.settings.fake:
+            return opening()
+        from handctl.link.fake import Kept
+
+        self.kept = kept = Kept(name, writes=run.keeps)
+        used = {"use": "on"} if run.in_use else {}
+        try:
+            link = opening(simulator={**kept.options(), **used})
+        except UsageError as exc:
+            if kept.before is None:
+                raise
+            hint = "" if run.keeps else f"`handctl sim forget {kept.kind}` removes that file"
+            run.journal.warn("kept", f"the simulated {kept.kind} starts over: {exc.__cause__}", hint)
+            kept.discard()
+            link = opening(simulator={**kept.options(), **used})
+        if run.keeps and not kept.path:
+            from handctl.system.folders import HINT
+
+            run.journal.info(
+                "not-kept", f"the state of the simulated {kept.kind} is not saved: you own no folder for it", HINT
+            )
+        if kept.before is not None:
+            run.journal.info("kept", kept.text)
+        return link
+
+
+def refuse_rivals(run: Invocation, link: Link) -> None:
+    """Raise LinkError if the system shows another program that could command the device at the same time."""
+    from handctl.link.port_users import busy, rivals
+
+    names, hidden = rivals(link)
+    if names:
+        raise busy(link.name, names)
+    if hidden:
+        run.journal.info(
+            "owners-unknown",
+            f"{link.name}: no other program of this user has the port open. Programs of other users cannot be seen from this account",
+        )
+
+
+# -- many commands on open links ------------------------------------------------------------------------------------
+
+
+class Session:
+    """The open links of several commands.
+
+    command  in whose name they are locked
+    writes   whether any of the commands may write
+    """
+
+    def __init__(self, command: str, *, writes: bool) -> None:
+        self.command = command
+        self.writes = writes
+        self.place: dict[str, Any] = {}
+        """What the last line of a command's NDJSON says of its place among the others."""
+        self._open: dict[Hashable, Connection] = {}  # by `_key`
+        self._lines: dict[Hashable, LineQuality] = {}
+        self._traces: dict[str | None, Trace] = {}
+
+    def connection(self, run: Invocation, before: Connection) -> Connection:
+        """The connection for this run: one that is open, or a new one. Another one to the same place is closed first.
+
+        `before` is the one that it had when it was carried out before.
+        """
+        key = before.key or self._key(run)
+        known = self._open.get(key)
+        if known is not None and known.link is not None:
+            try:
+                if not known.link.replayed:
+                    known.link.discard()
+            except LinkError:
+                self._close(key, run.journal)  # it was lost meanwhile
+                known = None
+        if known is None:
+            name = run.link_name()
+            for other in [other for other, one in self._open.items() if one.name == name]:
+                self._close(other, run.journal)
+            known = self._open[key] = Connection(self._traces.setdefault(run.settings.trace, Trace()), name)
+            known.key = key
+        run.journal.line = self._lines.setdefault(key, run.journal.line)
+        if known.link is None:
+            run.journal.line.met.clear()  # whoever is behind a new connection
+        if known.device_access is not None:
+            known.device_access.serve(run)
+        return known
+
+    @staticmethod
+    def _key(run: Invocation) -> Hashable:
+        """What must be equal for a link to serve two commands."""
+        assert run.family is not None
+        settings = run.settings
+        in_use = settings.fake and run.in_use
+        return run.family.kind, run.link_name(), settings.baud, settings.trace, settings.verbose, in_use
+
+    def keeps(self, connection: Connection, failure: HandctlError | None, journal: Journal) -> bool:
+        """Whether this connection is one of these: it stays open, unless it was lost or the device stopped."""
+        for key, known in self._open.items():
+            if known is connection:
+                lost = connection.link is None or isinstance(failure, LinkError)
+                stopped = connection.device_access is not None and connection.device_access.stopped is not None
+                if lost or stopped:
+                    self._close(key, journal)
+                elif connection.link is not None:
+                    connection.link.observers = connection.observers
+                return True
+        return False
+
+    def stopped(self, journal: Journal) -> HandctlError | None:
+        """How another process has stopped a device since the last command; its link is closed. None where none has."""
+        for key, known in list(self._open.items()):
+            if known.device_access is not None and known.device_access.stopped is not None:
+                self._close(key, journal)
+                return known.device_access.stopped
+        return None
+
+    def sleep(self, seconds: float) -> None:
+        """Let `seconds` pass on the clock of the link that was opened last."""
+        links = [one.link for one in self._open.values() if one.link is not None]
+        (links[-1].sleep if links else clock.sleep)(seconds)
+
+    def has(self, run: Invocation) -> bool:
+        """Whether the device of this run is open here."""
+        return any(one.name == run.link_name() for one in self._open.values())
+
+    def release(self, journal: Journal, failure: HandctlError | None = None) -> HandctlError | None:
+        """Close every link; the next command opens its own again. `failure`, or what went wrong here."""
+        for key in list(self._open):
+            failure = self._close(key, journal, failure)
+        return failure
+
+    def close(self, journal: Journal) -> HandctlError | None:
+        """The end of the session; what went wrong here."""
+        failure = self.release(journal)
+        for trace in self._traces.values():
+            failure = trace.close() or failure
+        self._traces.clear()
+        return failure
+
+    def _close(self, key: Hashable, journal: Journal, failure: HandctlError | None = None) -> HandctlError | None:
+        connection = self._open.pop(key)
+        if connection.device_access is not None:
+            connection.device_access.finish()
+        return connection.close(failure, journal)

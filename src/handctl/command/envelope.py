@@ -1,0 +1,260 @@
+"""The result of a command: the JSON envelope without rows (cli contract, section 4), and the most helpful error message."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl import __version__
+from handctl.command.console import print_message
+from handctl.command.options import config_path, read_config
+from handctl.errors import HandctlError, Interrupted, OutputError, UsageError, joined
+from handctl.families import COMMANDS
+from handctl.screen.sanitize import utf8_stdout
+from handctl.wording import sentence, utc
+
+if TYPE_CHECKING:
+    from handctl.command.invocation import Invocation
+    from handctl.link import Link
+    from handctl.model.result import Message, Table
+    from handctl.screen.render import Context
+
+
+class Outcome:
+    """Messages and result of one command: messages are shown after the result, or as they arrive once a stream has begun."""
+
+    def __init__(self, asked: Invocation) -> None:
+        self._asked = asked
+        self._held: list[Message] = []
+        self._live = False
+
+    def heard(self, message: Message) -> None:
+        """A message of the device or of a check."""
+        self._held.append(message)
+        if self._live:
+            self.tell()
+
+    def tell(self) -> None:
+        """What has been held back so far."""
+        settings = self._asked.settings
+        held = [] if settings.quiet or settings.format in ("json", "ndjson") else self._held
+        for message, later in zip(held, [*held[1:], None], strict=False):
+            self._asked.prompts.done()
+            once = later is not None and later[:2] == message[:2] and later.hint == message.hint
+            _print(message._replace(hint="") if once else message)  # what is to be done stands behind the last of them
+        self._held.clear()
+
+    @contextlib.contextmanager
+    def held_back(self) -> Iterator[None]:
+        """Messages wait until it is over."""
+        before, self._live = self._live, False
+        try:
+            yield
+        finally:
+            self._live = before
+            self.tell()
+
+    def stream(self, table: Table, context: Context) -> HandctlError | None:
+        """Show a stream to its end; what went wrong."""
+        from handctl.screen import output, render
+
+        self.tell()  # of what was met before the first row
+        self._live = True
+        try:
+            with output.Sink(self._asked.settings) as place:
+                return render.stream(table, place, context)
+        except OutputError as exc:
+            return weightier(table.failure, exc)
+
+    def show(self, table: Table | None, failure: HandctlError | None, context: Context) -> None:
+        """Show a finished result, or the error in formats that include it. Raises OutputError."""
+        from handctl.screen import output, render
+
+        if table is not None or render.speaks(self._asked.settings.format, failure):
+            with output.Sink(self._asked.settings) as place:
+                render.show(table, failure, place, context)
+        self.tell()
+
+    def lost(self, exc: OutputError, failure: HandctlError | None) -> HandctlError:
+        """No result can be shown: what is known of the device goes to stderr, as JSON too, and its own error weighs more."""
+        for message in () if self._asked.settings.quiet else self._held:
+            _print(message)
+        self._held.clear()
+        return weightier(failure, exc)
+
+
+def _print(message: Message) -> None:
+    print_message("note" if message.level == "info" else message.level, message.text, message.hint)
+
+
+def device_row(run: Invocation) -> dict[str, Any] | None:
+    """`device` of the envelope; None where a command has no device."""
+    if run.family is None:
+        return None
+    link = run.link
+    name = (
+        link.name
+        if link is not None
+        else (run.settings.port or (f"fake://{run.family.kind}" if run.settings.fake else None))
+    )
+    fake = link.fake if link is not None else bool(name and name.startswith("fake://"))
+    bus = getattr(run.opened, "bus", None)
+    number = getattr(bus, "id", run.settings.id) if run.family.ids else None
+    row = {"kind": run.family.kind, "link": name, "fake": fake, "id": number}
+    facts = getattr(run.opened, "about", {})
+    row |= {key: facts[key] for key in ("model", "firmware", "serial") if facts.get(key)}
+    if not run.said.include_ids:
+        row.pop("serial", None)
+    return {**row, "identity": "assumed"} if run.settings.assume_identity else row
+
+
+def make_envelope(
+    command: str,
+    failure: HandctlError | None,
+    device: dict[str, Any] | None,
+    messages: Sequence[Message],
+    counters: dict[str, Any] | None,
+    extra: dict[str, Any] | None,
+    link: Link | None = None,
+) -> dict[str, Any]:
+    """The JSON envelope without rows. The `link`, where there is one, has the clock."""
+    from handctl.model.line_quality import LineQuality
+    from handctl.model.result import SCHEMA, Counters
+
+    rows = [message.as_row() for message in messages]
+    if failure is not None:
+        rows.append({"level": "error", "code": failure.code, "text": failure.text, "hint": failure.hint})
+    return {
+        "schema": SCHEMA,
+        "version": __version__,
+        "time": utc(int(time.time() if link is None else link.wall())),
+        "command": command,
+        "device": device,
+        "ok": failure is None,
+        "exit_code": failure.exit_code if failure is not None else 0,
+        "line": None if extra and "line" in extra else LineQuality().as_row(),
+        **(extra or {}),
+        "messages": [{**row, "text": sentence(row["text"]), "hint": sentence(row["hint"])} for row in rows],
+        "counters": counters if counters is not None else Counters().as_row(),
+    }
+
+
+# -- of an error before the settings were known ---------------------------------------------------------------------
+
+
+def in_file(key: str) -> Any:
+    """The value of an option in the configuration file, for errors before the settings are known; None if unknown."""
+    try:
+        entry = read_config(config_path()).values.get(key)
+    except HandctlError:
+        return None
+    return entry.value if entry is not None else None
+
+
+def late_envelope(args: Sequence[str], error: HandctlError, streams: bool, command: str, extra: dict[str, Any]) -> None:
+    """JSON on stdout also when the command line itself was wrong, if JSON was asked for."""
+    words = list(args)
+    wanted = os.environ.get("HANDCTL_FORMAT", "") or ("json" if os.environ.get("HANDCTL_JSON") else "")
+    for position, word in enumerate(words):
+        if word == "--json":
+            wanted = "json"
+        elif word == "--format" and position + 1 < len(words):
+            wanted = words[position + 1]
+        elif word.startswith("--format="):
+            wanted = word.partition("=")[2]
+    wanted = wanted or str(in_file("format") or ("json" if in_file("json") else ""))
+    if wanted not in ("json", "ndjson"):
+        return
+    if not command:
+        names = [word for word in words if not word.startswith("-")]
+        start = next((position for position, word in enumerate(names) if word in COMMANDS), len(names))
+        command = " ".join(names[start : start + 2])
+    envelope = make_envelope(command, error, None, (), None, extra)
+    utf8_stdout()
+    try:
+        sys.stdout.write(
+            json.dumps({"end": envelope} if streams or wanted == "ndjson" else {**envelope, "rows": []}) + "\n"
+        )
+        sys.stdout.flush()
+    except OSError:
+        return  # the error itself is still told on stderr
+
+
+# -- why a command failed -------------------------------------------------------------------------------------------
+
+
+def explained_error(run: Invocation, error: HandctlError) -> HandctlError:
+    """The error as it is told: whose bytes came, or why nobody answered, as far as the family knows."""
+    error = renamed(run, error)
+    explain_silence = run.family.explain_silence if run.family is not None else None
+    silent = error.exit_code in (4, 5) and run.journal.counters.received == 0
+    if run.opened is None or explain_silence is None or not silent or run.settings.baud is not None:
+        return error
+    try:
+        return explain_silence(run.opened, error)
+    except (HandctlError, KeyboardInterrupt):
+        return error
+
+
+def renamed(run: Invocation, error: HandctlError) -> HandctlError:
+    """The error, or whose bytes came instead of an answer, or the command that finds out who is there."""
+    if run.family is None or error.exit_code not in (4, 5):
+        return error
+    from handctl.model import other_devices
+
+    error = other_devices.renamed(error, run.family.kind)
+    nobody = error.code in ("no-answer", "garbage") and not run.journal.counters.received and run.family.baud
+    port = run.settings.port or ""
+    return (
+        other_devices.pointed(error, port) if nobody and port and not port.startswith(("fake:", "replay:")) else error
+    )
+
+
+def interrupted(run: Invocation) -> HandctlError:
+    """Ctrl-C that no code inside has handled: stop the movement that this command started and no longer watches."""
+    stop = run.journal.still_moving()
+    if stop is None:
+        return Interrupted("interrupted")
+    from handctl.model.stop_sequence import stopped
+
+    return stopped(stop, run.prompts)
+
+
+def with_cause(run: Invocation, error: HandctlError) -> HandctlError:
+    """The error; where --deadline was over, why it had not got on: bytes that came tell more than the end of the time."""
+    late = run.end is not None and run.link is not None and run.link.now() >= run.end - 1e-6
+    if not late or error.exit_code not in (4, 5):
+        return error
+    cause = run.journal.blamed if error.exit_code == 4 else error
+    if cause is None:
+        return error
+    if not cause.bounded and cause.code != "deadline":
+        cause.text = joined(cause.text, "--deadline was over before a valid answer came")
+    return cause
+
+
+def from_click(exc: click.UsageError) -> UsageError:
+    """click's usage error as ours, with the command's own help as the next step."""
+    path = exc.ctx.command_path if exc.ctx is not None else "handctl"
+    text = exc.format_message()
+    if isinstance(exc, click.NoSuchOption):  # in the same words with each release of click
+        near = ", ".join(repr(name) for name in sorted(exc.possibilities or ()))
+        text = f"No such option {exc.option_name!r}."
+        if near:
+            text += f" Did you mean {near}?" if "," not in near else f" (Did you mean one of: {near}?)"
+    return UsageError(text, hint=f"`{path} -h` shows how to use it")
+
+
+def weightier(error: HandctlError | None, lost: OutputError) -> HandctlError:
+    """Combine an error of the device with one of the output: the device's is more important, and its text covers both."""
+    if error is None or isinstance(error, OutputError):
+        return lost
+    error.text, error.hint = joined(error.text, lost.text), joined(error.hint, lost.hint)
+    return error

@@ -1,0 +1,113 @@
+"""What the shared code knows about one device family. Each family's command group has one; `families` lists them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from handctl.errors import UsageError
+from handctl.families import FAMILIES
+from handctl.light import NamedTuple
+
+if TYPE_CHECKING:
+    from handctl.command.options import Settings
+    from handctl.errors import HandctlError
+    from handctl.model.param import ParamMap
+    from handctl.model.result import Journal
+
+
+class Family(NamedTuple):
+    """How the shared machinery handles one device family.
+
+    kind      command name, and the simulator's name
+    open      (link, settings, journal) -> device
+    baud      speed of a serial port unless --baud says otherwise, None = none
+    speeds    those that its device can have, () = any; a stop takes no other
+    wires     the kinds of wire it has, the default first; () = bytes only
+    tcp_port  port of tcp://HOST without one, None = it must be given; a family that has one and no `wires` has no serial wire
+    ids       its protocol has device ids
+    recall    LINK -> the speed at which its device was found last, None = not known; not needed, never an error
+    check     settings -> raises UsageError for what does not fit together
+    map_of    settings -> the parameter map, where it depends on them; None = there is one
+    other_maps  settings -> further maps that its devices may have, as far as that was not typed
+    simulated  settings -> what they say of the simulator of plain --fake, as KEY=VALUE of its LINK, "" = nothing
+    explain_silence  (device, error) -> a better error when nothing valid ever came; read-only
+    """
+
+    kind: str
+    open: Callable[[Any, Settings, Journal], Any]
+    baud: int | None = None
+    explain_silence: Callable[[Any, HandctlError], HandctlError] | None = None
+    wires: tuple[str, ...] = ()
+    tcp_port: int | None = None
+    ids: bool = False
+    check: Callable[[Settings], object] | None = None
+    recall: Callable[[str], int | None] | None = None
+    map_of: Callable[[Settings], ParamMap[Any]] | None = None
+    simulated: Callable[[Settings], str] | None = None
+    speeds: tuple[int, ...] = ()
+    other_maps: Callable[[Settings], Sequence[ParamMap[Any]]] | None = None
+
+
+def opener(device: Callable[[Any], Any], line: Callable[..., Any]) -> Callable[[Any, Settings, Journal], Any]:
+    """The `open` of a family whose line takes what the options of everybody say, and no more."""
+    from handctl.model.device import limits_of
+
+    return lambda link, settings, journal: device(
+        line(link, journal, assumed=settings.assume_identity, **limits_of(settings, link))
+    )
+
+
+def load(kind: str, role: str) -> Any:
+    """The module of a role of a family, see `FamilyRow`."""
+    return import_module(FAMILIES[kind].module(role))
+
+
+def implied(kind: str) -> dict[str, bool]:
+    """Options of a family that are set for every command that writes."""
+    return {option.key: True for option in FAMILIES[kind].options if option.implied}
+
+
+def refuse_missing(family: Family, given: Collection[str]) -> None:
+    """Raise UsageError when an option is `given` for what the protocol of this family does not have."""
+    for key, there, what in (("id", family.ids, "device ids"), ("baud", family.baud is not None, "serial wire")):
+        if key in given and not there:
+            raise UsageError(f"--{key}: {family.kind} has no {what}", hint=f"run the command without --{key}")
+
+
+def refuse_serial(family: Family, link: str) -> None:
+    """Raise UsageError for a serial port where this family has TCP only."""
+    from handctl.link.base import path_in
+
+    serial = path_in(link) or link.startswith("usb:")
+    if serial and family.tcp_port is not None and not family.wires:
+        hint = f"-p tcp://HOST (port {family.tcp_port} when not given)"
+        raise UsageError(f"{link}: {family.kind} has no serial wire", hint=hint)
+
+
+def wire_in(family: Family, link: str) -> str:
+    """The wire of a family that a LINK uses. TCP is a separate wire if the family has one."""
+    from handctl.link import is_can
+
+    if is_can(link):
+        return "can"
+    over_tcp = next((wire for wire in family.wires if wire.endswith("-tcp")), "")
+    found = link.startswith("tcp://") or f"bus={over_tcp}" in link.partition("?")[2].split("&")
+    return over_tcp if over_tcp and found else "serial"
+
+
+def in_words(kind: str, data: bytes, can_id: int | None) -> str:
+    """What a frame of the host says, by the family's own explainer."""
+    from handctl.model.explainer import HOST
+
+    return "; ".join(piece.meaning for piece in load(kind, "explain").explainer().decode(data, HOST, can_id))
+
+
+def map_of(name: str) -> ParamMap[Any] | None:
+    """The parameter map of a top-level command."""
+    from handctl.families import COMMANDS
+    from handctl.model.param import ParamMap
+
+    maps = (value for value in vars(import_module(COMMANDS[name][0])).values() if isinstance(value, ParamMap))
+    return next((found for found in maps if found.kind == name), None)

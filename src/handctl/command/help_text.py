@@ -1,0 +1,352 @@
+"""The help that `-h` shows, and which of the common options a command offers. Imports click and data only.
+
+A command shows its arguments, its own options and its examples; of the common options only the names, and of those only
+what it accepts: `Described.refused` is the one rule, which man pages and completions follow too.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from copy import copy
+from typing import Any
+
+import click
+
+from handctl.command.family import Family
+from handctl.command.options import (
+    CONNECTION,
+    OUTPUT,
+    WRITING,
+    SharedOption,
+    own_options,
+    said,
+    shared_options,
+    words_of,
+)
+from handctl.families import FAMILIES
+
+MOST = 1000
+"""Characters of a first sentence: all of it."""
+HEADINGS = ("Look", "Move", "Settings", "Service", "Files")
+"""What a technician wants to do: the commands of a family are listed below these, in this order."""
+USUAL = ("status", "dump", "get", "watch", "describe", "stop", "set", "report", "doctor", "snapshot", "diff", "restore")
+"""What every device has stands first below its heading, in this order."""
+
+
+def columns() -> int:
+    """Width of the terminal, as shutil says: its import, with all its archives, would be a tenth of a help's time."""
+    try:
+        return int(os.environ["COLUMNS"]) or 80
+    except (KeyError, ValueError):
+        pass
+    try:
+        assert sys.__stdout__ is not None
+        return os.get_terminal_size(sys.__stdout__.fileno()).columns or 80
+    except (AssertionError, AttributeError, ValueError, OSError):
+        return 80
+
+
+def _show_help(ctx: click.Context, _param: click.Parameter, value: bool) -> None:
+    if value and not ctx.resilient_parsing:
+        if ctx.terminal_width is None:
+            ctx.terminal_width = max(min(columns(), ctx.max_content_width or 80) - 2, 50)
+        sys.stdout.write(ctx.get_help() + "\n")
+        ctx.exit()
+
+
+class NoCommand(click.UsageError):
+    """A group was called without a command: the message is its help, for stderr."""
+
+
+@contextmanager
+def bare(ctx: click.Context, words: Sequence[str]) -> Iterator[None]:
+    """While these words are parsed: where none of them is an option, none is looked for."""
+    told = said(ctx)
+    before = told.bare
+    told.bare = before or not (ctx.resilient_parsing or any(word.startswith("-") for word in words))
+    try:
+        yield
+    finally:
+        told.bare = before
+
+
+def need_command(ctx: click.Context, args: Sequence[str]) -> None:
+    """For a group, before it is parsed: click 8.1 would take its help for what was asked, 8.2 and later do not."""
+    if not args and not ctx.resilient_parsing:
+        raise NoCommand(ctx.get_help(), ctx)
+
+
+def plain_help(command: click.Command) -> None:
+    """Help of a command that is not one of ours, and of those below it, goes where ours does and shows examples."""
+    if "get_help_option" not in vars(command):
+        made, options = command.get_help_option, command.format_options
+
+        def with_examples(ctx: click.Context, formatter: click.HelpFormatter) -> None:
+            options(ctx, formatter)
+            write_examples(ctx, formatter)
+
+        command.get_help_option = lambda ctx: _written_plainly(made(ctx))  # type: ignore[method-assign]
+        command.format_options = with_examples  # type: ignore[method-assign]
+    if isinstance(command, click.Group) and "parse_args" not in vars(command):
+        parse = command.parse_args
+
+        def parse_args(ctx: click.Context, args: list[str]) -> list[str]:
+            need_command(ctx, args)
+            return parse(ctx, args)
+
+        command.parse_args = parse_args  # type: ignore[method-assign]
+        for below in command.commands.values():
+            plain_help(below)
+
+
+def _written_plainly(option: click.Option | None) -> click.Option | None:
+    """Help goes to stdout as it is: click would make a stream in ASCII UTF-8, and leave nothing to a substitute."""
+    if option is not None:
+        option.callback = _show_help
+        option.help = "Show this help."
+    return option
+
+
+class Described(click.Command):
+    """A command that accepts the common options, and lists those that make sense after its own.
+
+    They are made when a command is parsed, not when it is defined: most commands of a family are never used in a run.
+    """
+
+    family: Family | None = None
+    heading = ""
+    writes = False
+    offline = False
+    _own: list[click.Parameter] | None = None
+    _shared: list[click.Parameter] | None = None
+    _parser: tuple[list[click.Parameter], Any] | None = None
+
+    def refused(self) -> frozenset[str]:
+        """Common options that this command cannot use, by key; "" means all options of the link.
+
+        Who gives one all the same is told why (`command.invocation`, `command_tree.Command`).
+        """
+        keys = set() if self.writes else {"dry_run", "yes"}
+        if not self.writes and self.family is None:
+            keys |= {"assume_identity"}
+        if self.offline:
+            keys |= {"", "assume_identity"}
+        if self.family is not None:
+            keys |= {"id"} if not self.family.ids else set()
+            keys |= {"baud"} if self.family.baud is None else set()
+        return frozenset(keys)
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        if self._own is None:
+            self._own = super().get_params(ctx)
+        if said(ctx).bare:
+            return [*self._own]
+        if self._shared is None:
+            family = self.family
+            wires, own = (family.wires, own_options(family.kind)) if family is not None else ((), ())
+            named = {
+                name for param in self.params for name in param.opts
+            }  # an option of its own stands for the shared one
+            shared = shared_options(wires, own, self.refused())
+            self._shared = [option for option in shared if not named & {*option.opts}]
+        return [*self._own, *self._shared]
+
+    def make_parser(self, ctx: click.Context) -> Any:
+        """As click does, but once for the same options: a parser keeps nothing of a line but its context.
+
+        Short options are found at once. Else each that is typed costs click the import of difflib, for what it would suggest
+        in place of a long one.
+        """
+        params = self.get_params(ctx)
+        if self._parser is None or list(map(id, params)) != list(map(id, self._parser[0])):
+            made = super().make_parser(ctx)
+            long, short = (getattr(made, name, None) for name in ("_long_opt", "_short_opt"))
+            if isinstance(long, dict) and isinstance(short, dict):
+                long.update(short)
+            self._parser = params, made
+        parser = copy(self._parser[1])
+        parser.ctx = ctx
+        return parser
+
+    def get_help_option(self, ctx: click.Context) -> click.Option | None:
+        return _written_plainly(super().get_help_option(ctx))
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        common = [param for param in self.get_params(ctx) if isinstance(param, SharedOption)]
+        own = [param for param in self.get_params(ctx) if isinstance(param, click.Option) and param not in common]
+        records = [param.get_help_record(ctx) for param in own]
+        with formatter.section("Options"):
+            formatter.write_dl([record for record in records if record is not None])
+        self.format_examples(ctx, formatter)
+        self.format_common(ctx, formatter, [param for param in common if not param.hidden])
+
+    def format_examples(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        write_examples(ctx, formatter)
+
+    def format_common(
+        self, ctx: click.Context, formatter: click.HelpFormatter, options: Sequence[SharedOption]
+    ) -> None:
+        """The common options of a command: their names, and where they are explained."""
+        with formatter.section("Common options, see `handctl help options` or handctl(1)"):
+            for title in (CONNECTION, OUTPUT, WRITING):
+                names = [max(option.opts, key=len) for option in options if option.section == title]
+                if names:
+                    _wrapped(formatter, f"{title}: {', '.join(names)}", "  ", "    ")
+
+
+def write_examples(ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    """Two or three command lines with what they show."""
+    if examples := examples_of(words_of(ctx))[:MOST_SHOWN]:
+        with formatter.section("Examples"):
+            for line, text in examples:
+                formatter.write(f"  {line}\n")
+                _wrapped(formatter, text.replace("`", ""), "      ")
+
+
+def _wrapped(formatter: click.HelpFormatter, text: str, first: str, later: str | None = None) -> None:
+    """A text with each option in one piece: click would break at hyphens."""
+    later = first if later is None else later
+    import textwrap
+
+    lines = textwrap.wrap(text, formatter.width, initial_indent=first, subsequent_indent=later, break_on_hyphens=False)
+    formatter.write("\n".join(lines) + "\n")
+
+
+# -- examples -------------------------------------------------------------------------------------------------------
+
+
+MOST_SHOWN = 3
+"""Of one command, in its help; the manual has all."""
+
+Examples = Sequence[tuple[str, str]]
+
+EXAMPLES: dict[str, Examples] = {
+    "": (
+        ("handctl exo status --fake", "The health of a simulated exoskeleton hand, without a device."),
+        ("handctl ports", "The serial ports, and the programs that use them."),
+        ("handctl barrett status -p /dev/ttyUSB0", "The health of a BarrettHand on a serial port."),
+        ("handctl wrist status -p can:socketcan:can0", "The same for a wrist module on CAN."),
+    ),
+    "ports": (
+        ("handctl ports", "Connected adapters, the programs that use them, and how to fix a port that cannot be opened."),
+        ("handctl ports --json", "The same for a script."),
+    ),
+    "stop": (
+        ("handctl stop -p /dev/ttyUSB0", "Stop a device that another handctl command is moving."),
+        ("handctl stop -d left", "Stop a named device, even if another handctl command is using it."),
+    ),
+    "shell": (
+        ("handctl shell -d left", "A prompt for one device: `status`, `get temperature`, `watch`."),
+        ("handctl shell exo -p /dev/ttyUSB0", "The same for a port."),
+    ),
+    "batch": (
+        ("handctl batch morning.txt -d left", "The lines of a file, on one device."),
+        ("handctl batch --json --keep-going -p /dev/ttyUSB0", "The lines of stdin, with one row per line, for a script."),
+        ("handctl batch setup.txt --dry-run -d left", "The bytes that the file's commands would send."),
+    ),
+    "scan": (
+        ("handctl scan", "Search every free serial port."),
+        ("handctl scan -p /dev/ttyUSB0 --ids 1-254", "Search one port for every id."),
+        ("handctl scan -p tcp://192.168.0.20 --json", "Search for a device on the network, for a script."),
+    ),
+    "doctor": (
+        ("handctl doctor", "Check this computer."),
+        ("handctl doctor -p /dev/ttyUSB0", "Check this computer, the link, and the device on it."),
+    ),
+    "top": (
+        ("handctl top", "All named devices, live."),
+        ("handctl top left --limit temperature=60 --duration 60 --csv", "Record one minute, and exit with 7 above 60 °C."),
+    ),
+    "devices": (
+        ("handctl devices list", "All named devices."),
+        ("handctl devices show left", "One device, and the source of each value."),
+        ("handctl devices add left exo -p /dev/ttyUSB0 --id 2", "Name a hand `left`."),
+        ("handctl devices add left --from-scan found.json", "The same from the output of `handctl scan --json`."),
+        ("handctl devices remove left", "Remove the name."),
+    ),
+    "trace": (
+        ("handctl trace show run.txt", "A transcript, decoded line by line."),
+        ("handctl trace show run.txt --only errors", "Only bad frames, refusals and missing replies."),
+        ("handctl trace diff before.txt after.txt", "The differences in meaning between two transcripts."),
+        ('handctl trace decode exo "EB 90 01 04 11 E8 03 01 02"', "One frame, explained."),
+    ),
+    "plot": (
+        ("handctl plot gait.csv -o gait.svg", "The curves of a recording: a picture for each quantity, a colour for each finger."),
+        ("handctl plot before.csv after.csv -o both.html", "Two recordings above each other, on a page for the browser."),
+        ("handctl plot gait.csv --only temperature --open", "One quantity, shown at once."),
+        ("handctl plot gait.csv --json", "Lowest and highest values, for a script."),
+    ),
+    "sim": (
+        ("handctl sim exo --pty", "A simulated hand on a new pseudo terminal. Prints the link."),
+        ("handctl sim wrist --slcan-tcp 127.0.0.1:0", "A wrist module behind an slcan adapter, for python-can."),
+        ("handctl sim control hand.sock power-cycle", "Switch the simulator off and on."),
+        ("handctl sim exo --pty --fault noise --every 5 --control hand.sock", "Junk around every fifth reply."),
+        ("handctl sim wrist --pty --fault hot", "A wrist module that is too hot."),
+        ("handctl sim barrett --pty --set found=monitor", "A BarrettHand without firmware, in its boot monitor."),
+        ("handctl sim barrett --tcp 127.0.0.1:4001 --state hand.json", "A hand on a TCP port that keeps its memory."),
+        ("handctl sim ekso --pty", "A DataPort on a new pseudo terminal."),
+        ("handctl sim ekso --pty --set posture=sitting", "The wearer sits."),
+        ("handctl sim aidin --tcp 127.0.0.1:8000", "An AIDIN-hand at its usual port number."),
+        ("handctl sim aidin --tcp 127.0.0.1:0 --set exchange=poll", "A hand that sends feedback only when asked."),
+        ("handctl sim bus bus.toml --pty", "All devices of the file on a new pseudo terminal."),
+        ("handctl sim bus bus.toml --tcp 127.0.0.1:0", "The same for several clients on a TCP port."),
+        ("handctl sim control hand.sock help", "The commands of that simulator."),
+        ("handctl sim forget", "Reset every simulated device."),
+        ("handctl sim forget exo", "Reset only the simulated exoskeleton hand."),
+    ),
+    "help": (
+        ("handctl help", "All topics."),
+        ("handctl help options", "The common options."),
+        ("handctl help exo status", "The same as `handctl exo status -h`."),
+    ),
+    "completion": (
+        ("handctl completion bash --install", "Install it for your user. Prints the next step."),
+        ("handctl completion zsh -o _handctl", "Write it to a file."),
+    ),
+}  # fmt: skip
+"""Top-level command -> command line, what it shows. "" is handctl itself."""
+
+SHARED: Examples = (
+    ("handctl {0} status --fake", "The health of a simulated device."),
+    ("handctl {0} status --check -d left", "Exit with code 7 if anything is unhealthy."),
+    ("handctl {0} dump --fake", "Every value that can be read."),
+    ("handctl {0} dump --fake --json", "The same for a script."),
+    ("handctl {0} describe", "All quantities, without a device."),
+    ("handctl {0} describe --csv -o quantities.csv", "The same for a spreadsheet."),
+    ("handctl {0} watch --count 3 --fake", "Three samples."),
+    ("handctl {0} watch --duration 60 --csv -o curve.csv -d left", "Record one minute to a file."),
+    ("handctl {0} log {0}.csv --count 5 --fake", "Record five rows to a file, with a sidecar that describes them."),
+    ("handctl {0} log {0}.csv --duration 60 --rate 20 -d left", "One minute, 20 rows a second."),
+    ("handctl {0} scan --fake", "The result of a scan, here of the simulated device."),
+    ("handctl {0} stop -d left", "Stop at once, even while another handctl command is using the device."),
+    ("handctl {0} stop -n --fake", "The bytes that would be sent."),
+    ("handctl {0} report {0}.html --fake", "One page for a service ticket."),
+    ("handctl {0} doctor -d left", "Check this computer, the link and the device."),
+    ("handctl {0} snapshot {0}-before.json --fake", "Save all settings to a file."),
+    ("handctl {0} diff {0}-before.json -d left", "The changes since then."),
+    ("handctl {0} diff {0}-before.json {0}-after.json", "The differences between two files, without a device."),
+    ("handctl {0} restore {0}-before.json --dry-run -d left", "The bytes that would be sent."),
+    ("handctl {0} restore {0}-before.json -d left", "Write the settings that differ, and read them back."),
+)
+
+
+def examples_of(path: Sequence[str]) -> Examples:
+    """Of one command that does something, by all its words; of a group those of all its commands; () is handctl itself."""
+    if not path:
+        return EXAMPLES[""]
+    return [(line, text) for line, text in _known(path[0]) if line.split()[1 : 1 + len(path)] == list(path)]
+
+
+def _known(name: str) -> Examples:
+    """All of a top-level command: a family's own, from its module `page`, then those that its verbs share with others."""
+    if name not in FAMILIES:
+        return EXAMPLES.get(name, ())
+    from importlib.util import find_spec
+
+    where = FAMILIES[name].module("manpage")
+    own: Examples = getattr(importlib.import_module(where), "EXAMPLES", ()) if find_spec(where) else ()
+    return [*own, *((line.format(name), text) for line, text in SHARED)]

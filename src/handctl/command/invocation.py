@@ -1,0 +1,301 @@
+"""What a command was asked to do, and the checks before it starts: which device is meant, and that no output file replaces
+another file. Sends nothing and opens no link.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, TextIO
+
+import click
+
+from handctl.command.console import TerminalPrompts, print_message
+from handctl.command.family import Family, in_words, load, refuse_missing, refuse_serial, wire_in
+from handctl.command.option_types import Named, files_of, refuse_clashes
+from handctl.command.options import COMMAND_LINE, ENVIRONMENT, FILE, Settings, config_path, said, words_of
+from handctl.errors import OutputError, UsageError
+from handctl.files import why_unwritable
+from handctl.model.result import Journal
+
+if TYPE_CHECKING:
+    from handctl.link import Link
+    from handctl.model.line_quality import LineQuality
+    from handctl.model.param import Changes, Step
+    from handctl.model.prompts import Prompts
+    from handctl.model.write_ledger import Ledger
+
+UNASKED = "yes-unasked"
+"""The message that no -q silences."""
+
+
+class Invocation:
+    """One invocation of a command: settings, person, device, and the open device.
+
+    context  click's, of the parsed line
+    listens  whether another process may ask this one to stop the device, by a signal
+    said     what the command line and its levels share
+    session  the commands of which this is one, and what they have in common; None for one that stands alone
+    in_use   whether the simulated device of plain --fake is shown in use
+    link     once it is open, and `opened` the device behind it
+    end      when --deadline is over, by the clock of the link
+    """
+
+    listens = True
+
+    def __init__(
+        self, ctx: click.Context, settings: Settings, family: Family | None, prompts: Prompts | None = None
+    ) -> None:
+        self.context = ctx
+        self.settings = settings
+        self.family = family
+        self.command = " ".join(words_of(ctx))
+        self.said = said(ctx)
+        self.sources = self.said.sources
+        self.session = self.said.session
+        self.streams = bool(getattr(ctx.command, "streams", False))
+        self.writes = bool(getattr(ctx.command, "writes", False))
+        self.stops = bool(getattr(ctx.command, "stops", False))
+        self.in_use = self.streams
+        self.inputs, self.outputs = files_of(ctx)
+        self.prompts = prompts or TerminalPrompts(settings.quiet)
+        self.begin()
+
+    def begin(self, line: LineQuality | None = None) -> None:
+        """Nothing of it has happened yet; `line` is what is known of its line."""
+        self.journal = Journal(progress=self.prompts.progress, line=line)
+        self.link: Link | None = None
+        self.opened: Any = None
+        self.end: float | None = None
+
+    @property
+    def typed(self) -> TextIO:
+        """A source of lines that a body reads in addition to its arguments."""
+        return sys.stdin
+
+    def only_reads(self) -> None:
+        """This form of a command that may write or move does neither: it may do what reading commands may."""
+        self.writes = False
+
+    def planner(self) -> Any:
+        """The device without a link: can check and plan writes, cannot send."""
+        from handctl.link import NoFrames, NoLink, is_can
+
+        assert self.family is not None
+        refuse_other_family(self)
+        port = self.settings.port
+        can = self.settings.wire == "can" if port is None else is_can(port)
+        return self.family.open(NoFrames() if can else NoLink(), self.settings, self.journal)
+
+    def link_name(self) -> str:
+        """The LINK: --port, or the simulator for --fake. Raises UsageError when neither is given; never picks one."""
+        from handctl.link import is_can
+
+        refuse_other_family(self)
+        port, wire = self.settings.port, self.settings.wire
+        kind = self.family.kind if self.family is not None else ""
+        if port and not port.startswith("replay:"):
+            if is_can(port) and (self.family is None or "can" not in self.family.wires):
+                raise UsageError(
+                    f"{port}: this device has no CAN wire", hint="give a serial port, usb:VID:PID or tcp://HOST:PORT"
+                )
+            if wire is not None and self.family is not None and wire_in(self.family, port) != wire:
+                raise UsageError(
+                    f"--{wire} does not fit {port}", hint="leave it out: the LINK already selects the wire"
+                )
+            if self.family is not None:
+                refuse_serial(self.family, port)
+        if port:
+            return port
+        if self.settings.fake:
+            return self._simulated()
+        where = "-p LINK (`handctl ports` lists the serial ports, -p tcp://HOST:PORT is a TCP device)"
+        if self.family is not None and self.family.tcp_port is not None and not self.family.wires:
+            where = f"-p tcp://HOST (port {self.family.tcp_port} when not given)"
+        raise UsageError(
+            "no device given",
+            hint=f"give {where}, -d NAME (see `handctl devices list`), or --fake for the simulated {kind}",
+            code="no-link",
+        )
+
+    def _simulated(self) -> str:
+        """The LINK of plain --fake: the simulator of the family on the wire that was asked for."""
+        family, wire = self.family, self.settings.wire
+        said = [family.simulated(self.settings)] if family is not None and family.simulated is not None else []
+        if family is not None and wire is not None and wire != family.wires[0]:
+            said.append(f"bus={wire}")
+        text = "&".join(filter(None, said))
+        return f"fake://{family.kind if family is not None else ''}{'?' if text else ''}{text}"
+
+    @property
+    def keeps(self) -> bool:
+        """Whether what this command does to a simulated device is kept for the next one."""
+        return self.settings.fake and self.may_write and not self.settings.dry_run
+
+    @property
+    def owner(self) -> str:
+        """The command in whose name the device is held and recorded: this one, or that of its session."""
+        return self.command if self.session is None else self.session.command
+
+    @property
+    def may_write(self) -> bool:
+        """Whether something may be written while the link is open: by this command, or by another one of its session."""
+        return self.writes if self.session is None else self.session.writes
+
+    @property
+    def place(self) -> str:
+        """Where the LINK leads, the same for all names of one port."""
+        from handctl.link.lock import canonical
+
+        return canonical(self.link_name(), self.family.tcp_port if self.family is not None else None)
+
+    @property
+    def ledger(self) -> Ledger:
+        """The writes that this command planned, and their results."""
+        ledger = self.journal.ledger
+        if self.writes and ledger.words is None and self.family is not None:
+            from functools import partial
+
+            ledger.words = load(self.family.kind, "write_rules").words()
+            ledger.explain = partial(in_words, self.family.kind)
+        return ledger
+
+
+def check_before(run: Invocation) -> None:
+    """Raise UsageError or OutputError where this command line cannot be meant."""
+    if run.stops:
+        _let_pass(run)
+        return
+    _check_named_device(run)
+    _check_files(run)
+    path = run.settings.output
+    if path and (why := why_unwritable(path)):  # now, not when the device has been served
+        raise OutputError(f"{path}: cannot be written: {why}", hint="choose another file for -o. Nothing was sent.")
+    if run.settings.format == "openmetrics":
+        from handctl.screen.openmetrics import refuse
+
+        refuse(run.command)
+    if run.settings.append or run.settings.time:
+        _check_columns(run)
+    if run.family is not None:
+        refuse_missing(run.family, [key for key, source in run.sources.items() if source == COMMAND_LINE])
+        if run.family.check is not None:
+            run.family.check(run.settings)
+
+
+def _check_columns(run: Invocation) -> None:
+    """--append and --time as they make sense; typed where they do not, UsageError."""
+    from handctl.screen.csv_output import stream_format
+
+    settings = run.settings
+    how = stream_format(run) if run.streams else settings.format
+    append = settings.append and how == "csv" and bool(settings.output) and not run.streams
+    time = settings.time and how not in ("table", "openmetrics")
+    if settings.append and not append and run.sources.get("append") == COMMAND_LINE:
+        hint = "`log` records samples to a file of its own" if run.streams else "add --csv and -o FILE"
+        raise UsageError("--append adds one reading to a CSV file", hint=f"{hint}. Nothing was sent.")
+    if settings.time and not time and run.sources.get("time") == COMMAND_LINE:
+        raise UsageError(
+            "--time adds a column to CSV, plain or JSON output", hint="add --csv, --json or --format plain"
+        )
+    run.settings = settings._replace(append=append, time=time)
+
+
+def _let_pass(run: Invocation) -> None:
+    """No file and no format holds up a stop. What its family has to say is `stop.command.fall_back`."""
+    if run.settings.format == "openmetrics":
+        run.settings = run.settings._replace(format="table")
+    path = run.settings.output
+    if path and run.sources["output"] != COMMAND_LINE and (why := why_unwritable(path)):
+        run.settings = run.settings._replace(output=None)
+        run.journal.warn("passed-over", f"{path} ({run.sources['output'].where}): cannot be written: {why}")
+    try:
+        _check_files(run)  # what clashes is written nowhere then
+    except UsageError as exc:
+        run.journal.warn("passed-over", exc.text)
+
+
+def _check_files(run: Invocation) -> None:
+    """Raise UsageError when an output of this run would replace an input, the configuration file or another output."""
+    settings = run.settings
+    outputs = [
+        Named(label, path) for label, path in (("--output", settings.output), ("--trace", settings.trace)) if path
+    ]
+    if not outputs and not run.outputs:
+        return
+    replayed = (settings.port or "").partition("replay:")
+    inputs = [Named("--port", replayed[2])] if replayed[1] and not replayed[0] else []
+    own = Named("the configuration file", config_path())
+    try:
+        refuse_clashes([*run.inputs, *inputs, own], [*outputs, *run.outputs])
+    except UsageError:
+        run.settings = settings._replace(output=None, trace=None)  # the envelope of the error must not go there either
+        raise
+
+
+def _check_named_device(run: Invocation) -> None:
+    """Whether the device that -d names is meant; a default device is judged when its link is needed."""
+    if run.sources.get("device") == COMMAND_LINE:
+        refuse_other_family(run)
+    source = run.sources.get("port") or run.sources.get("fake")
+    if run.settings.kind is None or source is None or source.level != ENVIRONMENT:
+        return
+    text = f"{source.where} replaces the port of {run.settings.device!r}"
+    if run.writes and not run.settings.dry_run:
+        raise UsageError(
+            f"{text}, so it is unclear which device is meant",
+            hint=f"unset {source.where}, or run the command without -d",
+            code="two-devices",
+        )
+    run.journal.warn("other-port", text, f"unset {source.where} to reach {run.settings.device}")
+
+
+def refuse_other_family(run: Invocation) -> None:
+    """Raise UsageError where the name of the device says another family than the command."""
+    kind = run.settings.kind
+    if kind is None or run.family is None or kind == run.family.kind:
+        return
+    name = run.settings.device
+    raise UsageError(
+        f"{name!r} is of family {kind} ({run.sources['kind'].where}), not {run.family.kind}",
+        hint=f"use `handctl {kind} …` for {name}, or see `handctl devices list` for the others",
+        code="wrong-family",
+    )
+
+
+def unsent(journal: Journal) -> str:
+    """What is certain where the answer to a question was no: some questions are made of what was read."""
+    return "nothing was written" if journal.counters.sent else "nothing was sent"
+
+
+def told(question: str, changes: Changes | None) -> str:
+    """The question for who sees no table."""
+    return question if changes is None else changes.told(question)
+
+
+def shown_steps(steps: Sequence[Step], settings: Settings, changes: Changes | None = None) -> list[str]:
+    """What is going to be written, a line a step, for who is asked; with the bytes where -v shows those of all other frames.
+
+    Without -v a single step is left out, since the question says what it does, and so are all that the table has.
+    """
+    if settings.verbose:
+        return [f"  {step.meaning}: {step.wire}" for step in steps]
+    return [] if changes or len(steps) == 1 else [f"  {step.meaning}" for step in steps]
+
+
+def tell_unasked(run: Invocation, question: str, steps: Sequence[Step]) -> None:
+    """Say it when a variable or a file answered; where that moves a worn device, at once and whatever -q says."""
+    from handctl.model.result import Message
+
+    source = run.sources["yes"]
+    if source == COMMAND_LINE:
+        return
+    device = run.opened if run.opened is not None else run.planner()
+    moves = not steps or any(step.moves for step in steps)  # a question without steps tells of them by itself
+    if getattr(device, "worn", False) and moves:
+        text = f"a device that someone may be wearing moves without asking, because of {source.where}: {question}"
+        if not any(message.code == UNASKED for message in run.journal.messages):
+            run.journal.messages.append(Message("warning", UNASKED, text))
+            print_message("warning", text, "")
+    elif source.level == FILE:
+        run.journal.warn("yes-from-file", f"not asked, because of yes = true in {source.where}")

@@ -1,0 +1,277 @@
+"""Call a command from Python: the same body with values instead of words. Prints nothing and handles no signals.
+
+A question goes to `confirm`, the result is returned, what went wrong is raised. Ctrl-C stops what is being driven, as in a
+command, and is raised again.
+"""
+
+from __future__ import annotations
+
+import io
+import threading
+from collections.abc import Callable, Generator, Hashable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any, TextIO
+
+import click
+
+from handctl.command.command_tree import Command
+from handctl.command.envelope import Outcome, explained_error, from_click
+from handctl.command.invocation import told, unsent
+from handctl.command.options import COMMAND_LINE, said
+from handctl.command.run import Run, plan_table
+from handctl.errors import STOPPED, HandctlError, Interrupted, NotConfirmed, UsageError, joined
+from handctl.model.prompts import Prompts
+from handctl.model.result import Journal, Row, Table
+
+if TYPE_CHECKING:
+    from handctl.command.connection import Session
+    from handctl.command.family import Family
+    from handctl.command.options import Settings
+    from handctl.model.param import Changes, Step
+    from handctl.model.result import Message
+    from handctl.screen.render import Context
+
+Confirm = bool | Callable[[str, list[Row]], bool]
+"""The answer to what asks: True, or who is asked, with the question and the steps that are going to be written."""
+MOST_BOUND = 1000
+"""Calls of one line that are kept as they were understood."""
+
+
+class Caller(Prompts):
+    """The prompts of a calling program: silent. Critical sections delay Ctrl-C without a handler."""
+
+    def __init__(self, confirm: Confirm) -> None:
+        self.interactive = callable(confirm)
+
+    @contextmanager
+    def undisturbed(self) -> Iterator[None]:
+        from handctl.system.signals import held_back, numbers
+
+        with held_back(numbers()):
+            yield
+
+
+class Returned(Outcome):
+    """Shows nothing: messages are in the envelope, and the caller takes a stream sample by sample."""
+
+    def heard(self, message: Message) -> None:
+        pass
+
+    def stream(self, table: Table, context: Context) -> HandctlError | None:
+        return None
+
+
+class Call(Run):
+    """One run of one command for a program."""
+
+    listens = False
+    tells = Returned
+    device_done = staticmethod(lambda: None)
+    """Ctrl-C is the caller's."""
+
+    def __init__(self, ctx: click.Context, settings: Settings, family: Family | None, confirm: Confirm = False) -> None:
+        self._confirm = confirm
+        self.failure: HandctlError | None = None
+        self.extra: dict[str, Any] = {}
+        super().__init__(ctx, settings, family, Caller(confirm))
+        self.body: Callable[[], Any] = lambda: None
+
+    def again(self) -> list[Row]:
+        """The same reading once more: what was understood of its words holds, and nothing else. Raises HandctlError."""
+        self.failure, self.extra = None, {}
+        self.begin(self.journal.line)
+        return self.finish(*self.carried_out(self.body))
+
+    @property
+    def typed(self) -> TextIO:
+        return io.StringIO()
+
+    def need_answer(self, question: str) -> None:
+        if not (self.settings.yes or self.settings.dry_run or callable(self._confirm)):
+            hint = "give confirm=True, or a function that answers. dry_run=True returns the bytes"
+            raise NotConfirmed(f"{question}. Confirmation needed", hint=joined(hint, unsent(self.journal)))
+
+    def confirm(
+        self, question: str, steps: Sequence[Step] = (), *, word: str = "", changes: Changes | None = None
+    ) -> None:
+        question = told(question, changes)
+        self.ledger.plan(steps)
+        if self.settings.yes:
+            return
+        self.need_answer(question)
+        if not (callable(self._confirm) and self._confirm(question, plan_table(steps).rows)):
+            raise NotConfirmed(f"not confirmed: {unsent(self.journal)}", hint="the function given as confirm said no")
+
+    def offer(self, question: str) -> bool:
+        return False
+
+    def finish(self, table: Table | None, failure: HandctlError | None) -> list[Row]:
+        """The rows of what has ended. Raises what went wrong, with them; KeyboardInterrupt for Ctrl-C."""
+        failure, told = self.ended(table, failure)
+        rows = table.rows if table is not None else []
+        self.failure = told
+        if table is not None:
+            self.extra = table.extra
+        self._raise(told, rows)
+        return rows
+
+    @staticmethod
+    def _raise(told: HandctlError | None, rows: Sequence[Row] = ()) -> None:
+        """What went wrong, with what was read; as KeyboardInterrupt where Ctrl-C was it."""
+        if isinstance(told, Interrupted) and told.code != STOPPED:
+            raise KeyboardInterrupt(told.text) from told
+        if told is not None:
+            told.rows = tuple(rows)
+            raise told
+
+    def samples(self, table: Table) -> Generator[list[Row], None, None]:
+        """The samples of a stream, each as its rows. The device is left when it ends, or is closed."""
+        failure: HandctlError | None = None
+        assert table.samples is not None
+        source = iter(table.samples)
+        try:
+            for sample in source:
+                yield sample.stamped(self.settings.time)
+        except HandctlError as exc:
+            failure = explained_error(self, exc)
+        except KeyboardInterrupt:
+            failure = Interrupted("interrupted")
+        finally:
+            if isinstance(source, Generator):
+                source.close()
+            self.extra = table.summary() if table.summary is not None else {}
+            ended, self.failure = self.ended(table, failure)
+        self._raise(self.failure or ended)
+
+
+class Line:
+    """One device with many calls: its session and the settings of its link."""
+
+    def __init__(self, family: Family, settings: Settings, session: Session) -> None:
+        self.family = family
+        self.settings = settings
+        self.session = session
+        self.last: Call | None = None
+        self._parsed: dict[Any, click.Context] = {}
+        self._bound: dict[Any, Call] = {}  # readings that went well: the next one asks the same
+        self._running: Generator[list[Row], None, None] | None = None
+        self._turn = threading.RLock()
+
+    def open(self) -> None:
+        """Open the link now. Raises LinkError, UsageError."""
+        call = self._call(click.Command("connect"), "connect", {}, self.settings, False)
+
+        def body() -> None:
+            call.open_link()
+
+        call.finish(*call.carried_out(body))
+
+    def close(self) -> HandctlError | None:
+        """Close the link; what went wrong."""
+        with self._turn:
+            self._end_stream()
+            return self.session.close(self.last.journal if self.last is not None else Journal())
+
+    def again(self, key: Hashable) -> list[Row] | None:
+        """Carry out the reading that `key` was bound to; None where there is none. Raises HandctlError."""
+        with self._turn:
+            try:
+                call = self._bound.get(key)
+            except TypeError:  # a value that cannot be a key
+                return None
+            if call is None or self._running is not None:
+                return None
+            self.last = call
+            return call.again()
+
+    def call(
+        self,
+        command: Command,
+        words: str,
+        values: Mapping[str, Any],
+        *,
+        confirm: Confirm,
+        dry_run: bool,
+        key: Hashable = None,
+    ) -> list[Row] | Iterator[list[Row]]:
+        """Carry out the command that is typed as `words` with these values, by click's names. Raises HandctlError.
+
+        A reading with a `key` that goes well is bound to that.
+        """
+        with self._turn:
+            if command.stops:
+                self._end_stream()
+            self._check_free()
+            settings = self.settings._replace(yes=confirm is True, dry_run=dry_run)
+            call = self._call(command, words, values, settings, confirm)
+            call.body = command.body(call)
+            table, failure = call.carried_out(call.body)
+            if failure is None and table is not None and table.samples is not None:
+                return self._taken(call, table)
+            rows = call.finish(table, failure)
+            if key is not None and command.only_reads and table is not None:
+                self._bind(key, call)
+            return iter([rows]) if command.streams else rows
+
+    def _bind(self, key: Hashable, call: Call) -> None:
+        with suppress(TypeError):
+            if len(self._bound) < MOST_BOUND:
+                self._bound[key] = call
+                call.checked = True
+
+    def _call(
+        self, command: click.Command, words: str, values: Mapping[str, Any], settings: Settings, confirm: Confirm
+    ) -> Call:
+        """One call of this command; what click makes of its values is kept, as a loop asks for the same again."""
+        try:
+            key = (words, *values.items(), *map(type, values.values()))
+            ctx = self._parsed.get(key)
+        except TypeError:  # a value that cannot be a key
+            key, ctx = None, None
+        if ctx is None:
+            ctx = self._context(command, words, values)
+            if key is not None and len(self._parsed) < MOST_BOUND:
+                self._parsed[key] = ctx
+        settings = settings._replace(own={**settings.own, **said(ctx).own})
+        self.last = Call(ctx, settings, self.family, confirm)
+        return self.last
+
+    def _context(self, command: click.Command, words: str, values: Mapping[str, Any]) -> click.Context:
+        ctx = click.Context(command, info_name=f"handctl {self.family.kind} {words}")
+        told = said(ctx)
+        told.session = self.session
+        known = [key for key in ("id", "baud") if getattr(self.settings, key) is not None]
+        told.sources = dict.fromkeys((*known, "yes", "dry_run"), COMMAND_LINE)
+        try:
+            with ctx:
+                for param in command.params:
+                    given = {param.name: values[param.name]} if param.name in values else {}
+                    param.handle_parse_result(ctx, given, [])
+            for name, value in ctx.params.items():
+                if type(value).__module__.startswith("click"):
+                    ctx.params[name] = None  # click's own mark of what was not given
+        except click.UsageError as exc:
+            raise from_click(exc) from exc
+        if "-" in ctx.params.values():
+            raise UsageError("standard input is not read here", hint="give a file instead of -")
+        return ctx
+
+    def _check_free(self) -> None:
+        if self._running is not None:
+            hint = "leave its loop, or close it. `stop` can be called at any time"
+            raise UsageError(f"{self.settings.port}: a stream is running on this link", hint=hint)
+
+    def _taken(self, call: Call, table: Table) -> Iterator[list[Row]]:
+        with self._turn:
+            self._check_free()
+            self._running = samples = call.samples(table)
+        try:
+            yield from samples
+        finally:
+            if self._running is samples:
+                self._running = None
+
+    def _end_stream(self) -> None:
+        running, self._running = self._running, None
+        if running is not None:
+            running.close()

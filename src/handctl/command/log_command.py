@@ -1,0 +1,310 @@
+"""The command `log FILE` of every family: record a device with a sidecar. The recorder itself is in `record`.
+
+A family whose rows are the values of its map gets the command with its map verbs; another one brings a `Source` of its own.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from handctl import __version__
+from handctl.command.get_set_watch import bounds_of, select
+from handctl.command.run import Run
+from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError
+from handctl.model.clock_comparison import Moment
+from handctl.model.param import Element, ParamMap, Reading
+from handctl.model.result import Column, Table
+from handctl.record.marks import Heard, Marks
+from handctl.record.recording import (
+    Limits,
+    Recording,
+    changed,
+    file_name,
+    in_words,
+    record,
+    refuse_existing,
+    undisturbed,
+)
+from handctl.record.source import RowsLayout, Sample, Source
+from handctl.screen.csv_output import column_of, in_persons_unit, name_of, text_of
+from handctl.system import terminal
+from handctl.wording import plural
+
+if TYPE_CHECKING:
+    from handctl.model.device import Device
+    from handctl.record.timeline import Hole
+
+SUMMARY = (
+    Column("file", "File"),
+    Column("rows", "Rows", right=True),
+    Column("duration", "Duration", right=True, unit="s"),
+    Column("rate", "Rate", right=True, unit="Hz"),
+    Column("lost", "Lost", right=True),
+    Column("gaps", "Gaps", right=True),
+    Column("holes", "Holes", right=True),
+    Column("segments", "Segments", right=True),
+    Column("marks", "Marks", right=True),
+)
+OWN_NAMES = ("usb:", "/dev/serial/by-id/", "fake://")
+"""Names of a port that no other device gets."""
+
+
+@dataclass(frozen=True)
+class RequestedOptions:
+    """The options that every recording has."""
+
+    duration: float | None
+    count: int | None
+    rate: float
+    mark: str
+    mark_udp: int | None
+    mark_stdin: bool
+    silence: float
+    force: bool
+    limits: Sequence[str] = ()
+    until: Sequence[str] = ()
+
+
+def log(
+    run: Run,
+    file: str,
+    wishes: RequestedOptions,
+    params: ParamMap[Any],
+    source_of: Callable[[Callable[[], bool]], Source],
+) -> Table:
+    """Record the source that `source_of` makes of the device; it is given what opens a lost port again. `params` has the names of limits."""
+
+    assert run.family is not None
+    path = file_name(file, run.family.kind)
+    refuse_existing(path, wishes.force)
+    bounds = bounds_of(run, params, wishes.limits, wishes.until)
+    source = source_of(lambda: _reopen(run))
+    before = dict(source.settings())
+    link = run.open_link()
+    about = {
+        "tool": {"name": "handctl", "version": __version__},
+        "command": run.command,
+        "simulated": run.simulated,
+        **source.about(),
+        "asked": {"rate_hz": wishes.rate or None, "rows": wishes.count, "duration_s": wishes.duration},
+        "settings_before": before,
+    }
+    recording = Recording(path, link, source, about, rate=wishes.rate, force=wishes.force)
+    over = bounds.over if bounds is not None else None
+    try:
+        with (
+            Keys(run.prompts.interactive) as keys,
+            closing(Marks(keys.pressed, port=wishes.mark_udp, lines=sys.stdin if wishes.mark_stdin else None)) as marks,
+        ):
+            by = ["a key sets a mark"] if keys.heard else []
+            by += [f"a datagram to 127.0.0.1:{marks.port} sets a mark"] if marks.port is not None else []
+            run.prompts.say(f"recording into {path}. {''.join(f'{one}, ' for one in by)}Ctrl-C ends")
+            failure = record(
+                recording,
+                Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end, over),
+                mark=_first(wishes.mark, marks.take),
+                prompts=run.prompts,
+                before=before,
+            )
+        failure = _finish(run, recording, before, failure) or (bounds.failure() if bounds is not None else None)
+    finally:
+        recording.close()
+    _tell(run, recording)
+    return Table(rows=[recording.as_row()], columns=SUMMARY, plain=("rows", "rate"), failure=failure)
+
+
+def of_map(run: Run, names: Sequence[str], again: Callable[[], bool]) -> Source:
+    """The named quantities of the device, or those that change by themselves."""
+    if names and run.family is not None and run.family.map_of is None:
+        select(run.planner().map, names)  # a wrong name is told before the link is opened
+    device = run.device()
+    return MapSource(device, device.here(select(device.map, names or device.live)), again)
+
+
+def _reopen(run: Run) -> bool:
+    """Try once to reopen the lost port. If only its path is known, warn that another device can get it."""
+    again = run.device_access is not None and run.device_access.reopen()
+    link = run.open_link()
+    if again and not link.name.startswith(OWN_NAMES):
+        run.journal.info(
+            "by-path",
+            f"{link.name}: the port that came back was recognized only by its path, which another device could have taken",
+            hint="next time use usb:VID:PID:SERIAL, or its name in /dev/serial/by-id",
+        )
+    return again
+
+
+def _first(text: str, came: Callable[[], Sequence[Heard]]) -> Callable[[], Sequence[Heard]]:
+    """Marks: `text` for the first row, then what comes."""
+    waiting = [Heard(text)] if text else []
+    return lambda: [*(waiting.pop() for _ in range(len(waiting))), *came()]
+
+
+def _finish(
+    run: Run, recording: Recording, before: Mapping[str, Any], failure: HandctlError | None
+) -> HandctlError | None:
+    """Read the settings and the rest again, close the file, write the sidecar; returns what went wrong first."""
+    source, after = recording.source, None
+    if not isinstance(failure, LinkError):
+        try:
+            after = dict(source.settings())
+        except (HandctlError, KeyboardInterrupt) as exc:
+            run.journal.warn("settings-unread", f"the settings after the log are unknown: {str(exc) or 'interrupted'}")
+    if after is not None and recording.rows and source.looks:
+        try:
+            source.look(recording.timeline.last, recording.rows)
+        except (HandctlError, KeyboardInterrupt):
+            source.unanswered()
+    differing = changed(before, after) if after is not None else None
+    if differing and after is not None:
+        shown = ", ".join(f"{name} {in_words(before[name])} -> {in_words(after[name])}" for name in differing)
+        run.journal.warn("settings-changed", f"settings changed during the log: {shown}")
+    with undisturbed():
+        try:
+            recording.finish(
+                failure.code if failure is not None else "limit",
+                settings_after=after,
+                settings_changed=differing,
+            )
+        except OutputError as exc:
+            return failure or exc
+    return failure
+
+
+def _tell(run: Run, recording: Recording) -> None:
+    line, clock = recording.timeline, recording.source.clock_name
+    if line.gaps:
+        lengths = [gap.length_ms / 1000 for gap in line.gaps]
+        run.journal.warn(
+            "gap", f"{plural(len(lengths), 'gap')}, {sum(lengths):.3f} s in all, the longest {max(lengths):.3f} s"
+        )
+    for hole in line.holes:
+        run.journal.warn("port-lost", _hole_text(hole))
+    if line.reboots:
+        run.journal.warn("rebooted", f"the device was restarted {plural(line.reboots, 'time')}: see column segment")
+    if parted := line.parted:
+        most = max((segment.first.off_ms for segment in parted), key=abs) / 1000
+        unfit = f" Segment {line.segments[-1].number} does not use {clock}." if line.unfit else ""
+        maybe = (
+            " It may have been restarted, or replaced by another device."
+            if any(s.rebooted is None for s in parted)
+            else ""
+        )
+        run.journal.warn(
+            "clocks-parted",
+            f"{clock} and the clock of this computer disagreed {plural(len(parted), 'time')}, by up to {most:+.3f} s. Each jump "
+            f"starts a new segment; times between segments are from this computer.{maybe}{unfit}",
+        )
+    if recording.skipped:
+        run.journal.info(
+            "skipped",
+            f"{plural(recording.skipped, 'tick')} of --rate without a request: the device or this machine was late, or the port was gone",
+        )
+    if recording.lost:
+        run.journal.warn(
+            "lost", f"{plural(recording.lost, 'request')} without a valid reply: see the missing numbers in column seq"
+        )
+    if line.standstill:
+        run.journal.warn(
+            "boot-time-still",
+            f"{clock} did not advance in {plural(line.standstill, 'row')}",
+            hint=f"give a lower --rate: {clock} ticks every 2 ms. Otherwise the device's clock has stopped",
+        )
+
+
+def _hole_text(hole: Hole) -> str:
+    if hole.row is None:
+        return "The port was lost after the last row. No rows have been recorded since then"
+    restarted = " The device restarted in between." if hole.rebooted else ""
+    if hole.rebooted is None:
+        restarted = " It is unknown whether the device restarted in between."
+    seconds = (hole.length_ms or 0) / 1000
+    return f"Before row {hole.row} the port was lost: {seconds:.3f} s have no rows. Segment {hole.segment} begins there.{restarted}"
+
+
+class MapSource(Source):
+    """`elements` of a device; `again` opens a lost port, see `Source.reopen`."""
+
+    def __init__(self, device: Device, elements: Sequence[Element], again: Callable[[], bool]) -> None:
+        self.kind = device.kind
+        rows = [device.row(Reading(element, None, b"", None)) for element in elements]
+        self.layout = RowsLayout([(column_of(row), row) for row in rows])
+        self._device, self._elements, self._again = device, list(elements), again
+        self._identity = device.identity()
+        self._met = False
+        self._settings = device.map.kept(setpoints=False, further=device.further(self._identity))
+
+    def sample(self) -> Sample:
+        device = self._device
+        begun = device.link.now()
+        readings = device.read(self._elements)
+        moment = Moment(begun, device.link.now())
+        failed = [reading for reading in readings if reading.error is not None]
+        if readings and len(failed) == len(readings):
+            raise failed[0].error or NoAnswer("nothing was read")
+        rows = [device.row(reading) for reading in readings]
+        texts = [text_of(in_persons_unit(row)) for row in rows]
+        errors = "; ".join(dict.fromkeys(f"{name_of(row)}: {row['error']}" for row in rows if row.get("error")))
+        return Sample(moment, (texts, errors), rows=lambda: rows)
+
+    def settings(self) -> dict[str, dict[str, Any]]:
+        if not self._settings and not self._met:  # a stranger is seen before there is a file
+            self._device.read(self._elements)
+        self._met = True
+        rows = [self._device.row(reading) for reading in self._device.read(self._settings)] if self._settings else []
+        return {
+            str(element.full_name): {"value": row.get("value"), "unit": row.get("unit")}
+            for element, row in zip(self._settings, rows, strict=True)
+        }
+
+    def about(self) -> dict[str, Any]:
+        device = self._device
+        told = {"kind": device.kind, "model": device.about.get("model"), "id": self._identity.get("id")}
+        return {"device": told, "link": {"port": device.link.name, "baud": getattr(device.link, "baud", None)}}
+
+    def sidecar(self) -> dict[str, Any]:
+        return {"counters": self._device.journal.counters.as_row()}
+
+    def reopen(self) -> bool:
+        return self._device.reopen(self._again)
+
+
+class Keys:
+    """Keys pressed on the terminal, without waiting for one. Only while this process is in the foreground."""
+
+    def __init__(self, wanted: bool) -> None:
+        self._wanted = wanted
+        self._terminal: terminal.Keys | None = None
+        self._descriptor = -1
+        self._count = 0
+
+    @property
+    def heard(self) -> bool:
+        """Whether a key sets a mark."""
+        return self._terminal is not None
+
+    def __enter__(self) -> Keys:
+        if self._wanted:
+            self._descriptor = sys.stdin.fileno()
+            if terminal.in_front(self._descriptor):
+                self._terminal = terminal.Keys(self._descriptor)
+        return self
+
+    def pressed(self) -> str:
+        """The text of a mark: the keys since the last call, a numbered word for space; "" for none."""
+        if self._terminal is None or not terminal.in_front(self._descriptor):
+            return ""
+        text = self._terminal.pressed()
+        if not text.isprintable() or not text:
+            return ""
+        self._count += 1
+        return text.strip() or f"mark {self._count}"
+
+    def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, tb: TracebackType | None) -> None:
+        if self._terminal is not None and terminal.in_front(self._descriptor):
+            self._terminal.close()

@@ -1,0 +1,323 @@
+"""The options that every command, group and the root accept. Imports click only.
+
+The level nearest the verb wins; `command.precedence` adds the environment and the configuration file.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl.command.option_types import OutFile, Seconds, WholeRange
+from handctl.errors import UsageError
+from handctl.families import FAMILIES, WIRES, OwnOption
+from handctl.light import NamedTuple
+
+if TYPE_CHECKING:
+    from handctl.command.config import Check, Config
+
+FORMATS = ("table", "plain", "json", "ndjson", "csv", "openmetrics")
+META = "handctl"
+"""Key in click's shared meta: the `Said` of a command line."""
+
+
+class Settings(NamedTuple):
+    """The shared options after precedence. `kind` is the family of the named device, None without one.
+
+    `own` holds what only one family has (`families.OwnOption`), as far as it is said.
+    """
+
+    device: str | None = None
+    kind: str | None = None
+    port: str | None = None
+    fake: bool = False
+    wire: str | None = None
+    id: int | None = None
+    baud: int | None = None
+    timeout: float | None = None
+    deadline: float | None = None
+    retries: int | None = None
+    format: str = "table"
+    output: str | None = None
+    append: bool = False
+    time: bool = False
+    no_formulas: bool = False
+    wide: bool | None = None
+    trace: str | None = None
+    dry_run: bool = False
+    yes: bool = False
+    assume_identity: bool = False
+    quiet: bool = False
+    verbose: bool = False
+    color: str = "auto"
+    debug: bool = False
+    own: Mapping[str, Any] = {}
+
+
+class Source(NamedTuple):
+    """Where a setting comes from: its level in words, and the variable or the FILE:LINE."""
+
+    level: str
+    where: str = ""
+
+
+class Said:
+    """What a command line has said so far, and who runs it: what all levels of click's contexts share.
+
+    given        settings by key; a deeper level overwrites an earlier one, and stands at "key@"
+    own          the same of options that only some commands of one family have
+    sources      setting -> Source, for every setting that is not the default
+    stopping     whether this may be a command that nothing holds up, as far as its line was read
+    unfit        errors of options in such a line, for whoever knows which command it is
+    passed_over  errors of the line, the environment and the file that did not hold up an urgent command
+    bare         no word that is parsed is an option, so that none need be looked for
+    include_ids  the result may hold what tells one device from another
+    taken        who takes a line that is parsed and not run
+    session      the `connection.Session` that a command belongs to, None for one that stands alone
+    run          the `Run` of this line where it was read before, in a script or a session
+    """
+
+    def __init__(self) -> None:
+        self.given: dict[str, Any] = {}
+        self.own: dict[str, Any] = {}
+        self.sources: dict[str, Source] = {}
+        self.stopping = False
+        self.unfit: list[click.UsageError | UsageError] = []
+        self.passed_over: list[UsageError] = []
+        self.bare = False
+        self.include_ids = False
+        self.taken: Callable[[click.Context], object] | None = None
+        self.session: Any = None
+        self.run: Any = None
+
+
+def said(ctx: click.Context) -> Said:
+    """Of the command line of this context."""
+    found: Said | None = ctx.meta.get(META)
+    if found is None:
+        found = ctx.meta[META] = Said()
+    return found
+
+
+COMMAND_LINE = Source("command line")
+ENVIRONMENT, NAMED, FILE = "environment", "named device", "configuration file"
+CONNECTION, OUTPUT, WRITING = "Connection", "Output", "Writing"
+"""Sections of the common options."""
+WITHOUT_FILE = "completion"
+"""Its script must come out whatever the file says, also when that is damaged."""
+WITHOUT_DEVICE = ("devices list", "devices add", "devices remove")
+"""They edit what the named devices are made of, so they must not need one."""
+
+
+def words_of(ctx: click.Context) -> list[str]:
+    """The words of a command after `handctl`."""
+    above = words_of(ctx.parent) if ctx.parent is not None else []
+    words = (ctx.info_name or "").split()
+    return [*above, *words] if ctx.parent is not None else words[1:]
+
+
+class SharedOption(click.Option):
+    """An option that means the same at root, group and leaf. It writes `settings key = value` into `Said.given`.
+
+    One that must be `typed` has neither a variable nor a key in the configuration file. `family`: not every family has it.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        section: str,
+        key: str = "",
+        fixed: Any = None,
+        typed: bool = False,
+        family: bool = False,
+        **more: Any,
+    ) -> None:
+        self.section = section
+        self.family = family
+        self.fixed = fixed
+        self.typed = typed
+        super().__init__(list(names), expose_value=False, callback=self._remember, **more)
+        self.key = key or str(self.name)
+
+    def handle_parse_result(
+        self, ctx: click.Context, opts: Mapping[str, Any], args: list[str]
+    ) -> tuple[Any, list[str]]:
+        """As click does, but for what was not given: it says nothing. What makes no sense does not hold up a stop; which of two
+        places it is meant for is no such thing."""
+        if self.name not in opts:
+            return None, args
+        try:
+            return super().handle_parse_result(ctx, opts, args)
+        except (click.UsageError, UsageError) as exc:
+            if not said(ctx).stopping or self.key in ("port", "fake"):
+                raise
+            said(ctx).unfit.append(exc)
+            return None, args
+
+    def _remember(self, ctx: click.Context, param: click.Parameter, value: Any) -> None:
+        source = ctx.get_parameter_source(param.name or "")
+        if source is not click.core.ParameterSource.COMMANDLINE or (not value and isinstance(value, bool)):
+            return
+        given = said(ctx).given
+        level = len(words_of(ctx))
+        if self.key in ("port", "fake"):
+            other = "fake" if self.key == "port" else "port"
+            if given.get(f"{other}@") == level:
+                raise UsageError("--port and --fake exclude each other", hint="give one of them")
+            given.pop(other, None)
+        if self.key == "wire" and given.get("wire@") == level and given["wire"] != self.fixed:
+            raise UsageError(f"--{given['wire']} and --{self.fixed} exclude each other", hint="give one of them")
+        given[self.key] = value if self.fixed is None else self.fixed
+        given[f"{self.key}@"] = level
+
+
+@cache
+def shared_options(
+    wires: tuple[str, ...] = (), own: tuple[OwnOption, ...] = (), refused: frozenset[str] = frozenset()
+) -> Sequence[SharedOption]:
+    """The options that every command, group and the root accept, with those of a family that has several `wires` and some
+    of its `own`. What is `refused`, by key, is understood, but not offered; "" stands for the section CONNECTION.
+    They hold nothing of a run, so they are made once.
+    """
+    found = list(_shared(wires, own))
+    for place, option in enumerate(found):
+        if option.key in refused or (option.section == CONNECTION and "" in refused):
+            found[place] = copy(option)
+            found[place].hidden = True
+    return found
+
+
+@cache
+def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOption]:
+    connect, output, safety = CONNECTION, OUTPUT, WRITING
+    number = Seconds()
+    return [
+        SharedOption(["-p", "--port"], connect, metavar="LINK", help="The link to the device: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL."),
+        SharedOption(["--fake"], connect, is_flag=True, help="Use the built-in simulator of this device."),
+        *(SharedOption([f"--{wire}"], connect, key="wire", fixed=wire, family=True, is_flag=True, help=f"Simulate the {wire} wire, with --fake or --dry-run (default: {wires[0]}).") for wire in wires),
+        SharedOption(["-d", "--device"], connect, metavar="NAME", help="A named device from the configuration file (see `handctl devices`). A,B or '*' selects several."),
+        *(_own_option(option, connect) for option in own),
+        SharedOption(["--id"], connect, type=int, metavar="N", help="Device id."),
+        SharedOption(["--baud"], connect, type=WholeRange(min=1), metavar="N", help="Baud rate of the serial port in bit/s."),
+        SharedOption(["--timeout"], connect, type=number, metavar="S", help="Seconds to wait for a reply."),
+        SharedOption(["--deadline"], connect, type=number, metavar="S", help="Time limit for the whole command, in seconds."),
+        SharedOption(["--retries"], connect, type=WholeRange(min=0, max=100), metavar="N", help="Retry a read up to N times if there is no valid reply. Writes are never retried."),
+        SharedOption(["--trace"], connect, type=OutFile(), metavar="FILE", help="Record every byte with its time to FILE. -p replay:FILE plays it back."),
+        SharedOption(["--format"], output, type=click.Choice(FORMATS), help="Output format (default: table)."),
+        SharedOption(["--json"], output, key="format", fixed="json", is_flag=True, help="Same as --format json. A stream prints one row per line."),
+        SharedOption(["--csv"], output, key="format", fixed="csv", is_flag=True, help="Same as --format csv."),
+        SharedOption(["-o", "--output"], output, type=OutFile(), metavar="FILE", help="Write output to FILE instead of stdout. FILE is replaced only when complete."),
+        SharedOption(["--append"], output, is_flag=True, help="With --csv -o FILE: add the rows to FILE. The header is written once, and the columns must match."),
+        SharedOption(["--time"], output, is_flag=True, help="Add the date and time (UTC) to each row of CSV, plain or JSON."),
+        SharedOption(["--no-formulas"], output, is_flag=True, help="In CSV, put ' before any text that a spreadsheet would take for a formula."),
+        SharedOption(["--wide"], output, key="wide", fixed=True, is_flag=True, help="In CSV, write one row per sample, with a column for each quantity."),
+        SharedOption(["--long", "--no-wide"], output, key="wide", fixed=False, is_flag=True, help="In CSV, write one row per value (the default, except for realtime and watch -o FILE.csv)."),
+        SharedOption(["--color"], output, type=click.Choice(["auto", "always", "never"]), help="When to use colour (default: auto, which respects NO_COLOR)."),
+        SharedOption(["-q", "--quiet"], output, is_flag=True, help="Print only errors to stderr."),
+        SharedOption(["-v", "--verbose"], output, is_flag=True, help="Print every byte to stderr, in the form that --trace records."),
+        SharedOption(["--debug"], output, is_flag=True, help="Show tracebacks."),
+        SharedOption(["-n", "--dry-run"], safety, is_flag=True, help="Print the exact bytes that would be written, and send nothing."),
+        SharedOption(["-y", "--yes"], safety, is_flag=True, help="Answer yes to all confirmations."),
+        SharedOption(["--assume-identity"], safety, typed=True, is_flag=True, help="Skip the check of the device's identity. Only accepted on the command line."),
+    ]  # fmt: skip
+
+
+def _own_option(option: OwnOption, section: str) -> SharedOption:
+    if option.flag:
+        return SharedOption([f"--{option.name}"], section, family=True, is_flag=True, help=option.help)
+    takes = click.Choice(option.choices) if option.choices else None
+    return SharedOption(
+        [f"--{option.name}"], section, family=True, type=takes, metavar=option.metavar or None, help=option.help
+    )
+
+
+def own_options(kind: str = "") -> tuple[OwnOption, ...]:
+    """Those that every command of a family has, or of all families in the order in which the file's keys are listed."""
+    rows = [FAMILIES[kind]] if kind else FAMILIES.values()
+    found = [option for row in rows for option in row.options if not option.asked]
+    return tuple(sorted(found, key=lambda option: not option.named))
+
+
+def config_path() -> str:
+    """The configuration file: HANDCTL_CONFIG, or handctl/config.toml in the XDG place."""
+    named = os.environ.get("HANDCTL_CONFIG")
+    if named:
+        return named
+    from handctl.system.folders import config_folder
+
+    base = config_folder()
+    return os.path.join(base, "handctl", "config.toml")
+
+
+def read_config(path: str, passed: list[UsageError] | None = None) -> Config:
+    """The configuration file, checked; a missing one is empty. Raises UsageError.
+
+    With `passed` what is wrong with an entry is noted there, and the others hold.
+    """
+    from handctl.command.config import load
+
+    return load(path, checks(), passed)
+
+
+def checks() -> dict[str, Check]:
+    """Key of the configuration file -> what it may hold: every shared option by its name."""
+    from functools import partial
+
+    return {str(option.name): partial(_checked, option) for option in lasting_options(WIRES)}
+
+
+def lasting_options(wires: tuple[str, ...]) -> list[SharedOption]:
+    """The shared options that a variable and the configuration file may hold."""
+    return [option for option in shared_options(wires, own_options()) if not option.typed]
+
+
+def _checked(option: click.Parameter, value: Any) -> Any:
+    """A value of the file as the option would have it; texts are not numbers there. Raises ValueError."""
+    kind = option.type
+    if getattr(option, "is_flag", False):
+        if not isinstance(value, bool):
+            raise ValueError("expected true or false")
+        return value
+    if isinstance(kind, click.FloatRange):
+        wanted, text = isinstance(value, int | float), "expected a number"
+    elif kind.name.startswith("integer"):
+        wanted, text = isinstance(value, int), "expected a whole number"
+    else:
+        wanted, text = isinstance(value, str) and bool(value), "expected a text in quotes"
+    if not wanted or isinstance(value, bool):
+        raise ValueError(text)
+    try:
+        return kind.convert(value, option, None)
+    except click.UsageError as exc:
+        raise ValueError(exc.message) from exc
+
+
+# -- options that only some commands of one family have -------------------------------------------------------------
+
+
+class Own(click.Option):
+    """`@click.option("--operator", cls=Own, of="ekso")`. `check` raises UsageError for a value that makes no sense."""
+
+    def __init__(self, names: Sequence[str], of: str, check: Callable[[Any], object] | None = None) -> None:
+        (option,) = (row for row in FAMILIES[of].options if f"--{row.name}" in names)
+        self._check = check
+        super().__init__(
+            list(names),
+            envvar=f"HANDCTL_{option.key.upper()}",
+            metavar=option.metavar,
+            help=option.help,
+            expose_value=False,
+            callback=self._remember,
+        )
+
+    def _remember(self, ctx: click.Context, param: click.Parameter, value: Any) -> None:
+        if value is None:
+            return
+        if self._check is not None:
+            self._check(value)
+        said(ctx).own[param.name or ""] = value

@@ -1,0 +1,200 @@
+"""The settings of a command: from the command line, the environment, a named device and the configuration file, in that order.
+
+A device that the environment or the file names stands back when a level above it says where the device is.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import click
+
+from handctl.command.options import (
+    COMMAND_LINE,
+    ENVIRONMENT,
+    FILE,
+    NAMED,
+    WITHOUT_DEVICE,
+    WITHOUT_FILE,
+    Settings,
+    SharedOption,
+    Source,
+    config_path,
+    lasting_options,
+    own_options,
+    read_config,
+    said,
+    words_of,
+)
+from handctl.errors import UsageError
+
+
+def resolve(ctx: click.Context, wires: tuple[str, ...] = (), device: str = "", *, urgent: bool = False) -> Settings:
+    """The settings of this command; with `device`, as `-d` with that name would have them. Where each comes from is
+    kept in its `Said`.
+
+    Raises UsageError for an environment variable or a configuration file that cannot be understood. With `urgent` they
+    are passed over, each with its error in `Said.passed_over`, as long as it is said which device it is.
+    """
+    told = said(ctx)
+    given, unfit, told.unfit = told.given, told.unfit, []
+    if unfit and not urgent:
+        raise unfit[0]
+    chosen = _Chosen()
+    for key in (*Settings._fields, *(option.key for option in own_options())):
+        if key in given:
+            chosen.offer(key, given[key], COMMAND_LINE)
+    if device:
+        chosen.values["device"], chosen.sources["device"] = device, COMMAND_LINE
+    options = lasting_options(wires)
+    passed = told.passed_over
+    passed += [exc if isinstance(exc, UsageError) else UsageError(exc.format_message()) for exc in unfit]
+    _take_environment(ctx, chosen, options, passed if urgent else None)
+    command = " ".join(words_of(ctx))
+    if command != WITHOUT_FILE:
+        try:
+            _from_file(chosen, options, passed if urgent else None, with_device=command not in WITHOUT_DEVICE)
+        except UsageError as exc:
+            if not urgent or not chosen.linked:
+                raise
+            passed.append(exc)
+    if urgent:
+        _no_catch(chosen, passed)
+    told.sources = chosen.sources
+    shared = {key: value for key, value in chosen.values.items() if key in Settings._fields}
+    own = {key: value for key, value in chosen.values.items() if key not in shared}
+    return Settings(**shared, own={**own, **told.own})
+
+
+def _no_catch(chosen: _Chosen, passed: list[UsageError]) -> None:
+    """A dry run that a variable or the file has set is a safety catch: it keeps things from moving, and so does a stop."""
+    source = chosen.sources.get("dry_run", COMMAND_LINE)
+    if source != COMMAND_LINE:
+        del chosen.values["dry_run"], chosen.sources["dry_run"]
+        hint = "give -n on the command line to see the bytes and send nothing"
+        passed.append(UsageError(f"dry_run, set in {source.where}, does not apply to a stop", hint=hint))
+
+
+def _take_environment(
+    ctx: click.Context, chosen: _Chosen, options: Sequence[SharedOption], passed: list[UsageError] | None
+) -> None:
+    """What the environment says where the command line does not; what makes no sense goes to `passed`, if there is one."""
+    named = passed is not None and "device" in chosen.values  # it says where the device is, and no variable elsewhere
+    linked = chosen.linked or named
+    found: dict[str, tuple[SharedOption, Any]] = {}
+    for option in options:
+        variable = f"HANDCTL_{str(option.name).upper()}"
+        text = os.environ.get(variable)
+        if not text or option.key in chosen.values or (linked and option.key in ("device", "port", "fake")):
+            if text and passed is not None and named and not chosen.linked and option.key in ("port", "fake"):
+                passed.append(UsageError(f"{variable} selects another link", hint=f"unset {variable}"))
+            continue
+        try:
+            value = _from_environment(ctx, option, text)
+        except UsageError as exc:
+            if passed is None:
+                raise
+            passed.append(exc)
+            continue
+        if option.fixed is None or value:
+            found[variable] = option, value if option.fixed is None else option.fixed
+    for name in _pairs({name: option.key for name, (option, value) in found.items() if value}, "environment", passed):
+        del found[name]
+    for variable, (option, value) in found.items():
+        chosen.offer(option.key, value, Source(ENVIRONMENT, variable))
+
+
+class _Chosen:
+    """The settings so far, from the highest level down: a setting that is present is kept."""
+
+    def __init__(self) -> None:
+        self.values: dict[str, Any] = {}
+        self.sources: dict[str, Source] = {}
+
+    @property
+    def linked(self) -> bool:
+        """Whether it is said where the device is."""
+        return self.values.get("port") is not None or bool(self.values.get("fake"))
+
+    def offer(self, key: str, value: Any, source: Source) -> None:
+        """A value of a lower level, where no higher one has said anything."""
+        if key not in self.values and not (key in ("port", "fake") and self.linked):
+            self.values[key] = value
+            self.sources[key] = source
+
+
+def _from_file(
+    chosen: _Chosen, options: Sequence[SharedOption], passed: list[UsageError] | None, with_device: bool
+) -> None:
+    path = config_path()
+    if _missing(path):
+        if os.environ.get("HANDCTL_CONFIG") and with_device:
+            raise UsageError(
+                f"HANDCTL_CONFIG={path}: no such file",
+                hint="correct or unset HANDCTL_CONFIG, or make the file with `handctl devices add`",
+                code="config",
+            )
+        if not (with_device and "device" in chosen.values):
+            return
+    config = read_config(path, passed)
+    values = {
+        option: entry
+        for option in options
+        if (entry := config.values.get(str(option.name))) and (option.fixed is None or entry.value)
+    }
+    twice = _pairs({str(option.name): option.key for option, entry in values.items() if entry.value}, path, passed)
+    values = {option: entry for option, entry in values.items() if option.name not in twice}
+    if with_device:
+        if "device" in config.values and not chosen.linked:
+            name, line = config.values["device"]
+            chosen.offer("device", name, Source(FILE, f"{path}:{line}"))
+        if "device" in chosen.values:
+            device = config.find(chosen.values["device"])
+            chosen.offer("kind", device.kind, Source(NAMED, f"{path}:{device.line}"))
+            for key, entry in device.entries.items():
+                chosen.offer(key, entry.value, Source(NAMED, f"{path}:{entry.line}"))
+    for option, entry in values.items():
+        if option.key == "device" or (option.key == "wire" and chosen.values.get("port")):
+            continue  # the LINK says which wire it is
+        value = entry.value if option.fixed is None else option.fixed
+        chosen.offer(option.key, value, Source(FILE, f"{path}:{entry.line}"))
+
+
+def _missing(path: str) -> bool:
+    """Whether there is no such file; one that may not be looked at is there, and reading it will say so."""
+    try:
+        os.stat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        return True
+    except OSError:
+        return False
+    return False
+
+
+def _pairs(keys: dict[str, str], where: str, passed: list[UsageError] | None) -> list[str]:
+    """Two entries of the file, or two variables, that speak of one setting: UsageError, or with `passed` the later ones."""
+    said: dict[str, str] = {}
+    later: list[str] = []
+    for name, key in keys.items():
+        about = "port" if key == "fake" else key
+        if about in said:
+            text = f"{where}: {said[about]} and {name} exclude each other"
+            error = UsageError(text, hint="keep one of the two", code="config")
+            if passed is None or about == "port":
+                raise error
+            passed.append(error)
+            later.append(name)
+            continue
+        said[about] = name
+    return later
+
+
+def _from_environment(ctx: click.Context, option: SharedOption, text: str) -> Any:
+    try:
+        return (click.BOOL if option.is_flag else option.type).convert(text, option, ctx)
+    except click.UsageError as exc:
+        raise UsageError(
+            f"environment variable HANDCTL_{str(option.name).upper()}={text}: {exc.message}", hint="correct or unset it"
+        ) from exc

@@ -1,0 +1,368 @@
+"""The life of one command: open the link, ask, run the body, show its table, close, and tell what went wrong.
+
+A command body gets a `Run`, asks it for a device and returns a `Table`. Nobody else opens links, asks questions or
+decides where output goes. What a run does not need is not imported.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from copy import copy
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import click
+
+from handctl.command.connection import Connection
+from handctl.command.console import print_writes
+from handctl.command.envelope import (
+    Outcome,
+    device_row,
+    explained_error,
+    from_click,
+    interrupted,
+    make_envelope,
+    renamed,
+    with_cause,
+)
+from handctl.command.family import Family, implied
+from handctl.command.invocation import Invocation, check_before, shown_steps, tell_unasked, told, unsent
+from handctl.command.options import Settings
+from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
+from handctl.interrupts import device_done, end_on_signals, finish_on_signals, output_abandoned
+from handctl.model.result import Column, Table
+from handctl.screen.sanitize import text_shown
+from handctl.wording import honest
+
+if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
+    from handctl.link import Link
+    from handctl.model.line_quality import LineQuality
+    from handctl.model.param import Changes, Step
+    from handctl.model.prompts import Prompts
+    from handctl.stop.device_access import DeviceAccess
+
+NO_TERMINAL = "Confirmation needed, but this is not an interactive terminal"
+UNANSWERED = "add --yes to confirm, or --dry-run to see the bytes"
+
+
+class Asked(NamedTuple):
+    """A question that a look at the device has made: "" = none, the steps that it shows, and its table."""
+
+    question: str = ""
+    steps: Sequence[Step] = ()
+    changes: Changes | None = None
+
+
+class Act(NamedTuple):
+    """What a command is going to do to a device: its body returns this, and the run plans, asks, opens the link and carries it out.
+
+    steps     what is going to be written, as far as that is known without the device; a function where only a dry run needs it
+    do        carries it out on the device
+    question  what is asked before, "" = nothing
+    word      that must be typed for a yes, "" = none
+    asks      the steps that the question shows, None = all
+    look      what looks at the device before that is asked, and then says what is asked
+    """
+
+    steps: Sequence[Step] | Callable[[], Sequence[Step]]
+    do: Callable[[Any], Table]
+    question: str = ""
+    word: str = ""
+    asks: Sequence[Step] | None = None
+    look: Callable[[Any], Asked] | None = None
+
+    @property
+    def known(self) -> Sequence[Step]:
+        """The steps that are known before the device is."""
+        return () if callable(self.steps) else self.steps
+
+
+class Run(Invocation):
+    """One run of one command."""
+
+    tells = Outcome
+    """Who tells what comes of it."""
+    device_done = staticmethod(device_done)
+    """All that is done to the device is done: from now on Ctrl-C changes neither the result nor the exit code."""
+
+    def __init__(
+        self, ctx: click.Context, settings: Settings, family: Family | None, prompts: Prompts | None = None
+    ) -> None:
+        self.outcome = self.tells(self)
+        super().__init__(ctx, settings, family, prompts)
+        self.connection = Connection()
+        self.checked = False
+        """Its words were understood and carried out before: `begin` starts it once more."""
+        self.outlet = ExitStack()
+        """What is closed behind the last byte of output: the file of a command that runs others."""
+
+    def begin(self, line: LineQuality | None = None) -> None:
+        super().begin(line)
+        self.journal.on_message = self.outcome.heard
+        self.others: list[Run] = []
+        """The same command at further LINKs, see `device_at`."""
+
+    def device(self) -> Any:
+        """The device behind the link; opens it on first use. Raises UsageError, LinkError."""
+        if self.opened is None:
+            assert self.family is not None
+            settings = self.settings
+            if self.writes:
+                settings = settings._replace(own={**settings.own, **implied(self.family.kind)})
+            self.opened = self.family.open(self.open_link(), settings, self.journal)
+            self.opened.options = settings
+        return self.opened
+
+    def device_at(self, link: str, **settings: Any) -> Any:
+        """A further device of this family, at another LINK, let go of with the first. Raises UsageError, LinkError."""
+        from handctl.model.line_quality import LineQuality
+
+        other = copy(self)  # it says, counts and writes in the same place, but has a link, a lock and a line of its own
+        own = {**self.settings.own, **settings.pop("own", {})}
+        if self.end is not None and self.link is not None:
+            settings["deadline"] = max(self.end - self.link.now(), 0.001)
+        other.settings = self.settings._replace(
+            port=link, fake=False, wire=None, device=None, kind=None, own=own, **settings
+        )
+        other.connection = Connection(self.connection.trace)
+        other.link = other.opened = other.end = None
+        other.others = []
+        other.journal = copy(self.journal)
+        other.journal.line = LineQuality()
+        self.others.append(other)
+        return other.device()
+
+    def open_link(self, *, again: bool = False, baud: int | None = None) -> Link:
+        """The link the user asked for, tapped when --trace or -v is given; `again` where it was lost."""
+        if again and self.link is not None:
+            self.link.close()
+            self.link = self.connection.link = None
+        if self.link is None:
+            if self.session is not None:
+                self.connection = self.session.connection(self, self.connection)
+            link = self.connection.opened(self, baud)
+            if self.writes:
+                from handctl.link.transcript import observed
+
+                observed(link, self.ledger)
+            assert self.device_access is not None
+            self.link = self.device_access.around(link)
+            self.end = link.now() + settings.deadline if (settings := self.settings).deadline is not None else None
+        return self.link
+
+    @property
+    def device_access(self) -> DeviceAccess | None:
+        """What this command has of a device that others could reach too; None before the link is opened."""
+        return self.connection.device_access
+
+    @property
+    def stopped(self) -> HandctlError | None:
+        """How a device of this command was stopped on the wish of another process; None where none was."""
+        for run in (self, *self.others):
+            if (device_access := run.connection.device_access) is not None and device_access.stopped is not None:
+                return device_access.stopped
+        return None
+
+    def keyboard(self, pressed: Callable[[str], bool]) -> AbstractContextManager[bool]:
+        """While it lasts each key on the terminal goes to `pressed`, which says whether the command ends; whether there are keys."""
+        from handctl.stop.device_access import keyboard
+
+        return keyboard(self.device_access, pressed)
+
+    @property
+    def stoppable(self) -> bool:
+        """Whether the stop key has a device to stop."""
+        return self.device_access is not None
+
+    def behind_view(self) -> AbstractContextManager[None]:
+        """While it lasts messages wait: a view has the terminal."""
+        return self.outcome.held_back()
+
+    def act(self, act: Act) -> Table:
+        """Carry it out, or show its plan for --dry-run. Raises NotConfirmed."""
+        if self.settings.dry_run:
+            return self.dry_run(act.steps() if callable(act.steps) else act.steps)
+        self.ledger.plan(act.known)
+        asked = Asked(act.question, act.known if act.asks is None else act.asks)
+        if act.look is not None:
+            if act.question:
+                self.need_answer(act.question)
+            asked = act.look(self.device())
+        if asked.question:
+            self.confirm(asked.question, asked.steps, word=act.word, changes=asked.changes)
+        return act.do(self.device())
+
+    def confirm(
+        self, question: str, steps: Sequence[Step] = (), *, word: str = "", changes: Changes | None = None
+    ) -> None:
+        """Ask before something that moves, persists or strands; --yes answers. Raises NotConfirmed.
+
+        With `word` the user must type it. `steps` is what is going to be written: -v and --dry-run show its bytes.
+        `changes` is the table above the question.
+        """
+        self.ledger.plan(steps)
+        if self.settings.yes:
+            tell_unasked(self, told(question, changes), steps)
+            return
+        self.need_answer(told(question, changes))
+        self.outcome.tell()  # who is asked must know of it before answering
+        for line in (*shown_steps(steps, self.settings, changes), *(changes.lines() if changes else ())):
+            self.prompts.say(line)
+        if not self.prompts.ask(question, word):
+            raise NotConfirmed(f"not confirmed: {unsent(self.journal)}", hint="run the command again to confirm it")
+
+    def need_answer(self, question: str) -> None:
+        """Raise NotConfirmed where nobody could answer a question that only reading the device can put: not a byte is sent."""
+        if not (self.settings.yes or self.settings.dry_run or self.prompts.interactive):
+            raise NotConfirmed(f"{question}. {NO_TERMINAL}", hint=joined(UNANSWERED, unsent(self.journal)))
+
+    @property
+    def asks(self) -> bool:
+        """Whether somebody is there whose answer is needed."""
+        return self.prompts.interactive and not self.settings.yes
+
+    def offer(self, question: str) -> bool:
+        """Ask for an optional further step; no terminal or --yes means no."""
+        return self.asks and self.prompts.ask(question, "")
+
+    def out(self, text: str) -> None:
+        """A line of data of an interactive session, at once."""
+        sys.stdout.write(text_shown(text) + "\n")
+        sys.stdout.flush()
+
+    def dry_run(self, steps: Sequence[Step]) -> Table:
+        """The exact bytes of a plan as a Table; sends nothing."""
+        self.ledger.plan(steps)
+        looks = "" if self.settings.assume_identity else ". handctl would first check the device's identity with reads"
+        self.journal.info("dry-run", f"dry run: nothing was sent{looks}")
+        return plan_table(steps)
+
+    def execute(self, body: Callable[[], Table | Act | None]) -> None:
+        """Run the body, show its table while the link is open, close, and raise what went wrong."""
+        end_on_signals(suspend=self.writes)
+        with self.outlet:
+            try:
+                table, failure = self.carried_out(body)
+            except BaseException:  # a bug of ours: the link and its lock are let go all the same
+                finish_on_signals()
+                self.close(None)
+                print_writes(self.journal.ledger, self.settings, None)
+                raise
+            failure = self._wind_up(table, failure)
+        if failure is not None:
+            failure.shown = True
+            raise failure
+
+    def carried_out(self, body: Callable[[], Table | Act | None]) -> tuple[Table | None, HandctlError | None]:
+        """What the body returns, a stream shown to its end, and what went wrong."""
+        failure: HandctlError | None = None
+        table: Table | None = None
+        try:
+            try:
+                if not self.checked:
+                    check_before(self)
+                made = body()
+                table = self.act(made) if isinstance(made, Act) else made
+                if table is not None and table.samples is not None:
+                    failure = self.outcome.stream(table, self)
+            except HandctlError as exc:
+                failure = exc  # stands, should Ctrl-C come while its cause is looked for
+                failure = explained_error(self, exc)
+            except click.UsageError as exc:
+                failure = from_click(exc)
+            self.device_done()
+        except KeyboardInterrupt:
+            self.device_done()
+            failure = failure or interrupted(self)
+            if table is not None and table.samples is not None:
+                table = None  # its stream has not begun: whoever writes it answers to Ctrl-C
+        if failure is not None and table is None and not self.writes:
+            table = self.journal.kept  # what was read before it went wrong
+        return table, failure
+
+    def judged(self, error: HandctlError | None) -> HandctlError | None:
+        """What is shown of an error: whose bytes came, and what held a command up that --deadline ended."""
+        return None if error is None else renamed(self, with_cause(self, error))
+
+    def _wind_up(self, table: Table | None, failure: HandctlError | None) -> HandctlError | None:
+        """Close, then show; a Ctrl-C meanwhile changes neither the result nor the exit code, unless its reader sleeps."""
+        finish_on_signals()
+        failure, told = self.ended(table, failure)
+        if table is None or table.samples is None:
+            try:
+                self.outcome.show(table, failure, self)
+                failure = told
+            except OutputError as exc:
+                if told is None and not self.journal.ledger.began:
+                    raise
+                failure = self.outcome.lost(exc, told)
+        print_writes(self.journal.ledger, self.settings, failure)
+        if output_abandoned():
+            failure = failure or Interrupted("interrupted while writing the result: the reader had stopped reading")
+        return failure
+
+    def ended(
+        self, table: Table | None, failure: HandctlError | None
+    ) -> tuple[HandctlError | None, HandctlError | None]:
+        """Let go of the link; what went wrong with the command, and the same or else what is wrong with its table."""
+        failure = self.judged(failure)
+        if table is not None:
+            table.failure = self.judged(table.failure)
+        if self.session is None:
+            for run in (self, *self.others):
+                if run.device_access is not None:
+                    run.device_access.finish()
+        failure = self.stopped or failure
+        try:
+            failure = self.close(failure)
+        except KeyboardInterrupt:
+            failure = self.close(failure or Interrupted("interrupted"))
+        told = failure or (table.failure if table is not None else None)
+        if told is not None and self.journal.ledger.began:
+            told.text, told.hint = honest(told.text), honest(told.hint)
+        return failure, told
+
+    def failed(self, error: HandctlError) -> HandctlError:
+        """Show an error that arose before the body could run (as JSON too); returns it to be raised."""
+        self.outcome.show(None, error, self)
+        error.shown = True
+        return error
+
+    def close(self, failure: HandctlError | None) -> HandctlError | None:
+        """Let go of the link, unless the next command of a session can use it."""
+        for other in self.others:
+            failure = other.close(failure)
+        if self.session is not None and self.session.keeps(self.connection, failure, self.journal):
+            return failure or self.connection.trace.failure
+        return self.connection.close(failure, self.journal)
+
+    def closing(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]:
+        """The last line of NDJSON."""
+        place = self.session.place if self.session is not None else {}
+        return {**place, "end": self.envelope(failure, extra)}
+
+    def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]:
+        """The JSON envelope without rows (cli contract, section 4)."""
+        failure = self.stopped or failure or self.connection.trace.failure
+        writes = {"writes": self.ledger.rows()} if self.writes and self.family is not None else {}
+        more = {**(extra or {}), **writes, "line": self.journal.line.as_row()}
+        counters = self.journal.counters.as_row()
+        return make_envelope(self.command, failure, device_row(self), self.journal.messages, counters, more, self.link)
+
+    @property
+    def simulated(self) -> bool:
+        """Whether a simulator answered."""
+        return self.link is not None and self.link.fake
+
+
+def plan_table(steps: Sequence[Step]) -> Table:
+    """The exact bytes of a plan."""
+    rows = [
+        {"step": number, "bytes": step.wire, "meaning": step.meaning, "moves": step.moves, "strands": step.strands}
+        for number, step in enumerate(steps, 1)
+    ]
+    columns = (Column("step", "Step", right=True), Column("bytes", "Bytes"), Column("meaning", "Meaning"))
+    return Table(rows=rows, columns=columns, plain=("bytes",))

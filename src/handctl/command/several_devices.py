@@ -1,0 +1,329 @@
+"""One command on several named devices at once: `-d left,right`, `-d '*'`. Each runs in its own thread, on its own link.
+
+For what reads, and for stop. One table with a column for the device, one envelope with that of each device in `results`, and the highest of
+their exit codes.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from functools import partial
+from typing import Any
+
+import click
+
+from handctl.command import snapshots
+from handctl.command.command_lines import Line, line
+from handctl.command.library_call import Call
+from handctl.command.option_types import OutFile
+from handctl.command.options import config_path, read_config
+from handctl.command.run import Act, Run
+from handctl.errors import HandctlError, Interrupted, UsageError, joined
+from handctl.model.result import Column, Grid, Row, Sample, Table
+from handctl.screen.render import default_view
+from handctl.system import clock
+from handctl.wording import plural
+
+TAKES = ("status", "dump", "get", "watch", "snapshot", "diff", "report", "stop")
+"""The commands that take several devices."""
+BY_THEMSELVES = ("top",)
+"""Those that take names and see to all of them."""
+NAME = "{name}"
+"""Stands in a file name for the name of the device."""
+DEVICE = Column("device", "Device")
+LEAVE_SECONDS = 3.0
+"""How long a device that was interrupted is waited for."""
+OPENING_SECONDS = 0.01
+POLL_SECONDS = 0.1
+"""How often it is looked whether a Ctrl-C has come while the devices are waited for."""
+
+
+def devices_in(words: Sequence[str]) -> tuple[int, str, tuple[str, ...]] | None:
+    """The several devices of -d as (position of the word, text before the names, the names); None if there is only one."""
+    for place, word in enumerate(words):
+        if word == "--":
+            break
+        before = words[place - 1] if place else ""
+        if before in ("-d", "--device"):
+            start, text = "", word
+        elif word.startswith("--device="):
+            start, text = "--device=", word.removeprefix("--device=")
+        elif word.startswith("-d") and len(word) > 2:
+            start, text = "-d", word[2:]
+        else:
+            continue
+        if "," in text or text == "*":
+            return place, start, _named(text, urgent="stop" in words)
+    return None
+
+
+def _named(text: str, *, urgent: bool) -> tuple[str, ...]:
+    """The names, each once. Raises UsageError; with `urgent`, errors in entries of other devices are ignored."""
+    config = read_config(config_path(), [] if urgent else None)
+    names = list(config.devices) if text == "*" else [name.strip() for name in text.split(",") if name.strip()]
+    if not names:
+        raise UsageError(f"-d {text}: no device has a name", hint="`handctl devices add NAME FAMILY -p LINK` adds one")
+    for name in names:
+        config.find(name)
+    return tuple(dict.fromkeys(names))
+
+
+class Each:
+    """The command on one device."""
+
+    def __init__(self, name: str, one: Line) -> None:
+        self.name = name
+        self.line = one
+        self.run = Call(one.context, one.settings, one.leaf.family)
+        self.table = Table()
+        """Without columns until its body has returned one."""
+        self.failure: HandctlError | None = None
+
+    @property
+    def body(self) -> Callable[[], Table | Act | None]:
+        """What it carries out: the command, or what a comparison of two devices needs of each."""
+        one, run = self.line, self.run
+        if _compares(one):
+            return lambda: snapshots.held(run, setpoints=one.context.params.get("setpoints", False))
+        return one.leaf.body(run)
+
+    def work(self, take: Callable[[str, list[Row]], object]) -> None:
+        """Carry it out, in a thread; samples of a stream are taken as they come. Never raises."""
+        run = self.run
+        try:
+            table, failure = run.carried_out(self.body)
+            self.table = table or self.table
+            if failure is None and self.table.samples is not None:
+                for rows in run.samples(self.table):
+                    take(self.name, rows)
+                self.failure = run.failure
+            else:
+                _, self.failure = run.ended(table, failure)
+        except HandctlError as exc:
+            self.failure = exc
+        except KeyboardInterrupt:
+            self.failure = Interrupted("interrupted")
+        except Exception as exc:  # noqa: BLE001 - a bug of ours must not hide the other devices
+            self.failure = HandctlError(f"internal error: {type(exc).__name__}: {exc}", code="internal")
+            run.close(None)
+
+    def silence(self) -> None:
+        """Its link sends nothing more: what reads ends soon. A stop goes on."""
+        if self.run.link is not None and not self.run.stops:
+            self.run.link.fall_silent()
+
+    @property
+    def rows(self) -> list[Row]:
+        """Its rows, with its name."""
+        return [{"device": self.name, **row} for row in self.table.rows]
+
+    def result(self, *, with_rows: bool) -> dict[str, Any]:
+        """Its envelope."""
+        envelope = {"name": self.name, **self.run.envelope(self.failure, self.run.extra or self.table.extra)}
+        return {**envelope, "rows": self.table.rows} if with_rows else envelope
+
+
+class Several(Run):
+    """The run that shows what the runs of all devices found."""
+
+    every: tuple[Each, ...] = ()
+
+    @property
+    def simulated(self) -> bool:
+        return bool(self.every) and all(each.run.simulated for each in self.every)
+
+
+def run(words: Sequence[str], found: tuple[int, str, tuple[str, ...]]) -> None:
+    """Run the command line `words` on each of the devices that it names. Raises HandctlError."""
+    place, start, names = found
+    if any(word in BY_THEMSELVES for word in words):
+        begin = place if start else place - 1
+        one = line([*words[:begin], *words[place + 1 :], *names], {})
+        one.leaf.invoke(one.context)
+        return
+    every = []
+    for name in names:
+        own = [word.replace(NAME, name) for word in words]
+        own[place] = f"{start}{name}"
+        every.append(Each(name, line(own, {})))
+    first = every[0].line
+    _check(words, every)
+    alike = len({each.line.command for each in every}) == 1
+    command = first.command if alike else first.command.partition(" ")[2]
+    context = click.Context(first.leaf, info_name=f"handctl {command}")
+    settings = first.settings._replace(port=None, fake=False, trace=None, device=None, kind=None, wide=False)
+    whole = Several(context, settings, None)
+    whole.every = tuple(every)
+    whole.execute(lambda: _together(whole, every))
+
+
+def _check(words: Sequence[str], every: Sequence[Each]) -> None:
+    """Raise UsageError for what does not take several devices."""
+    leaf = every[0].line.leaf
+    if leaf.name not in TAKES or (leaf.writes and not leaf.stops):
+        raise UsageError(
+            f"`handctl {every[0].line.command}` takes one device at a time",
+            hint=f"give one name with -d. {', '.join(TAKES)} take several",
+        )
+    settings = every[0].line.settings
+    if leaf.stops:  # no file and no format holds it up
+        for each in every:
+            each.run.settings = each.run.settings._replace(trace=None, wide=None)
+        return
+    if settings.format == "openmetrics" or settings.wide:
+        what = "--wide" if settings.wide else "--format openmetrics"
+        raise UsageError(f"{what} cannot keep several devices apart", hint="run it for one device at a time")
+    if _compares(every[0].line) and (len(every) != 2 or len({each.line.command for each in every}) > 1):
+        raise UsageError(
+            "without a file, diff compares two devices of one family",
+            hint="name two of one family, such as -d left,right, or give a snapshot",
+        )
+    files = [
+        str(each.line.context.params.get(param.name))
+        for each in every
+        for param in leaf.params
+        if isinstance(param.type, OutFile)
+    ]
+    traces = [each.line.settings.trace for each in every if each.line.settings.trace]
+    for paths in (files, traces):
+        if len(set(paths)) < len(paths):
+            raise UsageError(
+                f"{paths[0]}: one file cannot take several devices",
+                hint=f"put {NAME} into its name, such as {NAME}-{paths[0]}",
+            )
+
+
+def _together(whole: Several, every: Sequence[Each]) -> Table:
+    came: queue.SimpleQueue[tuple[str, list[Row]] | None] = queue.SimpleQueue()
+
+    def work(each: Each) -> None:
+        each.work(lambda name, rows: came.put((name, rows)))
+        came.put(None)
+
+    threads = [threading.Thread(target=work, args=(each,), daemon=True) for each in every]
+    for thread in threads:
+        thread.start()
+    if whole.streams:
+        while any(not each.table.columns and thread.is_alive() for each, thread in zip(every, threads, strict=True)):
+            clock.sleep(OPENING_SECONDS)
+        columns = (DEVICE, *_columns(every))
+        table = Table(columns=columns, cards={each.name: partial(getattr, each, "table") for each in every})
+        table.samples = _samples(whole, table, every, _arrivals(every, threads, came))
+        table.summary = lambda: {"results": [each.result(with_rows=False) for each in every]}
+        return table
+    for _ in _arrivals(every, threads, came):
+        pass
+    _tell(whole, every)
+    return _compared(whole, every) if _compares(every[0].line) else _merged(whole, every)
+
+
+def _compares(one: Line) -> bool:
+    """Whether the devices are compared with each other, and not each with a file."""
+    return one.leaf.name == "diff" and one.context.params["a"] is None
+
+
+def _compared(whole: Several, every: Sequence[Each]) -> Table:
+    """What differs between the two devices."""
+    failure, results = _failure(every), [each.result(with_rows=False) for each in every]
+    if failure is not None:
+        return Table(failure=failure, extra={"results": results})
+    sides = [(each.name, {row["name"]: row["value"] for row in each.table.rows}) for each in every]
+    setpoints = every[0].line.context.params.get("setpoints", False)
+    table = snapshots.compared(whole, every[0].run.opened.map, sides, setpoints=setpoints)
+    table.extra = {"results": results}
+    return table
+
+
+def _tell(whole: Several, every: Sequence[Each]) -> None:
+    """What each device had to say; JSON has it where it belongs."""
+    for each in every if whole.settings.format not in ("json", "ndjson") else ():
+        for message in each.run.journal.messages:
+            whole.journal.note(message.level, message.code, f"{each.name}: {message.text}", message.hint)
+
+
+def _arrivals(
+    every: Sequence[Each], threads: Sequence[threading.Thread], came: queue.SimpleQueue[Any]
+) -> Generator[tuple[str, list[Row]], None, None]:
+    """What the devices send, until all have ended. Left early, they end soon."""
+    left = len(every)
+    try:
+        while left:
+            try:
+                found = came.get(timeout=POLL_SECONDS)
+            except queue.Empty:
+                continue
+            if found is None:
+                left -= 1
+            else:
+                yield found
+    finally:
+        if left:
+            for each in every:
+                each.silence()
+            for thread in threads:
+                thread.join(LEAVE_SECONDS)
+
+
+def _samples(
+    whole: Several, table: Table, every: Sequence[Each], arrivals: Iterable[tuple[str, list[Row]]]
+) -> Iterator[Sample]:
+    for name, rows in arrivals:
+        yield Sample(rows[0].get("t", 0.0) if rows else 0.0, tuple({"device": name, **row} for row in rows))
+    _tell(whole, every)
+    table.failure = _failure(every)
+
+
+def _columns(every: Sequence[Each]) -> tuple[Column, ...]:
+    """The columns of all tables, those of one family as they are."""
+    found: dict[str, Column] = {}
+    for each in every:
+        for column in each.table.columns:
+            found.setdefault(column.key, column)
+    return tuple(found.values())
+
+
+def _merged(whole: Several, every: Sequence[Each]) -> Table:
+    in_json = whole.settings.format in ("json", "ndjson")
+    rows = whole.settings.format == "json"
+    plain = next((each.table.plain for each in every if each.table.columns), ())
+    return Table(
+        rows=[] if rows else [row for each in every for row in each.rows],
+        columns=(DEVICE, *_columns(every)),
+        plain=("device", *plain) if plain else (),
+        view=lambda _rows: _grids(every),
+        failure=_failure(every),
+        extra={"results": [each.result(with_rows=rows) for each in every]} if in_json else {},
+    )
+
+
+def _grids(every: Sequence[Each]) -> list[Grid]:
+    """The tables of all devices; those with the same headings are one, with the device in front."""
+    merged: dict[tuple[str, ...], Grid] = {}
+    for each in every:
+        table = each.table
+        if not table.rows:
+            continue
+        for grid in table.view(table.rows) if table.view is not None else default_view(table):
+            lines = tuple((each.name, *cells) for cells in grid.lines)
+            notes = tuple(f"{each.name}: {note}" for note in (grid.title, *grid.notes) if note)
+            known = merged.get(grid.headings)
+            right = frozenset(place + 1 for place in grid.right)
+            if known is None:
+                merged[grid.headings] = Grid(("Device", *grid.headings), lines, "", right, notes)
+            else:
+                merged[grid.headings] = known._replace(lines=known.lines + lines, notes=known.notes + notes)
+    return list(merged.values())
+
+
+def _failure(every: Sequence[Each]) -> HandctlError | None:
+    """What went wrong, device by device; its exit code is the highest."""
+    failed = [(each.name, error) for each in every if (error := each.failure) is not None]
+    if not failed:
+        return None
+    told = joined(*(f"{name}: {error.text}" for name, error in failed))
+    worst = max((error for _, error in failed), key=lambda error: error.exit_code)
+    failure = HandctlError(f"{len(failed)} of {plural(len(every), 'device')}: {told}", hint=worst.hint, code=worst.code)
+    failure.exit_code = worst.exit_code
+    return failure

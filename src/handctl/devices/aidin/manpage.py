@@ -1,0 +1,37 @@
+"""What the manual page says beside the commands (see `docgen.texts`). Data only."""
+
+from handctl.devices.aidin.exchange_settings import section
+
+EXCEPTIONS = (
+    ("verb", "`set`, `snapshot`, `diff`, `restore`", "The hand does not store settings."),
+    ("option", "`--id`, `--baud`", "The hand is on the network and has an address instead."),
+    ("no-port", "`/dev/ttyUSB0`", "The hand has no serial port: exit code 2."),
+    ("arrival", "`currents`", "A current has no target."),
+    ("expect", "`home`, `initial`", "They have their own check: each motor must come to rest at its origin."),
+)
+DRY = (
+    "initial",
+    "encoders index.m1=1000",
+    "joints index.q3=160",
+    "fingertips index.x=10",
+    "currents index.m1=20",
+    "bias",
+    "max-torque 300",
+)
+EXAMPLES = (
+    ("handctl aidin status -p tcp://192.168.0.20", "Show a health summary. The TCP port is 8000 unless given."),
+    ("handctl aidin status --fake --json", "Use the simulated hand, for a script."),
+    ("handctl aidin get joint_pos --fake", "Read the angles of all joints."),
+    ("handctl aidin get sensor_state.fz -p tcp://192.168.0.20", "Read one force of the fingertip sensors."),
+    ("handctl aidin watch --count 3 --fake --csv", "Stream three samples as CSV."),
+    ("handctl aidin stop -p tcp://192.168.0.20", "Stop all motors."),
+    ("handctl aidin home -p tcp://192.168.0.20", "Open all fingers and set the origin. Asks first."),
+    ("handctl aidin home -n --fake", "Show the messages that would be sent."),
+    ("handctl aidin initial -p tcp://192.168.0.20", "Open all fingers. Asks first."),
+    ("handctl aidin joints index.q3=160 -p tcp://192.168.0.20", "Move one joint. The others keep their position."),
+    ("handctl aidin bias -p tcp://192.168.0.20", "Set the sensors to 0 at their current load."),
+    ("handctl aidin max-torque 300 -p tcp://192.168.0.20", "Limit the current of all motors."),
+    *((f"handctl aidin {line} -n --fake", "Show the message that would be sent.") for line in DRY),
+)
+
+__all__ = ["EXAMPLES", "EXCEPTIONS", "section"]

@@ -1,0 +1,246 @@
+"""`handctl barrett maintenance | strain | fingertips | diagnose`: the commands of care. Bodies live in their modules."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl.command import get_set_watch
+from handctl.command.command_tree import BOUNDS, Group, stream_options
+from handctl.command.option_types import WholeRange
+from handctl.command.run import Act, Run
+from handctl.devices.barrett.gcl.codec import motor_prefix
+from handctl.devices.barrett.map import BARRETT
+from handctl.errors import UsageError
+from handctl.model.result import Column, Table
+
+if TYPE_CHECKING:
+    from handctl.devices.barrett.device import BarrettHand
+
+PROCEDURE_NAMES = ("lubrication", "fasteners", "pretension", "strain", "firmware")
+HAND_NAME = click.option(
+    "--hand", "name", default="", metavar="NAME", help="Name for this hand in the journal if its serial number is 0."
+)
+
+
+def add_care_commands(group: Group) -> None:
+    """Add the commands to the family's group."""
+    _add_maintenance(group)
+    _add_strain(group)
+    _add_fingertips(group)
+    _add_diagnose(group)
+
+
+def looks_only(run: Run, option: str) -> None:
+    """A command without the option by which it moves the hand. Raises UsageError in a dry run."""
+    if run.settings.dry_run:
+        raise UsageError(f"`handctl {run.command}` without {option} only reads", hint="run it without -n")
+    run.only_reads()
+
+
+def _live(run: Run, live: bool, **only: Any) -> None:
+    """Make this run a stream, or refuse what `only` a stream has without --live. Raises UsageError."""
+    given = [f"--{name}" for name, value in only.items() if value]
+    if given and not live:
+        raise UsageError(f"without --live this command does not take {', '.join(given)}", hint="add --live")
+    run.streams = live
+
+
+def _add_maintenance(group: Group) -> None:
+    @group.verb("maintenance", "Service")
+    @click.option("--greased", metavar="POINT", is_flag=False, flag_value="all", help=GREASED_HELP)
+    @click.option(
+        "--steps",
+        type=click.Choice(PROCEDURE_NAMES),
+        help="List the steps of a procedure, with manual sections. Needs no device.",
+    )
+    @click.option("--check", is_flag=True, help="Exit with code 7 if anything is due or too hot.")
+    @HAND_NAME
+    def maintenance(run: Run, greased: str | None, steps: str | None, check: bool, name: str) -> Table:
+        """Show the strokes of each motor and any maintenance that is due (§7).
+
+        Lists the greasing points, fasteners, pretension and temperatures. The greasing journal is a file on this
+        computer. Nothing is written to the hand.
+        """
+        if steps is not None:
+            return _procedure(steps)
+        from handctl.devices.barrett.maintenance import lubrication
+
+        points = lubrication.chosen_points(greased) if greased is not None else []
+        hand = run.device()
+        care = lubrication.MaintenanceLog(hand, simulated=run.simulated, name=name)
+        if points:
+            care.grease(points)
+        return lubrication.table_of(hand, care, check=check)
+
+
+GREASED_HELP = "Record points as greased today: all, worm, spur, motor-spur, palm, or spur.F1 for one finger. Separate points with commas."
+
+
+def _procedure(name: str) -> Table:
+    from handctl.devices.barrett.maintenance import symptoms
+
+    found = symptoms.PROCEDURES[name]
+    rows = [
+        {"step": number, "text": text, "source": f"barrett {source}"}
+        for number, (text, source) in enumerate(found.steps, 1)
+    ]
+    return Table(
+        rows=rows,
+        columns=(Column("step", "Step", right=True), Column("text", found.title), Column("source", "Section")),
+        text=lambda _: "\n".join(symptoms.lines(name)) + "\n",
+    )
+
+
+def _add_strain(group: Group) -> None:
+    @group.verb("strain", "Service", writes=True)
+    @click.option(
+        "--open",
+        "open_first",
+        is_flag=True,
+        help="MOVES the hand: initialize it, free the spread and open the fingers first.",
+    )
+    @click.option(
+        "--live",
+        is_flag=True,
+        help="Show the readings live while you turn the potentiometer. The bar spans 100 to 140.",
+    )
+    @click.option("--check", is_flag=True, help="Exit with code 7 if a reading is outside 100 to 140.")
+    @stream_options
+    @BOUNDS
+    def strain(
+        run: Run,
+        open_first: bool,
+        live: bool,
+        check: bool,
+        limits: tuple[str, ...] = (),
+        until: tuple[str, ...] = (),
+        **timing: Any,
+    ) -> Table | Act:
+        """Measure the strain gauges without load, and show how to adjust them (§7.4).
+
+        Checks 20 readings per finger against 100 to 140. Read-only. The gauges are unloaded only when the fingers
+        are open; --open opens them first (HI, ST, GO).
+        """
+        from handctl.devices.barrett.maintenance import strain as gauges
+        from handctl.devices.barrett.maintenance import symptoms
+
+        _live(run, live, count=timing["count"], duration=timing["duration"], limit=limits, until=until)
+        if live and check:
+            raise UsageError("--check and --live cannot be combined", hint="leave one out")
+        bounds = get_set_watch.bounds_of(run, BARRETT, limits, until)
+
+        def measure(hand: BarrettHand) -> Table:
+            if open_first:
+                gauges.prepare(hand, run.prompts)
+            if not live:
+                return gauges.table(hand, check=check)
+            for line in symptoms.lines("strain") if run.settings.format == "table" else []:
+                run.prompts.say(line)
+            return get_set_watch.within(bounds, gauges.stream(hand, **timing))
+
+        if not open_first:
+            looks_only(run, "--open")
+            return measure(run.device())
+        run.streams = live and not run.settings.dry_run
+        return Act(gauges.preparation_steps, measure)
+
+
+def _add_fingertips(group: Group) -> None:
+    @group.verb("fingertips", "Look")
+    @click.option(
+        "--positions",
+        nargs=4,
+        type=WholeRange(0, 20000),
+        metavar="F1 F2 F3 SPREAD",
+        help="Use these counts instead of the hand's. Needs no device.",
+    )
+    @click.option(
+        "--breakaway", multiple=True, metavar="FINGER=COUNTS", help="With --positions: the clutch broke away at COUNTS."
+    )
+    @click.option("--live", is_flag=True, help="Keep reading: a live view on a terminal, otherwise a stream.")
+    @stream_options
+    @BOUNDS
+    def fingertips(
+        run: Run,
+        positions: tuple[int, int, int, int] | None,
+        breakaway: tuple[str, ...],
+        live: bool,
+        limits: tuple[str, ...] = (),
+        until: tuple[str, ...] = (),
+        **timing: Any,
+    ) -> Table:
+        """Show each fingertip's position in mm and its joint angles (§9.5, §9.6).
+
+        Read-only. Positions are measured from the centre of the palm. The angles depend on whether a clutch has broken
+        away, which firmware 4.34 and later reports. With older firmware handctl assumes that none has.
+        """
+        from handctl.devices.barrett.maintenance import fingertips as tips
+
+        _live(run, live, count=timing["count"], duration=timing["duration"], until=until)
+
+        if positions is not None:
+            if live or limits:
+                raise UsageError("--positions cannot be combined with --live or --limit", hint="leave one out")
+            return tips.offline(positions, tips.breakaways(breakaway))
+        if breakaway:
+            raise UsageError(
+                "--breakaway needs --positions",
+                hint="leave it out: firmware 4.34 and later report the breakaway themselves",
+            )
+        bounds = get_set_watch.bounds_of(run, tips.named, limits, until)
+        hand = run.device()
+        return get_set_watch.within(bounds, tips.stream(hand, **timing) if live else tips.now(hand))
+
+
+def _add_diagnose(group: Group) -> None:
+    @group.verb("diagnose", "Service", writes=True, asks="with `--move`")
+    @click.argument("symptom", required=False)
+    @click.option("--list", "listed", is_flag=True, help="List the symptoms in the manual. Needs no device.")
+    @click.option(
+        "--move", is_flag=True, help="MOVES the hand: also run the movements that test the symptom. Asks first."
+    )
+    @click.option("--motors", metavar="123", default="G", show_default=True, help="Fingers that --move may move.")
+    @HAND_NAME
+    def diagnose(run: Run, symptom: str | None, listed: bool, move: bool, motors: str, name: str) -> Table | Act:
+        """Run the checks of §8. With a SYMPTOM, also list the steps to do by hand.
+
+        The exit code is 7 if a check warns or fails, or if the hand does not answer.
+        """
+        from handctl.devices.barrett.maintenance import diagnose as doctor
+        from handctl.devices.barrett.maintenance import movement_checks
+        from handctl.devices.barrett.maintenance.diagnose import ExaminedHand
+
+        if listed:
+            return doctor.list_table()
+        entry = doctor.symptom_of(symptom) if symptom is not None else None
+        names = entry.trials if entry is not None else ()
+        digits = motor_prefix(motors)
+        if move and (not names or "4" in digits):
+            raise UsageError(
+                "--move needs a symptom with test movements, and fingers to move",
+                hint="`handctl barrett diagnose --list` shows the symptoms. Fingers are 1, 2, 3 or G. Nothing was sent.",
+            )
+
+        def examine(hand: BarrettHand) -> Table:
+            patient = ExaminedHand(hand, simulated=lambda: run.simulated, name=name)
+            wanted = [*doctor.USUAL, *(entry.checks if entry is not None else ())]
+            findings, failure = doctor.examine(patient, wanted, run.settings.baud)
+            answers = findings[0].status == "ok" and failure is None
+            if move and answers:
+                findings += movement_checks.run_all(patient, names, digits, run.prompts)
+            else:
+                findings += movement_checks.not_run(
+                    names, "no communication" if not answers else "moves the hand: --move"
+                )
+            return doctor.table_of(hand, findings, symptom, failure)
+
+        if not move:
+            looks_only(run, "--move")
+            return examine(run.device())
+        return Act(
+            movement_checks.steps(names, digits),
+            examine,
+            "This moves the hand. Keep people and things out of its reach",
+        )

@@ -1,0 +1,454 @@
+"""Troubleshooting as read-only checks (barrett §8, with the limits of `health`), and the steps to do by hand.
+
+Without an answer there are rows all the same: the speeds that were tried, and every other check skipped. A warning or a
+fail is a finding. Nothing here moves the hand or writes to it; `trials` does, when it is asked to.
+
+A check gets the patient and returns findings; what it cannot read it raises.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+
+from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.gcl.codec import MOTORS
+from handctl.devices.barrett.gcl.session_start import look_for_motion
+from handctl.devices.barrett.maintenance import health, lubrication, strain
+from handctl.devices.barrett.maintenance.health import FAIL, OK, SKIPPED, WARNING, Finding, verdict
+from handctl.devices.barrett.maintenance.symptoms import SYMPTOMS, Symptom, like
+from handctl.devices.barrett.map import BARRETT, FINGERS, NO_GAUGE, OFF, standard
+from handctl.devices.barrett.views import CHECKED
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.model.result import Cell, Column, Grid, Row, Table
+from handctl.wording import plural
+
+USUAL = ("firmware", "status", "can_move", "parameters", "over_temperature_limit", "temperature", "odometer", "strain")
+"""The checks after `communication`, in the order of their rows."""
+BY_HAND = "by_hand"
+MOST_INVALID = 2
+"""After so many checks without a valid answer the rest is skipped."""
+
+
+DEFAULTS_MATTER = ("OT", "IVEL", "IOFF", "IHIT")
+
+
+class Values(dict[tuple[str, str | None], int]):
+    """Values by (mnemonic, motor); asking for one that could not be read raises why."""
+
+    def __init__(self) -> None:
+        self.errors: dict[str, HandctlError] = {}
+
+    def __missing__(self, key: tuple[str, str | None]) -> int:
+        raise self.errors[key[0]]
+
+
+class ExaminedHand:
+    """One hand under diagnosis: what was read of it, once."""
+
+    def __init__(self, hand: BarrettHand, *, simulated: Callable[[], bool], name: str = "") -> None:
+        self.hand, self.simulated, self.name = hand, simulated, name
+        self._values: Values | None = None
+
+    @property
+    def values(self) -> Values:
+        """Every parameter of §5.3 and §5.4, read at the first use."""
+        if self._values is None:
+            self._values = self.read()
+        return self._values
+
+    def greasing(self) -> list[Row]:
+        """Strokes since the last greasing, a row a point and motor."""
+        return lubrication.MaintenanceLog(self.hand, simulated=self.simulated(), name=self.name).lubrication()
+
+    def read(self, *names: str) -> Values:
+        """Parameters of all motors, all of them without names."""
+        found = Values()
+        for reading in self.hand.read(BARRETT.elements(*(names or (param.mnemonic for param in standard())))):
+            name = str(self.hand.row(reading)["parameter"])
+            if reading.error is not None:
+                found.errors[name] = reading.error
+            else:
+                found[name, reading.element.part] = int(reading.value or 0)
+        return found
+
+
+Check = Callable[[ExaminedHand], list[Finding]]
+
+
+# -- the usual checks ---------------------------------------------------------------------------------------------
+
+
+def firmware(patient: ExaminedHand) -> list[Finding]:
+    """VERS answers with a number."""
+    text = patient.hand.version()
+    if re.search(r"\d+\.\d+", text):
+        return [Finding("firmware", OK, text, source="barrett §5.2.4")]
+    return [doubtful("firmware", f"VERS reports {text!r}, which is not a version number")]
+
+
+def said(error: HandctlError) -> str:
+    """The reply of the hand, without the link and the command line."""
+    return "ERR" + error.text.rpartition("ERR")[2] if error.code.startswith("err-") else error.text
+
+
+def doubtful(check: str, evidence: str) -> Finding:
+    """A sign of decayed RAM."""
+    remedy = "load the firmware again with `handctl barrett firmware download FILE`: the RAM contents may be damaged"
+    return Finding(check, FAIL, evidence, remedy, "barrett §3.7, §8")
+
+
+def status(patient: ExaminedHand) -> list[Finding]:
+    """S of each motor, one row when all say the same; and whether it moves, which S does not say: P is read twice."""
+    moving = [
+        Finding("moving", WARNING, f"P changes: {motor}", "`handctl barrett stop` stops it", "barrett §5.3.2, §6.1")
+        for motor in look_for_motion(patient.hand.line)
+    ]
+    return [*_statuses(patient), *moving]
+
+
+def _statuses(patient: ExaminedHand) -> list[Finding]:
+    found = [health.motor_status(motor, patient.values["S", motor]) for motor in MOTORS]
+    if len({finding.evidence for finding in found}) == 1:
+        one = found[0]._replace(check="status", evidence=f"all motors: {found[0].evidence}")
+        if patient.values["S", MOTORS[0]] == health.NOT_INITIALIZED:  # as every hand is after power-on
+            return [one._replace(status=OK, evidence=f"{one.evidence}, as after power-on")]
+        return [one]
+    return found
+
+
+def can_move(patient: ExaminedHand) -> list[Finding]:
+    """One forecast per motor from limits, gains, enables, targets, temperature and state; nothing is moved."""
+    return health.forecast(patient.values)
+
+
+def parameters(patient: ExaminedHand) -> list[Finding]:
+    """Every setting against range, recommended limit and factory value."""
+    values = patient.values
+    found = health.settings(values)
+    changed = [
+        f"{name}{f'.{motor}' if motor else ''}"
+        for (name, motor), value in values.items()
+        if (param := BARRETT.by_mnemonic(name)).writable
+        and value != param.default_of(MOTORS.index(motor) if motor else 0)
+    ]
+    more = f" and {len(changed) - 12} more" if len(changed) > 12 else ""
+    shown = f"{plural(len(changed), 'setting')} changed from the factory values: {', '.join(changed[:12])}{more}"
+    shown = shown if changed else "all settings have their factory values"
+    failed = [
+        Finding("parameters", FAIL, f"some settings could not be read: {text}", hint)
+        for text, hint in {said(error): error.hint for error in values.errors.values()}.items()
+    ]
+    return [*(failed or [Finding("parameters", OK, shown, source="barrett §5.3, §5.4")]), *found]
+
+
+def over_temperature_limit(patient: ExaminedHand) -> list[Finding]:
+    """OTEMP, which is in tenths of a degree."""
+    return [health.over_temperature_limit(patient.values["OTEMP", None])]
+
+
+def temperature(patient: ExaminedHand) -> list[Finding]:
+    """Now, and the highest of its life."""
+    return [health.temperature(patient.values["TEMP", None]), health.peak(patient.values["PTEMP", None])]
+
+
+def odometer(patient: ExaminedHand) -> list[Finding]:
+    """Strokes since the last greasing, against 5,000: one row per motor, its most urgent point."""
+    rows = patient.greasing()
+    found = []
+    for motor in MOTORS:
+        worst = max((row for row in rows if row["motor"] == motor), key=lambda row: int(row["value"]))
+        evidence = f"{worst['value']} strokes: {worst['point']} {worst['label']}"
+        remedy = "" if worst["status"] == OK else "grease, then `handctl barrett maintenance --greased POINT`"
+        found.append(Finding(f"odometer.{motor}", str(worst["status"]), evidence, remedy, "barrett §7.3"))
+    return found
+
+
+def strain_(patient: ExaminedHand) -> list[Finding]:
+    """No-load readings against 100 to 140; skipped when the fingers are not open."""
+    loaded = strain.loaded_fingers(patient.hand)
+    found = health.no_load(strain.measure(patient.hand, 5))
+    if not loaded:
+        return found
+    remedy, why = (
+        "`handctl barrett strain --open` opens the fingers and measures",
+        f"may be loaded: {', '.join(loaded)}",
+    )
+    return [
+        one._replace(status=SKIPPED, evidence=f"{one.evidence}; {why}", remedy=remedy) if one.status == WARNING else one
+        for one in found
+    ]
+
+
+# -- checks of single symptoms ------------------------------------------------------------------------------------
+
+
+def repeatable(patient: ExaminedHand) -> list[Finding]:
+    """Every setting read again: decayed RAM gives other values, or refuses."""
+    settings = [param.mnemonic for param in standard() if param.writable]
+    again = patient.read(*settings)
+    differ = [
+        f"{name}.{motor or 'whole hand'} {patient.values[name, motor]} then {value}"
+        for (name, motor), value in again.items()
+        if value != patient.values[name, motor]
+    ]
+    if differ:
+        text = f"read twice, with different values in {plural(len(differ), 'setting')}: {', '.join(differ[:4])}"
+        return [doubtful("repeatable", text)]
+    return [Finding("repeatable", OK, f"{plural(len(again), 'setting')} read twice, all alike", source="barrett §8")]
+
+
+def strain_limits(patient: ExaminedHand) -> list[Finding]:
+    """SG against HSG and LSG: a movement beyond a limit ends at once. SGFLIP is checked with the parameters."""
+    found = []
+    for finger in FINGERS:
+        sg, high, low = (patient.values[name, finger] for name in ("SG", "HSG", "LSG"))
+        wrong, remedy = "", f"`handctl barrett set HSG.{finger}=256 LSG.{finger}=256`"
+        if sg == NO_GAUGE and min(high, low) < OFF:
+            wrong = f"no gauge, but limits {low} to {high} are set, so it never moves"
+        elif (high < OFF and sg >= high) or (low < OFF and sg <= low):
+            wrong = f"SG {sg} is outside LSG {low} to HSG {high}"
+            remedy = f"zero the gauge (§7.4), or switch the limits off with {remedy}"
+        good = f"SG {sg}, HSG {high}, LSG {low} (255 and 256 are off)"
+        found.append(verdict(f"strain_limits.{finger}", "barrett §8, §5.5", good, wrong, remedy, FAIL))
+    return found
+
+
+def velocities(patient: ExaminedHand) -> list[Finding]:
+    """MOV and MCV of each motor: if they are too low, they have their own rows among the parameters."""
+    slow = [
+        f"{name}.{motor} {patient.values[name, motor]}"
+        for name in ("MOV", "MCV")
+        for motor in MOTORS
+        if patient.values[name, motor] < health.LEAST_VELOCITY
+    ]
+    remedy = "`handctl barrett set MOV=100 MCV=100 --motors G`, 60 for the spread, then `handctl barrett init`"
+    wrong = f"below 40: {', '.join(slow)}" if slow else ""
+    return [verdict("velocities", "barrett §8", "MOV and MCV are 40 or more", wrong, remedy)]
+
+
+def init_settings(patient: ExaminedHand) -> list[Finding]:
+    """OT, IVEL, IOFF, IHIT set the force at which the clutch lets go."""
+    changed = [
+        f"{name}.{finger}={BARRETT.by_mnemonic(name).default_of(0)}"
+        for name in DEFAULTS_MATTER
+        for finger in FINGERS
+        if patient.values[name, finger] != BARRETT.by_mnemonic(name).default_of(0)
+    ]
+    if changed:
+        remedy = f"`handctl barrett set {' '.join(changed)}`, then `handctl barrett init`"
+        return [Finding("init_settings", WARNING, f"{len(changed)} of OT IVEL IOFF IHIT changed", remedy, "barrett §8")]
+    return [Finding("init_settings", OK, "OT IVEL IOFF IHIT have their factory values", source="barrett §8, §9.3.1")]
+
+
+def breakaway(patient: ExaminedHand) -> list[Finding]:
+    """BD and BP, which firmware 4.34 and later has."""
+    now = patient.read("BD", "BP")
+    if any(error.code == "err-64" for error in now.errors.values()):
+        text = "this firmware does not report it (4.34 and later do)"
+        return [Finding("breakaway", SKIPPED, text, source="barrett §9.5")]
+    gone = [f"{finger} at {now['BP', finger]}" for finger in FINGERS if now["BD", finger]]
+    wrong, remedy = f"clutch broke away: {', '.join(gone)}" if gone else "", "open the finger, which resets its clutch"
+    return [verdict("breakaway", "barrett §9.5", "no clutch has broken away", wrong, remedy)]
+
+
+def equal_fingers(patient: ExaminedHand) -> list[Finding]:
+    """Velocities and filters of the fingers should be the same."""
+    names = ("MCV", "MOV", "FPG", "FDZ", "FIP", "SAMPLE", "ACCEL")
+    uneven = {name: [patient.values[name, finger] for finger in FINGERS] for name in names}
+    differ = [f"{name} {'/'.join(map(str, values))}" for name, values in uneven.items() if len(set(values)) > 1]
+    good, wrong = f"{' '.join(names)} are the same for all fingers", f"fingers differ: {', '.join(differ)}"
+    remedy = "set them to the same value, unless they compensate for friction"
+    return [verdict("equal_fingers", "barrett §8", good, wrong if differ else "", remedy)]
+
+
+def close_target(patient: ExaminedHand) -> list[Finding]:
+    """CT at or beyond the palm, which is about 17,000 counts (factory value)."""
+    found, factory = [], BARRETT.by_mnemonic("CT").default_of(0) or 0
+    for finger in FINGERS:
+        good = f"CT {patient.values['CT', finger]}"
+        wrong = f"{good} ends before the palm" if patient.values["CT", finger] < factory else ""
+        remedy = f"`handctl barrett set CT.{finger}={factory}`"
+        found.append(verdict(f"close_target.{finger}", "barrett §8", good, wrong, remedy))
+    return found
+
+
+def spread_greasing(patient: ExaminedHand) -> list[Finding]:
+    """The palm's spur gears: the spread's row among the odometers, once more by name."""
+    (row,) = [row for row in patient.greasing() if row["motor"] == "SPREAD"]
+    remedy = "" if row["status"] == OK else "`handctl barrett maintenance --steps lubrication`"
+    return [Finding("spread_greasing", str(row["status"]), f"{row['value']} strokes: {row['label']}", remedy, "barrett §7.3")]  # fmt: skip
+
+
+def open_position(patient: ExaminedHand) -> list[Finding]:
+    """The positions of the fingers when they should be open."""
+    shown = ", ".join(f"{finger} {patient.values['P', finger]}" for finger in FINGERS)
+    return [Finding("open_position", OK, f"{shown}. Compare the fingertips by eye", source="barrett §8")]
+
+
+CHECKS: dict[str, Check] = {
+    "firmware": firmware,
+    "status": status,
+    "can_move": can_move,
+    "parameters": parameters,
+    "over_temperature_limit": over_temperature_limit,
+    "temperature": temperature,
+    "odometer": odometer,
+    "strain": strain_,
+    "repeatable": repeatable,
+    "strain_limits": strain_limits,
+    "velocities": velocities,
+    "init_settings": init_settings,
+    "breakaway": breakaway,
+    "equal_fingers": equal_fingers,
+    "close_target": close_target,
+    "spread_greasing": spread_greasing,
+    "open_position": open_position,
+}
+
+
+# -- communication ------------------------------------------------------------------------------------------------
+
+
+def communication(hand: BarrettHand, speed: int | None) -> Finding:
+    """Check for a prompt at each baud rate; lists those tried and the data received. Raises LinkError if the port fails."""
+    link, line = hand.link, hand.line
+    if speed is not None:
+        line.only = speed
+    error: HandctlError | None = None
+    try:
+        line.connect()
+    except (NoAnswer, ProtocolError, DeviceRefused) as exc:
+        error = exc
+    seen = []
+    for baud, came in line.tried if error is not None else line.tried[:-1]:
+        what = f"{plural(len(came), 'byte')} arrived: {came[:24].hex(' ').upper()}" if came else "silence"
+        seen.append(f"{baud}: {what}" if baud else what)
+    if error is None:
+        where = f"prompt at {line.link.baud} bit/s" if line.link.can_set_baud else "prompt"
+        before = f" (before: {', '.join(seen)})" if seen else ""
+        return Finding("communication", OK, where + before, source="barrett §5.1.1")
+    if line.over:
+        seen.append("--deadline has passed")
+    if isinstance(error, DeviceRefused):
+        evidence = f"{error.text}. Tried {', '.join(seen)}" if seen else error.text
+        return Finding("communication", FAIL, evidence, error.hint, "barrett §3.7")
+    if speed is not None:
+        seen.append("no other baud rate, because of --baud")
+    evidence = f"{link.name}: no prompt ({', '.join(dict.fromkeys(seen))})"
+    return Finding("communication", FAIL, evidence, error.hint, "barrett §8, §3.3")
+
+
+def symptom_of(name: str) -> Symptom:
+    """The entry of the book. Raises UsageError with near names."""
+    if name not in SYMPTOMS:
+        likely = like(name.lower())
+        meant = f"did you mean {' or '.join(likely)}? " if likely else ""
+        raise UsageError(
+            f"{name!r} is not a symptom in the manual",
+            hint=f"{meant}`handctl barrett diagnose --list` shows them all",
+            code="unknown-name",
+        )
+    return SYMPTOMS[name]
+
+
+# -- all together -------------------------------------------------------------------------------------------------
+
+
+def examine(patient: ExaminedHand, names: Sequence[str], speed: int | None) -> tuple[list[Finding], LinkError | None]:
+    """Check communication, then run the checks by name; all are skipped once the line is dead. Also returns the link's error."""
+    try:
+        found = [communication(patient.hand, speed)]
+    except LinkError as exc:
+        found = [Finding("communication", FAIL, exc.text, exc.hint, "barrett §3.3")]
+        return [*found, *_skipped(names)], exc
+    if found[0].status == FAIL:
+        return [*found, *_skipped(names)], None
+    invalid = 0
+    for place, name in enumerate(names):
+        rest = names[place + 1 :]
+        try:
+            found += CHECKS[name](patient)
+        except LinkError as exc:
+            found[0] = Finding("communication", FAIL, exc.text, exc.hint, "barrett §3.3")
+            return [*found, *_skipped(names[place:])], exc
+        except (NoAnswer, ProtocolError) as exc:
+            invalid += 1
+            found.append(Finding(name, FAIL, exc.text, exc.hint, "barrett §8"))
+            if isinstance(exc, NoAnswer) or invalid == MOST_INVALID:  # each has been repeated: waiting on is no use
+                return [*found, *_skipped(rest)], None
+        except HandctlError as exc:
+            found.append(Finding(name, FAIL, said(exc), exc.hint, "barrett §5.1.3"))
+    return found, None
+
+
+def _skipped(names: Sequence[str]) -> list[Finding]:
+    return [Finding(name, SKIPPED, "no communication") for name in names]
+
+
+def by_hand(symptom: str) -> list[Finding]:
+    """What is left of the manual's list for `symptom`: rows that no program can check."""
+    return [
+        Finding(f"{BY_HAND}.{number}", SKIPPED, "to be done by hand", text, f"barrett {source}")
+        for number, (text, source) in enumerate(SYMPTOMS[symptom].steps, 1)
+    ]
+
+
+def table_of(hand: BarrettHand, findings: list[Finding], symptom: str | None, failure: LinkError | None) -> Table:
+    """The rows; a warning or a fail is exit 7, a lost link its own 3."""
+    rows = [finding.row() for finding in findings]
+    if symptom is not None:
+        rows += [finding.row() for finding in by_hand(symptom)]
+    bad = [finding for finding in findings if finding.bad]
+    table = Table(rows=rows, columns=CHECKED, view=view)
+    if failure is not None:
+        table.failure = failure
+    elif bad:
+        fails = sum(finding.status == FAIL for finding in bad)
+        warnings = len(bad) - fails
+        names = ", ".join(finding.check for finding in bad)
+        table.failure = CheckFailed(
+            f"{hand.link.name}: {fails} failed, {warnings} warning{'' if warnings == 1 else 's'}: {names}",
+            hint=f"follow the remedy in each row{'. `handctl barrett diagnose --list` shows the symptoms' if symptom is None else ''}",
+            code="findings",
+        )
+    return table
+
+
+def view(rows: list[Row]) -> list[Grid]:
+    """Check, status and evidence; below them what to do about the findings, then the steps by hand."""
+    checks = [row for row in rows if not row["check"].startswith(BY_HAND)]
+    lines = tuple(
+        (row["check"], Cell(row["status"], health.TONES[row["status"]]), row["evidence"]) for row in checks
+    )  # fmt: skip
+    todo: dict[str, list[str]] = {}
+    for row in checks:
+        if row["remedy"] and row["status"] != OK:
+            todo.setdefault(f"{row['remedy']}{_section(row)}", []).append(row["check"])
+    remedies = [f"  {', '.join(dict.fromkeys(names))}: {text}" for text, names in todo.items()]
+    steps = [
+        f"  {number}. {row['remedy']}{_section(row)}"
+        for number, row in enumerate((row for row in rows if row["check"].startswith(BY_HAND)), 1)
+    ]
+    notes = [*(["To do:"] if remedies else []), *remedies, *(["Then, by hand:"] if steps else []), *steps]
+    return [Grid(("Check", "Status", "Evidence"), lines, notes=tuple(notes))]
+
+
+def _section(row: Row) -> str:
+    return f" ({row['source']})" if row["source"] else ""
+
+
+def list_table() -> Table:
+    """All symptoms of the book; needs no hand."""
+    rows: list[Row] = [
+        {
+            "symptom": name,
+            "title": entry.title,
+            "checks": list(entry.checks),
+            "moves": bool(entry.trials),
+            "steps": len(entry.steps),
+        }
+        for name, entry in SYMPTOMS.items()
+    ]
+    columns = (Column("symptom", "Symptom"), Column("title", "Description"), Column("moves", "Has --move"))
+    return Table(rows=rows, columns=columns)

@@ -1,0 +1,215 @@
+"""Commands that all three families have: read, raw, id, baud, save, clear-errors, factory-reset.
+
+A family's `cli` has their words, its device what differs. What a command needs is imported when it runs.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from handctl.command import get_set_watch
+from handctl.command.option_types import OutFile, Seconds
+from handctl.command.run import Act, Run
+from handctl.devices.inspire.map import address_in
+from handctl.errors import HandctlError, UsageError
+from handctl.model.param import Element, ParamMap, Step
+from handctl.model.result import Table
+
+if TYPE_CHECKING:
+    from handctl.devices.inspire.register_device import RegisterDevice
+
+LISTEN = click.option(
+    "--wait",
+    type=Seconds(),
+    default=0.5,
+    show_default=True,
+    metavar="S",
+    help="Listen for S seconds after the last byte.",
+)
+SAVE_TOO = click.option(
+    "--save",
+    "save_too",
+    is_flag=True,
+    help="Then save to flash. The new baud rate takes effect only after a save and a power-cycle.",
+)
+VERIFY = click.option(
+    "--verify",
+    is_flag=True,
+    help="Wait up to 120 s for the power-cycle, then check that the hand replies at the new baud rate.",
+)
+UNDOCUMENTED = click.option("--undocumented", is_flag=True, help="Allow an address that is not in the manual.")
+
+
+def forced(words: str) -> Callable[[Any], Any]:
+    """The option --force-ambiguous: what it sends as well, in `words`."""
+    return click.option("--force-ambiguous", is_flag=True, help=words)
+
+
+def backup_option(kind: str) -> Callable[[Any], Any]:
+    """The option --backup of `factory_reset`."""
+    words = f"Write the snapshot to FILE (default: {kind}-before-reset.json). An existing file is never overwritten."
+    return click.option("--backup", metavar="FILE", type=OutFile(), help=words)
+
+
+def explain_silence(device: RegisterDevice, error: HandctlError) -> HandctlError:
+    """Whether the silent hand is there at another speed."""
+    from handctl.devices.inspire import procedures
+
+    return procedures.explain_silence(device, error)
+
+
+def looks_only(run: Run) -> None:
+    """A command without the value that it could write. Raises UsageError in a dry run."""
+    if run.settings.dry_run:
+        raise UsageError(
+            f"`handctl {run.command}` without a value only reads",
+            hint="run it without -n: it does not change anything",
+        )
+    run.only_reads()
+
+
+def read(run: Run, address: str, count: int) -> Table:
+    """Bytes from any address."""
+    from handctl.devices.inspire import eb90, raw
+
+    place = address_in(address)
+    eb90.check_span(place, count)
+    device: RegisterDevice = run.device()
+    device.know()
+    return device.answered(lambda: raw.read(device, place * device.bus.per, count))
+
+
+def send_raw(step: Step, question: str, exchange: Callable[[Any], Table]) -> Act:
+    """`exchange` the bytes with the device; asks unless it only reads."""
+    from handctl.devices.inspire import raw
+
+    def act(device: RegisterDevice) -> Table:
+        with raw.goes_on(device, step):
+            return exchange(device)
+
+    asks = step.moves or step.strands
+    return Act([step], act, f"{question}: {step.meaning}" if asks else "")
+
+
+def change_id(run: Run, params: ParamMap[Any], new: int | None) -> Table | Act:
+    """Show the id, or give the hand a new one."""
+    if new is None:
+        looks_only(run)
+        return get_set_watch.get(run, params, ["id"])
+    params["id"].check(new, "id")
+    steps = run.planner().plan([(Element(params["id"], 0), new)])
+    question = f"This changes the id to {new} at once, on every hand on this line that has the old id"
+    return Act(steps, lambda device: device.change_id(new), question)
+
+
+def change_baud(run: Run, rate: int | None, question: str, *, save: bool, verify: bool) -> Table | Act:
+    """Show the speed code, or write the one that counts after a save and a power cycle, and see to both where that is wanted."""
+    if rate is None:
+        looks_only(run)
+        device: RegisterDevice = run.device()
+        device.know()
+        return device.show_speed()
+    planner: RegisterDevice = run.planner()
+    code = planner.speed_code(rate)
+    if verify and not save:
+        raise UsageError("--verify needs --save: without a save the hand keeps its old baud rate", hint="add --save")
+    if verify and not planner.bus.serial:
+        raise UsageError("--verify needs a serial line", hint="leave out --verify, and scan after the power-cycle")
+    steps = planner.plan([(Element(planner.map["baud_code"], 0), code)])
+    if save:
+        steps.append(planner.trigger_step("save", "save to flash"))
+    return Act(steps, lambda device: _change_speed(run, device, rate, save=save, verify=verify), question)
+
+
+def _change_speed(run: Run, device: RegisterDevice, rate: int, *, save: bool, verify: bool) -> Table:
+    from handctl.devices.inspire import procedures
+
+    device.confirm_identity(keeps=False)
+    table = device.change_speed(rate)
+    if save or run.offer("Save it to flash now"):
+        device.confirm_identity()
+        table.rows += procedures.save(device, run.prompts).rows
+        wait = "Wait for the power-cycle and check the hand at the new baud rate"
+        if verify or (device.bus.serial and run.offer(wait)):
+            _verify_speed(run, device, rate, table)
+        else:
+            run.journal.info(
+                "power-cycle",
+                "the hand keeps its old baud rate until you power-cycle it",
+                hint=f"power-cycle the hand, then use --baud {rate}",
+            )
+    else:
+        already = any(message.code == "already" for message in run.journal.messages)
+        run.journal.warn(
+            "not-saved",
+            f"{rate} bit/s may not be saved. In that case the hand keeps its old baud rate"
+            if already
+            else f"{rate} bit/s is not saved, so the hand keeps its old baud rate",
+            hint=f"run `handctl {device.kind} save --id {device.bus.id}`, then power-cycle the hand",
+        )
+    return table
+
+
+def _verify_speed(run: Run, device: RegisterDevice, rate: int, table: Table) -> None:
+    from handctl.devices.inspire import procedures
+
+    if procedures.wait_for_speed(device, rate, run.prompts):
+        table.rows.append(
+            {"name": "verified_baud", "finger": None, "address": None, "value": rate, "unit": "baud", "raw": None}
+        )
+    else:
+        table.failure = device.not_at(rate)
+
+
+def clear_errors(run: Run) -> Act:
+    """Clear the actuator errors. Asks where that may move a finger."""
+
+    def steps(device: RegisterDevice) -> Sequence[Step]:
+        return [device.trigger_step("clear_errors", "clear errors")]
+
+    def clear(device: RegisterDevice) -> Table:
+        from handctl.devices.inspire import procedures
+
+        device.confirm_identity(keeps=False)
+        get_set_watch.ask_released(run, device, [(Element(device.map["clear_errors"], 0), 1)], steps(device))
+        return procedures.clear_errors(device)
+
+    return Act(steps(run.planner()), clear)
+
+
+def save(run: Run, question: str, *, looks: bool = True) -> Act:
+    """Save to flash. `looks` first who is there, as far as the family does more than any write."""
+
+    def act(device: RegisterDevice) -> Table:
+        from handctl.devices.inspire import procedures
+
+        device.confirm_identity(keeps=looks)
+        return procedures.save(device, run.prompts)
+
+    return Act([run.planner().trigger_step("save", "save to flash")], act, question)
+
+
+def factory_reset(run: Run, meaning: str, question: str, backup: str | None, *, looks: bool = True) -> Act:
+    """Restore the factory defaults, after a snapshot into the file `backup`. The user types the word."""
+    planner: RegisterDevice = run.planner()
+    steps = [planner.trigger_step("factory_reset", meaning)]
+    path = backup or f"{planner.kind}-before-reset.json"
+    if not run.settings.dry_run and os.path.exists(path):
+        raise UsageError(
+            f"{path}: this file already exists, and handctl does not overwrite it",
+            hint="choose another file with --backup FILE",
+        )
+
+    def reset(device: RegisterDevice) -> Table:
+        from handctl.command import snapshots
+        from handctl.devices.inspire import procedures
+
+        device.confirm_identity(keeps=looks)
+        snapshots.snapshot(run, path)
+        return procedures.factory_reset(device)
+
+    return Act(steps, reset, question, word="reset")

@@ -1,0 +1,294 @@
+"""The registers of one device id, over any wire: read, write, check the identity, deadlines.
+
+`bus.Bus` is the serial wire, `canbus.CanBus` the CAN bus; what the bytes mean is not known here.
+
+The first question to an id is a read upon whose bytes nobody else acts who may be there instead. Both addresses of a register
+space are documented, and the sums of their requests differ: for any id one of the two is quiet, but for 3 and 13, which are
+such bytes themselves. A BarrettHand that starts listens at 9600 whatever its speed, and FF opens its boot monitor: it hears
+one where the line falls idle behind the beginning of a byte. At 115200 a read is shorter than one byte at 9600, which holds
+all of it. At other speeds bytes ahead of the frame see to that. (A test samples the bits.)
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from copy import copy
+from functools import cache
+from typing import TYPE_CHECKING, ClassVar, TypeVar
+
+from handctl.devices.inspire import eb90
+from handctl.errors import Aftermath, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.link import ByteLink, CanFrame, Deadline, Link
+from handctl.model.device import Line
+from handctl.model.other_devices import harmless
+from handctl.model.param import Step
+from handctl.model.result import Journal
+from handctl.model.stop_sequence import on_early_end
+
+if TYPE_CHECKING:
+    from handctl.devices.inspire.eb90 import Frame
+    from handctl.devices.inspire.identity import FamilyGate
+
+Span = tuple[int, int]
+"""Address and count of bytes."""
+
+READS: dict[int, tuple[Span, ...]] = {eb90.READ: ((1472, 2), (1546, 2)), eb90.WRIST_READ: ((1024, 2), (1026, 2))}
+"""Read flag -> system_voltage, position_actual (exo §2.3); the two currents (wrist §2.1).
+
+Two bytes each: an answer is longer than its request, so an echo never passes for one.
+"""
+
+
+FRESH: dict[int, tuple[Span, ...]] = {
+    eb90.READ: tuple((1546 + start, count) for start in (0, 2, 4, 6) for count in (4, 6, 8, 10) if start + count <= 12),
+    eb90.WRIST_READ: ((1020, 6), (1020, 8), (1022, 4), (1022, 6), (1024, 4)),
+}
+"""Read flag -> parts of what is documented (position_actual, exo §2.3.9; wrist §2.1) that no first question asks for.
+
+For an id that has answered: an answer to one of these is younger than that to any first question.
+"""
+
+
+@cache
+def question(device_id: int, flag: int) -> Span:
+    """What to ask an id first."""
+    spans = READS[flag]
+    return next((span for span in spans if harmless(eb90.read_request(device_id, *span, flag), None)), spans[0])
+
+
+AHEAD = {19200: 1, 57600: 2, 921600: 32}
+"""bit/s -> how many 00 go ahead of a read: it ends within a byte that they have begun, and none begins at its end."""
+
+
+def ahead(baud: int | None) -> bytes:
+    """Bytes sent before a read at a baud rate at which no device has replied yet; None = the port has no baud rate."""
+    return bytes(AHEAD.get(baud or 0, 0))
+
+
+# -- one device id ----------------------------------------------------------------------------------------------------
+
+DEFAULT_TIMEOUT = 0.3
+"""Seconds of silence allowed per reply beyond wire time: USB (4 ms), FTDI latency (16 ms) and Bluetooth with room."""
+
+
+@contextmanager
+def may_still_move(what: str) -> Iterator[None]:
+    """If watching a movement is cut short, the error also says that it may still move."""
+    try:
+        yield
+    except (NoAnswer, ProtocolError, LinkError) as exc:
+        if exc.code != "deadline":
+            exc.add_aftermath(
+                Aftermath(f"{what} may still move", "switch the power off if a movement would be dangerous", joint=". ")
+            )
+        raise
+
+
+BETWEEN_PROTOCOLS = 0.005
+"""Silence between EB 90 and RTU on one pair (rh56 §2.5)."""
+FLOOD = 1024
+"""Bytes: who sends more in place of an answer talks all the time, and no other question helps."""
+MOST = 65536
+"""Bytes that are listened to, where nothing answers."""
+
+
+@contextmanager
+def at_speed(link: ByteLink, speed: int | None) -> Iterator[None]:
+    """The port at another speed, where it can have one; None = whatever is set meanwhile. Then it has its own again."""
+    was = link.baud
+    if speed is not None and link.can_set_baud and was is not None:
+        link.set_baud(speed)
+    try:
+        yield
+    finally:
+        if was is not None and link.can_set_baud and (speed is not None or link.baud != was):
+            link.set_baud(was)
+
+
+def other_speed(speed: int | None) -> int:
+    """One at which nobody hears what is said at this one."""
+    return 57600 if speed == 115200 else 115200
+
+
+Own = TypeVar("Own", bound="RegisterBus")
+
+
+class RegisterBus(Line, ABC):
+    """The wire to the registers of one device id: what the serial bus and the CAN bus have in common.
+
+    timeout   seconds allowed for a reply, beyond the time its bits need on the wire
+    max_count longest single read in bytes
+    spaces    read and write flag of each register space; `read_flag` and `write_flag` are those of the `family`
+    usual     the family, where none is named
+    wire      what is spoken on it: eb90, can, rtu or tcp
+    gate      looks who is there before the first frame that is no read, and at what was read; None = nobody looks
+    presence  the span that tells whether anybody is there; its answer is longer than its question, so an echo never passes for it
+    reports   the device sends the end of a save or a calibration by itself
+    per       bytes at one address of the wire: 2 where the device counts words; addresses here are bytes
+    round_trip   seconds that the last answer took, its bytes included
+    """
+
+    max_count: int
+    spaces: ClassVar[dict[str, tuple[int, int]]]
+    usual: ClassVar[str]
+    gate: FamilyGate | None = None
+    round_trip: float | None = None
+    presence: tuple[int, int] = (1472, 2)
+    reports = False
+    per = 1
+    wire = "eb90"
+
+    def __init__(
+        self,
+        link: Link,
+        device_id: int,
+        journal: Journal,
+        *,
+        family: str = "",
+        timeout: float | None = None,
+        retries: int | None = None,
+        bound: Deadline | None = None,
+    ) -> None:
+        self.check_id(device_id)
+        super().__init__(link, journal, retries=retries, bound=bound)
+        self.id = device_id
+        self.family = family or self.usual
+        self.read_flag, self.write_flag = self.spaces.get(self.family) or self.spaces["hand"]
+        self.timeout = DEFAULT_TIMEOUT if timeout is None else timeout
+        self._met: set[int] = set()  # ids that have answered a read, also through `at`
+
+    @staticmethod
+    @abstractmethod
+    def check_id(device_id: int, /) -> None:
+        """Refuse an id that this wire does not have. Raises UsageError."""
+
+    @property
+    def serial(self) -> bool:
+        """Whether it is a line whose speed this end can set as well."""
+        return self.wire in ("eb90", "rtu")
+
+    @property
+    def met(self) -> bool:
+        """Whether a device of this maker has answered a read here."""
+        return bool(self._met)
+
+    @abstractmethod
+    def read(self, address: int, count: int, *, retries: int | None = None) -> bytes:
+        """`count` bytes from `address`. Raises UsageError, NoAnswer, ProtocolError, LinkError."""
+
+    def quiet(self, address: int, count: int) -> bool:
+        """Whether this read may be sent now: a device has replied, or no other device on the line would act on it."""
+        return True
+
+    def pace(self, seconds: float) -> float | None:
+        """Seconds until the answer to one question, None when none came within `seconds`."""
+        there = self.at()
+        there.timeout = seconds
+        try:
+            there.read(*self.presence, retries=0)
+        except NoAnswer:
+            return None
+        self.round_trip = there.round_trip
+        return self.round_trip
+
+    def listen(self, prefixes: Sequence[bytes], seconds: float) -> Frame | None:
+        """Wait for a frame that the device sends later by itself; None when it does not come, or this wire has none."""
+        return None
+
+    def behind(self, address: int, count: int, seconds: float) -> bytes | None:
+        """A second reply to this read; None = none, or this wire cannot show it."""
+        return None
+
+    @abstractmethod
+    def write(self, address: int, data: bytes, *, acknowledged_by: Sequence[int] = ()) -> None:
+        """Write `data` once; `acknowledged_by` are further ids whose acknowledgement counts, where it names one. Raises DeviceRefused; NoAnswer, ProtocolError when it is unknown whether it arrived."""
+
+    def try_write(self, address: int, data: bytes, what: str, then: str, **more: Sequence[int]) -> HandctlError | None:
+        """Write once. Without an acknowledgement, warn and return the error; `then` says what decides instead.
+
+        Raises what kept it from being sent.
+        """
+        before = self.journal.counters.writes
+        try:
+            self.write(address, data, **more)
+        except (NoAnswer, ProtocolError) as exc:
+            if self.journal.counters.writes == before:
+                raise
+            self.journal.warn("ack-lost", f"{what} was not acknowledged ({exc.text}). {then}")
+            return exc
+        return None
+
+    @abstractmethod
+    def write_step(self, address: int, data: bytes, meaning: str) -> Step:
+        """The exact bytes of that write."""
+
+    @abstractmethod
+    def only_reads(self, request: bytes | CanFrame) -> bool:
+        """Whether `request` is nothing but reads, which change no device of this maker."""
+
+    @abstractmethod
+    def addressee(self, request: bytes | CanFrame) -> int:
+        """The id that `request` is for, this bus's own where it has none."""
+
+    def pass_gate(self, request: bytes | CanFrame) -> None:
+        """Called with everything before it is sent. Raises NotIdentified before a first write to a stranger."""
+        if not self.only_reads(request):
+            self.at(device_id=self.addressee(request)).identify()
+
+    def count(self, request: bytes | CanFrame) -> None:
+        """Before it is sent: a line that is lost meanwhile may have taken it."""
+        self.journal.counters.sent += 1
+        self.journal.counters.writes += not self.only_reads(request)
+
+    def identify(self) -> None:
+        """Identify the device unless that is done; also called before starting a process that can write on its own."""
+        if self.gate is not None:
+            self.gate.look(self)
+
+    def at(self: Own, space: str = "", device_id: int | None = None) -> Own:
+        """The same wire to another register space ("hand", "wrist"), or to another id."""
+        other = copy(self)
+        other.read_flag, other.write_flag = self.spaces.get(space, (self.read_flag, self.write_flag))
+        other.id = self.id if device_id is None else device_id
+        return other
+
+    @property
+    def where(self) -> str:
+        """Device, id and link for messages."""
+        return f"id {self.id} on {self.link.name}"
+
+    @contextmanager
+    def waiting(self, seconds: float) -> Iterator[None]:
+        """Meanwhile so long is allowed for a reply."""
+        wanted, self.timeout = self.timeout, seconds
+        try:
+            yield
+        finally:
+            self.timeout = wanted
+
+    def on_early_end(self, what: str, hint: str) -> AbstractContextManager[None]:
+        """Around one write and its follow-up: after it was sent, Ctrl-C or a lost link reports `what` is left behind."""
+        return on_early_end(Aftermath(what, hint, joint=". "), since=self.journal.counters)
+
+
+class ByteBus(RegisterBus):
+    """A wire of bytes: what the serial line and a connection have in common."""
+
+    link: ByteLink
+    _rest = b""
+    """What came behind the last accepted frame: perhaps a frame that the device sends by itself."""
+
+    def drain(self) -> bytes:
+        """Discard unread input, such as late replies. Returns and counts it."""
+        stale, self._rest = self._rest, b""
+        now = self.link.deadline(0)
+        while len(stale) <= MOST and (chunk := self.link.read(now)):
+            stale += chunk
+        self.journal.counters.stray_bytes += len(stale)
+        return stale
+
+    def count_damaged(self, _error: ProtocolError) -> None:
+        """A frame came whose sum is wrong."""
+        self.journal.counters.bad_frames += 1

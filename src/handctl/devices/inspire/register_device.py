@@ -1,0 +1,450 @@
+"""A device with registers: read, write and read back by name, over any wire. Knows no particular device.
+
+Everything is checked against the map before a byte is sent; a write is sent once, and the read-back decides.
+
+Many registers are read in few transactions: reads across undocumented gaps work on this family and halve a dump (dossier:
+largest read 252 bytes); a device that stays silent to such a block is asked group by group instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import lru_cache
+from typing import TypeVar
+
+from handctl.devices.inspire.eb90 import MAX_COUNT
+from handctl.devices.inspire.identity import refuse_twins, within
+from handctl.devices.inspire.map import BAUD_RATES, Register, register_of
+from handctl.devices.inspire.register_bus import FLOOD, RegisterBus, may_still_move
+from handctl.errors import Aftermath, CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.light import NamedTuple
+from handctl.model.device import Device
+from handctl.model.movement import Arrival, Goal, Seen, Stillness, Watch, judged, marked, watch, with_arrival
+from handctl.model.param import Element, Number, ParamMap, Reading, Step
+from handctl.model.prompts import Prompts
+from handctl.model.result import Column, Row, Table, hex_bytes
+from handctl.model.stop_sequence import Stopped, interrupted, on_early_end
+
+FAILS = (NoAnswer, ProtocolError, DeviceRefused)
+"""What ends one read and leaves the others possible; Modbus refuses an address by an exception (rh56 §2.2)."""
+
+
+class Block(NamedTuple):
+    """One read: `size` bytes from `address`, which hold the register groups `groups`."""
+
+    address: int
+    size: int
+    groups: tuple[Register, ...]
+
+
+class Memory:
+    """What was read: documented and gap bytes by address, and an error per group that could not be read."""
+
+    def __init__(self) -> None:
+        self.blocks: list[tuple[int, bytes]] = []
+        self.errors: dict[str, HandctlError] = {}
+
+    def bytes_at(self, address: int, count: int) -> bytes | None:
+        """The bytes, or None if they were not read."""
+        return within(self.blocks)(address, count)
+
+
+def plan(registers: Iterable[Register], limit: int = MAX_COUNT) -> list[Block]:
+    """The fewest blocks of at most `limit` bytes that cover all `registers`, gaps included."""
+    return list(_planned(tuple(registers), limit))
+
+
+@lru_cache(256)
+def _planned(registers: tuple[Register, ...], limit: int) -> Sequence[Block]:
+    blocks: list[Block] = []
+    for register in sorted(registers, key=lambda register: register.address):
+        last = blocks[-1] if blocks else None
+        if last is not None and register.span.stop - last.address <= limit:
+            blocks[-1] = Block(last.address, register.span.stop - last.address, (*last.groups, register))
+        else:
+            blocks.append(Block(register.address, len(register.span), (register,)))
+    return blocks
+
+
+class BlockReader:
+    """Reads registers through a bus in as few transactions as the device allows."""
+
+    def __init__(self, bus: RegisterBus) -> None:
+        self._bus = bus
+        self._across_gaps = True
+
+    def read(self, registers: Iterable[Register], memory: Memory | None = None) -> Memory:
+        """Read `registers` into `memory`. Groups that fail are in its `errors`; raises when nothing at all could be read."""
+        memory = Memory() if memory is None else memory
+        first: HandctlError | None = None
+        blocks = plan(registers, self._bus.max_count)
+        if len(blocks) > 1:  # what a stranger would act upon is not asked first
+            blocks = sorted(blocks, key=lambda block: not self._bus.quiet(block.address, block.size))
+        for block in blocks:
+            try:
+                if len(block.groups) > 1 and self._across_gaps and self._whole(block, memory):
+                    continue
+                self._groups(block, memory)
+            except FAILS as exc:
+                if (isinstance(exc, NoAnswer) or len(exc.came) > FLOOD) and not memory.blocks:
+                    if first is not None:
+                        raise first from exc  # what came before tells more than the silence behind it
+                    raise  # nobody there: asking for the rest would only take longer
+                first = first or exc
+                memory.errors.update((group.name, exc) for group in block.groups)
+        if first is not None and not memory.blocks:
+            raise first
+        return memory
+
+    def _whole(self, block: Block, memory: Memory) -> bool:
+        """Read a block of several groups at once; False when the device must be asked group by group."""
+        bus = self._bus
+        try:
+            # Twice silent means that this device does not answer across gaps, or not at all: the groups will tell.
+            data = bus.read(block.address, block.size, retries=min(bus.retries, 1))
+        except (NoAnswer, DeviceRefused) as exc:
+            if not memory.blocks:
+                first = block.groups[0]
+                try:
+                    data = bus.read(first.address, len(first.span), retries=min(bus.retries, 1))
+                except (NoAnswer, DeviceRefused):
+                    raise exc from None
+                memory.blocks.append((first.address, data))
+            self._across_gaps = False
+            what = "no answer to" if isinstance(exc, NoAnswer) else "the device refused"
+            bus.journal.warn(
+                "block-silent",
+                f"{what} {block.size} bytes at {block.address}: handctl reads the documented groups one by one",
+            )
+            return False
+        memory.blocks.append((block.address, data))
+        return True
+
+    def _groups(self, block: Block, memory: Memory) -> None:
+        for group in block.groups:
+            if memory.bytes_at(group.address, len(group.span)) is not None:
+                continue
+            try:
+                memory.blocks.append((group.address, self._bus.read(group.address, len(group.span))))
+            except FAILS as exc:
+                if not memory.blocks:
+                    raise
+                memory.errors[group.name] = exc
+
+
+# -- one device -------------------------------------------------------------------------------------------------------
+
+T = TypeVar("T")
+
+
+class Movement(NamedTuple):
+    """What is watched of a movement.
+
+    elements  are read again and again, `seen` tells what each goal shows in them
+    evidence  why goals were missed, asked once all stands still
+    what      moves, in words
+    pause     seconds before the first look
+    name      the goal that a reading belongs to
+    """
+
+    goals: Sequence[Goal]
+    still: Stillness
+    elements: Sequence[Element]
+    seen: Callable[[Sequence[Reading]], dict[str, Seen]]
+    evidence: Callable[[Watch, Sequence[Reading]], dict[str, Seen] | None]
+    what: str = "The fingers"
+    pause: float = 0.0
+    name: Callable[[Reading], str] = lambda reading: reading.element.part or ""
+
+
+class RegisterDevice(Device):
+    """Base of the family's devices. A subclass names its kind, its map, its supply, what is live, and how people see it."""
+
+    map: ParamMap[Register]
+    supply = "7 to 9 V, 5 A peak"
+    save_result = "the result is not documented for this hand"
+    """Why the result of a save may stay out."""
+    speed_source = "exo §2.3.2"
+    columns = (
+        Column("name", "Name"),
+        Column("finger", "Finger"),
+        Column("address", "Address", right=True),
+        Column("value", "Value", right=True),
+        Column("unit", "Unit"),
+        Column("label", "Meaning"),
+        Column("raw", "Raw"),
+    )
+
+    def __init__(self, bus: RegisterBus) -> None:
+        super().__init__(bus)
+        self.bus = bus
+        self._reader = BlockReader(bus)
+        self.last_blocks: list[tuple[int, bytes]] = []
+        self._moving = False
+        """Whether this command has set something going: a stop is for that, whichever write it meets."""
+
+    def identity(self) -> dict[str, object]:
+        """The identity of this device. The manuals document no serial number, model or firmware register."""
+        return {"kind": self.kind, "id": self.bus.id}
+
+    def identify(self) -> None:
+        self.bus.identify()
+
+    def know(self) -> None:
+        """Find out which of several kinds of device it is; where a family has one there is nothing to ask."""
+
+    def answered(self, ask: Callable[[], T]) -> T:
+        """What `ask` returns; a family with a second wire asks there what the first does not answer."""
+        return ask()
+
+    def confirm_identity(self, *, keeps: bool = True) -> None:
+        """Identify the device more closely before asking the user; `keeps`: before a permanent write. Raises as `identify` does."""
+
+    def will_move(self) -> None:
+        super().will_move()
+        self._moving = True
+
+    # -- reading -------------------------------------------------------------------------------------------------
+
+    def read(self, elements: Sequence[Element]) -> list[Reading]:
+        registers = {element.param.name: register_of(element) for element in elements}
+        memory, gate = Memory(), self.bus.gate
+        try:
+            with self.keeping(lambda: [_reading(element, memory) for element in elements] if memory.blocks else []):
+                self._reader.read(registers.values(), memory)
+        except (NoAnswer, ProtocolError) as exc:
+            if gate is not None:
+                gate.unheard(self.bus, exc)
+            raise
+        self.last_blocks = sorted(memory.blocks)
+        if gate is not None:
+            gate.read(self.bus, self.last_blocks)
+        return [_reading(element, memory) for element in elements]
+
+    def named(self, element: Element) -> Row:
+        register = register_of(element)
+        return {"name": register.name, "finger": element.part, "address": register.place_of(element.index)}
+
+    def row(self, reading: Reading) -> Row:
+        row = super().row(reading)
+        if self.bus.gate is not None and self.bus.gate.assumed and self.about.get("model") == self.product:
+            del self.about["model"]  # nobody has looked
+        return {**row, "raw": None} if "error" in row else row
+
+    def valued(self, reading: Reading) -> Row:
+        register = register_of(reading.element)
+        assert reading.value is not None
+        label = register.label(reading.value)
+        if register.note and (label is None or reading.value):
+            label = f"{label} ({register.note})" if label else register.note
+        return {"value": reading.value, "unit": register.unit, "raw": hex_bytes(reading.raw), "label": label}
+
+    # -- writing -------------------------------------------------------------------------------------------------
+
+    def plan(self, changes: Sequence[tuple[Element, Number]]) -> list[Step]:
+        """The frames that write checked `changes`: adjacent elements of one group share a frame; never across a gap."""
+        steps = []
+        for run in self.runs(changes):
+            address, data = encoded(run)
+            register = register_of(run[0][0])
+            meaning = ", ".join(f"{element.full_name} = {element.param.text(value)}" for element, value in run)
+            step = self.bus.write_step(address, data, f"write {meaning} (address {address})")
+            steps.append(step._replace(moves=register.moves, strands=register.strands))
+        return steps
+
+    def runs(self, changes: Sequence[tuple[Element, Number]]) -> list[list[tuple[Element, Number]]]:
+        """Changes grouped into what one frame may write: adjacent elements of one register group."""
+        groups: list[list[tuple[Element, Number]]] = []
+        for element, value in changes:
+            if groups:
+                last = groups[-1][-1][0]
+                if last.param.name == element.param.name and last.index + 1 == element.index:
+                    groups[-1].append((element, value))
+                    continue
+            groups.append([(element, value)])
+        return groups
+
+    def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+        """Write checked changes one frame at a time and read all of them back.
+
+        A write without an answer is not repeated: the read-back decides. Raises DeviceRefused when a write is
+        refused; CheckFailed when the read-back differs, which it says with both values; Interrupted on Ctrl-C, after
+        what moves was stopped.
+        """
+        if any(element.param.strands for element, _ in changes):
+            refuse_twins(self)
+        with self.stopped_by_ctrl_c(
+            ", ".join(element.full_name for element, _ in changes),
+            any(element.param.moves for element, _ in changes),
+        ):
+            return self._written(changes)
+
+    @contextmanager
+    def stopped_by_ctrl_c(self, what: str, moving: bool) -> Iterator[None]:
+        """Ctrl-C while `what` is written stops what that, or a write before, set going. Raises Interrupted."""
+        self._moving = bool(moving) or self._moving
+        before, unsure = self.journal.counters.writes, f"it is not known whether {what} was written"
+        look = f"check with `handctl {self.kind} get`"
+        left = Aftermath(f"{unsure}, and the device may move" if self._moving else unsure, look, joint=". ")
+        if self._moving:
+            self.journal.moves(self.stop)
+        try:
+            with on_early_end(left, since=self.journal.counters, interrupt=False):
+                yield
+        except KeyboardInterrupt as exc:
+            if self.journal.counters.writes == before:
+                raise
+            raise interrupted(self.stop() if self._moving else Stopped(unsure, look)) from exc
+
+    def _written(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+        written: list[str] = []
+        runs = self.runs(changes)
+        for number, run in enumerate(runs, 1):
+            try:
+                self._write_run(run, last=number == len(runs))
+            except HandctlError as exc:
+                if written:
+                    exc.add_aftermath(Aftermath(hint=f"already written: {', '.join(written)}", joint=". "))
+                raise
+            written.append(_names(run))
+        readings = self.read([element for element, _ in changes])
+        self._verify(changes, readings)
+        return readings
+
+    def _write_run(self, run: Sequence[tuple[Element, Number]], *, last: bool) -> None:
+        """One frame. Where its acknowledgement is lost, nothing follows it before it reads back."""
+        lost = self.bus.try_write(*encoded(run), f"the write of {_names(run)}", "handctl reads it back")
+        if lost is not None and not last:
+            self._verify(run, self.read([element for element, _ in run]))
+
+    def _verify(self, changes: Sequence[tuple[Element, Number]], readings: Sequence[Reading]) -> None:
+        runs, ledger = self.runs(changes), self.journal.ledger
+        found = {reading.element.full_name: reading.value for reading in readings}
+        for run in runs:
+            (step,) = self.plan(run)
+            off = [element.full_name for element, value in run if found[element.full_name] != value]
+            for name in off:
+                if found[name] is not None:
+                    ledger.doubt(f"{name} reads {found[name]}", step)
+            if not off:
+                ledger.confirm("read back", step)
+        self.check_read_back(
+            [change for run in runs for change in run],
+            readings,
+            f"check with `handctl {self.kind} get` before you write again: the device did not take the value, or changed it afterwards",
+        )
+
+    def trigger_step(self, name: str, meaning: str) -> Step:
+        """The frame that writes 1 to a trigger register."""
+        register = self.map[name]
+        meaning = f"{meaning} (write 1 to address {register.place_of(0)})"
+        step = self.bus.write_step(register.address, register.encode(1), meaning)
+        return step._replace(moves=register.moves, strands=register.strands)
+
+    # -- moving --------------------------------------------------------------------------------------------------
+
+    def moved(
+        self, this: Movement, start: Callable[[], object], prompts: Prompts, *, wait: float, expect: str
+    ) -> tuple[Table, list[Arrival]]:
+        """Start a movement and watch until it has ended or `wait` seconds have passed. Ctrl-C and the death of this process stop it.
+
+        Rows have the target and what became of it; what was not as expected is the table's failure.
+        """
+        self.identify()
+        last: list[Reading] = []
+
+        def look() -> dict[str, Seen]:
+            last[:] = self.read(this.elements)
+            return this.seen(last)
+
+        with self.driven(prompts), may_still_move(this.what.lower()):
+            start()
+            clock = self.bus.clock(wait, this.still.refresh, this.what)
+            self.bus.pause(this.pause)
+            seen = watch(this.goals, this.still, look, prompts, clock)
+            arrivals = seen.arrivals(this.evidence(seen, last))
+        at = {one.goal.name: one for one in arrivals}
+        rows = [marked(self.row(reading), at.get(this.name(reading))) for reading in last]
+        failure = judged(self.bus.where, arrivals, expect, hint=f"check with `handctl {self.kind} status`")
+        return Table(rows=rows, columns=with_arrival(self.columns), failure=failure), arrivals
+
+    # -- where it is found ---------------------------------------------------------------------------------------
+
+    def change_id(self, new: int) -> Table:
+        """Give it another id, at once. See `procedures`."""
+        from handctl.devices.inspire.procedures import change_id
+
+        return change_id(self, new)
+
+    def speeds(self) -> Mapping[int, int]:
+        """Code -> bit/s on its wire."""
+        return BAUD_RATES
+
+    def speed_code(self, rate: int) -> int:
+        """The code of a speed in bit/s. Raises UsageError for one that no such hand has on this wire."""
+        known = self.speeds()
+        if (code := next((code for code, value in known.items() if value == rate), None)) is not None:
+            return code
+        raise UsageError(
+            f"{rate} bit/s is not a baud rate of this hand",
+            hint=f"choose one of {', '.join(map(str, known.values()))} bit/s ({self.speed_source}). Nothing was sent.",
+        )
+
+    def show_speed(self) -> Table:
+        """The speed code."""
+        table = self.table(self.read([Element(self.map["baud_code"], 0)]))
+        table.plain = ("value",)
+        return table
+
+    def change_speed(self, rate: int) -> Table:
+        """Write the speed that counts after a save and a power cycle. See `procedures`."""
+        from handctl.devices.inspire.procedures import change_baud
+
+        return change_baud(self, rate)
+
+    def not_at(self, rate: int) -> HandctlError:
+        """The error of a hand that does not answer at a speed that it was given."""
+        return CheckFailed(
+            f"{self.bus.link.name}: no hand at {rate} bit/s after the power-cycle",
+            hint="one edition of the manual says that this baud rate is not kept. `handctl hand scan` tries all ids and baud rates",
+            code="not-kept",
+        )
+
+    # -- tables --------------------------------------------------------------------------------------------------
+
+    def partial(self, failed: Sequence[Reading]) -> HandctlError | None:
+        """How many quantities, which, and why."""
+        first, names = failed[0].error, dict.fromkeys(reading.element.param.name for reading in failed)
+        assert first is not None
+        text = f"{len(names)} {'quantity' if len(names) == 1 else 'quantities'} could not be read ({', '.join(names)}): {first.text}"
+        return first.reworded(f"{self.bus.where}: {text}")
+
+    def dump(self) -> Table:
+        """Everything documented, in the fewest reads, with the raw blocks (exo §2.3, wrist §2.1)."""
+        return self._with_blocks(super().dump())
+
+    def _with_blocks(self, table: Table) -> Table:
+        """The table with the blocks that were read for it."""
+        table.extra = {"blocks": [{"address": start, "raw": hex_bytes(data)} for start, data in self.last_blocks]}
+        return table
+
+
+def _reading(element: Element, memory: Memory) -> Reading:
+    register = register_of(element)
+    data = memory.bytes_at(register.address_of(element.index), register.size)
+    if data is None:
+        error = memory.errors.get(register.name) or NoAnswer(f"{register.name} was not read")
+        return Reading(element, None, b"", error)
+    return Reading(element, register.decode(data), data)
+
+
+def _names(run: Sequence[tuple[Element, Number]]) -> str:
+    return ", ".join(element.full_name for element, _ in run)
+
+
+def encoded(run: Sequence[tuple[Element, Number]]) -> tuple[int, bytes]:
+    """Address and bytes of one run of adjacent elements."""
+    first = run[0][0]
+    data = b"".join(register_of(element).encode(value) for element, value in run)
+    return register_of(first).address_of(first.index), data

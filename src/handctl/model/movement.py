@@ -1,0 +1,303 @@
+"""Watch a movement until every axis has ended, and judge the result of each against --expect. Knows no device.
+
+An axis has ended its movement when it is exactly at its target, when the device reports that something blocks it, or
+when it has stopped: a number of equal readings over a time that the family defines (`Stillness`). The result is one of
+
+    reached   it is at its target
+    contact   it stopped before its target, and the device reports an object or a stall, or its current or force shows a push
+    short     it stopped before its target for no visible reason
+    blocked   the device reports a fault that ended the movement, such as a locked rotor
+    moving    its readings still changed when the wait was over
+    no-speed  it is not at its target, and its set speed is 0
+    unread    its position could not be read
+
+`--expect` selects which of these are a success. `reached`: every axis is at its target. `contact`: at least one axis
+touches something, and the others touch something or are at their targets. `any`: each axis is one of the first three. A fault, an axis that still moves, has no speed or could not be read is never a success.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from handctl.errors import CheckFailed, joined
+from handctl.light import NamedTuple
+from handctl.model.param import Number
+from handctl.model.prompts import CTRL_C, Prompts
+from handctl.model.result import Column, Row
+
+REACHED, CONTACT, SHORT, BLOCKED, MOVING, NO_SPEED, UNREAD = (
+    "reached", "contact", "short", "blocked", "moving", "no-speed", "unread",
+)  # fmt: skip
+ANY = "any"
+EXPECTED = (REACHED, CONTACT, ANY)
+"""What `--expect` takes."""
+MET: Mapping[str, frozenset[str]] = {
+    REACHED: frozenset({REACHED}),
+    CONTACT: frozenset({REACHED, CONTACT}),
+    ANY: frozenset({REACHED, CONTACT, SHORT}),
+}
+"""What is expected -> the verdicts that each axis may have."""
+CODES = {BLOCKED: "blocked", MOVING: "still-moving", UNREAD: "unread", NO_SPEED: "no-speed"}
+"""Verdict -> code of the error where an axis has it, the worst first; else ``not-reached``."""
+HINTS = {
+    BLOCKED: "free what blocks it, then clear the error",
+    MOVING: "wait longer, or stop it",
+    UNREAD: "check the link, then read its position again",
+    NO_SPEED: "set a speed",
+    SHORT: "check for an obstacle. --expect any accepts this",
+    CONTACT: "--expect contact accepts this, for example to grip an object",
+}
+ARRIVAL = Column("arrival", "Arrival")
+TARGET = Column("target", "Target", right=True)
+SHOWN = 6
+"""Axes that a message names."""
+
+
+class Stillness(NamedTuple):
+    """When an axis of a family counts as stopped.
+
+    samples, seconds  so many readings in a row, over so long a time, do not differ by more than the goal's `jitter`
+    refresh           seconds between two readings: asking faster only repeats values
+    dead              seconds from the command until a movement begins: before that nothing has ended
+    least             seconds that the movement takes: before that only the target itself is an end
+    grace             seconds for which standing short of the target is no end yet
+    passes            an axis may be exactly at its target and pass by it: it has to stand there
+    """
+
+    samples: int = 3
+    seconds: float = 0.3
+    refresh: float = 0.03
+    dead: float = 0.0
+    least: float = 0.0
+    grace: float = 0.0
+    passes: bool = False
+
+
+class Goal(NamedTuple):
+    """Where one axis is to go.
+
+    target    None for a movement that ends where it meets something: contact is its goal then
+    near      so far from the target it has arrived
+    speed     its set speed, None where there is none or it is not known
+    patience  seconds that it may seem to stand while it moves, at that speed
+    jitter    how far its reading changes while it stands
+    """
+
+    name: str
+    target: Number | None
+    near: Number = 0
+    speed: Number | None = None
+    patience: float = 0.0
+    jitter: Number = 0
+    decimals: int = 0
+    unit: str = ""
+
+    def text(self, value: Number | None) -> str:
+        """A place of this axis for people."""
+        return "?" if value is None else f"{value:.{self.decimals}f}{self.unit}"
+
+
+class Seen(NamedTuple):
+    """One axis at one moment.
+
+    moves    what the device itself says of it; None = nothing
+    blocked  what it reports against the movement, in words; "" = nothing
+    contact  what shows that it has met something, in words; "" = nothing
+    """
+
+    value: Number | None
+    moves: bool | None = None
+    blocked: str = ""
+    contact: str = ""
+
+
+class Arrival(NamedTuple):
+    """What became of one axis, and why."""
+
+    goal: Goal
+    value: Number | None
+    verdict: str
+    why: str = ""
+
+    @property
+    def met(self) -> str:
+        """The verdict to compare with --expect: without a target, contact counts as reached."""
+        return REACHED if self.verdict == CONTACT and self.goal.target is None else self.verdict
+
+    def __str__(self) -> str:
+        here = self.goal.text(self.value)
+        words = {
+            REACHED: f"{self.goal.name} reached {here}",
+            CONTACT: f"{self.goal.name} touched something at {here}",
+            SHORT: f"{self.goal.name} stopped at {here}",
+            BLOCKED: f"{self.goal.name} is blocked at {here}",
+            MOVING: f"{self.goal.name} still moves, now at {here}",
+            NO_SPEED: f"{self.goal.name} has speed 0 and stays at {here}",
+            UNREAD: f"the position of {self.goal.name} could not be read",
+        }[self.verdict]
+        context = "" if self.goal.target is None else f", target {self.goal.text(self.goal.target)}"
+        return f"{words}{context}{f' ({self.why})' if self.why else ''}"
+
+
+class _Axis:
+    """What was seen of one axis so far."""
+
+    def __init__(self, goal: Goal) -> None:
+        self.goal = goal
+        self.seen = Seen(None)
+        self.equal = 0
+        self.anchor: Number | None = None
+        self.since = 0.0
+        self.moved = False
+
+    def note(self, now: float, seen: Seen) -> None:
+        self.seen = seen
+        if seen.value is None:
+            return
+        if self.anchor is None or abs(seen.value - self.anchor) > self.goal.jitter:
+            self.moved = self.moved or self.anchor is not None
+            self.anchor, self.since, self.equal = seen.value, now, 0
+        self.equal += 1
+
+    @property
+    def exact(self) -> bool:
+        return self.seen.value is not None and self.seen.value == self.goal.target
+
+    @property
+    def near(self) -> bool:
+        value, target = self.seen.value, self.goal.target
+        return value is not None and target is not None and abs(value - target) <= self.goal.near
+
+
+class Watch:
+    """Sees readings of the axes of a movement one after the other, and says when all have ended. Does no I/O."""
+
+    def __init__(self, goals: Sequence[Goal], still: Stillness, now: float) -> None:
+        self.still = still
+        self.begun = self.now = now
+        self._axes = {goal.name: _Axis(goal) for goal in goals}
+
+    def note(self, now: float, seen: Mapping[str, Seen]) -> bool:
+        """Take the readings of this moment; whether every axis has ended its movement."""
+        self.now = now
+        for name, axis in self._axes.items():
+            axis.note(now, seen.get(name, Seen(None)))
+        return all(self._ended(axis) for axis in self._axes.values())
+
+    def _stands(self, axis: _Axis) -> bool:
+        """If the device reports that it has stopped, no more time is needed; its report that it moves is not enough by itself."""
+        need = 0.0 if axis.seen.moves is False else max(self.still.seconds, axis.goal.patience)
+        return axis.equal >= self.still.samples and self.now - axis.since >= need
+
+    def _ended(self, axis: _Axis) -> bool:
+        lasted = self.now - self.begun
+        if axis.seen.value is None or (self.still.dead and lasted <= self.still.dead):
+            return False
+        if axis.seen.blocked or (axis.exact and not self.still.passes):
+            return True
+        return self._stands(axis) and lasted >= max(self.still.least, 0.0 if axis.near else self.still.grace)
+
+    @property
+    def short(self) -> list[str]:
+        """The axes that are not at their targets. A family may read more about them to give the reason."""
+        return [name for name, axis in self._axes.items() if not axis.near]
+
+    def arrivals(self, deeper: Mapping[str, Seen] | None = None) -> list[Arrival]:
+        """What became of each axis; `deeper` is what was read once more, when it was over, of those that are `short`."""
+        return [self._arrival(self._axes[name], (deeper or {}).get(name)) for name in self._axes]
+
+    def _arrival(self, axis: _Axis, deeper: Seen | None) -> Arrival:
+        seen = axis.seen if deeper is None or axis.near else deeper
+        value = axis.seen.value
+        moving = axis.moved and not self._stands(axis)
+        if value is None:
+            return Arrival(axis.goal, None, UNREAD)
+        if seen.blocked:
+            return Arrival(axis.goal, value, BLOCKED, seen.blocked)
+        if (axis.exact and not self.still.passes) or (axis.near and not moving):
+            return Arrival(axis.goal, value, REACHED)
+        if moving:
+            return Arrival(axis.goal, value, MOVING)
+        if axis.goal.speed == 0:
+            return Arrival(axis.goal, value, NO_SPEED)
+        return Arrival(axis.goal, value, CONTACT if seen.contact else SHORT, seen.contact)
+
+    @property
+    def reached(self) -> bool:
+        """Whether every axis is at its target now."""
+        return all(one.verdict == REACHED for one in self.arrivals())
+
+    def progress(self) -> str:
+        """``1.4 s  ring 450 of 900, index 90 of 100``."""
+        parts = []
+        for name, axis in self._axes.items():
+            goal = axis.goal
+            context = "" if goal.target is None else f" of {goal.text(goal.target)}"
+            parts.append(f"{name} {goal.text(axis.seen.value)}{context}")
+        return f"{self.now - self.begun:4.1f} s  {', '.join(parts)}"
+
+
+class Clock(NamedTuple):
+    """Time as a line has it: `now`, `over` = whether the wait has ended, `tick` lets one reading's time pass.
+
+    `tick` raises where --deadline ends the command.
+    """
+
+    now: Callable[[], float]
+    over: Callable[[], bool]
+    tick: Callable[[], None]
+
+
+def watch(
+    goals: Sequence[Goal], still: Stillness, look: Callable[[], Mapping[str, Seen]], prompts: Prompts, clock: Clock
+) -> Watch:
+    """Look until every axis has ended its movement, or the wait is over."""
+    seen = Watch(goals, still, clock.now())
+    while True:
+        now_seen = look()
+        ended = seen.note(clock.now(), now_seen)
+        prompts.progress(seen.progress(), CTRL_C)
+        if ended or clock.over():
+            prompts.done()
+            return seen
+        clock.tick()
+
+
+def judged(where: str, arrivals: Sequence[Arrival], expect: str, *, hint: str = "") -> CheckFailed | None:
+    """The error where not every axis ended as it was expected to, with what became of those that did not.
+
+    `hint` is the family's own next step, and comes first.
+    """
+    off = [one for one in arrivals if one.met not in MET[expect]]
+    if not off and expect == CONTACT and arrivals and all(one.verdict != CONTACT for one in arrivals):
+        return CheckFailed(
+            f"{where}: no contact: {listed(arrivals)}",
+            hint="every target was reached. If that is right, run it without --expect contact",
+            code="no-contact",
+        )
+    if not off:
+        return None
+    worst = next((verdict for verdict in HINTS if any(one.verdict == verdict for one in off)), SHORT)
+    return CheckFailed(
+        f"{where}: {'the target was' if len(off) == 1 else 'targets were'} not reached: {listed(off)}",
+        hint=joined(hint, HINTS[worst]),
+        code=CODES.get(worst, "not-reached"),
+    )
+
+
+def listed(arrivals: Sequence[Arrival]) -> str:
+    """What became of these axes, a few of them in full."""
+    more = f" and {len(arrivals) - SHOWN} more" if len(arrivals) > SHOWN else ""
+    return "; ".join(map(str, arrivals[:SHOWN])) + more
+
+
+def marked(row: Row, arrival: Arrival | None) -> Row:
+    """The row of an axis with its target, and what became of it; both None for one that was not sent anywhere."""
+    if arrival is None:
+        return {**row, "target": None, "arrival": None}
+    return {**row, "target": arrival.goal.target, "arrival": arrival.verdict}
+
+
+def with_arrival(columns: Sequence[Column], place: int = 4) -> tuple[Column, ...]:
+    """The columns of a family's rows with the target at `place`, and the verdict last."""
+    return (*columns[:place], TARGET, *columns[place:], ARRIVAL)

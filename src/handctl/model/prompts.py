@@ -1,0 +1,89 @@
+"""How a procedure talks to the person at the device: lines, progress, questions. The base class is silent, for tests and scripts.
+
+Procedures get one and never print; the terminal's own guide lives in `console`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from handctl.errors import HandctlError
+
+CTRL_C = "Ctrl-C stops."
+"""Safety words of a movement that Ctrl-C stops."""
+
+
+class Presses:
+    """How often the user asked to stop since it was made; one more than `most` is a KeyboardInterrupt."""
+
+    count = 0
+    most: int | None = None
+
+
+class Prompts:
+    """Silent. `interactive`: someone can answer. `moving`: progress is visible.
+
+    present  someone is at the device, can see it and switch it off
+    """
+
+    interactive = False
+    present = False
+    moving = False
+    unstoppable = ""
+    """Why the wish of another process to stop the device is refused just now; "" where it is not."""
+
+    def say(self, text: str) -> None:
+        """A line that stays, e.g. what the wearer has to do now."""
+
+    def progress(self, text: str, safety: str = "") -> None:
+        """A line that replaces the last progress line. Only a terminal shows it.
+
+        `safety` says how the movement can be stopped: it stands first and is never cut off.
+        """
+
+    def done(self) -> None:
+        """The progress line is over."""
+
+    def ask(self, question: str, word: str) -> bool:
+        """Ask yes or no, or for a word to type; without a person the answer is no."""
+        return False
+
+    def choose(self, question: str, words: Sequence[str]) -> str:
+        """The answer if it is one of `words`; "" for any other, and without a person."""
+        return ""
+
+    def wait_for_enter(self, text: str) -> bool:
+        """Show an instruction and wait for Enter; False without a person."""
+        return False
+
+    @contextmanager
+    def counting(self) -> Iterator[Presses]:
+        """While it lasts Ctrl-C is counted instead of acted on: for a procedure that asks before it stops."""
+        yield Presses()
+
+    @contextmanager
+    def undisturbed(self) -> Iterator[None]:
+        """Delay Ctrl-C while the device is stopped and restored: every step in here has its own deadline."""
+        yield
+
+    @contextmanager
+    def impatient(self, seconds: float, stop: Callable[[], HandctlError]) -> Iterator[None]:
+        """When what happens inside lasts longer than `seconds`, call `stop` and raise its error there.
+
+        For output that a reader does not take while motors run. Where the system has no such alarm nothing happens.
+        """
+        yield
+
+
+class Progress(Prompts):
+    """Says nothing but how far it is, to `show`."""
+
+    def __init__(self, show: Callable[[str], None]) -> None:
+        self._show = show
+
+    def progress(self, text: str, safety: str = "") -> None:
+        """See Prompts."""
+        self._show(text)

@@ -1,0 +1,455 @@
+"""Stop sequences: the steps that stop a device, one generator per family, and the code that runs them. Knows no device.
+
+A family's `stopper` is a module with one function:
+
+    stop_steps(aim) -> Talk    yields `StopStep`s, receives the bytes that came back, returns `Stopped`
+
+It does no I/O, so the owner of the link runs it with `carry_out`: the command `stop`, a command that another process asks
+to stop, Ctrl-C inside a command, and the child process of a command that was killed.
+
+Every sequence follows these rules: a step is repeated until it is acknowledged, for up to a second; steps that need no
+position come first; a position is read immediately before each command to hold it; and a device that has acknowledged is
+checked again after a silence, because another program may be commanding it.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from itertools import groupby
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+
+from handctl.errors import Aftermath, DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
+from handctl.families import FAMILIES
+from handctl.light import NamedTuple, light
+from handctl.model.param import Step
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from handctl.link import ByteLink, Deadline, FrameLink, Link
+    from handctl.model.prompts import Prompts
+    from handctl.model.write_ledger import Ledger
+
+WRITE_SECONDS = 1.0
+EACH, WITHIN = 0.15, 1.0
+"""A step goes out again after so many seconds without an acknowledgement, for so many in all."""
+SILENCE = 0.3
+"""Seconds without a byte of ours before a stopped device is looked at again: by then another master has spoken."""
+BETWEEN = 0.1
+"""Seconds from one look at where it is to the next."""
+MOST = 65536
+"""Bytes listened to at the most for one answer: a line full of noise must not hold up what comes next."""
+
+Pieces = list[bytes]
+"""What came back: chunks of a byte stream, or the data of CAN frames that have the identifier of the request."""
+
+
+T = TypeVar("T")
+
+
+class Options(Protocol):
+    """The options that a stopper uses: `options.Settings`."""
+
+    @property
+    def id(self) -> int | None: ...
+    @property
+    def timeout(self) -> float | None: ...
+    @property
+    def port(self) -> str | None: ...
+    @property
+    def wire(self) -> str | None: ...
+    @property
+    def own(self) -> Mapping[str, Any]: ...
+
+
+class Known(NamedTuple):
+    """The same, of a device that this program has open."""
+
+    id: int | None = None
+    timeout: float | None = None
+    port: str | None = None
+    wire: str | None = None
+    own: Mapping[str, Any] = {}
+
+
+class StopContext(NamedTuple):
+    """What a stopper knows about the device: the options given, and the wire.
+
+    can     the link carries CAN frames
+    speed   the speed of the port in bit/s, None where the link has none that is ours
+    fixed   the baud rate of the port stays: it cannot be changed, or the device is known to use it
+    proven  this program has identified the device: its family and its address
+    powered keep the motor power on if the movement ends without switching it off
+    within  seconds for which a step is repeated
+    """
+
+    settings: Options
+    can: bool = False
+    speed: int | None = None
+    fixed: bool = False
+    proven: bool = False
+    powered: bool = False
+    within: float = WITHIN
+
+    @property
+    def number(self) -> int:
+        """The id of the device; 1 is that of all as shipped."""
+        return self.settings.id if self.settings.id is not None else 1
+
+    @property
+    def each(self) -> float:
+        """Seconds after which a step without an acknowledgement goes out again."""
+        return self.settings.timeout or EACH
+
+    @property
+    def tries(self) -> int:
+        """How often that is, before its second is over."""
+        return max(2, round(self.within / self.each))
+
+
+class StopStep(NamedTuple):
+    """One write of a stop, and how long to wait for the reply.
+
+    step     the exact bytes and what they do in words
+    seconds  how long to listen at most, beyond the time of the wire
+    enough   whether the pieces that came answer it
+    reads    it changes nothing: it asks for the device's identity or position
+    size     bytes of a reply: their time on the wire is added to the wait
+    ahead    bytes sent before the step, so that no other device on the line acts on it
+    baud     the baud rate to send it at, None = unchanged. If the port does not support it, nothing is sent
+    """
+
+    step: Step
+    seconds: float
+    enough: Callable[[Pieces], object] = bool
+    reads: bool = False
+    baud: int | None = None
+    size: int = 32
+    ahead: bytes = b""
+
+
+class Stopped(NamedTuple):
+    """The result of a stop, from the replies.
+
+    error     None where nothing speaks against it
+    evidence  what shows that the device did it, where that is more than the acknowledgement of each frame; "" = nothing
+    """
+
+    text: str
+    hint: str = ""
+    error: type[HandctlError] | None = None
+    evidence: str = ""
+
+
+StopSequence = Generator[StopStep, Pieces, Stopped]
+
+
+NOT_STOPPED = "not-stopped"
+"""Code of the error of a command that was interrupted, and whose stop was not acknowledged."""
+BEAT = 0.5
+"""Seconds for which a command may stand still that drives what does not end by itself, such as currents."""
+TOO_LATE = "the deadline passed before handctl could confirm that the device has stopped"
+QUIET = Step("listen", b"")
+"""Nothing goes out."""
+
+
+@light(frozen=True)
+class StepResult(Generic[T]):
+    """The result of a repeated step: the reply found, or None; all bytes received; and the longest time it can have taken, in s."""
+
+    found: T | None
+    came: Pieces
+    seconds: float
+
+
+def insist(
+    context: StopContext, step: Step, found: Callable[[Pieces], T | None], *, reads: bool = False, ahead: bytes = b""
+) -> Generator[StopStep, Pieces, StepResult[T]]:
+    """The step, again until something is `found` in all that came since, or its second is over."""
+    came: Pieces = []
+    for count in range(context.tries):
+        before = tuple(came)
+        enough = lambda pieces, before=before: found([*before, *pieces]) is not None  # noqa: E731
+        came += yield StopStep(step, context.each, enough, reads, ahead=ahead)
+        if (what := found(came)) is not None:
+            return StepResult(what, came, (count + 1) * context.each)
+    return StepResult(None, came, context.within)
+
+
+def settled(context: StopContext, heard: StepResult[T]) -> Generator[StopStep, Pieces, T | None]:
+    """Return what was found, after waiting for the replies to the repetitions: on a slow line the next request would get them."""
+    if heard.found is not None and heard.seconds > context.each:
+        yield from silence(heard.seconds)
+    return heard.found
+
+
+def insisting(step: Step, answer: bytes, done: str, context: StopContext) -> StopSequence:
+    """A stop that is one write, which is acknowledged by `answer`; what the device has `done` once that came."""
+    heard = yield from insist(context, step, lambda pieces: answer in b"".join(pieces) or None)
+    if heard.found:
+        return Stopped(f"{done}, and acknowledged it")
+    error = ProtocolError if heard.came else NoAnswer
+    return Stopped(
+        f"{step.meaning} was sent and not acknowledged", "switch the power off if the device still moves", error
+    )
+
+
+def silence(seconds: float = SILENCE) -> Generator[StopStep, Pieces, Pieces]:
+    """Send nothing for a while and return what arrives."""
+    return (yield StopStep(QUIET, seconds, lambda _pieces: False, reads=True, size=0))
+
+
+def taken_over(stopped: Stopped, what: str) -> Stopped:
+    """The result of a stop that was acknowledged but did not last."""
+    text = f"{stopped.text}. {SILENCE:g} s later {what}: it does not obey, or another program is commanding it"
+    return Stopped(text, FIND_WHO, DeviceRefused)
+
+
+FIND_WHO = (
+    "end the other program. `handctl ports` shows the programs that use the ports of this computer. On a network or a bus, "
+    "check the other computers too. If the device must not move, switch its power off"
+)
+
+
+class Sent(NamedTuple):
+    """One write that was made, and the bytes that came back."""
+
+    step: Step
+    reads: bool
+    came: bytes
+
+
+def stop_sequence_of(kind: str, context: StopContext) -> StopSequence:
+    """The stop of a device of family `kind`."""
+    sequence: StopSequence = importlib.import_module(FAMILIES[kind].module("stopper")).stop_steps(context)
+    return sequence
+
+
+def unheard(sequence: StopSequence, *, reads: bool = False) -> list[Step]:
+    """The writes of a stop without any reply, each once: for a link that cannot receive.
+
+    Questions are left out but with `reads`: a stop that needs their answers, as a wrist's, is [] then.
+    """
+    steps: list[Step] = []
+    try:
+        action = next(sequence)
+        while True:
+            if (reads or not action.reads) and action.step not in steps:
+                steps.append(action.step)
+            action = sequence.send([])
+    except StopIteration:
+        return steps
+
+
+def carry_out(
+    link: Link,
+    sequence: StopSequence,
+    sent: list[Sent] | None = None,
+    ledger: Ledger | None = None,
+    until: Deadline | None = None,
+) -> Stopped:
+    """Run a stop over an open link. Never raises: a lost link is one of its results.
+
+    `until` bounds it; the first step that changes something goes out all the same.
+    """
+    sent = [] if sent is None else sent
+
+    def plan(step: Step) -> None:
+        if ledger is not None:
+            ledger.plan([step])
+
+    try:
+        with ledger.repeating() if ledger is not None else nullcontext():
+            stopped = drive(link, sequence, sent, plan, until)
+    except HandctlError as exc:
+        return Stopped(exc.text, exc.hint, type(exc))
+    if ledger is not None and stopped.evidence:
+        ledger.confirm(stopped.evidence, *(one.step for one in sent if not one.reads))
+    return stopped
+
+
+def drive(
+    link: Link,
+    sequence: StopSequence,
+    sent: list[Sent],
+    before: Callable[[Step], object] = lambda _step: None,
+    until: Deadline | None = None,
+) -> Stopped:
+    """Exchange the steps over an open link. Sent steps are appended to `sent`, also when LinkError ends it.
+
+    `before` is told of each step that is not a question.
+    """
+    from handctl.link import FrameLink
+
+    exchange = _frames if isinstance(link, FrameLink) else _bytes
+    try:
+        action = next(sequence)
+        while True:
+            pieces: Pieces = []
+            place = len(sent)
+            if until is not None:
+                if until.expired and (action.reads or not all(one.reads for one in sent)):
+                    sequence.close()
+                    return Stopped(TOO_LATE, "switch the power off if the device still moves", NoAnswer)
+                action = action._replace(seconds=min(action.seconds, until.remaining))
+            if not action.reads:
+                before(action.step)
+            try:
+                exchange(link, action, pieces, lambda action=action: sent.append(Sent(action.step, action.reads, b"")))  # type: ignore[arg-type, misc]
+            finally:
+                if len(sent) > place:
+                    sent[place] = sent[place]._replace(came=b"".join(pieces))
+            action = sequence.send(pieces)
+    except StopIteration as end:
+        stopped: Stopped = end.value
+        return stopped
+
+
+def aimed(link: Link, settings: Options) -> StopContext:
+    """The stop context of the device on an open link."""
+    from handctl.link import FrameLink
+
+    can = isinstance(link, FrameLink)
+    return StopContext(settings, can, None if can or not link.can_set_baud else link.baud)  # type: ignore[attr-defined]
+
+
+def by_ctrl_c(error: HandctlError) -> bool:
+    """Whether this is the end of a command that was interrupted, however its stop ended."""
+    return error.exit_code == 130 or error.code == NOT_STOPPED
+
+
+def interrupted(stopped: Stopped, what: str = "") -> HandctlError:
+    """The end of a command that Ctrl-C has ended: exit code 130 only where the stop was acknowledged."""
+    from handctl.errors import Interrupted
+
+    text = f"{what}{stopped.text}"
+    if stopped.error is None:
+        return Interrupted("interrupted", left=Aftermath(text, stopped.hint))
+    return stopped.error(
+        f"interrupted, but the stop has not been confirmed: {text}", hint=stopped.hint, code=NOT_STOPPED
+    )
+
+
+def _bytes(link: ByteLink, action: StopStep, pieces: Pieces, went: Callable[[], None]) -> None:
+    if action.baud is not None and action.baud != link.baud:
+        try:
+            link.set_baud(action.baud)
+        except LinkError:
+            return
+    if action.step is not QUIET:
+        link.write(action.ahead + action.step.data, link.deadline(WRITE_SECONDS))
+        went()
+    wire = 10 / link.baud if link.baud else 0.0  # seconds of a byte, 10 bits
+    deadline = link.deadline(action.seconds + wire * (len(action.step.data) + action.size))
+    while not deadline.expired and sum(map(len, pieces)) < MOST:
+        chunk = link.read(deadline)
+        if not chunk:
+            return
+        pieces.append(chunk)
+        if action.enough(pieces):
+            return
+
+
+def _frames(link: FrameLink, action: StopStep, pieces: Pieces, went: Callable[[], None]) -> None:
+    from handctl.link import CanFrame
+
+    if action.step is QUIET:
+        deadline = link.deadline(action.seconds)
+        while not deadline.expired and (heard := link.receive(deadline)) is not None:
+            pieces.append(heard.data)
+        return
+    if action.step.can_id is None:
+        raise LinkError(
+            f"{link.name}: bytes of a serial wire cannot go out on CAN",
+            hint="give the LINK of the wire that the device has",
+        )
+    request = CanFrame(action.step.can_id, action.step.data)
+    link.send(request, link.deadline(WRITE_SECONDS))
+    went()
+    deadline = link.deadline(action.seconds)
+    while not deadline.expired:
+        frame = link.receive(deadline)
+        if frame is None:
+            return
+        if frame.can_id == request.can_id and frame != request:
+            pieces.append(frame.data)
+            if action.enough(pieces):
+                return
+
+
+def runs(sent: Iterable[Sent]) -> Iterator[tuple[Sent, int]]:
+    """The steps, each with how often it went out running; of its answers the last."""
+    for _, group in groupby(sent, key=lambda one: one.step):
+        alike = list(group)
+        yield alike[0]._replace(came=next((one.came for one in reversed(alike) if one.came), b"")), len(alike)
+
+
+def shown(sent: Sequence[Sent]) -> str:
+    """What went out, without what only asked: ``03, 54 0D``; the same step several times running is counted."""
+    found = runs(one for one in sent if not one.reads)
+    return ", ".join(one.step.wire + (f" ({times} times)" if times > 1 else "") for one, times in found)
+
+
+# -- what is left behind when something ends in the middle ----------------------------------------------------------
+
+
+AGAIN = Stopped(
+    "interrupted again while stopping the device", "switch the power off if the device still moves", NoAnswer
+)
+
+
+class Counted(Protocol):
+    """The counters of a journal."""
+
+    writes: int
+
+
+@contextmanager
+def on_early_end(
+    left: Aftermath,
+    *,
+    since: Counted | None = None,
+    by: type[HandctlError] = LinkError,
+    interrupt: bool = True,
+) -> Iterator[None]:
+    """Around steps that are not undone when they end early: add what is `left` to errors of the kind `by` and to Ctrl-C.
+
+    With `since`, the counters of the journal, only once a write was sent in here. Without `interrupt` somebody else
+    answers to Ctrl-C. Raises Interrupted.
+    """
+    before = since.writes if since is not None else 0
+    try:
+        yield
+    except KeyboardInterrupt as exc:
+        if not interrupt or (since is not None and since.writes == before):
+            raise
+        told = left if left.text else Aftermath(left.hint)  # there is no other text to stand behind
+        raise Interrupted("interrupted", left=told) from exc
+    except by as exc:
+        if since is None or since.writes > before:
+            exc.add_aftermath(left)
+        raise
+
+
+@contextmanager
+def stopped_by_ctrl_c(stop: Callable[[], Stopped], prompts: Prompts, what: str = "") -> Iterator[None]:
+    """Around a movement: Ctrl-C stops it, without being interrupted, and reports the result. Raises Interrupted.
+
+    Where the stop was not acknowledged, what speaks against it is raised instead.
+    """
+    try:
+        yield
+    except KeyboardInterrupt as exc:
+        raise stopped(stop, prompts, what) from exc
+
+
+def stopped(stop: Callable[[], Stopped], prompts: Prompts, what: str = "") -> HandctlError:
+    """Stop the movement without being interrupted; returns the error that ends the command."""
+    with prompts.undisturbed():
+        prompts.done()
+        try:
+            return interrupted(stop(), what)
+        except KeyboardInterrupt:
+            return interrupted(AGAIN, what)

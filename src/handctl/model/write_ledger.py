@@ -1,0 +1,344 @@
+"""The record of writes of one command: which were planned, which were sent, and which were confirmed or refused.
+
+It observes the link, not the commands: a family's `WriteRules` know which bytes write and what acknowledges them.
+A device adds the evidence that is not an acknowledgement: a read-back, or its feedback. Knows no
+protocol and does no I/O.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Hashable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+
+from handctl.light import NamedTuple
+from handctl.model.decoder import Decoder, frames_in
+
+if TYPE_CHECKING:
+    from handctl.model.param import Step
+
+NOT_SENT, SENT, CONFIRMED, REFUSED = "not-sent", "sent", "confirmed", "refused"
+ACKNOWLEDGED = "acknowledged by the device"
+IN_WORDS = {NOT_SENT: "not sent", SENT: "sent, unconfirmed", CONFIRMED: "confirmed", REFUSED: "refused"}
+SHOWN_BYTES = 24
+"""Bytes of a long frame that the text block shows; JSON has them all."""
+
+
+F = TypeVar("F")
+
+
+class Frame(NamedTuple):
+    """One writing frame among the bytes that went out.
+
+    key       names it in its acknowledgement, None where the protocol has none
+    same      equals that of the planned step that it is: its bytes without a running number
+    group     frames of one group in a row are one step, as the 50 objects a second of a movement; "" = a step of its own
+    unasked   counts only where it was planned, as the ^C that a connection begins with
+    """
+
+    data: bytes
+    key: Hashable = None
+    same: Hashable = None
+    group: str = ""
+    can_id: int | None = None
+    unasked: bool = False
+
+
+class WriteRules(Protocol):
+    """What a family knows of writing: stateful for one connection. Its `next` is pure."""
+
+    def sent(self, data: bytes, can_id: int | None) -> Sequence[Frame]:
+        """The writing frames in bytes that have just gone out."""
+        ...
+
+    def came(self, data: bytes, can_id: int | None) -> Iterable[tuple[Hashable, bool]]:
+        """Keys of the frames that bytes of the device acknowledge (True) or refuse (False)."""
+        ...
+
+    def planned(self, data: bytes, can_id: int | None) -> Hashable:
+        """The `same` of a planned step; None when it does not write."""
+        ...
+
+    def next(self, data: bytes, can_id: int | None) -> str:
+        """What to read when nothing has confirmed this frame."""
+        ...
+
+
+class Answered(ABC, Generic[F]):
+    """The WriteRules of a protocol without CAN, in which one request is out at a time and its answer names it.
+
+    look   what to read when nothing has confirmed a write
+    """
+
+    look = ""
+
+    def __init__(self) -> None:
+        self._sent = b""
+        self._decoder: Decoder[F] | None = None
+
+    @abstractmethod
+    def key(self, request: bytes) -> Hashable:
+        """What its answer bears; None where the request writes nothing."""
+
+    @abstractmethod
+    def decoder(self, request: bytes) -> Decoder[F]:
+        """For the answer to this request."""
+
+    @abstractmethod
+    def verdict(self, frame: F, request: bytes) -> tuple[Hashable, bool] | None:
+        """Which key a frame of the device acknowledges (True) or refuses (False), None = none."""
+
+    def same(self, request: bytes) -> Hashable:
+        """The request without a running number."""
+        return request
+
+    def sent(self, data: bytes, can_id: int | None) -> Sequence[Frame]:
+        """See WriteRules."""
+        if (key := self.key(data)) is None:
+            return ()
+        self._sent, self._decoder = data, self.decoder(data)
+        return (Frame(data, key, self.same(data)),)
+
+    def came(self, data: bytes, can_id: int | None) -> Iterator[tuple[Hashable, bool]]:
+        """See WriteRules."""
+        assert self._decoder is not None
+        self._decoder.feed(data)
+        for frame in frames_in(self._decoder):
+            if (verdict := self.verdict(frame, self._sent)) is not None:
+                yield verdict
+
+    def planned(self, data: bytes, can_id: int | None) -> Hashable:
+        """See WriteRules."""
+        return self.same(data) if self.key(data) is not None else None
+
+    def next(self, data: bytes, can_id: int | None) -> str:
+        """See WriteRules."""
+        return self.look
+
+
+class Write:
+    """One step: planned, or seen on the wire, or both."""
+
+    __slots__ = ("can_id", "count", "evidence", "frame", "last", "meaning", "missed", "state")
+
+    def __init__(self, frame: Frame, meaning: str, state: str) -> None:
+        self.frame = frame
+        self.meaning = meaning
+        self.state = state
+        self.last = frame.data
+        self.count = 1
+        self.missed = 0
+        self.evidence = ""
+
+    def again(self, data: bytes) -> None:
+        """The next frame of the same group."""
+        self.missed += self.state != CONFIRMED
+        self.count += 1
+        self.last = data
+        self.state = SENT
+
+
+class Ledger:
+    """All writes of one command. Without `words` nothing is seen, as in a test of a single part.
+
+    explain   bytes -> what they say, for steps that no plan has: a stop after Ctrl-C, an id
+    """
+
+    def __init__(self) -> None:
+        self.words: WriteRules | None = None
+        self.explain: Any = None
+        self._plan: list[tuple[Hashable, Step]] = []
+        self._writes: list[Write] = []
+        self._waiting: dict[Hashable, Write] = {}
+        self._one_step = ""
+        self._repeats = False
+        self._asked: set[Hashable] = set()  # what of the plan went out
+
+    # -- what is meant -------------------------------------------------------------------------------------------
+
+    def plan(self, steps: Sequence[Step]) -> None:
+        """What the command is going to write, in order. Steps that it has named before are not counted twice."""
+        known = [same for same, _ in self._plan]
+        for step in steps:
+            same = self.words.planned(step.data, step.can_id) if self.words is not None else step.data
+            if same in known:
+                known.remove(same)
+            elif same is not None:
+                self._plan.append((same, step))
+
+    def forget(self) -> None:
+        """What was planned and has not gone out will not: the device is on another wire, in other bytes."""
+        self._plan.clear()
+
+    # -- what passed on the wire ---------------------------------------------------------------------------------
+
+    def opened(self, now: float) -> None:
+        """See link.transcript.Observer."""
+
+    def event(self, now: float, text: str) -> None:
+        """See link.transcript.Observer."""
+
+    def passed(self, now: float, mark: str, data: bytes, can_id: int | None) -> None:
+        """Bytes as they passed (see link.transcript.Observer). Never raises: a stop must reach the wire whatever this finds."""
+        if self.words is None:
+            return
+        try:
+            if mark == ">":
+                frames = self.words.sent(data, can_id) if not self._one_step else (Frame(data, group=self._one_step),)
+                for frame in frames:
+                    self._note(frame)
+            elif self._waiting:
+                for key, accepted in self.words.came(data, can_id):
+                    self._judge(key, accepted)
+        except Exception:  # noqa: BLE001 - bytes that a family's words do not know, of which nothing is claimed
+            if mark == ">":
+                self._note(Frame(data, can_id=can_id))
+
+    @contextmanager
+    def one_step(self, meaning: str) -> Iterator[None]:
+        """Everything that goes out in here is one step, whatever its bytes look like: an image for a boot monitor."""
+        self._one_step = meaning
+        try:
+            yield
+        finally:
+            self._one_step = ""
+
+    @contextmanager
+    def repeating(self) -> Iterator[None]:
+        """The same frame once more in here is the same step: it is sent until one of them is acknowledged."""
+        before, self._repeats = self._repeats, True
+        try:
+            yield
+        finally:
+            self._repeats = before
+
+    def _note(self, frame: Frame) -> None:
+        planned = self._planned(frame.same)
+        if planned is not None:
+            self._asked.add(frame.same)
+        elif frame.unasked and frame.same not in self._asked:
+            return
+        last = self._writes[-1] if self._writes else None
+        if self._repeats and last is not None and frame.same is not None and last.frame.same == frame.same:
+            last.count += 1
+        elif last is not None and frame.group and last.frame.group == frame.group:
+            last.again(frame.data)
+            last.meaning = last.meaning or (planned.meaning if planned is not None else "")
+        else:
+            last = Write(frame, planned.meaning if planned is not None else self._one_step, SENT)
+            self._writes.append(last)
+        if frame.key is not None:
+            self._waiting[frame.key] = last
+
+    def _planned(self, same: Hashable) -> Step | None:
+        """Takes the step out of the plan: it went out."""
+        for place, (known, step) in enumerate(self._plan):
+            if known == same:
+                del self._plan[place]
+                return step
+        return None
+
+    def _judge(self, key: Hashable, accepted: bool) -> None:
+        write = self._waiting.get(key)
+        if write is not None:
+            write.state = CONFIRMED if accepted else REFUSED
+            write.evidence = ACKNOWLEDGED if accepted else "refused by the device"
+
+    # -- what a device adds --------------------------------------------------------------------------------------
+
+    @property
+    def mark(self) -> int:
+        """A place in the ledger: what is written from here on."""
+        return len(self._writes)
+
+    def confirm(self, evidence: str, *steps: Step, since: int = 0) -> None:
+        """`evidence`, as "read back", proves these `steps`; without any, everything that was sent since the mark `since`."""
+        for write in self._chosen(steps, since):
+            if write.state == SENT or steps:
+                write.state, write.evidence, write.missed = CONFIRMED, evidence, 0
+
+    def doubt(self, evidence: str, *steps: Step, since: int = 0) -> None:
+        """`evidence`, as "reads 200", speaks against what these `steps` should have done, acknowledged or not."""
+        for write in self._chosen(steps, since):
+            if write.state != REFUSED:
+                write.state, write.evidence = SENT, evidence
+
+    def _chosen(self, steps: Sequence[Step], since: int) -> list[Write]:
+        if not steps or self.words is None:
+            return self._writes[since:]
+        wanted = [self.words.planned(step.data, step.can_id) for step in steps]
+        return [write for write in self._writes[since:] if write.frame.same in wanted]
+
+    # -- what it says --------------------------------------------------------------------------------------------
+
+    @property
+    def began(self) -> bool:
+        """Whether any byte of a write went out."""
+        return bool(self._writes)
+
+    @property
+    def unconfirmed(self) -> bool:
+        """Whether something went out and nothing shows what became of it."""
+        return any(self._state(write) == SENT for write in self._writes)
+
+    @staticmethod
+    def _state(write: Write) -> str:
+        return SENT if write.missed and write.state == CONFIRMED else write.state
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One object a step (cli contract, section 4): what went out in its order, then what is left of the plan."""
+        rows = [self._row(write) for write in self._writes]
+        rows += [{"bytes": step.wire, "meaning": step.meaning, "state": NOT_SENT, "next": ""} for _, step in self._plan]
+        return [{"step": number, **row} for number, row in enumerate(rows, 1)]
+
+    def _row(self, write: Write) -> dict[str, Any]:
+        state, frame = self._state(write), write.frame
+        row: dict[str, Any] = {
+            "bytes": shown(frame.data, frame.can_id),
+            "meaning": write.meaning or self._meaning(frame),
+            "state": state,
+            "next": self.words.next(frame.data, frame.can_id) if state == SENT and self.words is not None else "",
+        }
+        if write.evidence:
+            row["evidence"] = write.evidence
+        if write.count > 1:
+            row |= {"count": write.count, "last": shown(write.last, frame.can_id)}
+        return row
+
+    def _meaning(self, frame: Frame) -> str:
+        return self.explain(frame.data, frame.can_id) if self.explain is not None else ""
+
+    def text(self) -> list[str]:
+        """The block for people: one line when all is confirmed, else one line a step."""
+        rows = self.rows()
+        if not rows:
+            return []
+        found = {state: sum(row["state"] == state for row in rows) for state in IN_WORDS}
+        if found[NOT_SENT] == len(rows):
+            return [f"writes: none of {len(rows)} {'steps' if len(rows) > 1 else 'step'} was sent"]
+        told = ", ".join(f"{count} {IN_WORDS[state]}" for state, count in found.items() if count)
+        if found[CONFIRMED] == len(rows):
+            return [f"writes: {told}"]
+        lines = [f"writes: {told}", *(line for row in rows for line in _lines(row))]
+        left = [str(row["step"]) for row in rows if row["state"] == NOT_SENT]
+        if left and found[SENT]:
+            lines.append(
+                f"  to continue: read the unconfirmed values, then send the remaining steps (step {', '.join(left)})"
+            )
+        return lines
+
+
+def _lines(row: dict[str, Any]) -> list[str]:
+    words = row["bytes"].split(" ")
+    cut = " ".join(words[:SHOWN_BYTES]) + (f" … ({len(words)} bytes)" if len(words) > SHOWN_BYTES else "")
+    times = f", {row['count']} times" if "count" in row else ""
+    why = f" ({row['evidence']})" if row.get("evidence") and row["state"] != CONFIRMED else ""
+    line = f"  {row['step']}  {IN_WORDS[row['state']]}{why}: {row['meaning'] or 'bytes'}{times}: {cut}"
+    return [line, *([f"     Next: {row['next']}"] if row["next"] else [])]
+
+
+def shown(data: bytes, can_id: int | None) -> str:
+    """Bytes as a plan shows them (`param.Step.wire`)."""
+    text = data.hex(" ").upper()
+    return text if can_id is None else f"{can_id:08X} [{len(data)}] {text}".rstrip()

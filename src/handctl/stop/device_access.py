@@ -1,0 +1,272 @@
+"""The command's exclusive access to a device: its lock, and stopping the device when another process or a key asks for it.
+
+The request comes from another process (`stop.stop_listener`) or from the stop key of a live view. The family's stop sequence then
+runs on this command's own link, between two steps of the program and before anything else. Nothing more is written
+afterwards, and the command ends as by Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from handctl.errors import STOPPED, HandctlError, Interrupted, LinkError
+
+if TYPE_CHECKING:
+    from handctl.command.invocation import Invocation
+    from handctl.link import Deadline, Link
+    from handctl.link.lock import Lock
+    from handctl.model.stop_sequence import Sent, StopContext, Stopped, StopSequence
+    from handctl.stop.stop_listener import StopListener
+
+MOST = 24
+"""Bytes of an answer that are shown."""
+MOST_CAME = 256
+"""Bytes of an answer that an acknowledgement is looked for in."""
+RECONNECT_SECONDS = 1.0
+"""How long a connection that was lost is opened again for a stop."""
+LONG = 60
+"""Characters of sent bytes that fit into a message."""
+
+
+def lock_for(run: Invocation, name: str, patience: float | None = None) -> Lock | None:
+    """The lock of the LINK `name`, None if no other process can reach it. Raises InUse, LinkError.
+
+    `patience`: seconds for the last stop of a holder that died, None as long as one takes, but 0 in a command that stops.
+    """
+    if name.startswith("replay:") or (name.startswith("fake://") and not run.keeps):
+        return None
+    from handctl.link.lock import InUse, hold
+
+    assert run.family is not None
+    command = f"handctl {run.owner}"
+    if patience is None and run.stops:
+        patience = 0.0  # what else is on its way stops the device too
+    try:
+        return hold(
+            name, command, run.family.tcp_port,
+            family=run.family.kind, writes=run.may_write, kept=run.keeps, patience=patience,
+        )  # fmt: skip
+    except InUse:
+        raise
+    except LinkError:
+        if not run.keeps:
+            raise
+        return None  # a simulated device is in no danger
+
+
+class DeviceAccess:
+    """The access of one command to a device while its link is open. `stopped`: the error after a requested stop, None before.
+
+    link   the open link, None before it is
+    """
+
+    def __init__(self, run: Invocation, lock: Lock | None) -> None:
+        """Others are heard from now on, but by a command that stops itself."""
+        self.stopped: HandctlError | None = None
+        self.link: Link | None = None
+        self._report = report(None, ())
+        self._run = run
+        self._lock: Lock | None = None
+        self._ear: StopListener | None = None
+        self._place = run.place if lock is not None else ""
+        self._keep(lock)
+
+    def _keep(self, lock: Lock | None) -> None:
+        """Keep this lock and listen for requests next to it."""
+        run = self._run
+        self._lock = lock
+        troubles = [lock.unrecorded] if lock is not None and lock.unrecorded else []
+        if lock is not None and run.listens and not run.stops:
+            from handctl.stop.stop_listener import StopListener
+
+            try:
+                self._ear = StopListener(lock.path, self._answer, self.end)
+            except ValueError:
+                pass  # this is not the main thread
+            except OSError as exc:
+                troubles.append(f"{lock.path}: no socket beside it: {exc.strerror or exc}")
+        for trouble in troubles:
+            hint = "make room there. Until then `stop` from another terminal ends this command by force"
+            run.journal.warn(
+                "unseen",
+                f"other commands may not notice that this one is using the device, and cannot ask it to stop: {trouble}",
+                hint,
+            )
+
+    def around(self, link: Link) -> Link:
+        """The link that is used from now on."""
+        for descriptor in self._lock.descriptors if self._lock is not None else ():
+            link.held = (*(other for other in link.held if other != descriptor), descriptor)
+        self.link = link
+        return link
+
+    def serve(self, run: Invocation) -> None:
+        """The next command of a session has the device from now on."""
+        self._run = run
+
+    def reopen(self) -> bool:
+        """Look once for the port that was lost, lock it and open it as at first; False where a lost one stays lost.
+
+        Raises LinkError while it is not there, or is in use. By then its name may lead to another place: that is locked.
+        """
+        run = self._run
+        name = run.link_name()
+        place = run.place
+        if self._lock is not None and place != self._place and (os.path.exists(name) or place.startswith("tty ")):
+            lock = lock_for(run, name)
+            self.release()
+            self._place = place
+            self._keep(lock)
+            if self.link is not None and lock is not None:
+                self.link.held = lock.descriptors
+        return self.link is not None and self.link.reopen()
+
+    def finish(self) -> None:
+        """Call before the link is closed: a stop request from now on is told that this command is ending."""
+        self.link = None
+
+    def release(self) -> None:
+        """Let others in. May be called twice."""
+        if self._ear is not None:
+            self._ear.close()
+        if self._lock is not None:
+            self._lock.release()
+
+    def stop(self, who: str) -> dict[str, Any]:
+        """Run the family's stopper now, and write nothing after it; what went out and came back. Never raises."""
+        from handctl.model.stop_sequence import NOT_STOPPED, Stopped, shown
+
+        if self._run.prompts.unstoppable:
+            return report(Stopped(self._run.prompts.unstoppable), (), refused=True)
+        if self.link is None or self.stopped is not None:
+            return self._report
+        sent: list[Sent] = []
+        stopped = stopped_at(self._run, self.link, sent)
+        if stopped.error is LinkError:
+            with contextlib.suppress(LinkError):
+                if self.link.reconnect(RECONNECT_SECONDS):
+                    stopped = stopped_at(self._run, self.link, sent)
+                    stopped = stopped._replace(text=f"connected again after the connection was lost: {stopped.text}")
+        self.link.fall_silent()
+        wire = shown(sent)
+        text = f"{who}. Sent {wire}: {stopped.text}" if 0 < len(wire) <= LONG else f"{who}: {stopped.text}"
+        kind = stopped.error or Interrupted
+        self.stopped = kind(text, hint=stopped.hint, code=NOT_STOPPED if stopped.error else STOPPED)
+        self._report = report(stopped, sent)
+        return self._report
+
+    def _answer(self) -> dict[str, Any]:
+        return self.stop("stopped at the request of another handctl command")
+
+    def pressed(self, frame: Any) -> None:
+        """The stop key of a live view."""
+        self.stop(f"stopped by the key {STOP_KEY}")
+        self.end(frame)
+
+    def end(self, frame: Any) -> None:
+        """The way of Ctrl-C, whatever that is just now. Where it only counts, the next write ends the command."""
+        from handctl.system import signals
+
+        if not self._run.prompts.unstoppable:
+            signals.interrupt(frame)
+
+
+def stopped_at(
+    run: Invocation,
+    link: Link,
+    sent: list[Sent],
+    sequence: Callable[[StopContext], StopSequence] | None = None,
+    until: Deadline | None = None,
+) -> Stopped:
+    """The stop of the run's family over `link`, or another `talk`, at the most `until` then. Never raises."""
+    from handctl.model.stop_sequence import aimed, carry_out, stop_sequence_of
+
+    assert run.family is not None
+    met = run.opened is not None and run.journal.counters.writes > 0
+    context = run.opened.stop_context() if met else aimed(link, run.settings)
+    said = sequence(context) if sequence is not None else stop_sequence_of(run.family.kind, context)
+    return carry_out(link, said, sent, run.ledger if run.writes else None, until)
+
+
+def report(stopped: Stopped | None, sent: Sequence[Sent], *, refused: bool = False) -> dict[str, Any]:
+    """The result of a stop as JSON, as `stop` shows it."""
+    return {
+        "rows": rows(sent),
+        "wire": wire(sent),
+        "evidence": stopped.evidence if stopped is not None else "",
+        "text": stopped.text if stopped is not None else "",
+        "hint": stopped.hint if stopped is not None else "",
+        "error": stopped.error.__name__ if stopped is not None and stopped.error is not None else "",
+        "open": stopped is not None,
+        "refused": refused,
+    }
+
+
+def rows(sent: Sequence[Sent]) -> list[dict[str, Any]]:
+    """Sent and received bytes, one row per step; repetitions are one row."""
+    from handctl.model.stop_sequence import runs
+
+    return [
+        {
+            "step": at,
+            "bytes": step.wire,
+            "meaning": step.meaning,
+            "reads": reads,
+            "times": times,
+            "answer": _short(came),
+        }
+        for at, ((step, reads, came), times) in enumerate(runs(sent), 1)
+    ]
+
+
+def wire(sent: Sequence[Sent]) -> list[dict[str, Any]]:
+    """The traffic for the ledger of the process that asked: each step as often as it was sent, and the last reply."""
+    from handctl.model.stop_sequence import runs
+
+    return [
+        {
+            "data": step.data.hex(),
+            "can_id": step.can_id,
+            "meaning": step.meaning,
+            "times": times,
+            "came": came[:MOST_CAME].hex(),
+        }
+        for (step, reads, came), times in runs(sent)
+        if not reads
+    ]
+
+
+def _short(data: bytes) -> str | None:
+    """The received bytes; for long ones their beginning and their length."""
+    text = data[:MOST].hex(" ").upper()
+    return f"{text} … ({len(data)} bytes)" if len(data) > MOST else text or None
+
+
+STOP_KEY = "S"
+"""A capital: no slip of a finger, and no word that was typed into the wrong window, stops a device."""
+
+
+@contextlib.contextmanager
+def keyboard(hold: DeviceAccess | None, pressed: Callable[[str], bool]) -> Iterator[bool]:
+    """While it lasts each key on the terminal goes to `pressed`, which says whether the command ends; whether there are keys.
+
+    The stop key stops the device first.
+    """
+    from handctl.stop.stop_listener import Keyboard
+    from handctl.system import signals
+
+    def came(key: str, frame: Any) -> None:
+        if hold is not None and key == STOP_KEY:
+            hold.pressed(frame)
+        elif pressed(key):
+            (hold.end if hold is not None else signals.interrupt)(frame)
+
+    keys = Keyboard.on_terminal(came)
+    try:
+        yield keys is not None
+    finally:
+        if keys is not None:
+            keys.close()

@@ -1,0 +1,177 @@
+"""Listen for requests to stop the device of this process: from another process, or the key s in a live view.
+
+Another process connects to a socket next to the lock file (`system.local_socket`). A signal (SIGIO) reports it, so nothing polls; on
+Windows a thread waits instead. The handler runs between two steps of the program, even while that waits for the device or (not
+on Windows) for a reader of its output. It replies `heard` at once, then one line of JSON with the bytes sent.
+A thread waits for the key, so the loop on the wire never checks for it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from handctl.command.console import is_terminal
+from handctl.system import clock, local_socket, signals, terminal
+
+HEARD_SECONDS = 0.3
+"""A holder that does not answer within this is asleep, or blocked."""
+STOP_SECONDS = 9.0
+"""Longest time from `heard` to the report: the longest stop, with silence at every step."""
+LARGEST = 1 << 16
+
+
+class StopListener:
+    """Listens while it is open. `answer` stops the device and says how; `after` is then called with the frame."""
+
+    def __init__(self, lock: str, answer: Callable[[], dict[str, Any]], after: Callable[[Any], None]) -> None:
+        """Raises OSError; ValueError outside the main thread."""
+        self._answer, self._after = answer, after
+        self._busy = False
+        self._peers: list[Any] = []
+        path = _beside(lock)
+        with contextlib.suppress(FileNotFoundError):
+            local_socket.remove(path)  # of one that was killed: who has the lock has this name
+        self._door = local_socket.Listener(path, 4)
+        try:
+            local_socket.tell_at_once(self._door, self._called)
+        except BaseException:
+            self._door.close()
+            raise
+
+    def close(self) -> None:
+        """Listen no more. May be called twice."""
+        self._door.close()
+
+    def _called(self, frame: Any) -> None:
+        if self._busy:
+            self._hear()  # somebody else who wishes the same, while the device is being stopped
+            return
+        self._busy = True
+        device_done = False
+        try:
+            with signals.one_at_a_time(signals.numbers(suspend=True)):
+                while self._serve():
+                    device_done = True
+        finally:
+            self._busy = False
+        if device_done:
+            self._after(frame)
+
+    def _serve(self) -> bool:
+        """Serve one waiting process; False if there is none."""
+        if not self._hear():
+            return False
+        import json
+
+        report = json.dumps(self._answer()).encode() + b"\n"
+        while self._peers:
+            peer = self._peers.pop(0)
+            with contextlib.suppress(OSError):
+                peer.send(report)
+            peer.close()
+        return True
+
+    def _hear(self) -> bool:
+        """Reply `heard` to a waiting process; it gets the report later. False if none is waiting."""
+        try:
+            peer = self._door.accept()
+        except OSError:
+            return False
+        with contextlib.suppress(OSError):
+            peer.send(b"heard\n")
+        self._peers.append(peer)
+        return True
+
+
+def ask(lock: str, until: float, seconds: float = STOP_SECONDS) -> tuple[bool, dict[str, Any] | None]:
+    """Ask the holder of `lock` to stop. Returns whether it replied before `until` (`clock.now`), and its report within `seconds`.
+
+    The report is None when it ended, or fell silent, on the way.
+    """
+    import json
+
+    try:
+        with contextlib.closing(local_socket.connected(_beside(lock), max(0.001, until - clock.now()))) as line:
+            came = line.recv(6)
+            if not came:
+                return False, None
+            line.settimeout(seconds)
+            with contextlib.suppress(OSError):
+                while len(came) < LARGEST and (chunk := line.recv(4096)):
+                    came += chunk
+    except OSError:
+        return False, None
+    try:
+        report = json.loads(came.partition(b"\n")[2])
+    except (ValueError, RecursionError):
+        report = None
+    return True, report if isinstance(report, dict) else None
+
+
+def _beside(lock: str) -> str:
+    folder, name = os.path.split(lock)
+    name = name.removeprefix("lock-")
+    if len(name) > 60:
+        import hashlib
+
+        name = hashlib.sha256(name.encode()).hexdigest()[:32]
+    return os.path.join(folder, f"stop-{name}")
+
+
+class Keyboard:
+    """Hands each key to `pressed` in the main thread until it is closed; then the terminal is as it was.
+
+    What was typed before is thrown away: a key that was meant for something else must not stop a device.
+    """
+
+    def __init__(self, pressed: Callable[[str, Any], None], descriptor: int) -> None:
+        """`pressed` is called with the key and the frame. Raises `terminal.TROUBLE` where it cannot be."""
+        self._keys = terminal.Listener(descriptor)
+        self._pressed = pressed
+        self._waiting: deque[str] = deque()
+        self._bell = signals.Bell(self._hand_over)
+        self._thread = threading.Thread(target=self._wait, daemon=True)
+        self._thread.start()
+
+    @classmethod
+    def on_terminal(cls, pressed: Callable[[str, Any], None]) -> Keyboard | None:
+        """The keys, where a person can press them: stdin is a terminal, this is the job in front, and its main thread."""
+        if not is_terminal(sys.stdin) or threading.current_thread() is not threading.main_thread():
+            return None
+        descriptor = sys.stdin.fileno()
+        try:
+            return cls(pressed, descriptor) if terminal.in_front(descriptor) else None
+        except terminal.TROUBLE:
+            return None
+
+    def close(self) -> None:
+        """No keys any more."""
+        self._keys.wake()
+        self._thread.join()
+        self._keys.close()
+        self._bell.close()
+
+    def _wait(self) -> None:
+        while came := self._keys.wait():
+            if keys := keys_in(came):
+                self._waiting.extend(keys)
+                self._bell.ring()
+
+    def _hand_over(self, frame: Any) -> None:
+        while self._waiting:
+            self._pressed(self._waiting.popleft(), frame)
+
+
+ESCAPE = "\x1b"
+
+
+def keys_in(came: bytes) -> str:
+    """The keys of what a terminal sent at once. An arrow or a function key begins with ESC too, and is none."""
+    text = came.decode("utf-8", "ignore")
+    return text if text == ESCAPE else text.partition(ESCAPE)[0]

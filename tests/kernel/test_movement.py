@@ -1,0 +1,142 @@
+"""The one watcher of a movement, fed with readings: when it has ended, and what became of each axis."""
+
+from __future__ import annotations
+
+import pytest
+
+from handctl.errors import UsageError
+from handctl.model.movement import Arrival, Goal, Seen, Stillness, Watch, judged
+from handctl.model.param import given
+from tests.support.each_row import each_row
+
+STILL = Stillness(samples=3, seconds=0.2)
+GOAL = Goal("a", 100, near=5)
+
+
+def fed(goal: Goal, still: Stillness, *values: Seen | int | None, period: float = 0.1) -> tuple[list[bool], str]:
+    """Whether the movement had ended behind each reading, and the verdict behind the last."""
+    watch = Watch([goal], still, 0.0)
+    seen = [one if isinstance(one, Seen) else Seen(one) for one in values]
+    ended = [watch.note(number * period, {"a": one}) for number, one in enumerate(seen)]
+    return ended, watch.arrivals()[0].verdict
+
+
+@each_row(
+    ("values", "ended", "verdict"),
+    [
+        ((0, 50, 100), [False, False, True], "reached"),
+        ((0, 97, 97, 97), [False, False, False, True], "reached"),
+        ((0, 94, 94, 94), [False, False, False, True], "short"),
+        ((0, 50, 60), [False, False, False], "moving"),
+        ((0, 50, 50), [False, False, False], "moving"),
+        ((50,), [False], "short"),  # one reading shows no movement
+        ((None, None), [False, False], "unread"),
+        ((50, Seen(50, blocked="locked")), [False, True], "blocked"),
+        ((50, Seen(50, moves=False), Seen(50, moves=False, contact="it pushes")), [False, False, True], "contact"),
+        ((50, Seen(50, moves=True), Seen(50, moves=True)), [False, False, True], "short"),
+        ((101, 99, 101, 99), [False] * 4, "moving"),  # near, but it does not stand
+    ],
+)
+def test_when_an_axis_has_ended(values: tuple[Seen | int | None, ...], ended: list[bool], verdict: str) -> None:
+    assert fed(GOAL, STILL, *values) == (ended, verdict)
+
+
+@each_row(
+    ("goal", "still", "values", "ended", "verdict"),
+    [
+        (GOAL._replace(speed=0), STILL, (50, 50, 50), [False, False, True], "no-speed"),
+        (GOAL._replace(speed=0), STILL, (50, 60), [False, False], "moving"),
+        (GOAL._replace(patience=0.5), STILL, (50, 50, 50, 50, 50, 50), [False] * 5 + [True], "short"),
+        (GOAL._replace(jitter=2), STILL, (101, 99, 101), [False, False, True], "reached"),
+        (GOAL, STILL._replace(dead=0.15), (100, 100, 100), [False, False, True], "reached"),
+        (GOAL, STILL._replace(least=0.35), (97, 97, 97, 97, 97), [False] * 4 + [True], "reached"),
+        (GOAL, STILL._replace(grace=0.35), (50, 50, 50, 50, 50), [False] * 4 + [True], "short"),
+        (GOAL, STILL._replace(grace=0.35), (97, 97, 97), [False, False, True], "reached"),
+        (GOAL, STILL._replace(passes=True), (90, 100, 110), [False] * 3, "moving"),
+        (GOAL, STILL._replace(passes=True), (100, 100, 100), [False, False, True], "reached"),
+    ],
+)
+def test_what_a_family_knows_of_its_movements(
+    goal: Goal, still: Stillness, values: tuple[int, ...], ended: list[bool], verdict: str
+) -> None:
+    assert fed(goal, still, *values) == (ended, verdict)
+
+
+def test_what_was_read_once_more_counts_for_those_that_are_off() -> None:
+    watch = Watch([GOAL, GOAL._replace(name="b")], STILL, 0.0)
+    watch.note(0.0, {"a": Seen(50), "b": Seen(100)})
+    assert watch.short == ["a"] and not watch.reached
+    deeper = dict.fromkeys("ab", Seen(None, contact="it draws 900 mA"))
+    assert [one.verdict for one in watch.arrivals(deeper)] == ["contact", "reached"]
+
+
+@each_row(
+    ("verdicts", "codes"),
+    [
+        # what is expected, in the order reached, contact, any -> the code of the failure
+        (("reached", "reached"), (None, "no-contact", None)),
+        (("reached", "contact"), ("not-reached", None, None)),
+        (("contact", "short"), ("not-reached", "not-reached", None)),
+        (("contact", "blocked"), ("blocked", "blocked", "blocked")),
+        (("contact", "moving"), ("still-moving",) * 3),
+        (("short", "no-speed"), ("no-speed",) * 3),
+        (("reached", "unread"), ("unread",) * 3),
+    ],
+)
+def test_what_is_expected(verdicts: tuple[str, ...], codes: tuple[str | None, ...]) -> None:
+    arrivals = [Arrival(Goal(name, 100), 50, verdict) for name, verdict in zip("ab", verdicts, strict=True)]
+    for expect, code in zip(("reached", "contact", "any"), codes, strict=True):
+        failure = judged("here", arrivals, expect)
+        assert (failure.code if failure else None) == code, expect
+        assert failure is None or failure.exit_code == 7
+
+
+def test_a_movement_without_a_target_ends_where_it_meets_something() -> None:
+    stalled = [Arrival(Goal("a", None), 50, "contact")]
+    assert [judged("here", stalled, expect) for expect in ("reached", "contact", "any")] == [None] * 3
+
+
+NAMES = ("little", "ring", "index")
+
+
+@each_row(
+    ("texts", "found"),
+    [
+        (("1", "2", "3"), {0: "1", 1: "2", 2: "3"}),
+        (("-1", "2", "-1"), {0: "-1", 1: "2", 2: "-1"}),
+        (("index=7", "RING=-3"), {1: "-3", 2: "7"}),
+    ],
+)
+def test_a_vector_in_order_or_by_name(texts: tuple[str, ...], found: dict[int, str]) -> None:
+    assert given(texts, NAMES, what="it") == found
+
+
+@each_row(
+    ("texts", "code"),
+    [
+        (("1", "2"), "wrong-count"),
+        (("1", "2", "3", "4"), "wrong-count"),
+        (("index=7", "2"), "mixed"),
+        (("index=7", "index=8"), "twice"),
+        (("thumb=7",), "unknown-name"),
+        (("--wiat", "5", "1"), "usage"),
+    ],
+)
+def test_what_is_no_vector(texts: tuple[str, ...], code: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        given(texts, NAMES, what="it")
+    assert caught.value.code == code
+
+
+@each_row(
+    ("texts", "next_step"),
+    [(("ring", "7"), "ring=7"), (("Ring", "7", "index", "3"), "Ring=7 index=3"), (("index",), "index=VALUE")],
+)
+def test_a_name_and_its_value_need_an_equals_sign(texts: tuple[str, ...], next_step: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        given(texts, NAMES, what="it")
+    assert (caught.value.code, next_step in caught.value.hint) == ("wrong-count", True)
+
+
+def test_several_orders_of_a_whole_vector() -> None:
+    assert given(("1", "2"), NAMES, what="it", orders=[(0, 1, 2), (0, 2)]) == {0: "1", 2: "2"}

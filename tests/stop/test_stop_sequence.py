@@ -1,0 +1,131 @@
+"""A stop as a talk, in process: what goes out, how often, and that only an acknowledgement makes it a success."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from handctl.command.options import Settings
+from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
+from handctl.link import Deadline
+from handctl.model.param import Step
+from handctl.model.stop_sequence import Sent, StopContext, drive, insisting, stop_sequence_of, unheard
+from tests.support.cli import run
+from tests.support.scripted import Reply, ScriptedLink
+from tests.support.stop import RELEASE
+
+PLACES = "90EB010D3184038E039803A203AC03F401"
+"""The answer to the forces: 900 910 920 930 940, thumb rotation 500 (exo §2.2.1), without the sum."""
+BEYOND = "90EB010D3184038E039803A203E903F401"
+"""One finger at 1001, where no finger can be sent to."""
+
+
+def summed(text: str) -> bytes:
+    data = bytes.fromhex(text)
+    return data + bytes([sum(data[2:]) % 256])
+
+
+def half_deaf(places: str) -> ScriptedLink:
+    """A hand that answers the forces and nothing behind them."""
+    return ScriptedLink(lambda request: [(0.01, summed(places))] if request == RELEASE else [])
+
+
+@pytest.mark.parametrize(
+    ("places", "last"),
+    [(PLACES, "eb90010b3284038e039803a203ac0345"), (BEYOND, "eb90010d12ce05ffffffffffffffffffffe9")],
+)
+def test_a_hold_that_is_not_acknowledged_is_no_stop(places: str, last: str) -> None:
+    link, sent = half_deaf(places), list[Sent]()
+    stopped = drive(link, stop_sequence_of("exo", StopContext(Settings())), sent)
+    assert stopped.error is NoAnswer, stopped
+    assert "but not the next one" in stopped.text and "switch the power off" in stopped.hint
+    written = [one for one in sent if not one.reads]
+    assert {one.step.data.hex() for one in written} == {RELEASE.hex(), last} and written[-1].came == b"", link.sent
+    assert [one.step.data.hex() for one in written[:4]] == [RELEASE.hex(), last] * 2, (
+        "the place is read anew for each hold"
+    )
+
+
+def test_the_command_says_so_too(tmp_path: Path) -> None:
+    """The same on a recording: the frame of the forces is confirmed, the hold was only sent."""
+    sequence = stop_sequence_of("exo", StopContext(Settings()))
+    asked = next(sequence).step.data
+    hold = summed("EB90010B3284038E039803A203AC03")
+    lines = [f"> {RELEASE.hex(' ')}", f"< {summed(PLACES).hex(' ')}", f"> {hold.hex(' ')}"] * 9
+    trace = tmp_path / "t.txt"
+    text = "".join(f"{0.1 * moment:.1f} {line}\n" for moment, line in enumerate([f"> {asked.hex(' ')}", *lines]))
+    trace.write_text(text, encoding="utf-8")
+    result = run("exo", "stop", "-p", f"replay:{trace}", "--json")
+    assert result.code == 4, result
+    assert "but not the next one: hold at 900 910 920 930 940" in result.error["text"]
+    assert "stopped" not in result.codes()
+    written = [(bytes.fromhex(row["bytes"]), row["answer"]) for row in result.rows if not row["reads"]]
+    assert written[:2] == [(RELEASE, summed(PLACES).hex(" ").upper()), (hold, None)]
+
+
+def wrist(taken: str, silent: int = 0) -> ScriptedLink:
+    """A wrist at pitch 1.00°, yaw 2.00° that answers its hold with `taken`, and the first questions for its angles not at all."""
+    angles = bytes.fromhex("EB90010430FC0304")
+    asked: list[bytes] = []
+
+    def answer(request: bytes) -> list[Reply]:
+        if request.startswith(angles):
+            asked.append(request)
+            return [(0.01, summed("90EB010730FC036400C800"))] if len(asked) > silent else []
+        if request[4] == 0x30:
+            return [(0.01, summed(f"90EB010530{request[5:7].hex()}0700"))]
+        return [(0.01, summed(f"90EB0104310E04{taken}"))] if request[4:7] == bytes.fromhex("310E04") else []
+
+    return ScriptedLink(answer)
+
+
+def test_a_wrist_is_held_where_it_is_yaw_first() -> None:
+    link = wrist("01")
+    stopped = drive(link, stop_sequence_of("wrist", StopContext(Settings())), [])
+    assert stopped.error is None and "pitch 1.00°, yaw 2.00° and acknowledged it" in stopped.text, stopped
+    assert summed("EB900107310E04 C800 6400") in link.sent, "yaw_set with pitch_set behind it (wrist §2.1)"
+
+
+def test_a_wrist_that_refuses_its_hold_was_not_stopped() -> None:
+    stopped = drive(wrist("00"), stop_sequence_of("wrist", StopContext(Settings())), [])
+    assert stopped.error is DeviceRefused and "rejected" in stopped.text, stopped
+
+
+def test_a_wrist_that_is_silent_twice_is_asked_a_third_time() -> None:
+    assert drive(wrist("01", silent=2), stop_sequence_of("wrist", StopContext(Settings())), []).error is None
+    assert drive(wrist("01", silent=9), stop_sequence_of("wrist", StopContext(Settings())), []).error is NoAnswer
+
+
+def test_a_stop_that_is_one_write_goes_out_until_it_is_acknowledged() -> None:
+    step = Step("the stop", b"STOP", moves=True)
+    link = ScriptedLink(lambda _: [(0.01, b"ok")] if len(link.sent) == 2 else [])
+    context = StopContext(Settings())
+    assert drive(link, insisting(step, b"ok", "it stands", context), []).error is None
+    assert link.sent == [b"STOP", b"STOP"]
+    silent = ScriptedLink()
+    assert drive(silent, insisting(step, b"ok", "it stands", context), []).error is NoAnswer
+    assert len(silent.sent) == context.tries and 1.0 <= silent.now() < 1.2
+    assert drive(ScriptedLink(lambda _: [(0.01, b"?")]), insisting(step, b"ok", "", context), []).error is ProtocolError
+
+
+def test_who_cannot_listen_sends_what_changes_something() -> None:
+    """The child that stands in for a command that died: the forces of a hand, but no question."""
+    assert [step.data for step in unheard(stop_sequence_of("exo", StopContext(Settings())))] == [RELEASE]
+    assert unheard(stop_sequence_of("wrist", StopContext(Settings()))) == []
+
+
+class Flood(ScriptedLink):
+    """A line on which 4 KiB lie whenever someone reads."""
+
+    def read(self, deadline: Deadline, size: int = 4096) -> bytes:
+        self._reads += 1
+        assert self._reads < 200, "it listens for longer than it may"
+        return b"\x55" * size
+
+
+def test_a_line_full_of_noise_does_not_hold_a_stop_up() -> None:
+    """64 KiB are enough of what is no answer, however soon they come."""
+    link = Flood()
+    assert drive(link, stop_sequence_of("exo", StopContext(Settings())), []).error is ProtocolError
+    assert RELEASE in link.sent
