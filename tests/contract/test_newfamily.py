@@ -24,7 +24,7 @@ MOST_LINES = 300
 """Code lines of a family and its simulator."""
 MOST_GENERATED = 16
 """Files that the generator changes for a new family, besides its own two pages."""
-FILES = ("device", "codec", "map", "probe", "cli", "writes", "explain", "stopper")
+FILES = ("device", "codec", "map", "probe", "cli", "write_rules", "explain", "stopper")
 DEVICE, CODEC, MAP, PROBE, CLI, WRITES, EXPLAIN, STOPPER = (f"src/handctl/devices/{NAME}/{file}.py" for file in FILES)
 
 
@@ -111,11 +111,11 @@ def test_it_is_green_by_the_commands_of_its_guide(tree: Path) -> None:
 
 MUTANTS = {
     "a probe that writes": (PROBE, ".value(POSITION)", ".ask(b'S speed 40\\n')"),
-    "a stop that is not sent on Ctrl-C": (DEVICE, "self.driven(guide)", "self.keeping(lambda: [])"),
+    "a stop that is not sent on Ctrl-C": (DEVICE, "self.driven(prompts)", "self.keeping(lambda: [])"),
     "a dry run that sends": (CLI, "run.planner().plan(", "run.device().plan_and_look("),
     "a look that asks nothing": (DEVICE, "lambda: self.value(POSITION))", "lambda: 0)"),
     "a register that moves without being marked": (MAP, " acts=MOVES, verb", " verb"),
-    "arrived under a blocked finger": (DEVICE, "Seen(self.talk.value(POSITION))", "Seen(target)"),
+    "arrived under a blocked finger": (DEVICE, "Seen(self.conversation.value(POSITION))", "Seen(target)"),
     "a refusal told as confirmed": (WRITES, 'frame.kind != "E"', "True"),
     "a register explained by another's name": (
         EXPLAIN,

@@ -64,7 +64,7 @@ with handctl.connect("exo", "/dev/ttyUSB0") as hand:
     hand.nonsense()
     hand.status(check="yes")
     hand.position(1, 2, 3)
-handctl.connect("exo")
+handctl.connect(7)
 """
 
 

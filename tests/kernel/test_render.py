@@ -241,7 +241,8 @@ def test_a_program_whose_stdout_takes_nothing_says_it_in_one_line(words: tuple[s
     for end in (">/dev/full", ">&-"):
         done = subprocess.run(["sh", "-c", f'exec "$@" {end}', "sh", *program(*words)], env=clean_environment(),
                               stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, timeout=PATIENCE, check=False, text=True)  # fmt: skip
-        assert (done.returncode, done.stderr.count("\n")) == (1, 1), done
+        assert done.returncode == 1 and done.stderr.count("handctl: error: ") == 1, done
+        assert done.stderr.count("\n") == 1 + done.stderr.count("\n  Next: "), done
         assert done.stderr.startswith("handctl: error: stdout"), done
 
 

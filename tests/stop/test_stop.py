@@ -213,9 +213,9 @@ def test_the_last_stop_of_a_holder_that_was_ended_comes_first(stand: MakeStand) 
 PATIENT = f"""
     import sys
     from handctl.cli import main
-    from handctl.stop import wish
+    from handctl.stop import stop_listener
 
-    wish.HEARD_SECONDS = {PATIENCE}
+    stop_listener.HEARD_SECONDS = {PATIENCE}
     sys.exit(main())
 """
 """A stop that takes no holder for asleep: on a busy machine one may take longer to hear of the wish than a stop waits."""

@@ -19,7 +19,7 @@ ROWS = (
         "set-point-that-is-equal-left-out",
         "a finger that is elsewhere is not moved",
         "handctl.command.get_set_watch",
-        "unequal",
+        "Unequal._there",
         "return not _acts(element) and reading is not None and reading.error is None and reading.value == value",
         "return reading is not None and reading.error is None and reading.value == value",
         "tests/kernel/test_set_twice.py::test_what_acts_is_always_written",

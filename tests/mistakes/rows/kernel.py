@@ -109,7 +109,6 @@ ROWS = (
         'return re.sub(CLAIM, "", text, flags=re.IGNORECASE).strip(" ;,:")',
         "return text",
         "tests/kernel/test_write_ledger.py::test_a_claim_that_nothing_was_sent_is_taken_out_of_a_text",
-        "tests/kernel/test_maps.py::test_names_and_texts",
     ),
     mistake(
         "gate-open-without-a-look",
