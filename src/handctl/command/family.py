@@ -83,7 +83,7 @@ def refuse_serial(family: Family, link: str) -> None:
     serial = path_in(link) or link.startswith("usb:")
     if serial and family.tcp_port is not None and not family.wires:
         hint = f"-p tcp://HOST (port {family.tcp_port} when not given)"
-        raise UsageError(f"{link}: {family.kind} has no serial wire", hint=hint)
+        raise UsageError(f"{link}: {family.kind} has no serial port", hint=hint)
 
 
 def wire_in(family: Family, link: str) -> str:
