@@ -71,7 +71,7 @@ def implied(kind: str) -> dict[str, bool]:
 
 def refuse_missing(family: Family, given: Collection[str]) -> None:
     """Raise UsageError when an option is `given` for what the protocol of this family does not have."""
-    for key, there, what in (("id", family.ids, "device ids"), ("baud", family.baud is not None, "serial wire")):
+    for key, there, what in (("id", family.ids, "device ids"), ("baud", family.baud is not None, "serial port")):
         if key in given and not there:
             raise UsageError(f"--{key}: {family.kind} has no {what}", hint=f"run the command without --{key}")
 

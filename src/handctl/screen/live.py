@@ -625,7 +625,7 @@ class Cards(View):
     def keys(self) -> tuple[tuple[str, str, str], ...]:
         """With Tab among them."""
         head, *rest = super().keys
-        return (head, ("Tab", "device", "show one device after the other, then all again"), *rest)
+        return (head, ("Tab", "device", "show the next device in full, and after the last one all cards again"), *rest)
 
     def next(self) -> None:
         """Show the next device whole; behind the last one all of them."""

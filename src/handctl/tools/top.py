@@ -48,7 +48,7 @@ def cli(
     config = read_config(config_path(), None)
     chosen = list(dict.fromkeys(names or ([run.settings.device] if run.settings.device else config.devices)))
     if not chosen:
-        raise UsageError("no devices have been named", hint="`handctl devices add NAME FAMILY -p LINK` adds one")
+        raise UsageError("no devices are named", hint="`handctl devices add NAME FAMILY -p LINK` adds one")
     watched = [_Watched(name, config.find(name).kind, rate) for name in chosen]
     _set_limits(watched, limits)
     return _table(watched, count, duration)

@@ -225,9 +225,9 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
 def policy(run: Run, audit: str | None) -> Table:
     """Show the checks and confirmations before a write. Needs no device.
 
-    Lists the limits on step sizes and postures, the settings that need a second confirmation, and how still the device
-    must be. The device's own limits are not documented.
-    Also checks the audit log: the exit code is 7 if an entry was edited, removed or moved.
+    Lists step limits, postures, the settings that need a second confirmation, and how still the device must be. Also
+    checks the audit log: the exit code is 7 if an entry was edited, removed or moved. The device's own limits are not
+    documented.
     """
     from pathlib import Path
 

@@ -137,7 +137,7 @@ def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[Points, 
     if segment is None and len(spans) > 1:
         raise UsageError(
             f"{log.path} has {plural(len(spans), 'segment')} (the device was restarted, its port was lost, or its clock and this computer's drifted apart), but a motion file can hold only one",
-            hint=f"--segment N; {known}",
+            hint=f"choose one with --segment N ({known})",
             code="segment",
         )
     if not points.t_ms:
