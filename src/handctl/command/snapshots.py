@@ -431,7 +431,7 @@ def load(path: str, kind: str) -> dict[str, Any]:
     content = _parsed(path, kind)
     if content["schema"] != SCHEMA:
         raise UsageError(
-            f"{path}: schema {content['schema']}, this handctl {__version__} reads {SCHEMA}",
+            f"{path}: schema {content['schema']}, but handctl {__version__} reads {SCHEMA}",
             hint=f"use the handctl that wrote it ({content.get('tool')}). {UNTOUCHED}",
         )
     if content.get("checksum") != _checksum(content):
