@@ -193,10 +193,10 @@ TOOLS: dict[str, dict[str, tuple[str, str]]] = {
     "Find and diagnose": {
         "ports": ("handctl.tools.ports", "list serial ports and CAN interfaces, and the programs that use them"),
         "scan": ("handctl.tools.scan", "detect the device on a port: family, baud rate, id"),
-        "top": ("handctl.tools.top", "all named devices as cards, the one that needs you first"),
+        "top": ("handctl.tools.top", "show all named devices live, with the one that needs attention first"),
         "doctor": ("handctl.tools.doctor", "check this computer and the link, with a remedy for each problem"),
     },
-    "Act": {
+    "Stop and run commands": {
         "stop": ("handctl.tools.stop", "stop a device at once, even while another handctl command is using it"),
         "shell": ("handctl.tools.shell", "type commands at a prompt, on one open link"),
         "batch": ("handctl.tools.batch", "run many commands on one open link, from a script or stdin"),

@@ -575,7 +575,7 @@ class Barrett(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> Rows:
-        """Run the checks of §8. With a SYMPTOM, also list the steps to do by hand."""
+        """Run the manual's troubleshooting checks (§8). With SYMPTOM, also list the steps to do by hand."""
 
 class Ekso(Device):
     """EksoNR DataPort (serial over USB)."""

@@ -20,7 +20,7 @@ ROOMS = {
     "ekso": ("devices/ekso",),
     "inspire": ("devices/inspire",),
     "sim": ("sim",),
-    "kernel": ("frame", "link", "model", "report", "schema", "screen", "stop", "tools"),
+    "kernel": ("command", "link", "model", "record", "report", "schema", "screen", "stop", "system", "tools"),
     "root": ("*.py",),
 }
 """Which folders of the package are read together."""

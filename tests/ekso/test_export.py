@@ -99,7 +99,7 @@ def test_segments_are_never_mixed(tmp_path: Path) -> None:
     with pytest.raises(UsageError) as found:
         exported_mot(path)
     assert "2 segments" in found.value.text
-    assert found.value.hint == "--segment N; 1: 3 rows, 0.0 s, 2: 2 rows, 0.0 s"
+    assert found.value.hint == "choose one with --segment N (1: 3 rows, 0.0 s, 2: 2 rows, 0.0 s)"
     assert [row[0] for row in parsed_mot(exported_mot(path, 1))[2]] == [0, 0.02, 0.04]
     assert [row[0] for row in parsed_mot(exported_mot(path, 2))[2]] == [0, 0.03]
     with pytest.raises(UsageError, match="no segment 3"):
@@ -208,8 +208,8 @@ def refusal(path: Path) -> UsageError:
         (3, b",4.50,", b",444.50,", "torso_pitch_deg: '444.50' does not fit 16 bit"),
         (2, b",1021,", b",", "60 columns instead of 61"),
         (3, b"standing (0x2040)", b"sitting (0x2040)", "state_name: "),
-        (3, b",4.50,", b",\xff4.50,", "not text in columns"),
-        (3, b",4.50,", b',"4.50,', "not text in columns"),
+        (3, b",4.50,", b",\xff4.50,", "not comma-separated text"),
+        (3, b",4.50,", b',"4.50,', "not comma-separated text"),
         (3, b",0.020,1,", b",0.020,3,", "segment or t_s does not follow"),
         (4, b",0.040,", b",0.010,", "segment or t_s does not follow"),
         (3, b",22.10,", b",22.11,", "raw columns: 2210 does not fit right_hip_angle"),

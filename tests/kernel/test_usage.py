@@ -72,7 +72,7 @@ def test_what_opens_no_link_offers_none(name: str) -> None:
 def test_what_is_not_offered_is_still_refused_with_its_reason() -> None:
     for words, why in (
         (("barrett", "status", "--fake", "--id", "2"), "--id: barrett has no device ids"),
-        (("aidin", "status", "--fake", "--baud", "9600"), "--baud: aidin has no serial wire"),
+        (("aidin", "status", "--fake", "--baud", "9600"), "--baud: aidin has no serial port"),
         (("exo", "status", "--fake", "-n"), "`handctl exo status` only reads"),
         (("ports", "-n"), "`handctl ports` only reads"),
     ):

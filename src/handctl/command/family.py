@@ -71,7 +71,7 @@ def implied(kind: str) -> dict[str, bool]:
 
 def refuse_missing(family: Family, given: Collection[str]) -> None:
     """Raise UsageError when an option is `given` for what the protocol of this family does not have."""
-    for key, there, what in (("id", family.ids, "device ids"), ("baud", family.baud is not None, "serial wire")):
+    for key, there, what in (("id", family.ids, "device ids"), ("baud", family.baud is not None, "serial port")):
         if key in given and not there:
             raise UsageError(f"--{key}: {family.kind} has no {what}", hint=f"run the command without --{key}")
 
@@ -83,7 +83,7 @@ def refuse_serial(family: Family, link: str) -> None:
     serial = path_in(link) or link.startswith("usb:")
     if serial and family.tcp_port is not None and not family.wires:
         hint = f"-p tcp://HOST (port {family.tcp_port} when not given)"
-        raise UsageError(f"{link}: {family.kind} has no serial wire", hint=hint)
+        raise UsageError(f"{link}: {family.kind} has no serial port", hint=hint)
 
 
 def wire_in(family: Family, link: str) -> str:

@@ -276,7 +276,7 @@ EXAMPLES: dict[str, Examples] = {
     ),
     "plot": (
         ("handctl plot gait.csv -o gait.svg", "The curves of a recording: a picture for each quantity, a colour for each finger."),
-        ("handctl plot before.csv after.csv -o both.html", "Two recordings above each other, on a page for the browser."),
+        ("handctl plot before.csv after.csv -o both.html", "Two recordings with the same axes, on a page for the browser."),
         ("handctl plot gait.csv --only temperature --open", "One quantity, shown at once."),
         ("handctl plot gait.csv --json", "Lowest and highest values, for a script."),
     ),

@@ -64,7 +64,7 @@ def _named(text: str, *, urgent: bool) -> tuple[str, ...]:
     config = read_config(config_path(), [] if urgent else None)
     names = list(config.devices) if text == "*" else [name.strip() for name in text.split(",") if name.strip()]
     if not names:
-        raise UsageError(f"-d {text}: no device has a name", hint="`handctl devices add NAME FAMILY -p LINK` adds one")
+        raise UsageError(f"-d {text}: no devices are named", hint="`handctl devices add NAME FAMILY -p LINK` adds one")
     for name in names:
         config.find(name)
     return tuple(dict.fromkeys(names))

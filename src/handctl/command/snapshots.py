@@ -194,7 +194,7 @@ def restore(
         run.journal.warn("absent", f"{path} does not hold {', '.join(absent)}. The device keeps its own values")
     if not differing:
         what = counted(params, [element.full_name for element, _ in changes])
-        text = f"the device already has {what} of the snapshot" if changes else "nothing to write"
+        text = f"the device already has {what} from the snapshot" if changes else "nothing to write"
         run.journal.info("equal", f"{text}. Nothing was written")
         return _restored(params, [], live, {})
     _ask(run, params, device, differing, live)
@@ -431,7 +431,7 @@ def load(path: str, kind: str) -> dict[str, Any]:
     content = _parsed(path, kind)
     if content["schema"] != SCHEMA:
         raise UsageError(
-            f"{path}: schema {content['schema']}, this handctl {__version__} reads {SCHEMA}",
+            f"{path}: schema {content['schema']}, but handctl {__version__} reads {SCHEMA}",
             hint=f"use the handctl that wrote it ({content.get('tool')}). {UNTOUCHED}",
         )
     if content.get("checksum") != _checksum(content):

@@ -52,7 +52,7 @@ def _root(tree: Node) -> str:
     page.section("DESCRIPTION")
     page.para(escape(tree.help))
     page.para(
-        "Options may stand at any level: before the command, after it or after its verb. The one nearest the verb wins. "
+        "Options can go anywhere: before the command, after it or after its subcommand. The one closest to the subcommand wins. "
         "Each has an environment variable, and a key in the configuration file. The command line goes before the "
         "environment, then comes what a named device says, then the file."
     )

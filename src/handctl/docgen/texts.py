@@ -111,7 +111,7 @@ SYMPTOMS = (
     Symptom("not-saved", "the old id or baud rate is back", None, "The new one has not been saved.", "Set it again, run `handctl exo save -p /dev/ttyUSB0`, then power-cycle the device"),
     Symptom("out-of-range", "`out of range`", 2, "The value is outside the documented range.", "Look up the range with `handctl exo describe`"),
     Symptom("not-confirmed", "not confirmed", 8, "The command moves or changes a device, and it was not confirmed.", "Run it with `-n` to see the bytes, then with `--yes`"),
-    Symptom("wrong-values", "the values look wrong", None, "The bytes on the line show the reason.", "`handctl exo status --trace run.txt`, then `handctl trace show run.txt`"),
+    Symptom("wrong-values", "the values look wrong", None, "Damaged data, or a different device. The bytes on the line show which.", "`handctl exo status --trace run.txt`, then `handctl trace show run.txt`"),
 )  # fmt: skip
 
 
@@ -148,7 +148,7 @@ WORDS = {
     "leave-alone": "accepts -1 to leave a finger alone",
     "settings": "compares and restores settings",
     "model": "shows its model in JSON",
-    **{row.key: row.said.replace("`", "") for row in SYMPTOMS},
+    **{row.key: f"README's troubleshooting: {row.said}" for row in SYMPTOMS},
 }
 """Key of a promise -> its text in the table of exceptions."""
 

@@ -216,7 +216,7 @@ class _Raw(Link):
                 data = data[os.write(self._outlet.descriptor, data) :]
             except BlockingIOError:
                 if not writable(self._outlet.descriptor, deadline.remaining):
-                    raise _unread("the link accepts no data", "write-timeout") from None
+                    raise _unread("the link does not accept data", "write-timeout") from None
             except OSError as exc:
                 raise _unread("the link is lost", "lost") from exc
 

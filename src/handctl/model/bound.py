@@ -32,7 +32,7 @@ def _bound_in(text: str, named: Named, option: str) -> Bound:
     paths = frozenset(named(name.strip()))
     ends = [_number(end, text, option) for end in ((low, high) if dots else ("", low))]
     if None not in ends and ends[0] > ends[1]:  # type: ignore[operator]
-        raise UsageError(f"{option} {text}: no value lies between", hint="put the lower end first")
+        raise UsageError(f"{option} {text}: no value can be in this range", hint="put the lower end first")
     return Bound(name.strip(), paths, *ends)
 
 

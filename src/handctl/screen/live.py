@@ -51,11 +51,11 @@ BAR = 12
 """Cells of the shortest bar in a grid, with its ends."""
 STOPS = "S"
 KEYS = (
-    ("q", "quit", "quit (Esc too). The device stays as it is"),
-    ("space", "freeze", "freeze the picture, and go on with the next press. A recording goes on"),
-    ("r", "record", "record to a new CSV file, and end the recording with the next press"),
-    ("+ -", "history", "show a longer or a shorter time"),
-    (STOPS, "stop", "stop the device at once: the capital letter, no question"),
+    ("q", "quit", "quit (or press Esc). The device stays as it is"),
+    ("space", "freeze", "freeze the picture, or continue. A recording is not interrupted"),
+    ("r", "record", "record to a new CSV file, or stop recording"),
+    ("+ -", "history", "show a longer or shorter period"),
+    (STOPS, "stop", "stop the device at once, without asking (capital S)"),
     ("?", "help", "show or hide this help"),
 )
 """Key, its word for the last line, what it does."""
@@ -625,7 +625,7 @@ class Cards(View):
     def keys(self) -> tuple[tuple[str, str, str], ...]:
         """With Tab among them."""
         head, *rest = super().keys
-        return (head, ("Tab", "device", "show one device after the other, then all again"), *rest)
+        return (head, ("Tab", "device", "show the next device in full, and after the last one all cards again"), *rest)
 
     def next(self) -> None:
         """Show the next device whole; behind the last one all of them."""

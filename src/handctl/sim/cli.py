@@ -160,7 +160,7 @@ OF_PTY = (
 TCP = "Serve on a TCP port. Port 0 takes any free port."
 OF_TCP = (_option("--tcp", metavar="HOST:PORT", callback=_address, help=TCP),)
 OF_MODBUS = (
-    _option("--modbus-pty", is_flag=True, help="Serve Modbus RTU alone on a new pseudo terminal."),
+    _option("--modbus-pty", is_flag=True, help="Serve only Modbus RTU on a new pseudo terminal."),
     _option("--modbus-tcp", metavar="HOST:PORT", callback=_address, help=MODBUS_TCP),
 )
 OF_CAN = (
@@ -230,7 +230,7 @@ def _serve(
         raise click.UsageError("--by-id needs --pty")
     raw = _raw_options(given, fault, settings)
     if modbus_pty and raw.setdefault("speaks", "modbus") != "modbus":
-        raise click.UsageError(f"speaks={raw['speaks']}: --modbus-pty serves Modbus RTU alone")
+        raise click.UsageError(f"speaks={raw['speaks']}: --modbus-pty serves only Modbus RTU")
     one = "can" in wires and modbus_tcp is None
     if one and (raw.setdefault("bus", "can" if on_can else "serial") == "can") != on_can:
         raise click.UsageError(

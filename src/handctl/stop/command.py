@@ -238,10 +238,10 @@ def fall_back(run: Run) -> None:
     if settings.id is not None and not family.ids:
         _drop(run, ["id"], f"{family.kind} has no device ids", told=run.sources["id"] == COMMAND_LINE)
     if settings.baud is not None and family.baud is None:
-        _drop(run, ["baud"], f"{family.kind} has no serial wire", told=run.sources["baud"] == COMMAND_LINE)
+        _drop(run, ["baud"], f"{family.kind} has no serial port", told=run.sources["baud"] == COMMAND_LINE)
     elif settings.baud is not None and family.speeds and settings.baud not in family.speeds:
         known = ", ".join(map(str, family.speeds))
-        _drop(run, ["baud"], f"{family.kind} has no speed {settings.baud} bit/s, but {known}")
+        _drop(run, ["baud"], f"{family.kind} does not support {settings.baud} bit/s, only {known}")
     if settings.timeout is not None and not TIMEOUT[0] <= settings.timeout <= TIMEOUT[1]:
         _drop(
             run, ["timeout"], f"{settings.timeout:g} s for an answer: a stop needs {TIMEOUT[0]:g} to {TIMEOUT[1]:g} s"

@@ -22,7 +22,7 @@ from handctl.wording import near
 OPTIONS = "options"
 HOW = (
     "Common options can go anywhere on the line: `handctl -p PORT exo status` is the same as `handctl exo status -p PORT`. "
-    "If you give one twice, the one nearest the verb wins.\n\n"
+    "If you give one twice, the one closest to the command itself wins.\n\n"
     "Each has an environment variable, such as HANDCTL_PORT for --port, and a key in the configuration file. The command "
     "line comes first, then the environment, then the named device, then the file. Only --assume-identity must be typed.\n\n"
     "Each command accepts only the options listed by its `-h`. For example, a command that only reads has no --dry-run."

@@ -41,8 +41,8 @@ LETTERS = 150
 def cli(run: Run, files: Sequence[str], names: Sequence[str], opens: bool) -> Table | None:
     """Draw the curves of recordings: -o FILE.svg, or -o FILE.html for a page.
 
-    FILE is a CSV file that `watch`, `log` or `realtime` wrote. Several files are drawn above each other, with the same
-    axes. Values that never changed are listed, not drawn. --json prints the lowest and highest values instead.
+    FILE is a CSV file that `watch`, `log` or `realtime` wrote. The pictures of several files are stacked and have the
+    same axes. Values that never changed are listed, not drawn. --json prints the lowest and highest values instead.
     """
     from handctl.tools.plot_read import read
 

@@ -174,7 +174,7 @@ class Scan:
         wire = wire_of(name)
         if not plan(wire, self._families, speeds=False):
             text = f"{name}: {' and '.join(self._families)} cannot be on {WIRE_NAMES[wire]}"
-            search.error = UsageError(text, hint="another LINK, or without --family")
+            search.error = UsageError(text, hint="use another LINK, or leave out --family")
             return search
         port = next(iter(usual_ports(self._families)), None) if wire == "tcp" else None
         if self._left is not None and self._left <= 0:

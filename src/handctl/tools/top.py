@@ -1,4 +1,4 @@
-"""`handctl top`: all named devices at once, the one that needs a person first. A device that is silent stays, and is tried again."""
+"""`handctl top`: all named devices at once, with the one that needs attention first. A silent device stays, and is tried again."""
 
 from __future__ import annotations
 
@@ -40,15 +40,15 @@ COLUMNS = (
 def cli(
     run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None, limits: tuple[str, ...]
 ) -> Table:
-    """Show all named devices as cards, the one that needs you first.
+    """Show all named devices live, with the one that needs attention first.
 
-    Without DEVICE: every device in the configuration file. Read-only. A silent device keeps its card and is tried again.
-    On a pipe: a stream of rows. `handctl devices add` names a device.
+    Without DEVICE: every device in the configuration file. Read-only. If a device stops replying, its card stays and
+    handctl keeps trying. In a pipe, prints a stream of rows. `handctl devices add` names a device.
     """
     config = read_config(config_path(), None)
     chosen = list(dict.fromkeys(names or ([run.settings.device] if run.settings.device else config.devices)))
     if not chosen:
-        raise UsageError("no device has a name", hint="`handctl devices add NAME FAMILY -p LINK` adds one")
+        raise UsageError("no devices are named", hint="`handctl devices add NAME FAMILY -p LINK` adds one")
     watched = [_Watched(name, config.find(name).kind, rate) for name in chosen]
     _set_limits(watched, limits)
     return _table(watched, count, duration)

@@ -338,7 +338,7 @@ def parse_given(text: str) -> list[Given]:
     if plain:
         found.insert(0, Given(plain))
     if not found or not any(given.data or given.can_id is not None for given in found):
-        raise UsageError("no bytes given", hint="write two hex digits a byte, such as `EB 90 01 04 11 E8 03 01 02`")
+        raise UsageError("no bytes given", hint="write two hex digits per byte, such as `EB 90 01 04 11 E8 03 01 02`")
     return found
 
 
@@ -348,7 +348,7 @@ def _can_frame(match: re.Match[str], side: str) -> Given:
     if can_id >= 1 << 29 or len(data) > 8 or announced != len(data):
         raise UsageError(
             f"{match[0].strip()!r} is not a CAN frame",
-            hint="an identifier of 29 bits and as many bytes as announced, 8 at most: 11000001 [1] 04, or 11000001#04",
+            hint="write a 29-bit identifier and up to 8 bytes, as many as announced: 11000001 [1] 04, or 11000001#04",
         )
     return Given(data, side, can_id)
 
@@ -374,6 +374,6 @@ def _bytes_of(text: str) -> bytes:
         except ValueError as exc:
             raise UsageError(
                 f"{word[:40]!r} is not hexadecimal bytes",
-                hint="write two hex digits a byte, such as `EB 90 01`, `0xEB` or `\\xEB`",
+                hint="write two hex digits per byte, such as `EB 90 01`, `0xEB` or `\\xEB`",
             ) from exc
     return data

@@ -126,7 +126,7 @@ def test_two_hands_with_one_ip_address() -> None:
     [
         ([], "No place to serve at. Give either --pty or --tcp"),
         (["--pty", "--modbus-pty"], "More than one place to serve at"),
-        (["--modbus-pty", "--set", "speaks=eb90"], "speaks=eb90: --modbus-pty serves Modbus RTU alone"),
+        (["--modbus-pty", "--set", "speaks=eb90"], "speaks=eb90: --modbus-pty serves only Modbus RTU"),
         (["--model", "df", "--modbus-tcp", ANYWHERE], "a hand of generation df has no Ethernet"),
         (["--modbus-tcp", ANYWHERE, "--pty", "--fault", "nothing"], "unknown fault 'nothing'"),
         (["--model", "rh56", "--pty"], "'rh56' is not one of 'df', 'tp', 'f1', 'dg2'"),

@@ -84,7 +84,7 @@ def neutral(text: str) -> bytes:
         )
     if len(data) + LONGEST_END > LARGEST_OUT:
         raise UsageError(
-            f"--poll-json: {plural(len(data), 'byte')}, the hand's buffer has 2048", hint="a shorter object"
+            f"--poll-json: {plural(len(data), 'byte')}, but the hand's buffer holds 2048", hint="use a shorter object"
         )
     return data
 

@@ -177,7 +177,7 @@ class AidinMap(ParamMap[AidinParam]):
         if not chosen:
             raise UsageError(
                 f"{base} has no part {part!r}",
-                hint=f"a finger ({', '.join(FINGERS)}), an element ({', '.join(param.labels)}), or both: "
+                hint=f"use a finger ({', '.join(FINGERS)}), an element ({', '.join(param.labels)}), or both: "
                 f"{base}.index.{param.labels[0]}",
                 code="unknown-name",
             )

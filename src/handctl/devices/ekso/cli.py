@@ -225,8 +225,9 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
 def policy(run: Run, audit: str | None) -> Table:
     """Show the checks and confirmations before a write. Needs no device.
 
-    Steps, postures, second confirmations and stillness. The device's own limits are not documented.
-    Also checks the audit log: the exit code is 7 if an entry was edited, removed or moved.
+    Lists step limits, postures, the settings that need a second confirmation, and how still the device must be. Also
+    checks the audit log: the exit code is 7 if an entry was edited, removed or moved. The device's own limits are not
+    documented.
     """
     from pathlib import Path
 
@@ -250,7 +251,7 @@ def _audit_options(body: Callable[..., Any]) -> Callable[..., Any]:
         metavar="FILE",
         type=OutFile(grows=True),
         help="A second audit log, as well as ekso-audit.jsonl in the user's state folder. Without a log no setting is written. The "
-        "step limits use the last writes in ekso-audit.jsonl, so they hold for every port and FILE.",
+        "step limits use the last writes in ekso-audit.jsonl, so they apply to every port and FILE.",
     )(body)
     return click.option("--operator", cls=Own, of="ekso")(body)
 
@@ -347,7 +348,7 @@ def _need_operator(run: Run) -> None:
 def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bool) -> Act:
     """Write one setting, with every check.
 
-    For example `step_length=15.5`, `walk_mode=ProStep` or `216='50 %'`. Shows old -> new and asks.
+    For example `step_length=15.5`, `walk_mode=ProStep` or `216='50 %'`. Shows the old and the new value and asks.
     The wearer must stay still. Sends the setting once, reads all settings back, and keeps an audit log.
     """
     change = one_setting(assignments)

@@ -136,8 +136,8 @@ def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[Points, 
     known = ", ".join(f"{n}: {rows} rows, {(end - start) / 1000:.1f} s" for n, (start, end, rows) in spans.items())
     if segment is None and len(spans) > 1:
         raise UsageError(
-            f"{log.path} has {plural(len(spans), 'segment')} (the device was restarted, its port was lost, or its clock and that of the machine parted), a motion file holds one",
-            hint=f"--segment N; {known}",
+            f"{log.path} has {plural(len(spans), 'segment')} (the device was restarted, its port was lost, or its clock and this computer's drifted apart), but a motion file can hold only one",
+            hint=f"choose one with --segment N ({known})",
             code="segment",
         )
     if not points.t_ms:
@@ -313,7 +313,7 @@ class LogFile:
             text = data.decode("utf-8").rstrip("\r\n")
             fields = next(csv.reader([text], strict=True)) if '"' in text else text.split(",")
         except (UnicodeDecodeError, csv.Error, StopIteration) as exc:
-            raise damaged(self.path, number, f"not text in columns: {exc}") from exc
+            raise damaged(self.path, number, f"not comma-separated text: {exc}") from exc
         names = self.layout.names
         if len(fields) != len(names):
             raise damaged(self.path, number, f"{plural(len(fields), 'column')} instead of {len(names)}")

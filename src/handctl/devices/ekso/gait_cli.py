@@ -52,7 +52,7 @@ def add_gait(group: Group) -> None:
     def gait(run: Run, log: str, later: str | None, steps: str | None) -> Table:
         """Find the strides in a log: cadence, stance, symmetry, variability. Needs no device.
 
-        With LATER: the differences between two logs, with the settings that differ. The thresholds come from the
+        With LATER, compares two logs and lists the settings that differ. The thresholds come from the
         recording itself. A stride that is not counted is listed with its reason. Not a diagnosis.
         """
         from handctl.devices.ekso.export import LogFile

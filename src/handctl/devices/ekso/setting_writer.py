@@ -204,7 +204,7 @@ class Writer:
             self._record("intent", change, frame=hex_bytes(self.port.request(Command.SET_VALUE, change.body)))
         if presses.count:
             self._result(change, None, None, f"{NOT_SENT}: interrupted")
-            raise Interrupted(f"interrupted. {change.text} was not sent", hint="this setting is as it was")
+            raise Interrupted(f"interrupted. {change.text} was not sent", hint="this setting has not changed")
 
     def _send(self, change: Change, before: Raws) -> Raws:
         """The one SetValue; from here on nothing but a second Ctrl-C keeps the read-back from being done."""

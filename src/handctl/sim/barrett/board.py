@@ -20,7 +20,7 @@ HOT = 702  # 0.1 °C
 
 OPTIONS = {
     "firmware": (("4.33", "4.34", "4.4"), "4.33 (default), 4.34 (adds BD BP BS BDAT) or 4.4 (adds LCT LFBP LFAIN too)"),
-    "baud": (("9600", tuple(str(100 * baud) for baud in BAUDS)), "saved speed at the first start: 600 1200 2400 4800 9600 (default) 19200 38400"),
+    "baud": (("9600", tuple(str(100 * baud) for baud in BAUDS)), "saved baud rate at the first start: 600 1200 2400 4800 9600 (default) 19200 38400"),
     "max-baud": (("38400", tuple(str(100 * baud) for baud in BAUDS)), "highest speed that BAUD accepts (default 38400)"),
     "initialized": (False, "1: start as after HI (default 0: HI is needed)"),
     "texts": (("values", "names", "prose"), "layout of FLIST, FLISTV, ?, ERR, VERS, all invented: values (default), names, prose"),
@@ -30,7 +30,7 @@ OPTIONS = {
     "max-arguments": ((64, 1, 200), "most arguments of FGET, FSET, PGET, PSET, 1..200 (default 64). More are error 1024"),
     "boot": ((1.0, 60.0), "seconds from power on or RESET to the banner, with the window of the boot monitor (default 1)"),
     "found": (STATES, "state at the first start: ready (default), off, boot (just switched on), monitor (no firmware), loop, moving, saving. Also: record (a download was cut off), loop-block (in the middle of a control block), loop-moving, typed (half a line: C)"),
-    "uart": (("mid", "sci"), "the hand's receiver at a wrong speed: mid (default, one sample a bit) or sci (16 samples a bit)"),
+    "uart": (("mid", "sci"), "the hand's receiver at a wrong baud rate: mid (default, one sample a bit) or sci (16 samples a bit)"),
     "align": ((0.5, 60.0), "seconds that HI takes besides its movements (default 0.5)"),
     "write-time": ((0.01, 1.0), "seconds to program one byte of EEPROM, two bytes a value (default 0.01)"),
     "otemp-stops": (("all", "movements"), "what fails above OTEMP: all motor commands (default) or only movements"),

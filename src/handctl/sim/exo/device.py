@@ -57,7 +57,7 @@ _FAULTS = {
     "save-fails": "the save result is FF and flash stays as it was",
     "fresh": "position set values are -1 at power-on",
     "foreign": "the registers do not look like this device (1472 is 0, values out of range)",
-    "baud-at-1002": "the speed code is at 1002 as on the RH56, and 1001 ignores writes",
+    "baud-at-1002": "the baud rate code is at 1002 as on the RH56, and 1001 ignores writes",
     "faults": "error bytes 01 02 04 06 18",
     "hot": "all actuators start above the limit and cool down",
     "blocked": "no finger can move",

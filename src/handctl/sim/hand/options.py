@@ -18,7 +18,7 @@ OPTIONS = {
     "minus-one": (("stored", "kept"), "a written -1 is stored (default), or the old set value is kept (open). The finger stays as it is"),
     "out-of-range": (("ignored", "stored"), "a value out of range is ignored (default), or stored as it is (open)"),
     "set-points-kept": (False, "1: a save keeps angles, force limits and speeds too (open, default 0)"),
-    "baud-kept": (True, "0: a save does not keep the speed code (editions differ, default 1)"),
+    "baud-kept": (True, "0: a save does not keep the baud rate code (editions differ, default 1)"),
     "baud-register": (("1002", "1001"), "1002 (default), or 1001 as some code has it (df and tp, open)"),
     "reset": (("flash", "ram"), "a factory reset changes flash (default), or ram only until a save (open)"),
     "gestures": (False, "1: a number written to 1008 moves the fingers, as in older firmware (df and tp, default 0)"),
@@ -27,7 +27,7 @@ OPTIONS = {
     "limit": ((70, 40, 100), "temperature in °C that sets the over-temperature error (default 70)"),
 }  # fmt: skip
 SERIAL_OPTIONS = {
-    "baud": (None, "speed at the first start: one of the model's (default 115200)"),
+    "baud": (None, "baud rate at the first start: one of the model's (default 115200)"),
     "speaks": (("both", "eb90", "modbus"), "both (EB90 and Modbus RTU, default), eb90 or modbus"),
     "ack-id": (("new", "old"), "the acknowledgement of an id change carries the id: new (default) or old"),
     "result-flag": (("17", "18"), "flag of the save result: 17 (11 hex, default) or 18 (12 hex)"),
@@ -39,7 +39,7 @@ MODBUS_OPTIONS = {
     "most-written": (("120", "123"), "most registers that one Modbus request writes: 120 (default) or 123 (editions differ)"),
 }  # fmt: skip
 CAN_OPTIONS = {
-    "bitrate": (("1000000", "500000"), "speed at the first start: 1000000 (default) or 500000"),
+    "bitrate": (("1000000", "500000"), "bitrate at the first start: 1000000 (default) or 500000"),
     "ack": (("count", "empty"), "acknowledgement of a write: count (the bytes written, default) or empty"),
 }  # fmt: skip
 

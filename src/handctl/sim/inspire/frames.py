@@ -65,7 +65,7 @@ def _sum(data: bytes | bytearray) -> int:
 
 SERIAL_OPTIONS = {
     "id": ((1, 1, 254), "id at the first start, 1..254 (default 1)"),
-    "baud": (("115200", "57600", "19200"), "speed at the first start: 115200, 57600 or 19200"),
+    "baud": (("115200", "57600", "19200"), "baud rate at the first start: 115200, 57600 or 19200"),
     "ack-id": (("new", "old"), "the ack of an id change carries the id: new (default) or old"),
     "result-flag": (("17", "18"), "flag of the save result: 17 (11 hex, default) or 18 (12 hex)"),
 }

@@ -37,7 +37,7 @@ class Device(Serial, Module):
 _CAN_OPTIONS = {
     **model.OPTIONS,
     "id": ((1, 0, 16383), "id at the first start, 0..16383 (default 1)"),
-    "bitrate": (("1000000", "500000"), "speed at the first start: 1000000 (default) or 500000"),
+    "bitrate": (("1000000", "500000"), "bitrate at the first start: 1000000 (default) or 500000"),
     "ack-dlc": (False, "data bytes of a write's acknowledgement: 0 (default), or 1 with the number of bytes written"),
 }
 

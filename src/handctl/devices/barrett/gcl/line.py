@@ -409,7 +409,7 @@ class GclLine(Line):
             self.journal.ledger.confirm("its banner arrived, and it replies", Step("RESET", encode("RESET")))
         else:
             raise ProtocolError(
-                f"{link.name}: the banner does not say {BANNER_TEXT!r}: {banner!r}. It is not known whether the hand restarted",
+                f"{link.name}: the banner does not say {BANNER_TEXT!r}: {banner!r}. The hand may or may not have restarted",
                 hint="check with `handctl barrett status`: after a restart the motors are not initialized",
                 code="banner",
             )

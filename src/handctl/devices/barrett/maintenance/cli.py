@@ -204,7 +204,7 @@ def _add_diagnose(group: Group) -> None:
     @click.option("--motors", metavar="123", default="G", show_default=True, help="Fingers that --move may move.")
     @HAND_NAME
     def diagnose(run: Run, symptom: str | None, listed: bool, move: bool, motors: str, name: str) -> Table | Act:
-        """Run the checks of §8. With a SYMPTOM, also list the steps to do by hand.
+        """Run the manual's troubleshooting checks (§8). With SYMPTOM, also list the steps to do by hand.
 
         The exit code is 7 if a check warns or fails, or if the hand does not answer.
         """

@@ -143,7 +143,7 @@ def named(name: str) -> list[str]:
     known = [f"{quantity}.{finger}" for quantity in ("position", *JOINTS, *AXES) for finger in FINGERS]
     found = [path for path in known if name in (path, path.partition(".")[0])]
     if not found:
-        raise UsageError(f"{name!r} is not in these rows", hint=f"such as {', '.join(known[::3])}", code="unknown-name")
+        raise UsageError(f"{name!r} is not in these rows", hint=f"try {', '.join(known[::3])}", code="unknown-name")
     return found
 
 

@@ -101,7 +101,7 @@ class MaintenanceLog:
         new = {f"{point.name}.{motor}": {"odometer": self.at["OD", motor], "date": date} for point, motor in points}
         self._journal[self._key] = {**self.entries, **new}
         state_files.store(self._path, WHAT, self._journal)
-        self._hand.journal.info("greased", f"recorded as greased today: {', '.join(new)}", hint=f"kept in {self._path}")
+        self._hand.journal.info("greased", f"recorded as greased today: {', '.join(new)}", hint=f"see {self._path}")
 
     def strokes(self, motor: str, counts: int | None = None) -> float:
         """Strokes of `motor` in `counts` thousands of encoder counts, of its life when not given (§7.3)."""

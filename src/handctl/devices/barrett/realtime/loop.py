@@ -280,7 +280,7 @@ class RealtimeLoop:
         try:
             return controls.at(seconds)
         except UsageError as exc:
-            raise CheckFailed(f"{exc.text}. The loop was left", hint=exc.hint, code="control") from exc
+            raise CheckFailed(f"{exc.text}. The loop has ended", hint=exc.hint, code="control") from exc
 
     def _send(self, controls: Controls | None, values: Values, now: float) -> Sent:
         """One block, as the guards allow. A Ctrl-C meanwhile waits until it is sent: leaving must know what is on the wire."""
@@ -312,7 +312,7 @@ class RealtimeLoop:
         try:
             return guards.allow(values, now, self._intake.cycle)
         except UsageError as exc:
-            raise CheckFailed(f"{exc.text}. The loop was left", hint=exc.hint, code=exc.code) from exc
+            raise CheckFailed(f"{exc.text}. The loop has ended", hint=exc.hint, code=exc.code) from exc
 
     def _answer(self, sent: deque[Sent]) -> Feedback | None:
         """The answer to the oldest block; None once when its acknowledgement has come."""

@@ -158,7 +158,7 @@ class Intake:
             text = f"{where}{event.text} (guard {event.guard}, {event.at - self.start:.3f} s)"
             if event.ends:
                 self.end = CheckFailed(
-                    f"{self._hand.link.name}: {text}. The loop was left",
+                    f"{self._hand.link.name}: {text}. The loop has ended",
                     hint=f"use --no-guard {event.guard} to continue anyway",
                     code=f"guard-{event.guard}",
                 )

@@ -301,7 +301,7 @@ class Hand(RegisterDevice):
             return super().change_id(new)  # perhaps it has the new id already
         if self.bus.wire == "tcp":
             self.journal.info(
-                "unit", "over TCP a hand answers to every unit: its id only matters on its serial line or CAN bus"
+                "unit", "over TCP a hand replies to every unit id: its own id only matters on a serial line or CAN bus"
             )
             return self.table(self.write([(Element(self.map["id"], 0), new)]))
         return super().change_id(new)

@@ -294,7 +294,7 @@ def _done(bench: Bench, what: str) -> None:
     """Ask the person to do something. Raises NotConfirmed without a person."""
     if not bench.prompts.wait_for_enter(f"{what}."):
         raise NotConfirmed(
-            f"someone has to do this at the hands: {what.splitlines()[-1]}",
+            f"this step has to be done by hand, next to the hands: {what.splitlines()[-1]}",
             hint="run the command on a terminal next to the hands",
             code="nobody-there",
         )

@@ -65,7 +65,7 @@ def plan(hand: Hand, data: bytes, force: bool) -> Step:
     tcp = bus.wire == "tcp"
     if mode and (mode == TCP) != tcp:
         other = "Modbus TCP" if mode == TCP else "a serial line"
-        raise UsageError(f"this is a frame of {other}, which this LINK is not", hint="choose another LINK with -p")
+        raise UsageError(f"this is a frame for {other}, but this LINK is not", hint="choose another LINK with -p")
     words = "; ".join(piece.meaning for piece in InspireExplainer(hand.map).decode(data, HOST))
     if only_reads(pdu_of(data, mode)) if mode else eb90.only_reads(data):
         return Step(words, data)
