@@ -81,6 +81,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("guides", ()),
     ("newfamily*", ("newfamily",)),
     ("sim*", ("number_parsing", "sim*", "system.*")),
+    ("devices.*page", (*GROUND, "model.result", "report.*", "@")),
     ("devices.*cli", (*GROUND, "command.*", "link", "model.*", "record.*", "stop.*", "@")),
     ("devices.*", (*GROUND[1:], "link", "link.deadman", "model.*", "record.*", "@")),
     ("tools.completion", (*GROUND, "docgen*", "command.*", "model.*")),
