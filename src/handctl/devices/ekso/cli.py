@@ -109,7 +109,7 @@ def export(
     The output goes to stdout, or to FILE with -o.
     """
     from handctl.devices.ekso import export as exports
-    from handctl.devices.ekso.export import LogFile
+    from handctl.devices.ekso.log_file import LogFile
 
     as_rows = run.settings.format in ("json", "ndjson")
     kind = kind or ("csv" if run.settings.format == "csv" else None)

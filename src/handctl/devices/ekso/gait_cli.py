@@ -18,8 +18,8 @@ from handctl.files import atomic_write
 from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:
-    from handctl.devices.ekso.export import LogFile
     from handctl.devices.ekso.gait import Figure, Walk
+    from handctl.devices.ekso.log_file import LogFile
 
 FIGURES = (
     Column("name", "Figure"),
@@ -59,8 +59,8 @@ def add_gait(group: Group) -> None:
         With LATER: the differences between two logs, with the settings that differ. The thresholds come from the
         recording itself. A stride that is not counted is listed with its reason. Not a diagnosis.
         """
-        from handctl.devices.ekso.export import LogFile
         from handctl.devices.ekso.gait import compared, walk_of
+        from handctl.devices.ekso.log_file import LogFile
 
         source = LogFile(log)
         walk = walk_of(source)
