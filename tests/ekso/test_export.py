@@ -7,7 +7,6 @@ import io
 import json
 import math
 import random
-from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -19,36 +18,8 @@ from handctl.devices.ekso.export import motion, table
 from handctl.devices.ekso.log_file import LogFile
 from handctl.devices.ekso.map import DATA
 from handctl.errors import UsageError
-from handctl.model.clock_comparison import Moment
-from handctl.record.marks import Heard
-from handctl.record.source import Sample
-from tests.ekso.recordings import STANDING, Device, opened, words_at
+from tests.ekso.recordings import STANDING, Device, make, opened
 from tests.support.each_row import each_row
-
-
-def make(
-    path: Path,
-    boots: Sequence[int],
-    words: Sequence[Sequence[int]] = (),
-    *,
-    raw: bool = False,
-    mark: str = "",
-    complete: bool = True,
-) -> Path:
-    """A log with rows at these BootTimes; the host clock runs along, a lower BootTime takes 2 s more."""
-    device = Device([], raw=raw)
-    recording = opened(path, device, force=True, simulated=True)
-    last = boots[0]
-    for seq, boot in enumerate(boots, 1):
-        device.clock += (boot - last) / 1000 if boot >= last else 2.0
-        last = boot
-        row = words_at(boot, words[seq - 1] if words else STANDING)
-        recording.pending = [Heard(mark)] if mark and seq == 1 else []
-        recording.add(Sample(Moment(device.clock, device.clock), row, boot), seq)
-    recording.close()
-    if complete:
-        recording.finish("limit")
-    return path
 
 
 def exported_mot(path: Path, segment: int | None = None, knee_sign: int = 1, rate: float | None = None) -> str:

@@ -97,7 +97,7 @@ def motion(
     in a motion file rise strictly.
     """
     points, number = _points(log, segment, knee_sign)
-    remarks = list(_remarks(log))
+    remarks = list(remarks_of(log))
     if points.still:
         remarks.append(f"{plural(points.still, 'row')} left out: BootTime did not advance")
     count = len(points.t_ms) if rate is None else sum(1 for _ in _resampled(points, rate))
@@ -198,7 +198,7 @@ def table(log: LogFile, *, segment: int | None, si: bool, as_rows: bool = False)
     plans = [(*to_si(name, quantities.get(name) if si else None), quantities.get(name)) for name in layout.names]
     names = [name for name, _, _ in plans]
     if segment is not None and log.spans is not None and segment not in log.spans:
-        raise _without(log, segment)
+        raise without(log, segment)
     spool, count = Spool(), 0
     if not as_rows:
         spool.take([",".join(names) + "\r"])
@@ -228,11 +228,12 @@ def table(log: LogFile, *, segment: int | None, si: bool, as_rows: bool = False)
             columns[at] = tuple(map(said.__getitem__, columns[at]))
         spool.take(["\r\n".join(map(",".join, zip(*columns, strict=True))) + "\r"])
     if first is None or last is None:
-        raise _without(log, segment)
-    return Exported(spool, count, (last - first) / 1000, _remarks(log))
+        raise without(log, segment)
+    return Exported(spool, count, (last - first) / 1000, remarks_of(log))
 
 
-def _without(log: LogFile, segment: int | None) -> UsageError:
+def without(log: LogFile, segment: int | None) -> UsageError:
+    """The error for a log that has no such rows."""
     return UsageError(
         f"{log.path} has no {'rows' if segment is None else f'segment {segment}'}",
         hint="choose a segment that its sidecar lists",
@@ -275,7 +276,8 @@ def _value(name: str, text: str) -> Any:
     return float(text) if "." in text else int(text)
 
 
-def _remarks(log: LogFile) -> tuple[str, ...]:
+def remarks_of(log: LogFile) -> tuple[str, ...]:
+    """What a person is told of a log that is not whole. Complete only once it was read."""
     if log.sidecar is None:
         return (f"{log.path}.json is missing, so nothing shows that the log is complete",)
     if log.closed:
