@@ -115,6 +115,7 @@ OUTSIDE: list[tuple[str, tuple[str, ...]]] = [
     ),
     ("crcmod", ("devices.*",)),
     ("bincopy", ("devices.barrett.*",)),
+    ("pylsl", ("record.lsl",)),
     ("pyarrow", ("devices.ekso.parquet",)),
     ("packaging", ("build_zipapp",)),
     ("tomllib", ("command.config", "sim.bus.file")),
