@@ -184,6 +184,7 @@ def test_the_page_has_the_curves_the_figures_and_every_refusal(log: Path) -> Non
     reasons = [row for row in done.rows if row["unit"].startswith("not counted: ")]
     assert reasons and all(row["unit"].removeprefix("not counted: ") in text for row in reasons)
     assert "<td>step_length</td><td>14.75 in</td>" in text
+    assert json.loads(Path(f"{log}.json").read_text())["start"]["utc"] in text
 
 
 def test_the_page_of_two_logs_has_both_and_the_settings_that_differ(log: Path) -> None:

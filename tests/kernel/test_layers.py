@@ -392,7 +392,7 @@ def test_no_import_is_relative_and_none_takes_all() -> None:
 # -- who touches the world --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("package", "modules"), OUTSIDE, ids=[package for package, _ in OUTSIDE])
+@each_row(("package", "modules"), OUTSIDE)
 def test_only_these_import(package: str, modules: tuple[str, ...]) -> None:
     users = {found.module for found in imports() if found.target.split(".")[0] == package and not found.types_only}
     assert [user for user in sorted(users) if not any(fnmatch(user, module) for module in modules)] == []

@@ -14,7 +14,7 @@ import json
 import os
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import pairwise
+from itertools import islice, pairwise
 from operator import lt, neg
 from typing import Any, NamedTuple
 
@@ -120,7 +120,8 @@ def motion(
         spool.take(json.dumps(dict(zip(MOT_COLUMNS, map(float, line), strict=True))) for line in lines)
     else:
         spool.take(head)
-        spool.take("\t".join(line) for line in lines)
+        while some := list(islice(lines, PIECE)):
+            spool.take(["\n".join(map("\t".join, some))])
     return Exported(spool, count, points.t_ms[-1] / 1000, tuple(remarks))
 
 

@@ -58,8 +58,9 @@ def _body(found: Sequence[Recording], figures: Table) -> Iterator[str]:
     yield "<h2>Stride times</h2>\n"
     yield f'<div class="cycles">{"".join(_times(found))}</div>\n'
     yield "<h2>Strides, counted and not counted</h2>\n"
+    reasons = sorted({step.refused for one in found for step in one.walk.steps if step.refused})
     for one in found:
-        yield from _refused(one)
+        yield from _refused(one, reasons)
     yield from _settings(found)
 
 
@@ -67,7 +68,7 @@ def _about(one: Recording) -> str:
     walk = one.walk
     rows = sum(len(stretch.t) for stretch in walk.stretches)
     begin, end = _span(walk)
-    began = (one.log.sidecar or {}).get("started") or ""
+    began = ((one.log.sidecar or {}).get("start") or {}).get("utc") or ""
     told = [os.path.basename(one.log.path), str(began), f"{end - begin:.1f} s", plural(rows, "row")]
     told.append(f"{plural(len(walk.taken), 'stride')} counted")
     told += [
@@ -104,10 +105,9 @@ def _times(found: Sequence[Recording]) -> Iterator[str]:
         yield histogram(f"{side.capitalize()} stride time", "s", [(one.name, group(one, side)) for one in found], 0.02)
 
 
-def _refused(one: Recording) -> Iterator[str]:
+def _refused(one: Recording, reasons: Sequence[str]) -> Iterator[str]:
     walk = one.walk
     begin, end = _span(walk)
-    reasons = sorted({step.refused for step in walk.steps if step.refused})
 
     def until(step: Any) -> float:  # the last contact has no end
         return step.end if step.end == step.end else end
