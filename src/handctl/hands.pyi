@@ -87,6 +87,7 @@ class Exo(Device):
         duration: Number | None = None,
         mark: str = "",
         mark_udp: int | None = None,
+        lsl: bool = False,
         mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
@@ -215,6 +216,7 @@ class Wrist(Device):
         duration: Number | None = None,
         mark: str = "",
         mark_udp: int | None = None,
+        lsl: bool = False,
         mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
@@ -325,6 +327,7 @@ class Barrett(Device):
         duration: Number | None = None,
         mark: str = "",
         mark_udp: int | None = None,
+        lsl: bool = False,
         mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
@@ -633,6 +636,7 @@ class Ekso(Device):
         duration: Number | None = None,
         mark: str = "",
         mark_udp: int | None = None,
+        lsl: bool = False,
         mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
@@ -647,7 +651,7 @@ class Ekso(Device):
         self,
         log: Path,
         *,
-        format: Literal["mot", "csv"] | None = None,
+        format: Literal["mot", "csv", "parquet"] | None = None,
         si: bool = False,
         segment: int | None = None,
         knee_sign: Literal["1", "-1"] | None = None,
@@ -703,7 +707,14 @@ class Ekso(Device):
         dry_run: bool = False,
     ) -> Rows:
         """Cancel the running action (CancelAction)."""
-    def gait(self, log: Path, later: Path | None = None, *, steps: Path | None = None) -> Rows:
+    def gait(
+        self,
+        log: Path,
+        later: Path | None = None,
+        *,
+        steps: Path | None = None,
+        page: Path | None = None,
+    ) -> Rows:
         """Find the strides in a log: cadence, stance, symmetry, variability. Needs no device."""
 
 class Aidin(Device):
@@ -740,6 +751,7 @@ class Aidin(Device):
         duration: Number | None = None,
         mark: str = "",
         mark_udp: int | None = None,
+        lsl: bool = False,
         mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
@@ -833,6 +845,7 @@ class Hand(Device):
         duration: Number | None = None,
         mark: str = "",
         mark_udp: int | None = None,
+        lsl: bool = False,
         mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,

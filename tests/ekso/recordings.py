@@ -128,3 +128,28 @@ def run(recording: Recording, limits: Limits, mark: Callable[[], str] = str) -> 
         return record(recording, limits, mark=lambda: [Heard(text)] if (text := mark()) else [], prompts=Prompts())
     finally:
         recording.close()
+
+
+def make(
+    path: Path,
+    boots: Sequence[int],
+    words: Sequence[Sequence[int]] = (),
+    *,
+    raw: bool = False,
+    mark: str = "",
+    complete: bool = True,
+) -> Path:
+    """A log with rows at these BootTimes; the host clock runs along, a lower BootTime takes 2 s more."""
+    device = Device([], raw=raw)
+    recording = opened(path, device, force=True, simulated=True)
+    last = boots[0]
+    for seq, boot in enumerate(boots, 1):
+        device.clock += (boot - last) / 1000 if boot >= last else 2.0
+        last = boot
+        row = words_at(boot, words[seq - 1] if words else STANDING)
+        recording.pending = [Heard(mark)] if mark and seq == 1 else []
+        recording.add(Sample(Moment(device.clock, device.clock), row, boot), seq)
+    recording.close()
+    if complete:
+        recording.finish("limit")
+    return path

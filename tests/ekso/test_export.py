@@ -7,46 +7,19 @@ import io
 import json
 import math
 import random
-from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from handctl.devices.ekso.export import LogFile, motion, table
+from handctl.devices.ekso import log_file
+from handctl.devices.ekso.export import motion, table
+from handctl.devices.ekso.log_file import LogFile
 from handctl.devices.ekso.map import DATA
 from handctl.errors import UsageError
-from handctl.model.clock_comparison import Moment
-from handctl.record.marks import Heard
-from handctl.record.source import Sample
-from tests.ekso.recordings import STANDING, Device, opened, words_at
+from tests.ekso.recordings import STANDING, Device, make, opened
 from tests.support.each_row import each_row
-
-
-def make(
-    path: Path,
-    boots: Sequence[int],
-    words: Sequence[Sequence[int]] = (),
-    *,
-    raw: bool = False,
-    mark: str = "",
-    complete: bool = True,
-) -> Path:
-    """A log with rows at these BootTimes; the host clock runs along, a lower BootTime takes 2 s more."""
-    device = Device([], raw=raw)
-    recording = opened(path, device, force=True, simulated=True)
-    last = boots[0]
-    for seq, boot in enumerate(boots, 1):
-        device.clock += (boot - last) / 1000 if boot >= last else 2.0
-        last = boot
-        row = words_at(boot, words[seq - 1] if words else STANDING)
-        recording.pending = [Heard(mark)] if mark and seq == 1 else []
-        recording.add(Sample(Moment(device.clock, device.clock), row, boot), seq)
-    recording.close()
-    if complete:
-        recording.finish("limit")
-    return path
 
 
 def exported_mot(path: Path, segment: int | None = None, knee_sign: int = 1, rate: float | None = None) -> str:
@@ -301,3 +274,36 @@ def test_without_its_sidecar_a_log_is_taken_with_a_warning(tmp_path: Path) -> No
     assert table(LogFile(str(path)), segment=None, si=False).remarks == (
         f"{path}.json is missing, so nothing shows that the log is complete",
     )
+
+
+# -- hours ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_closed_log_of_segments_is_refused_before_it_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = make(tmp_path / "a.csv", [1001, 1021, 1041, 301, 331])
+    monkeypatch.setattr(LogFile, "blocks", lambda _: pytest.fail("it was read"))
+    for segment, what in ((None, "2 segments"), (3, "no segment 3")):
+        with pytest.raises(UsageError, match=what) as found:
+            exported_mot(path, segment)
+        assert found.value.hint.endswith("1: 3 rows, 0.0 s, 2: 2 rows, 0.0 s")
+    with pytest.raises(UsageError, match="no segment 3"):
+        table(LogFile(str(path)), segment=3, si=False)
+
+
+def test_ordinary_rows_are_checked_by_column(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    moving = [(*STANDING[:18], 0x2440, *STANDING[19:]), STANDING] * 3  # its name has a comma, so it is quoted
+    path = make(tmp_path / "a.csv", range(1001, 1121, 20), moving, raw=True)
+    assert b'"standing, moving (0x2440)"' in path.read_bytes()
+    monkeypatch.setattr(LogFile, "_row", lambda *_: pytest.fail("checked one by one"))
+    assert table(LogFile(str(path)), segment=None, si=False).text.encode() == path.read_bytes()
+
+
+@each_row("size", [1, 300, 701, 5000])
+def test_rows_are_the_same_however_the_file_is_read(tmp_path: Path, size: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = make(tmp_path / "a.csv", [1001, 1021, 1021, 1041, 301, 331], raw=True, mark='a, "b"')
+    monkeypatch.setattr(log_file, "CHUNK", size)
+    monkeypatch.setattr(log_file, "MOST_KNOWN", 2)
+    assert table(LogFile(str(path)), segment=None, si=False).text.encode() == path.read_bytes()
+    assert [row[0] for row in parsed_mot(exported_mot(path, 1))[2]] == [0, 0.02, 0.04]
+    path.write_bytes(path.read_bytes().replace(b",0.040,1,", b",0.010,1,"))
+    assert refusal(path).text.startswith(f"{path} line 5: segment or t_s does not follow")

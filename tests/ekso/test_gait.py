@@ -22,6 +22,7 @@ from handctl.devices.ekso.gait import (
     curve,
     walk_in,
 )
+from handctl.report.cycles import Band, bands, histogram, timeline
 from tests.ekso.walks import RATE, Made, Plan, walk
 from tests.support.cli import run
 from tests.support.each_row import each_row
@@ -142,6 +143,18 @@ def test_a_difference_is_clear_only_beyond_its_interval() -> None:
     }
 
 
+def test_a_timeline_of_hours_stays_small_and_keeps_each_refusal() -> None:
+    spans = [(float(t), t + 1.0, "standing" if t % 1000 == 7 else "") for t in range(7200)]
+    text = timeline("a walk", [("left", spans)], ["standing"], 0, 7200)
+    assert text.count("<title>standing") == 8 and len(text) < 20_000
+
+
+def test_a_histogram_counts_each_value_once() -> None:
+    text = histogram("Stride time", "s", [("left", [1.0, 1.0, 1.03, 1.5]), ("right", [])], 0.02)
+    assert sorted(found.split(" ")[0] for found in text.split("<title>")[1:]) == ["1", "1", "2"]
+    assert histogram("Stride time", "s", [("left", [])], 0.02) == bands("Knee", [Band("left", [])]) == ""
+
+
 # -- as a command -------------------------------------------------------------------------------------------------
 
 
@@ -160,6 +173,30 @@ def test_the_command_lists_every_stride(log: Path) -> None:
     steps = list(csv.DictReader(log.with_name("steps.csv").open(encoding="utf-8")))
     assert Counter(step["verdict"] for step in steps)["counted"] == rows["strides", "both"] == 18
     assert "simulated" in done.codes()
+
+
+def test_the_page_has_the_curves_the_figures_and_every_refusal(log: Path) -> None:
+    page = log.with_name("gait.html")
+    done = run("ekso", "gait", log, "--page", page, "--json")
+    text = page.read_text(encoding="utf-8")
+    assert done.code == 0 and text.count("<figure>") == 5 and text.count("<polygon") == 8
+    assert "not a diagnosis" in text and "Simulated" in text and "<script" not in text
+    reasons = [row for row in done.rows if row["unit"].startswith("not counted: ")]
+    assert reasons and all(row["unit"].removeprefix("not counted: ") in text for row in reasons)
+    assert "<td>step_length</td><td>14.75 in</td>" in text
+    assert json.loads(Path(f"{log}.json").read_text())["start"]["utc"] in text
+
+
+def test_the_page_of_two_logs_has_both_and_the_settings_that_differ(log: Path) -> None:
+    content = json.loads(Path(f"{log}.json").read_text())
+    later = log.with_name("later.csv")
+    later.write_bytes(log.read_bytes())
+    content["settings_before"]["step_length"] |= {"raw": 1600, "value": 16.0}
+    Path(f"{later}.json").write_text(json.dumps(content))
+    page = log.with_name("gait.html")
+    assert run("ekso", "gait", log, later, "--page", page).code == 0
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<figure>") == 10 and text.count("<td>differs</td>") == 1 and "<h3>after</h3>" in text
 
 
 def test_two_logs_show_what_was_set_in_between(log: Path) -> None:

@@ -81,6 +81,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("guides", ()),
     ("newfamily*", ("newfamily",)),
     ("sim*", ("number_parsing", "sim*", "system.*")),
+    ("devices.*page", (*GROUND, "model.result", "report.*", "@")),
     ("devices.*cli", (*GROUND, "command.*", "link", "model.*", "record.*", "stop.*", "@")),
     ("devices.*", (*GROUND[1:], "link", "link.deadman", "model.*", "record.*", "@")),
     ("tools.completion", (*GROUND, "docgen*", "command.*", "model.*")),
@@ -114,6 +115,8 @@ OUTSIDE: list[tuple[str, tuple[str, ...]]] = [
     ),
     ("crcmod", ("devices.*",)),
     ("bincopy", ("devices.barrett.*",)),
+    ("pylsl", ("record.lsl",)),
+    ("pyarrow", ("devices.ekso.parquet",)),
     ("packaging", ("build_zipapp",)),
     ("tomllib", ("command.config", "sim.bus.file")),
     ("tomli", ("command.config", "sim.bus.file")),
@@ -389,7 +392,7 @@ def test_no_import_is_relative_and_none_takes_all() -> None:
 # -- who touches the world --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("package", "modules"), OUTSIDE, ids=[package for package, _ in OUTSIDE])
+@each_row(("package", "modules"), OUTSIDE)
 def test_only_these_import(package: str, modules: tuple[str, ...]) -> None:
     users = {found.module for found in imports() if found.target.split(".")[0] == package and not found.types_only}
     assert [user for user in sorted(users) if not any(fnmatch(user, module) for module in modules)] == []

@@ -306,6 +306,11 @@ log_options = together(
         metavar="PORT",
         help="Each datagram to this UDP port of this computer sets a mark with its text (0: any free port).",
     ),
+    click.option(
+        "--lsl",
+        is_flag=True,
+        help="Send rows and marks on the Lab Streaming Layer, and record the marks that it has. Needs handctl[lsl].",
+    ),
     click.option("--mark-stdin", is_flag=True, help="Each line on standard input sets a mark with its text."),
     click.option(
         "--silence",

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -68,6 +68,7 @@ class RequestedOptions:
     force: bool
     limits: Sequence[str] = ()
     until: Sequence[str] = ()
+    lsl: bool = False
 
 
 def log(
@@ -80,6 +81,10 @@ def log(
     """Record the source that `source_of` makes of the device; it is given what opens a lost port again. `params` has the names of limits."""
 
     assert run.family is not None
+    if wishes.lsl:
+        from handctl.record import lsl
+
+        lsl.library()  # what is not installed is told before anything is sent
     path = file_name(file, run.family.kind)
     refuse_existing(path, wishes.force)
     bounds = bounds_of(run, params, wishes.limits, wishes.until)
@@ -100,14 +105,20 @@ def log(
         with (
             Keys(run.prompts.interactive) as keys,
             closing(Marks(keys.pressed, port=wishes.mark_udp, lines=sys.stdin if wishes.mark_stdin else None)) as marks,
+            ExitStack() as cleanup,
         ):
             by = ["a key sets a mark"] if keys.heard else []
             by += [f"a datagram to 127.0.0.1:{marks.port} sets a mark"] if marks.port is not None else []
+            take = marks.take
+            if wishes.lsl:
+                streams = cleanup.enter_context(closing(lsl.Streams(source, wishes.rate, marks.put)))
+                recording.on_row, take = streams.row, lambda: streams.marks(marks.take())
+                by.append(f"rows and marks are sent on LSL as {streams.name!r}")
             run.prompts.say(f"recording into {path}. {''.join(f'{one}, ' for one in by)}Ctrl-C ends")
             failure = record(
                 recording,
                 Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end, over),
-                mark=_first(wishes.mark, marks.take),
+                mark=_first(wishes.mark, take),
                 prompts=run.prompts,
                 before=before,
             )

@@ -1,4 +1,4 @@
-"""Marks from outside: a key, a line on stdin, a datagram on a UDP port of this machine, each with the time at which it came."""
+"""Marks from outside: a key, a line on stdin, a datagram on a UDP port of this machine, a stream (`record.lsl`), each with the time at which it came."""
 
 from __future__ import annotations
 
@@ -52,8 +52,12 @@ class Marks:
 
     def hear(self, text: str, by: str) -> None:
         """A mark that comes now."""
-        if text := text.strip()[:LONGEST]:
-            self._came.put(Heard(text, round(clock.wall(), 6), round(clock.now(), 6), by))
+        self.put(Heard(text, round(clock.wall(), 6), round(clock.now(), 6), by))
+
+    def put(self, mark: Heard) -> None:
+        """A mark with its own time."""
+        if text := mark.text.strip()[:LONGEST]:
+            self._came.put(mark._replace(text=text))
 
     def take(self) -> Sequence[Heard]:
         """What has come since the last call."""

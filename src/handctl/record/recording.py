@@ -67,6 +67,8 @@ class Recording:
         """Ticks of the rate without a request: the machine or the device was busy, or the port was gone."""
         self.pending: list[Heard] = []
         """The marks that the next row gets."""
+        self.on_row: Callable[[float, str], None] | None = None
+        """Is given each row that is in the file: when it was taken, by the link's clock, and its line."""
         self._reopened = False
         self._utc_offset = clock.wall() - clock.now()
         self._about = about
@@ -106,6 +108,8 @@ class Recording:
             self._reopened = False
             self._first, self._last = self._first or stamp, stamp
             self._keep_mark(self.rows)
+        if self.on_row is not None:
+            self.on_row(sample.moment.middle, text)
         return 0 < before < len(self.timeline.segments)
 
     def port_lost(self) -> None:

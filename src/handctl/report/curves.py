@@ -211,7 +211,7 @@ STYLE = (
     ".said{paint-order:stroke;stroke:var(--bg,#fff);stroke-width:3px}"
     "polyline{fill:none;stroke-width:1.2;stroke-linejoin:round;stroke-opacity:.85}"
     + "".join(
-        f".c{number}{{stroke:{tone}}}circle.c{number},rect.c{number}{{fill:{tone}}}"
+        f".c{number}{{stroke:{tone}}}circle.c{number},rect.c{number},polygon.c{number}{{fill:{tone}}}"
         for number, tone in enumerate(
             ("#2f74c0", "#d9730d", "#2e9e5b", "#b8439a", "#8a6d00", "#7b5cd6", "#c43c3c", "#0f8f99")
         )

@@ -96,8 +96,8 @@ def page(report: Report) -> str:
         _outlines(report) + _grids(report.status, report, "Status"),
         _watch(report),
         _grids(report.dump, report, "Dump"),
-        _facts(report.counters),
-        _facts(report.environment),
+        facts(report.counters),
+        facts(report.environment),
         _transcript(report),
     )
     wrong = any(found.level != "info" for found in report.findings) or bool(report.problems)
@@ -119,8 +119,8 @@ def _name(kind: str) -> str:
 
 def _header(report: Report) -> str:
     mark = '<p class="mark">Simulated: these values are not from a device</p>\n' if report.simulated else ""
-    facts = [*report.facts, ("made", report.made), ("tool", f"handctl {report.version} ({report.command})")]
-    return f"<header>\n{mark}<h1>{escape(_name(report.kind))}: service report</h1>\n{_facts(facts)}{_problems(report)}</header>\n"
+    known = [*report.facts, ("made", report.made), ("tool", f"handctl {report.version} ({report.command})")]
+    return f"<header>\n{mark}<h1>{escape(_name(report.kind))}: service report</h1>\n{facts(known)}{_problems(report)}</header>\n"
 
 
 def _problems(report: Report) -> str:
@@ -145,7 +145,7 @@ def _findings(report: Report) -> str:
     said = f"<ul>{items}</ul>\n" if items else ""
     if not items and not report.checks:
         said = "<p>Nothing unhealthy was found.</p>\n"
-    return said + "".join(_table(grid) for grid in report.checks)
+    return said + "".join(table(grid) for grid in report.checks)
 
 
 def _outlines(report: Report) -> str:
@@ -169,8 +169,9 @@ def _empty(report: Report, section: str) -> str:
     return f'<p class="note">{escape(report.missing.get(section, "nothing"))}</p>\n'
 
 
-def _facts(facts: Iterable[tuple[str, str]]) -> str:
-    rows = "".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in facts)
+def facts(found: Iterable[tuple[str, str]]) -> str:
+    """Names with their texts."""
+    rows = "".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in found)
     return f"<dl>{rows}</dl>\n"
 
 
@@ -178,12 +179,13 @@ def _facts(facts: Iterable[tuple[str, str]]) -> str:
 
 
 def _grids(grids: Sequence[Grid], report: Report, section: str) -> str:
-    return "".join(_table(grid, f"{section} {number}") for number, grid in enumerate(grids, 1)) or _empty(
+    return "".join(table(grid, f"{section} {number}") for number, grid in enumerate(grids, 1)) or _empty(
         report, section
     )
 
 
-def _table(grid: Grid, name: str = "Checks") -> str:
+def table(grid: Grid, name: str = "Checks") -> str:
+    """A table that scrolls where it is wider than the page."""
     right = [' class="right"' if position in grid.right else "" for position in range(len(grid.headings))]
     heads = "".join(
         f'<th scope="col"{side}>{escape(text)}</th>' for text, side in zip(grid.headings, right, strict=True)
@@ -242,7 +244,7 @@ def _plots(group: Sequence[Curve], seconds: float) -> str:
 
 def _words(group: Sequence[Curve]) -> str:
     """Codes and bits: what they meant, in the order they came."""
-    return _facts((curve.part or curve.name, ", ".join(curve.labels) or curve.summary) for curve in group)
+    return facts((curve.part or curve.name, ", ".join(curve.labels) or curve.summary) for curve in group)
 
 
 def _transcript(report: Report) -> str:

@@ -11,6 +11,7 @@ import json
 import re
 import sys
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from itertools import islice
 from typing import TYPE_CHECKING, Any, Protocol
 
 from handctl import interrupts
@@ -49,6 +50,8 @@ if TYPE_CHECKING:
         def closing(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]: ...
 
 
+LINES = 1000
+"""Of a file for another program, so many are written at once."""
 UNKNOWN = (1, 2, 8, 130)
 """Exit codes that say nothing of the device: to a monitoring system nothing is written then."""
 NOTED = ("failed", "late", "bad", "missing", "skipped")
@@ -97,8 +100,9 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
         for row in rows:
             sink.write(_plain_line(table, _row_shown(row), tuple(moment)))
     elif table.spool is not None:
-        for line in lines:
-            sink.write(text_shown(f"{line}\n"))
+        spooled = iter(lines)
+        while some := list(islice(spooled, LINES)):
+            sink.write(text_shown("\n".join(some) + "\n"))
     elif table.text is not None:
         sink.write(text_shown(table.text(rows)))
     else:

@@ -40,6 +40,8 @@ def short(line: str) -> str:
 
 def text_shown(text: str) -> str:
     """The same for a finished text of several lines, such as a file for another program: tabs and both line ends stay."""
+    if text.replace("\r\n", "").replace("\n", "").replace("\t", "").isprintable():
+        return text
     return "\r\n".join(shown(part, keep="\n\t") for part in text.split("\r\n"))
 
 

@@ -231,4 +231,22 @@ ROWS = (
         "if now - self._heard >= 100 * self._limits.silence or (bound is not None and now >= bound):",
         "tests/ekso/test_recording.py::test_silence_ends_a_log_but_not_at_once",
     ),
+    mistake(
+        "ekso-log-order-unchecked",
+        "damaged log taken",
+        "handctl.devices.ekso.log_file",
+        "LogFile._block",
+        "return block if same and follows and all(map(le, block.t_ms, block.t_ms[1:])) else None",
+        "return block",
+        "tests/ekso/test_export.py::test_a_damaged_log_is_refused_with_its_line",
+    ),
+    mistake(
+        "ekso-log-raw-unchecked",
+        "damaged log taken",
+        "handctl.devices.ekso.log_file",
+        "LogFile._raw_fits",
+        "if list(map(quantity.raw_of, words[quantity.word])) != block.numbers(quantity, column):",
+        "if False:",
+        "tests/ekso/test_export.py::test_a_damaged_log_is_refused_with_its_line",
+    ),
 )

@@ -31,12 +31,18 @@ if TYPE_CHECKING:
     from handctl.command.options import Settings
     from handctl.devices.ekso.audit import AuditLog
     from handctl.devices.ekso.export import Exported
+    from handctl.devices.ekso.log_file import LogFile
     from handctl.link import ByteLink
     from handctl.model.param import Step
     from handctl.model.result import Journal
     from handctl.record.source import Source
 
 
+PARQUET = (
+    Column("file", "File"),
+    Column("rows", "Rows", right=True),
+    Column("seconds", "Duration", right=True, unit="s"),
+)
 NOT_MEDICAL = "handctl is not a medical device, and you are responsible for the settings you change"
 
 
@@ -85,8 +91,9 @@ def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -
     "--to",
     "--format",
     "kind",
-    type=click.Choice(["mot", "csv"]),
-    help="Output: mot (OpenSim motion file) or csv (the columns of the log). --format is the older name.",
+    type=click.Choice(["mot", "csv", "parquet"]),
+    help="Output: mot (OpenSim motion file), csv (the columns of the log) or parquet (the same with types and units, needs "
+    "handctl[parquet]). --format is the older name.",
 )
 @click.option("--si", is_flag=True, help="With csv: metres and radians instead of inches and degrees.")
 @click.option("--segment", type=WholeRange(min=1), metavar="N", help="Only segment N. A motion file holds just one.")
@@ -109,7 +116,7 @@ def export(
     The output goes to stdout, or to FILE with -o.
     """
     from handctl.devices.ekso import export as exports
-    from handctl.devices.ekso.export import LogFile
+    from handctl.devices.ekso.log_file import LogFile
 
     as_rows = run.settings.format in ("json", "ndjson")
     kind = kind or ("csv" if run.settings.format == "csv" else None)
@@ -117,6 +124,8 @@ def export(
     if run.settings.output and os.path.realpath(run.settings.output) in map(os.path.realpath, (log, f"{log}.json")):
         raise UsageError("-o would overwrite the log itself", hint="give another name")
     source = LogFile(log)
+    if kind == "parquet":
+        return _parquet(run, source, segment)
     if kind == "csv":
         result = exports.table(source, segment=segment, si=si, as_rows=as_rows)
     else:
@@ -130,19 +139,41 @@ def export(
         result = exports.motion(
             source, segment=segment, knee_sign=sign, rate=rate, tool=f"handctl {__version__}", as_rows=as_rows
         )
+    _tell_simulated(run, source)
+    return _shown(run, result, as_rows)
+
+
+def _tell_simulated(run: Run, source: LogFile) -> None:
     if source.simulated:
         run.settings = run.settings._replace(port=None, fake=True)
-        run.journal.info("simulated", f"{log}: this is a recording of a simulator, not of a device")
-    return _shown(run, result, as_rows)
+        run.journal.info("simulated", f"{source.path}: this is a recording of a simulator, not of a device")
+
+
+def _parquet(run: Run, source: LogFile, segment: int | None) -> Table:
+    """Write the file that -o names; what is shown is its name and size."""
+    from handctl.devices.ekso import parquet
+
+    path = run.settings.output
+    if not path or path == "-":
+        raise UsageError(
+            "--to parquet needs a file: the output is not text", hint="add -o walk.parquet", code="no-output"
+        )
+    run.settings = run.settings._replace(output=None)  # the file is ours; what is told of it goes to stdout
+    rows, seconds, remarks = parquet.write(source, path, segment=segment, tool=f"handctl {__version__}")
+    _tell_simulated(run, source)
+    for remark in remarks:
+        run.journal.warn("log", remark)
+    run.journal.info("exported", f"{rows} rows, {seconds:.3f} s")
+    return Table(rows=[{"file": path, "rows": rows, "seconds": seconds}], columns=PARQUET)
 
 
 def _check_options(kind: str | None, *, si: bool, knee_sign: str | None, rate: float | None) -> None:
     if kind is None:
-        raise UsageError("no format given", hint="use --to mot or --to csv")
-    if kind == "csv" and (knee_sign is not None or rate is not None):
+        raise UsageError("no format given", hint="use --to mot, --to csv or --to parquet")
+    if kind != "mot" and (knee_sign is not None or rate is not None):
         raise UsageError("--knee-sign and --rate work only with --to mot", hint="leave them out")
-    if kind == "mot" and si:
-        raise UsageError("--si works only with --to csv", hint="leave it out: a motion file is in degrees")
+    if kind != "csv" and si:
+        raise UsageError("--si works only with --to csv", hint="leave it out: the output is in degrees")
 
 
 def _shown(run: Run, result: Exported, as_rows: bool) -> Table:

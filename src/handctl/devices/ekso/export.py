@@ -10,19 +10,19 @@ left out: nobody knows its sign.
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 from array import array
-from collections.abc import Iterable, Iterator
-from itertools import pairwise
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import islice, pairwise
+from operator import lt, neg
 from typing import Any, NamedTuple
 
-from handctl.devices.ekso.log import LEAD, NAMED, RowLayout, parse, parse_fixed, to_si
-from handctl.devices.ekso.map import DATA, boot_ms, state_text
+from handctl.devices.ekso.log import NAMED, column_of, to_si
+from handctl.devices.ekso.log_file import MOST_KNOWN, LogFile, Span
+from handctl.devices.ekso.map import DATA
 from handctl.errors import UsageError
-from handctl.files import NoFile, Spool, opened, read_text
-from handctl.record.recording import schema
+from handctl.files import Spool
 from handctl.record.source import MARK, clean, quoted
 from handctl.record.timeline import GAP_PERIODS, LEAST_PERIOD_MS
 from handctl.wording import plural
@@ -35,6 +35,8 @@ COORDINATES: tuple[tuple[str, str], ...] = (
     ("knee_angle_l", "left_knee_angle"),
 )
 """OpenSim coordinate and the quantity it comes from. All are hundredths of a degree on the wire."""
+PIECE = 4096
+"""Rows that are made text at once."""
 MOT_COLUMNS = ("time", *(name for name, _ in COORDINATES))
 
 
@@ -66,14 +68,20 @@ class Points:
         self.still = 0
         """Rows left out: BootTime did not advance."""
 
-    def take(self, t_ms: int, values: Iterable[int]) -> None:
-        """One more, unless the time has stood still."""
-        if self.t_ms and t_ms <= self.t_ms[-1]:
-            self.still += 1
+    def take(self, times: Sequence[int], coordinates: Sequence[Sequence[int]]) -> None:
+        """More of them, but for those at which the time has stood still."""
+        if not (self.t_ms and times[0] <= self.t_ms[-1]) and all(map(lt, times, times[1:])):
+            self.t_ms.extend(times)
+            for coordinate, values in zip(self.coordinates, coordinates, strict=True):
+                coordinate.extend(values)
             return
-        self.t_ms.append(t_ms)
-        for coordinate, value in zip(self.coordinates, values, strict=True):
-            coordinate.append(value)
+        for t_ms, *values in zip(times, *coordinates, strict=True):
+            if self.t_ms and t_ms <= self.t_ms[-1]:
+                self.still += 1
+                continue
+            self.t_ms.append(t_ms)
+            for coordinate, value in zip(self.coordinates, values, strict=True):
+                coordinate.append(value)
 
     def values(self, at: int) -> tuple[int, ...]:
         """The coordinates of one moment."""
@@ -89,7 +97,7 @@ def motion(
     in a motion file rise strictly.
     """
     points, number = _points(log, segment, knee_sign)
-    remarks = list(_remarks(log))
+    remarks = list(remarks_of(log))
     if points.still:
         remarks.append(f"{plural(points.still, 'row')} left out: BootTime did not advance")
     count = len(points.t_ms) if rate is None else sum(1 for _ in _resampled(points, rate))
@@ -112,41 +120,57 @@ def motion(
         spool.take(json.dumps(dict(zip(MOT_COLUMNS, map(float, line), strict=True))) for line in lines)
     else:
         spool.take(head)
-        spool.take("\t".join(line) for line in lines)
+        while some := list(islice(lines, PIECE)):
+            spool.take(["\n".join(map("\t".join, some))])
     return Exported(spool, count, points.t_ms[-1] / 1000, tuple(remarks))
 
 
 def _as_recorded(points: Points) -> Iterator[tuple[str, ...]]:
-    for at, t_ms in enumerate(points.t_ms):
-        yield (f"{t_ms / 1000:.3f}", *(f"{value / 100:.2f}" for value in points.values(at)))
+    texts = Texts()
+    for at in range(0, len(points.t_ms), PIECE):
+        columns = [
+            texts.converted("", lambda value: f"{value / 100:.2f}", coordinate[at : at + PIECE])
+            for coordinate in points.coordinates
+        ]
+        yield from zip((f"{t_ms / 1000:.3f}" for t_ms in points.t_ms[at : at + PIECE]), *columns, strict=True)
 
 
 def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[Points, int]:
     """The points of the segment that is meant, and its number."""
     signs = [-1 if name == "pelvis_tilt" else knee_sign if name.startswith("knee") else 1 for name, _ in COORDINATES]
+    quantities = [next(q for q in DATA if q.name == key) for _, key in COORDINATES]
     wanted = 1 if segment is None else segment
-    spans: dict[int, list[int]] = {}
-    points = Points()
-    for row in log.rows():
-        span = spans.setdefault(row.segment, [row.t_ms, row.t_ms, 0])
-        span[1:] = [row.t_ms, span[2] + 1]
-        if row.segment == wanted:
-            values = (sign * row.numbers[key] for sign, (_, key) in zip(signs, COORDINATES, strict=True))
-            points.take(row.t_ms - span[0], values)
-    known = ", ".join(f"{n}: {rows} rows, {(end - start) / 1000:.1f} s" for n, (start, end, rows) in spans.items())
+    if (spans := log.spans) is not None:
+        _refuse(log, spans, segment)  # before hours are read
+    spans, points = {}, Points()
+    for block in log.blocks():
+        for number in sorted(set(block.segments)):
+            part = block.of(number)
+            span = spans.setdefault(number, Span(part.t_ms[0], 0, 0))
+            spans[number] = span._replace(end=part.t_ms[-1], rows=span.rows + len(part.t_ms))
+            if number == wanted:
+                columns = (part.numbers(quantity, column_of(quantity)) for quantity in quantities)
+                values = [list(map(neg, one)) if sign < 0 else one for sign, one in zip(signs, columns, strict=True)]
+                points.take([t_ms - span.begin for t_ms in part.t_ms], values)
+    _refuse(log, spans, segment)
+    return points, wanted
+
+
+def _refuse(log: LogFile, spans: dict[int, Span], segment: int | None) -> None:
+    """Raise UsageError when it is not clear which segment is meant, or there is none."""
+    known = ", ".join(f"{n}: {one.rows} rows, {(one.end - one.begin) / 1000:.1f} s" for n, one in spans.items())
     if segment is None and len(spans) > 1:
         raise UsageError(
             f"{log.path} has {plural(len(spans), 'segment')} (the device was restarted, its port was lost, or its clock and this computer's drifted apart), but a motion file can hold only one",
             hint=f"choose one with --segment N ({known})",
             code="segment",
         )
-    if not points.t_ms:
+    if (1 if segment is None else segment) not in spans:
         raise UsageError(
             f"{log.path} has no segment {segment}" if spans else f"{log.path} has no rows",
             hint=f"it has {known}" if spans else "",
             code="segment",
         )
-    return points, wanted
 
 
 def _resampled(points: Points, rate: float) -> Iterator[tuple[str, ...]]:
@@ -174,30 +198,77 @@ def table(log: LogFile, *, segment: int | None, si: bool, as_rows: bool = False)
     quantities = dict(zip(layout.columns, layout.shown, strict=True))
     plans = [(*to_si(name, quantities.get(name) if si else None), quantities.get(name)) for name in layout.names]
     names = [name for name, _, _ in plans]
+    if segment is not None and log.spans is not None and segment not in log.spans:
+        raise without(log, segment)
     spool, count = Spool(), 0
     if not as_rows:
         spool.take([",".join(names) + "\r"])
     first = last = None
-    for row in log.rows():
-        if segment is not None and row.segment != segment:
+    texts = Texts()
+    for whole in log.blocks():
+        if segment is not None and segment not in whole.segments:
             continue
-        first, last = (row.t_ms if first is None else first), row.t_ms
-        texts = [
-            convert(row.numbers[quantity.name]) if convert and quantity else text
-            for text, (_, convert, quantity) in zip(row.fields, plans, strict=True)
+        block = whole.of(segment)
+        first, last = (block.t_ms[0] if first is None else first), block.t_ms[-1]
+        count += len(block.t_ms)
+        if block.text and not (si or as_rows) and block is whole:
+            spool.take([block.text.replace("\n", "\r\n") + "\r"])
+            continue
+        columns = [
+            texts.of_texts(name, convert, block.columns[log_name], block.table(quantity))
+            if convert and quantity
+            else block.columns[log_name]
+            for log_name, (name, convert, quantity) in zip(layout.names, plans, strict=True)
         ]
-        count += 1
         if as_rows:
-            spool.take([json.dumps(dict(zip(names, map(_value, names, texts), strict=True)), ensure_ascii=False)])
-        else:
-            spool.take([",".join(map(quoted, texts)) + "\r"])
+            rows = (dict(zip(names, map(_value, names, row), strict=True)) for row in zip(*columns, strict=True))
+            spool.take(json.dumps(row, ensure_ascii=False) for row in rows)
+            continue
+        for at in (names.index(MARK), names.index(f"{NAMED}_name")):
+            said = {text: quoted(text) for text in set(columns[at])}
+            columns[at] = tuple(map(said.__getitem__, columns[at]))
+        spool.take(["\r\n".join(map(",".join, zip(*columns, strict=True))) + "\r"])
     if first is None or last is None:
-        raise UsageError(
-            f"{log.path} has no {'rows' if segment is None else f'segment {segment}'}",
-            hint="choose a segment that its sidecar lists",
-            code="segment",
-        )
-    return Exported(spool, count, (last - first) / 1000, _remarks(log))
+        raise without(log, segment)
+    return Exported(spool, count, (last - first) / 1000, remarks_of(log))
+
+
+def without(log: LogFile, segment: int | None) -> UsageError:
+    """The error for a log that has no such rows."""
+    return UsageError(
+        f"{log.path} has no {'rows' if segment is None else f'segment {segment}'}",
+        hint="choose a segment that its sidecar lists",
+        code="segment",
+    )
+
+
+class Texts:
+    """Converted texts that are remembered: a device repeats itself."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, dict[Any, str]] = {}
+
+    def converted(self, name: str, convert: Callable[[int], str], numbers: Sequence[int]) -> list[str]:
+        """The texts of a column."""
+        known = self._remembered(name)
+        if not all(map(known.__contains__, numbers)):
+            known.update({number: convert(number) for number in set(numbers).difference(known)})
+        return list(map(known.__getitem__, numbers))
+
+    def of_texts(
+        self, name: str, convert: Callable[[int], str], texts: Sequence[str], numbers: Mapping[str, int]
+    ) -> list[str]:
+        """The same from the column's texts; `numbers` has what each of them is."""
+        known = self._remembered(name)
+        if not all(map(known.__contains__, texts)):
+            known.update({text: convert(numbers[text]) for text in set(texts).difference(known)})
+        return list(map(known.__getitem__, texts))
+
+    def _remembered(self, name: str) -> dict[Any, str]:
+        known = self._known.setdefault(name, {})
+        if len(known) > MOST_KNOWN:
+            known.clear()
+        return known
 
 
 def _value(name: str, text: str) -> Any:
@@ -206,7 +277,8 @@ def _value(name: str, text: str) -> Any:
     return float(text) if "." in text else int(text)
 
 
-def _remarks(log: LogFile) -> tuple[str, ...]:
+def remarks_of(log: LogFile) -> tuple[str, ...]:
+    """What a person is told of a log that is not whole. Complete only once it was read."""
     if log.sidecar is None:
         return (f"{log.path}.json is missing, so nothing shows that the log is complete",)
     if log.closed:
@@ -214,147 +286,3 @@ def _remarks(log: LogFile) -> tuple[str, ...]:
         return (whole,) if log.missing else ()
     cut = ". Its last row was unfinished and was skipped" if log.cut else ""
     return (f"{log.path} was never closed, because handctl was killed or is still running{cut}",)
-
-
-# -- reading a log back: every line checked, so that what is exported is what was recorded --------------------------------
-#
-# A file that is not a log, or not whole, is refused with the number of the line. The sidecar says whether the log was closed;
-# one that was not (power failure, kill) may end in the middle of a row, which is then left out.
-
-
-LONGEST_LINE = 65536
-UNTOUCHED = "the file was not changed"
-SCHEMA = schema("ekso")
-NAMES = [name for name, _ in LEAD]
-
-
-class LogRow(NamedTuple):
-    """One row: its fields as they stand there, device time, segment, and the numbers of the shown words."""
-
-    fields: list[str]
-    t_ms: int
-    segment: int
-    numbers: dict[str, int]
-
-
-def damaged(path: str, line: int, what: str) -> UsageError:
-    """The error for a file that is not a whole log."""
-    return UsageError(f"{path} line {line}: {what}", hint=f"not a log, or damaged. {UNTOUCHED}", code="damaged-log")
-
-
-class LogFile:
-    """A log on the disk. Raises UsageError when it cannot be read, or is none."""
-
-    def __init__(self, path: str) -> None:
-        self.path = path
-        self.sidecar = _load_sidecar(f"{path}.json")
-        self.cut = False
-        """True when an unfinished last row was left out."""
-        with opened(path, "a log", hint=f"`handctl ekso log {path}` makes one") as file:
-            header = file.readline(LONGEST_LINE).decode("utf-8", "replace")
-        names = header.rstrip("\r\n").split(",")
-        self.layout = next(
-            (layout for raw in (False, True) if (layout := RowLayout(raw=raw)).names == tuple(names)), None
-        ) or (self._foreign(names))
-
-    @property
-    def closed(self) -> bool:
-        """Whether the sidecar says that the log was closed; an older one calls that complete."""
-        return bool(self.sidecar and self.sidecar.get("closed", self.sidecar.get("complete")))
-
-    @property
-    def missing(self) -> list[str]:
-        """What keeps a closed log from being whole, as its sidecar says."""
-        return [str(reason) for reason in (self.sidecar or {}).get("missing") or []]
-
-    @property
-    def simulated(self) -> bool:
-        """Whether the sidecar says that a simulator was recorded."""
-        return bool(self.sidecar and self.sidecar.get("simulated"))
-
-    def _foreign(self, names: list[str]) -> RowLayout:
-        for number, wanted in enumerate(RowLayout(raw=False).names):
-            if number >= len(names) or names[number] != wanted:
-                found = repr(names[number][:40]) if number < len(names) else "missing"
-                raise damaged(self.path, 1, f"column {number + 1} is {found}, but in a log it is {wanted!r}")
-        raise damaged(self.path, 1, "the header continues after the columns of a log")
-
-    def rows(self) -> Iterator[LogRow]:
-        """Row after row, each checked. Raises UsageError with the number of the line."""
-        count, last = 0, (0, 0)
-        try:
-            with opened(self.path, "a log") as file:
-                file.readline(LONGEST_LINE)
-                for number, data in enumerate(iter(lambda: file.readline(LONGEST_LINE), b""), 2):
-                    if len(data) == LONGEST_LINE:
-                        raise damaged(self.path, number, f"longer than {LONGEST_LINE} bytes")
-                    if not data.endswith(b"\n"):
-                        if self.closed:
-                            raise damaged(self.path, number, "the row is cut short")
-                        self.cut = True
-                        break
-                    row = self._row(number, data)
-                    if (row.segment, row.t_ms) < last or row.segment > last[0] + 1:
-                        raise damaged(self.path, number, "segment or t_s does not follow from the row before")
-                    last = (row.segment, row.t_ms)
-                    count += 1
-                    yield row
-        except OSError as exc:
-            raise UsageError(
-                f"{self.path}: cannot be read: {exc.strerror or exc}", hint="check the file and its permissions"
-            ) from exc
-        if self.sidecar and self.closed and self.sidecar.get("rows") != count:
-            raise damaged(
-                self.path, count + 1, f"the file ends after {count} rows, its sidecar counts {self.sidecar.get('rows')}"
-            )
-
-    def _row(self, number: int, data: bytes) -> LogRow:
-        try:
-            text = data.decode("utf-8").rstrip("\r\n")
-            fields = next(csv.reader([text], strict=True)) if '"' in text else text.split(",")
-        except (UnicodeDecodeError, csv.Error, StopIteration) as exc:
-            raise damaged(self.path, number, f"not comma-separated text: {exc}") from exc
-        names = self.layout.names
-        if len(fields) != len(names):
-            raise damaged(self.path, number, f"{plural(len(fields), 'column')} instead of {len(names)}")
-        cells = dict(zip(names, fields, strict=True))
-        name = ""
-        try:
-            lead = []
-            for name, decimals in LEAD:
-                lead.append(parse_fixed(cells[name], decimals))
-            numbers = {}
-            for quantity, name in zip(self.layout.shown, self.layout.columns, strict=True):
-                numbers[quantity.name] = parse(quantity, cells[name])
-            name = f"{NAMED}_name"
-            if cells[name] != state_text(numbers[NAMED]):
-                raise ValueError(f"{cells[name]!r} does not fit {NAMED}")
-            if self.layout.raw:
-                name = "raw columns"
-                self._check_raw(fields[names.index(MARK) + 1 :], lead[NAMES.index("boot_ms")], numbers)
-        except ValueError as exc:
-            raise damaged(self.path, number, f"{name}: {exc}") from exc
-        return LogRow(fields, lead[NAMES.index("t_s")], lead[NAMES.index("segment")], numbers)
-
-    def _check_raw(self, texts: list[str], boot: int, numbers: dict[str, int]) -> None:
-        words = [parse_fixed(text, 0) for text in texts]
-        for quantity, word in zip(DATA, words, strict=True):
-            if not 0 <= word <= 0xFFFF or numbers.get(quantity.name, quantity.raw_of(word)) != quantity.raw_of(word):
-                raise ValueError(f"{word} does not fit {quantity.name}")
-        if boot_ms(words) != boot:
-            raise ValueError("they do not fit boot_ms")
-
-
-def _load_sidecar(path: str) -> dict[str, Any] | None:
-    """The sidecar, None when there is none. Raises UsageError for one that is damaged or of another kind."""
-    try:
-        content = json.loads(read_text(path, "a sidecar", 16_000_000))
-    except NoFile:
-        return None
-    except (ValueError, RecursionError) as exc:
-        line = exc.lineno if isinstance(exc, json.JSONDecodeError) else 1
-        raise damaged(path, line, f"not a sidecar: {exc}") from exc
-    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-        found = content.get("schema") if isinstance(content, dict) else None
-        raise damaged(path, 1, f"schema {found!r} instead of {SCHEMA!r}")
-    return content

@@ -7,18 +7,18 @@ diagnosis, and the State word is not used: its codes for walking were never reco
 
 from __future__ import annotations
 
-import csv
-from bisect import bisect_left
-from collections.abc import Iterable, Iterator, Sequence
+from array import array
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Iterator, MutableSequence, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import sqrt
 from typing import NamedTuple
 
-from handctl.devices.ekso.export import LogFile, damaged
-from handctl.files import opened
+from handctl.devices.ekso.log import column_of
+from handctl.devices.ekso.log_file import LogFile
+from handctl.devices.ekso.map import DATA
 from handctl.record.timeline import GAP_PERIODS
-from handctl.wording import plural
 
 LEFT, RIGHT = "left", "right"
 SIDES = (LEFT, RIGHT)
@@ -60,8 +60,8 @@ class Stretch(NamedTuple):
     """One segment of a log: seconds, and for each signal, such as "left_toe", a value a row."""
 
     number: int
-    t: list[float]
-    signals: dict[str, list[float]]
+    t: MutableSequence[float]
+    signals: dict[str, MutableSequence[float]]
 
     def at(self, moment: float) -> int:
         """The first row that is not before the moment."""
@@ -137,28 +137,18 @@ COLUMNS = {
 
 def stretches(log: LogFile) -> list[Stretch]:
     """The segments of a log. Raises UsageError with the line of a row that is none."""
-    names = log.layout.names
-    places = [names.index(COLUMNS[name]) for name in SIGNALS]
-    segment_at, time_at, width = names.index("segment"), names.index("t_s"), len(names)
+    quantities = {name: next(q for q in DATA if column_of(q) == column) for name, column in COLUMNS.items()}
     found: dict[int, Stretch] = {}
-    with opened(log.path, "a log") as raw:
-        reader = csv.reader(line.decode("utf-8", "replace") for line in raw)
-        next(reader)
-        for number, row in enumerate(reader, 2):
-            if len(row) != width:
-                if log.closed:
-                    raise damaged(log.path, number, f"{plural(len(row), 'column')} instead of {width}")
-                break  # the unfinished last row of a log that was cut
-            try:
-                segment = int(row[segment_at])
-                stretch = found.get(segment) or found.setdefault(
-                    segment, Stretch(segment, [], {name: [] for name in SIGNALS})
-                )
-                stretch.t.append(float(row[time_at]))
-                for name, place in zip(SIGNALS, places, strict=True):
-                    stretch.signals[name].append(float(row[place]))
-            except ValueError as exc:
-                raise damaged(log.path, number, str(exc)) from exc
+    for block in log.blocks():
+        for number in sorted(set(block.segments)):
+            part = block.of(number)
+            empty = Stretch(number, array("d"), {name: array("d") for name in SIGNALS})
+            stretch = found.setdefault(number, empty)
+            stretch.t.extend(t_ms / 1000 for t_ms in part.t_ms)
+            for name, quantity in quantities.items():
+                scale = 10**quantity.decimals
+                numbers = part.numbers(quantity, COLUMNS[name])
+                stretch.signals[name].extend(numbers if scale == 1 else [one / scale for one in numbers])
     return list(found.values())
 
 
@@ -341,7 +331,8 @@ def _refusal(step: Step, usual: float, stance: float, gaps: Sequence[float], oth
         return TOO_LONG
     if step.duration < SHORT * usual:
         return TOO_SHORT
-    if others and not any(step.contact < moment < step.end for moment in others):
+    between = bisect_right(others, step.contact)
+    if others and not (between < len(others) and others[between] < step.end):
         return ALONE
     return TAKEN
 

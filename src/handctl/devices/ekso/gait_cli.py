@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections import Counter
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -17,8 +18,8 @@ from handctl.files import atomic_write
 from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:
-    from handctl.devices.ekso.export import LogFile
     from handctl.devices.ekso.gait import Figure, Walk
+    from handctl.devices.ekso.log_file import LogFile
 
 FIGURES = (
     Column("name", "Figure"),
@@ -49,22 +50,28 @@ def add_gait(group: Group) -> None:
     @click.argument("log", metavar="LOG", type=InFile(additional=(".json",)))
     @click.argument("later", metavar="[LATER]", required=False, type=InFile(additional=(".json",)))
     @click.option("--steps", metavar="FILE", type=OutFile(), help="Write every stride, counted or not, to FILE (CSV).")
-    def gait(run: Run, log: str, later: str | None, steps: str | None) -> Table:
+    @click.option(
+        "--page", metavar="FILE", type=OutFile(), help="Write the curves, figures and refused strides to FILE (HTML)."
+    )
+    def gait(run: Run, log: str, later: str | None, steps: str | None, page: str | None) -> Table:
         """Find the strides in a log: cadence, stance, symmetry, variability. Needs no device.
 
         With LATER, compares two logs and lists the settings that differ. The thresholds come from the
         recording itself. A stride that is not counted is listed with its reason. Not a diagnosis.
         """
-        from handctl.devices.ekso.export import LogFile
         from handctl.devices.ekso.gait import compared, walk_of
+        from handctl.devices.ekso.log_file import LogFile
 
         source = LogFile(log)
         walk = walk_of(source)
         _tell(run, log, source, walk)
         if steps is not None:
-            _write(steps, walk)
+            _write(steps, _list_of(walk))
         if later is None:
-            return Table(rows=[*map(_figure, walk.figures), *_counts(walk)], columns=FIGURES)
+            found = Table(rows=[*map(_figure, walk.figures), *_counts(walk)], columns=FIGURES)
+            if page is not None:
+                _write(page, _page([("", source, walk)], found))
+            return found
         after = LogFile(later)
         second = walk_of(after)
         _tell(run, later, after, second)
@@ -76,7 +83,10 @@ def add_gait(group: Group) -> None:
             for one in compared(walk, second)
         ]  # fmt: skip
         settings = [{"name": f"setting: {name}", "before": old, "after": new} for name, old, new in changed]
-        return Table(rows=[*settings, *rows], columns=CHANGES)
+        found = Table(rows=[*settings, *rows], columns=CHANGES)
+        if page is not None:
+            _write(page, _page([("before", source, walk), ("after", after, second)], found))
+        return found
 
 
 def _figure(one: Figure) -> Row:
@@ -120,8 +130,14 @@ def _settings(before: dict[str, Any] | None, after: dict[str, Any] | None) -> li
     ]
 
 
-def _write(path: str, walk: Walk) -> None:
-    """The list of all strides. Raises OutputError."""
+def _page(found: Sequence[tuple[str, LogFile, Walk]], figures: Table) -> str:
+    from handctl.devices.ekso.gait_page import Recording, page
+
+    return page([Recording(*one) for one in found], figures)
+
+
+def _list_of(walk: Walk) -> str:
+    """All strides as CSV."""
     text = io.StringIO()
     writer = csv.writer(text)
     writer.writerow(STEPS)
@@ -135,8 +151,13 @@ def _write(path: str, walk: Walk) -> None:
             *("" if peak is None else f"{peak:.0f}" for peak in (step.peak_toe, step.peak_heel)),
             f"{step.knee:.2f}" if whole else "", step.refused or "counted", step.doubt,
         ])  # fmt: skip
+    return text.getvalue()
+
+
+def _write(path: str, text: str) -> None:
+    """A file. Raises OutputError."""
     try:
         with atomic_write(path) as file:
-            file.write(text.getvalue())
+            file.write(text)
     except OSError as exc:
         raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}") from exc

@@ -1,0 +1,118 @@
+"""A recording on the Lab Streaming Layer: its rows and marks are sent, and marks of other programs are received. Needs pylsl (`handctl[lsl]`)."""
+
+from __future__ import annotations
+
+import csv
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from handctl.errors import UsageError
+from handctl.record.marks import Heard
+from handctl.record.source import Source
+from handctl.system import clock
+
+MARKERS = "Markers"
+"""The type of a stream of marks."""
+LOOK_S = 1.0
+"""Between two looks for streams of marks that are new."""
+WAIT_S = 0.2
+"""For a mark; then the thread looks whether it is to end."""
+
+
+def library() -> Any:
+    """pylsl. Raises UsageError where it, or the library below it, is not there."""
+    try:
+        import pylsl
+    except (ImportError, RuntimeError, OSError) as exc:
+        raise UsageError(
+            "--lsl needs pylsl, which is not installed",
+            hint='install it with: pip install "handctl[lsl]". Nothing was sent',
+            code="no-extra",
+        ) from exc
+    return pylsl
+
+
+class Streams:
+    """The streams of one recording: `row` and `mark` send, `heard` is called with what others send."""
+
+    def __init__(self, source: Source, rate: float, heard: Callable[[Heard], None]) -> None:
+        self._lsl = library()
+        self._heard = heard
+        self._over = threading.Event()
+        self._ahead = self._lsl.local_clock() - clock.now()
+        """What the clock of the streams is ahead of ours; both are steady clocks of this computer."""
+        columns = source.layout.as_rows()
+        self._at = [source.layout.names.index(str(column["column"])) for column in columns]
+        name, number = f"handctl {source.kind}", f"handctl-{source.kind}-{id(self):x}-{clock.now():.6f}"
+        nominal = rate or (1000 / source.period_ms if source.period_ms else self._lsl.IRREGULAR_RATE)
+        info = self._lsl.StreamInfo(name, "Motion", len(columns), nominal, self._lsl.cf_double64, number)
+        channels = info.desc().append_child("channels")
+        for column in columns:
+            channel = channels.append_child("channel")
+            channel.append_child_value("label", str(column["column"]))
+            channel.append_child_value("unit", str(column.get("unit") or ""))
+        self._rows = self._lsl.StreamOutlet(info)
+        self._own = f"{number}-marks"
+        said = self._lsl.StreamInfo(
+            f"{name} marks", MARKERS, 1, self._lsl.IRREGULAR_RATE, self._lsl.cf_string, self._own
+        )
+        self._marks = self._lsl.StreamOutlet(said)
+        self.name = name
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread.start()
+
+    def row(self, moment: float, line: str) -> None:
+        """Send a row of the file, with the moment at which it was taken."""
+        fields = next(csv.reader([line]))
+        self._rows.push_sample([_number(fields[at]) for at in self._at], moment + self._ahead)
+
+    def marks(self, came: Sequence[Heard]) -> Sequence[Heard]:
+        """Send the marks that did not come from a stream themselves; returns all."""
+        for one in came:
+            if one.by != "lsl":
+                self._marks.push_sample([one.text], (clock.now() if one.mono_s is None else one.mono_s) + self._ahead)
+        return came
+
+    def close(self) -> None:
+        """Nothing is sent or received any more."""
+        self._over.set()
+        self._thread.join(2 * WAIT_S + LOOK_S)
+
+    def _listen(self) -> None:
+        """Wait for marks of all streams of marks but our own."""
+        inlets: dict[str, Any] = {}
+        resolver = self._lsl.ContinuousResolver("type", MARKERS)
+        due = clock.now()
+        while not self._over.is_set():
+            if clock.now() >= due:
+                due = clock.now() + LOOK_S
+                for info in resolver.results():
+                    if info.source_id() != self._own and info.uid() not in inlets:
+                        inlets[info.uid()] = self._lsl.StreamInlet(
+                            info, max_buflen=60, processing_flags=self._lsl.proc_clocksync
+                        )
+            for inlet in inlets.values():
+                self._take(inlet, WAIT_S / len(inlets))
+            if not inlets:
+                self._over.wait(WAIT_S)
+
+    def _take(self, inlet: Any, wait: float) -> None:
+        """A mark of another program, at the time at which that program set it."""
+        try:
+            values, stamp = inlet.pull_sample(timeout=wait)
+        except RuntimeError:  # the stream is over
+            return
+        if stamp is None:
+            return
+        mono = stamp - self._ahead
+        wall = clock.wall() - (clock.now() - mono)
+        self._heard(Heard(str(values[0]), round(wall, 6), round(mono, 6), "lsl"))
+
+
+def _number(text: str) -> float:
+    """A column of a stream: what is no number is none there."""
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
