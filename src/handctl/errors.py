@@ -162,6 +162,12 @@ class DeviceRefused(HandctlError):
     default_code = "refused"
 
 
+class NotRunning(DeviceRefused):
+    """The device is there, but nothing that could answer runs on it: it has no firmware, or has just been switched on."""
+
+    default_code = "boot-monitor"
+
+
 class CheckFailed(HandctlError):
     """A check failed: read-back differs, unhealthy under --check, files differ. Exit code 7."""
 

@@ -146,6 +146,9 @@ class Line:
     def reopened(self) -> None:
         """The port was opened again: what was under way is lost, and it may lead to a stranger."""
 
+    def overheard(self, data: bytes) -> None:
+        """Bytes that somebody else has read on this line before it was used: they may tell the state of the device."""
+
     def repeated(self, retries: int | None, ask: Callable[P, T], *args: P.args, **more: P.kwargs) -> T:
         """What `ask` returns of these, asked again where no valid answer came; for reads only. Raises what it raised last."""
         for attempt in range(1 + (self.retries if retries is None else retries)):
@@ -220,6 +223,10 @@ class Device(ABC):
     def journal(self) -> Journal:
         """Where messages and counters go."""
         return self._line.journal
+
+    def overheard(self, data: bytes) -> None:
+        """Bytes that came before anything was asked, and were read by somebody else."""
+        self._line.overheard(data)
 
     def reopen(self, again: Callable[[], bool]) -> bool:
         """Open a port that was lost by `again`, unless --deadline is over; False where there is no such way. Raises LinkError."""

@@ -5,12 +5,12 @@ GCL has no checksum: an answer is believed when its echo, its number of lines an
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import product
 
 from handctl.devices.barrett.gcl.codec import Answer, batches, encode, explain_status, hint_for, values
 from handctl.devices.barrett.gcl.line import GclLine
-from handctl.devices.barrett.map import BARRETT, GclParam, gcl_name
+from handctl.devices.barrett.map import BARRETT, POSITIONS, GclParam, gcl_name, with_sign
 from handctl.devices.barrett.views import (
     GCL,
     LABEL,
@@ -58,6 +58,7 @@ class BarrettHand(Device):
     def __init__(self, line: GclLine) -> None:
         super().__init__(line)
         self.line = line
+        self._told_sign = False
 
     def abort(self) -> Stopped:
         """^C; the motors keep their power. Never raises, and asks nothing."""
@@ -201,7 +202,22 @@ class BarrettHand(Device):
                 self.name_heat(error)
             for error in refused[1:]:
                 error.hint = refused[0].hint if error.code == refused[0].code else error.hint
-        return [_reading(element, found[gcl_name(element)]) for element in elements]
+        readings = [_reading(element, found[gcl_name(element)]) for element in elements]
+        self._tell_signs(readings, found)
+        return readings
+
+    def _tell_signs(self, readings: Sequence[Reading], found: Mapping[str, dict[int, int] | HandctlError]) -> None:
+        """Say once that positions were printed without their sign."""
+        for reading in readings:
+            element = reading.element
+            printed = found[gcl_name(element)] if gcl_name(element) in POSITIONS else None
+            if not self._told_sign and isinstance(printed, dict) and printed[element.index] != reading.value:
+                self._told_sign = True
+                self.journal.info(
+                    "unsigned-position",
+                    f"this hand prints a position below 0 without its sign: {element.part} {printed[element.index]} is {reading.value}, "
+                    "because the joint does not travel that far (barrett §5.3.2, §5.3.4 IOFF)",
+                )
 
     def _get(self, line: str, motors: list[int], into: dict[str, dict[int, int] | HandctlError]) -> None:
         verb, *names = line.split()
@@ -379,5 +395,6 @@ def _is_speed(change: tuple[Element, Number]) -> bool:
 
 def _reading(element: Element, found: dict[int, int] | HandctlError) -> Reading:
     if isinstance(found, dict):
-        return Reading(element, found[element.index if element.param.elements else 0])
+        value = found[element.index if element.param.elements else 0]
+        return Reading(element, with_sign(element.index, value) if gcl_name(element) in POSITIONS else value)
     return Reading(element, None, b"", found)

@@ -11,7 +11,7 @@ from typing import Any
 
 from handctl.devices.barrett.gcl.codec import ERRORS, MOTORS, explain_status, split_status
 from handctl.devices.barrett.maintenance.health import LIMIT_TENTHS
-from handctl.devices.barrett.map import BARRETT, TENTHS, GclParam, careful
+from handctl.devices.barrett.map import BARRETT, POSITIONS, TENTHS, TRAVEL, GclParam, careful, implausible
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Number
@@ -253,18 +253,29 @@ def live(
 
 
 NOT_HOMED = "not initialized: P counts from the position at power-on and means nothing before HI (barrett §5.2.1)"
+
+
+def why_impossible(index: int) -> str:
+    """What to say of a position that `implausible` refuses."""
+    return f"impossible: {'the spread' if index == 3 else 'a finger'} travels about {TRAVEL[index == 3]} counts (barrett §5.3.2)"
+
+
 NO_GAUGE = "no gauge (barrett §5.3.2)"
 FIRST = {"4.34": (4, 3, 4), "4.4": (4, 4, 0)}
 """Firmware that a parameter's `since` names, as numbers."""
 
 
 def mark_not_homed(rows: Sequence[Row]) -> None:
-    """Mark positions that are not valid, by the status of their motors in the same table."""
+    """Mark positions that are not valid, by the status of their motors in the same table, or because no joint gets there."""
     status = {row["motor"]: row.get("value") for row in rows if row.get("parameter") == "S"}
     for row in rows:
         code = status.get(row["motor"]) if row.get("parameter") == "P" and "value" in row else None
         if code is not None:
             row["doubt"] = NOT_HOMED if int(code) & 4 else None
+        if row.get("parameter") in POSITIONS and "value" in row and not row.get("doubt"):
+            index = MOTORS.index(row["motor"])
+            if implausible(index, row["value"]):
+                row["doubt"] = why_impossible(index)
 
 
 def later_settings(firmware: str, journal: Journal) -> list[str]:

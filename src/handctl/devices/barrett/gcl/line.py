@@ -92,6 +92,9 @@ class GclLine(Line):
     def reopened(self) -> None:
         self._unread, self._connected = b"", False
 
+    def overheard(self, data: bytes) -> None:
+        self._unread += data
+
     def found(self) -> None:
         """The hand is at its prompt."""
         self._connected = True

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from handctl.devices.barrett import state_files
 from handctl.devices.barrett.gcl import connect_table as table
 from handctl.devices.barrett.gcl.codec import ABORT, CR, MOTORS, has_prompt, values
-from handctl.devices.barrett.map import SPEEDS
-from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.devices.barrett.map import SPEEDS, with_sign
+from handctl.errors import HandctlError, LinkError, NoAnswer, NotRunning, ProtocolError
 from handctl.wording import plural
 
 if TYPE_CHECKING:
@@ -223,7 +223,7 @@ class SessionStart:
         shown = came[:24].hex(" ").upper()
         if end == table.MONITOR:
             text = f"{link.name}: {table.MONITOR_TEXT}. Nothing more was sent"
-            return DeviceRefused(text, hint=REMEDY, code="boot-monitor")
+            return NotRunning(text, hint=REMEDY)
         if end in (table.WIRE, table.GARBAGE):
             echo = end == table.WIRE or not came.strip(ABORT + CR + b"!\0")
             monitor = " or the boot monitor of a hand without firmware" if echo and not link.can_set_baud else ""
@@ -278,4 +278,4 @@ def _places(line: GclLine, after: float = 0.0) -> list[int]:
             f"{line.link.name}: no positions: ERR {answer.status}", hint="`handctl barrett status` shows each motor"
         )
     (places,) = values(answer, 1, 4)
-    return places
+    return [with_sign(index, place) for index, place in enumerate(places)]
