@@ -162,6 +162,10 @@ class DeviceRefused(HandctlError):
     default_code = "refused"
 
 
+class NotPresent(DeviceRefused):
+    """The device says that it does not have what was asked for: another firmware, another model."""
+
+
 class NotRunning(DeviceRefused):
     """The device is there, but nothing that could answer runs on it: it has no firmware, or has just been switched on."""
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+from pathlib import Path
+from typing import Any
+
 import pytest
 
 from handctl.devices.barrett import motion
@@ -12,7 +16,8 @@ from handctl.errors import ProtocolError
 from handctl.model.prompts import Prompts
 from tests.barrett.download import Operated, Operator, Run
 from tests.barrett.support import codes, elements, scripted, simulated
-from tests.support.cli import run
+from tests.support.cli import Result, run
+from tests.support.odd_barrett import odd, replaced
 
 # -- positions below 0 ----------------------------------------------------------------------------------------------
 
@@ -126,3 +131,65 @@ def test_a_download_that_is_cut_off_leaves_no_firmware() -> None:
     """Half of the records arrived whole, one after the other: it is no firmware all the same."""
     failed = Run("fault=monitor-hang&download-at=0x2C80")
     assert failed.failed[0] == "no-echo" and not failed.image.startswith("image valid")
+
+
+# -- another answer to the first question ---------------------------------------------------------------------------
+
+ODD: dict[str, dict[str, Any]] = {
+    "an echoed NUL": {"nul": b"^@"},
+    "text behind the number": {"every": replaced(b"ERR 32", b"ERR 32 Unknown command")},
+    "no space": {"every": replaced(b"ERR 32", b"ERR32")},
+    "two prompts": {"every": replaced(b"=> ", b"=> \n\r=> ")},
+    "a sentence": {"first": replaced(b"ERR 32", b"What?")},
+}
+
+
+def bad(result: Result) -> set[str]:
+    """What a check complains of: a new hand is to be greased."""
+    return {row["check"] for row in result.rows if row.get("status") in ("fail", "warning")}
+
+
+HAND = "fake://barrett?clock=virtual&initialized=1"
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_another_answer_is_contact(name: str) -> None:
+    """Every command works on it as `scan` does, and what is unexpected is told once."""
+    for words in ("status", "dump", "get P", "version", "gcl VERS", "set DS.F1=1000", "init -y", "scan", "diagnose"):
+        with odd(**ODD[name]):
+            result = run("barrett", *words.split(), "-p", HAND, "--json")
+        codes_seen = [message["code"] for message in result.json["messages"]]
+        assert result.code == (7 if words == "diagnose" else 0), (words, result)
+        if words == "diagnose":
+            assert bad(result) <= bad(run("barrett", "diagnose", "-p", HAND, "--json"))
+        assert codes_seen.count("other-text") == (words != "scan"), (words, codes_seen)
+        assert "loop" not in codes_seen
+
+
+def test_noise_is_no_other_answer() -> None:
+    """Other text that does not come again in the same way proves nothing."""
+    count = itertools.count(1000)
+    with odd(first=lambda data: data.replace(b"ERR", b"%d" % next(count))):
+        result = run("barrett", "status", "-p", HAND, "--json")
+    assert result.code == 5
+
+
+# -- a firmware without one parameter -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["SGFLIP", "MSG", "LFDPD", "OD", "EN", "UPSECS"])
+def test_a_firmware_without_one_parameter(name: str, tmp_path: Path) -> None:
+    file = tmp_path / "f.json"
+    for words in ("status", "dump", f"snapshot {file}", "strain", "diagnose", "status --check"):
+        if (words, name) in {("strain", "OD")}:
+            continue
+        with odd(without=name):
+            result = run("barrett", *words.split(), "-p", HAND, "--json")
+        assert result.code == 0 or (words, result.code) == ("diagnose", 7), (words, result)
+        if words == "diagnose":
+            assert bad(result) <= bad(run("barrett", "diagnose", "-p", HAND, "--json"))
+        assert all(row.get("parameter") != name for row in result.rows), words
+    assert file.exists()
+    with odd(without=name):
+        assert run("barrett", "diff", str(file), "-p", HAND, "--json").code == 0
+        assert run("barrett", "get", name, "-p", HAND, "--json").code == 6

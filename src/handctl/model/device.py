@@ -13,7 +13,16 @@ from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypedDict, TypeVar
 
-from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, NotIdentified, ProtocolError, joined
+from handctl.errors import (
+    CheckFailed,
+    HandctlError,
+    Interrupted,
+    NoAnswer,
+    NotIdentified,
+    NotPresent,
+    ProtocolError,
+    joined,
+)
 from handctl.light import NamedTuple
 from handctl.model.param import Changes, Element, FromTo, Number, ParamMap, Reading, elements_of
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table
@@ -355,6 +364,20 @@ class Device(ABC):
         """The error of a table of which these readings `failed`."""
         return failed[0].error
 
+    def present(self, readings: Sequence[Reading]) -> list[Reading]:
+        """The readings without what this firmware says it does not have, which is told once; all of them where it has none.
+
+        For what reads everything. Who asks for one thing by name is told that it is refused.
+        """
+        absent = [reading for reading in readings if isinstance(reading.error, NotPresent)]
+        if not absent or all(reading.value is None for reading in readings):
+            return list(readings)
+        names = ", ".join(dict.fromkeys(reading.element.param.name for reading in absent))
+        text = f"not on this firmware: {names}"
+        if not any(message.text == text for message in self.journal.messages):
+            self.journal.info("not-on-this-firmware", text, hint=f"it answered: {said_of(self._line.where, absent[0])}")
+        return [reading for reading in readings if reading not in absent]
+
     @contextmanager
     def keeping(self, so_far: Callable[[], Sequence[Reading]]) -> Iterator[None]:
         """Around reading: when it ends in the middle, what was read `so_far` is shown, if there is anything."""
@@ -368,7 +391,7 @@ class Device(ABC):
     def dump(self) -> Table:
         """Everything documented that every device of this kind has."""
         dumped = [param for param in self.map if param.readable and not param.optional]
-        return self.table(self.read([element for param in dumped for element in elements_of(param)]))
+        return self.table(self.present(self.read([element for param in dumped for element in elements_of(param)])))
 
     def judge(
         self,
@@ -423,6 +446,11 @@ class Device(ABC):
         ]
         if wrong:
             raise CheckFailed(f"{self._line.where}: {'; '.join(wrong)}", hint=hint, code="read-back")
+
+
+def said_of(where: str, reading: Reading) -> str:
+    """What the device said of a reading that failed, without the link."""
+    return reading.error.text.removeprefix(where).lstrip(": ") if reading.error is not None else ""
 
 
 # -- who is there, before the first write ---------------------------------------------------------------------------

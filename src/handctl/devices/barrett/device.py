@@ -21,6 +21,7 @@ from handctl.devices.barrett.views import (
     VALUE,
     audit,
     heat_hint,
+    later_names,
     later_settings,
     mark_not_homed,
     meaning,
@@ -28,12 +29,13 @@ from handctl.devices.barrett.views import (
     status_view,
     unhealthy,
 )
-from handctl.errors import Aftermath, DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.errors import Aftermath, DeviceRefused, HandctlError, NoAnswer, NotPresent, ProtocolError
 from handctl.model.device import Device
-from handctl.model.param import Element, Number, Reading, Step
+from handctl.model.param import Element, Number, Reading, Step, elements_of
 from handctl.model.result import Finding, Row, Table
 from handctl.model.stop_sequence import Stopped
 
+UNKNOWN_NAME = 64
 SPLITTABLE = 32 | 64 | 1024
 """Statuses that a long line may cause: it is asked again in halves (dossier 1.4)."""
 
@@ -118,7 +120,8 @@ class BarrettHand(Device):
 
     def refusal(self, answer: Answer) -> DeviceRefused:
         """The error of an answer with a status: link, command, sum and the manual's wording."""
-        return DeviceRefused(
+        made = NotPresent if answer.status == UNKNOWN_NAME else DeviceRefused
+        return made(
             f"{self.link.name}: {answer.command}: ERR {answer.status}: {explain_status(answer.status)}",
             hint=hint_for(answer.status),
             code=f"err-{answer.status}",
@@ -165,10 +168,17 @@ class BarrettHand(Device):
                 raise reading.error
         return [int(reading.value or 0) for reading in found]
 
-    def by_name(self, *names: str, motors: Collection[int] = range(4)) -> dict[tuple[str, str | None], int]:
-        """Values by mnemonic and motor; facts about the hand itself are kept. Raises the error if one cannot be read."""
+    def by_name(
+        self, *names: str, motors: Collection[int] = range(4), dispensable: Collection[str] = ()
+    ) -> dict[tuple[str, str | None], int]:
+        """Values by mnemonic and motor; facts about the hand itself are kept. Raises the error if one cannot be read.
+
+        Of `dispensable` mnemonics those may be missing that this firmware does not have.
+        """
         found: dict[tuple[str, str | None], int] = {}
         for reading in self.read(BARRETT.elements(*names, motors=motors)):
+            if isinstance(reading.error, NotPresent) and gcl_name(reading.element) in dispensable:
+                continue
             if reading.error is not None:
                 raise reading.error
             found[self.row(reading)["parameter"], reading.element.part] = int(reading.value or 0)
@@ -351,25 +361,26 @@ class BarrettHand(Device):
         return first.reworded(f"{self.link.name}: {', '.join(names)}: {said}")
 
     def dump(self) -> Table:
-        """Every parameter of §5.3 and §5.4 against its default, in four lines.
-
-        What only later firmware has is not asked for: whether a hand has it costs two lines more.
-        """
-        table = super().dump()
+        """Every parameter of §5.3 and §5.4 against its default, and what later firmware has, by the version that it reports."""
+        params = [param for param in BARRETT if param.readable and not param.since]
+        wanted = [element for param in params for element in elements_of(param)]
+        readings = self.read(wanted)
+        trouble = None
+        try:
+            if later := BARRETT.elements(*later_names(self.version())):
+                readings += self.read(later)
+        except (NoAnswer, ProtocolError, DeviceRefused) as exc:
+            trouble = exc
+        table = self.table(self.present(readings))
+        table.failure = table.failure or trouble
         for finding in audit(table.rows):
             self.journal.warn("audit", finding)
-        later = " ".join(param.mnemonic for param in BARRETT if param.since)
-        self.journal.info(
-            "later-firmware",
-            f"this dump does not include {later}, which firmware 4.34 and 4.4 have",
-            hint=f"read them with `handctl barrett get {later}`. A snapshot includes the settings among them",
-        )
         return table
 
     def status(self, check: bool) -> Table:
         """Position, strain, status, way, temperature against its limit, firmware. With `check`, unhealthy is exit 7."""
         names = ("P", "SG", "S", "OD", "EN", "TEMP", "OTEMP", "PTEMP", "UPSECS", "SN", "BAUD")
-        table = self.table(self.read(BARRETT.elements(*names)))
+        table = self.table(self.present(self.read(BARRETT.elements(*names))))
         try:
             firmware = self.version()
         except HandctlError as exc:

@@ -68,7 +68,7 @@ def audit(rows: Sequence[Row]) -> list[str]:
     found += [
         f"{motor}: HSG {by[('HSG', motor)]} and MSG {by[('MSG', motor)]} differ, although they are the same value"
         for motor in MOTORS
-        if ("HSG", motor) in by and by[("HSG", motor)] != by.get(("MSG", motor))
+        if None not in (high := by.get(("HSG", motor)), alias := by.get(("MSG", motor))) and high != alias
     ]
     return found
 
@@ -281,10 +281,20 @@ def mark_not_homed(rows: Sequence[Row]) -> None:
 def later_settings(firmware: str, journal: Journal) -> list[str]:
     """Names of the settings that came with later firmware and this one has (dossier 6.5)."""
     later = [param for param in BARRETT if param.since and param.writable]
-    known = re.search(r"(\d+)\.(\d)(\d?)", firmware.replace("_", "."))
-    if known is None:
+    if _version(firmware) is None:
         names = " ".join(param.mnemonic for param in later)
         journal.warn("later-firmware", f"the firmware does not report its version, so {names} were not read")
         return []
-    version = tuple(int(digit or 0) for digit in known.groups())
-    return [param.name for param in later if version >= FIRST[param.since]]
+    had = later_names(firmware)
+    return [param.name for param in later if param.mnemonic in had]
+
+
+def later_names(firmware: str) -> list[str]:
+    """Mnemonics of what came with later firmware and this one has, all of them where it does not report its version."""
+    version = _version(firmware)
+    return [param.mnemonic for param in BARRETT if param.since and (version is None or version >= FIRST[param.since])]
+
+
+def _version(firmware: str) -> tuple[int, ...] | None:
+    known = re.search(r"(\d+)\.(\d)(\d?)", firmware.replace("_", "."))
+    return None if known is None else tuple(int(digit or 0) for digit in known.groups())

@@ -97,7 +97,9 @@ class GclLine(Line):
         """Tell once what this hand answers where the manual has something else; the text is kept as it came."""
         if not self._told_odd:
             self._told_odd = True
-            text = " ".join(came.decode("ascii", "backslashreplace").replace("\0", "").split())
+            text = (
+                " ".join(came.decode("ascii", "backslashreplace").replace("\0", "").split()).removesuffix("=>").strip()
+            )
             self.journal.info(
                 "other-text",
                 f"{self.link.name}: this hand answers {request!r} with {text!r} where the manual has {usual} ({came[:48].hex(' ').upper()})",
