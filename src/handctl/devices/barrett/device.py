@@ -28,6 +28,7 @@ from handctl.devices.barrett.views import (
     parameters_view,
     status_view,
     unhealthy,
+    why_doubtful,
 )
 from handctl.errors import Aftermath, DeviceRefused, HandctlError, NoAnswer, NotPresent, ProtocolError
 from handctl.model.device import Device
@@ -256,8 +257,11 @@ class BarrettHand(Device):
             "label": meaning(param, reading.value, reading.element.index),
             "default": param.default_of(reading.element.index),
         }
+        doubt = why_doubtful(param, reading.element.index, reading.value)
         if param.mnemonic == "SG":
-            row["doubt"] = NO_GAUGE if reading.value == 255 else None
+            row["doubt"] = NO_GAUGE if reading.value == 255 else doubt
+        elif doubt:
+            row["doubt"] = doubt
         return row
 
     # -- writing -------------------------------------------------------------------------------------------------

@@ -139,10 +139,10 @@ def _parameter_grid(rows: list[Row], names: list[str]) -> Grid:
         error = next((row["error"] for row in mine.values() if "error" in row), None)
         if error is not None:
             notes.append(f"{first['parameter']}: {error}")
-        doubtful = [str(row["motor"]) for row in mine.values() if row.get("doubt") and row["parameter"] != "SG"]
+        doubtful = [row for row in mine.values() if row.get("doubt") and row["doubt"] != NO_GAUGE]
         if doubtful:
-            doubt = next(row["doubt"] for row in mine.values() if row.get("doubt"))
-            notes.append(f"{first['parameter']} {', '.join(doubtful)}: {doubt}")
+            whose = ", ".join(str(row["motor"]) for row in doubtful if row["motor"])
+            notes.append(f"{first['parameter']}{f' {whose}' if whose else ''}: {doubtful[0]['doubt']}")
     notes += [f"{unit}: {' '.join(having)}" for unit, having in units.items()]
     headings = ["GCL", "Name", *(motors or ["Value"]), *(["Default"] if factory or not motors else [])]
     right = frozenset(range(2, len(headings)))
@@ -162,7 +162,7 @@ def _value_cell(row: Row | None) -> str | Cell:
     changed = row.get("default") is not None and row["value"] != row["default"]
     text = str(row["label"]) if row["unit"] == TENTHS and row.get("label") else str(row["value"])
     if row.get("doubt"):
-        return Cell(text if row["parameter"] == "SG" else f"{text}?", "dim")
+        return Cell(text if row["doubt"] == NO_GAUGE else f"{text}?", "dim")
     return Cell(f"{text}*", "warn") if changed else text
 
 
@@ -260,22 +260,25 @@ def why_impossible(index: int) -> str:
     return f"impossible: {'the spread' if index == 3 else 'a finger'} travels about {TRAVEL[index == 3]} counts (barrett §5.3.2)"
 
 
+def why_doubtful(param: GclParam, index: int, value: Number) -> str | None:
+    """Why a value cannot be what it says: no joint gets there, or the manual has no such value. None where it can."""
+    if param.mnemonic in POSITIONS:
+        return why_impossible(index) if implausible(index, int(value)) else None
+    return None if param.allowed(value) else f"outside its range {param.range_text}, so the RAM contents may be damaged"
+
+
 NO_GAUGE = "no gauge (barrett §5.3.2)"
 FIRST = {"4.34": (4, 3, 4), "4.4": (4, 4, 0)}
 """Firmware that a parameter's `since` names, as numbers."""
 
 
 def mark_not_homed(rows: Sequence[Row]) -> None:
-    """Mark positions that are not valid, by the status of their motors in the same table, or because no joint gets there."""
+    """Mark positions that are not valid, by the status of their motors in the same table."""
     status = {row["motor"]: row.get("value") for row in rows if row.get("parameter") == "S"}
     for row in rows:
         code = status.get(row["motor"]) if row.get("parameter") == "P" and "value" in row else None
         if code is not None:
-            row["doubt"] = NOT_HOMED if int(code) & 4 else None
-        if row.get("parameter") in POSITIONS and "value" in row and not row.get("doubt"):
-            index = MOTORS.index(row["motor"])
-            if implausible(index, row["value"]):
-                row["doubt"] = why_impossible(index)
+            row["doubt"] = NOT_HOMED if int(code) & 4 else row.get("doubt")
 
 
 def later_settings(firmware: str, journal: Journal) -> list[str]:
