@@ -74,7 +74,7 @@ def main() -> int:
         "--beside", metavar="DATA", default="", help="what the rest of the suite shows, as coverage has it"
     )
     args = parser.parse_args()
-    elsewhere = arcs(args.additional) if args.additional else frozenset()
+    elsewhere = arcs(args.beside) if args.beside else frozenset()
     chosen = [suites()[name] for name in args.suites] or [one for one in suites().values() if file_of(one).exists()]
     following, seen = Following(), dict[str, Shown]()
     for suite in chosen:
