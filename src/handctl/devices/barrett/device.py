@@ -371,7 +371,8 @@ class BarrettHand(Device):
         readings = self.read(wanted)
         trouble = None
         try:
-            if later := BARRETT.elements(*later_names(self.version())):
+            version = " ".join(self.checked(self.line.read("VERS")).lines)
+            if later := BARRETT.elements(*later_names(version)):
                 readings += self.read(later)
         except (NoAnswer, ProtocolError, DeviceRefused) as exc:
             trouble = exc
