@@ -162,6 +162,16 @@ class DeviceRefused(HandctlError):
     default_code = "refused"
 
 
+class NotPresent(DeviceRefused):
+    """The device says that it does not have what was asked for: another firmware, another model."""
+
+
+class NotRunning(DeviceRefused):
+    """The device is there, but nothing that could answer runs on it: it has no firmware, or has just been switched on."""
+
+    default_code = "boot-monitor"
+
+
 class CheckFailed(HandctlError):
     """A check failed: read-back differs, unhealthy under --check, files differ. Exit code 7."""
 

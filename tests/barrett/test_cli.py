@@ -73,14 +73,15 @@ def test_dump_is_every_parameter_by_motor_against_its_default() -> None:
     }
     assert got == expected
     assert len(result.rows) == 35 * 4 + 8
-    assert envelope["device"] == {"kind": "barrett", "link": fake(), "fake": True, "id": None, "model": "BH8"}
+    device = {"kind": "barrett", "link": fake(), "fake": True, "id": None, "model": "BH8"}
+    assert envelope["device"] == device
 
 
 def test_dump_is_four_round_trips(tmp_path: Path) -> None:
     trace = tmp_path / "t.txt"
-    assert do("dump", "--trace", trace).json["counters"] == {**CLEAN, "sent": 4, "received": 4}
-    lines = sent_lines(trace)
-    assert [line.split()[0] for line in lines] == ["FGET", "FGET", "FGET", "PGET"]
+    assert do("dump", "--trace", trace).json["counters"] == {**CLEAN, "sent": 5, "received": 5}
+    *lines, last = sent_lines(trace)
+    assert [line.split()[0] for line in lines] == ["FGET", "FGET", "FGET", "PGET"] and last == "VERS"
     assert all(len(line) <= 70 and len(line.split()) <= 19 for line in lines)  # dossier 1.4
     assert sorted(" ".join(lines).split()) == sorted(["FGET"] * 3 + ["PGET", *POWER_ON])
 

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handctl.devices.barrett.map import TRAVEL
+from handctl.devices.barrett.map import BEYOND, TRAVEL, implausible
 from handctl.devices.barrett.realtime import cli
-from handctl.devices.barrett.realtime.guards import BEYOND, GUARDS, Guards, Limits, implausible
+from handctl.devices.barrett.realtime.guards import GUARDS, Guards, Limits
 from handctl.devices.barrett.realtime.schedule import Change, Controls, Schedule
 from handctl.errors import CheckFailed, ProtocolError, UsageError
 from tests.barrett.commands import fake

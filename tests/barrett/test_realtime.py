@@ -262,8 +262,8 @@ LAYOUTS = st.builds(
     st.sampled_from([0, 1, 2]),
 )
 RANGES = {
-    "velocity": (-128, 127), "strain": (0, 255), "position": (0, 65535), "delta": (-128, 127),
-    "breakaway_position": (0, 65535), "analog": (0, 255),
+    "velocity": (-128, 127), "strain": (0, 255), "position": (-3150, 20000), "delta": (-128, 127),
+    "breakaway_position": (-3150, 20000), "analog": (0, 255),
 }  # fmt: skip
 
 

@@ -27,6 +27,23 @@ def load(*lines: str, end: str = "\n", last: str = "\n") -> Firmware:
     return parse("x.s19", (end.join(lines) + last).encode("latin-1"))
 
 
+@pytest.mark.parametrize(
+    ("before", "behind", "encoding"),
+    [
+        ("", "\x1a", "latin-1"),
+        ("", "\x1a" + "\0" * 100, "latin-1"),
+        ("", "\r\n\0\0\0", "latin-1"),
+        ("\ufeff", "", "utf-8"),
+        ("\ufeff", "\r\n\x1a", "utf-16-le"),
+        ("\ufeff", "", "utf-16-be"),
+    ],
+)
+def test_what_editors_and_dos_put_around_a_file(before: str, behind: str, encoding: str) -> None:
+    text = "\r\n".join((HEADER, EXAMPLE, END))
+    plain, padded = parse("x.s19", text.encode()), parse("x.s19", (before + text + "\r\n" + behind).encode(encoding))
+    assert (padded.records, verdict(padded)) == (plain.records, {}) and plain.records
+
+
 def worst(firmware: Firmware) -> str:
     return max((finding.status for finding in firmware.findings), key=("ok", "warning", "force", "fail").index)
 

@@ -182,6 +182,7 @@ def test_simulator_keeps_the_image(case: Case, pieces: bool) -> None:
         line.feed(piece)
         heard += line.take()
     assert hexed(heard) == hexed(answered(download))
+    line.feed(b"RESET\r")
     assert f"sha256 {case.says['gives']}" in line.command("image") and "image valid" in line.command("image")
 
 

@@ -9,7 +9,7 @@ from tests.search.suite import Suite, command, run, suites, told
 
 ALL = {
     "test_any_line": "any-line",
-    "test_contract": "contract",
+    "test_contract": "contract contact",
     "test_faults": "faults lines",
     "test_hostile": "harm hostile",
 }

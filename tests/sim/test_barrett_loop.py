@@ -245,7 +245,7 @@ def test_lasting_velocity_and_the_stop() -> None:
     bench.wait(812 * SAMPLE)
     assert say(bench, "41") == "2A FF 42 68"  # 17000
     bench.wait(3600.0)
-    assert say(bench, "41") == "2A 00 00 00"
+    assert say(bench, "41") == "2A 00 FF CE"  # -50, the open stop
 
 
 def test_same_velocity_again_loses_nothing() -> None:

@@ -23,8 +23,8 @@ def say(bench: Bench, sent: str) -> str:
 
 
 def cycled(**options: object) -> Bench:
-    """The switch was off for 5 s and is on again; the ':' has come."""
-    bench = ready(**options)
+    """The switch was off for 5 s and is on again; the ':' has come. One record makes an image, unless it is said otherwise."""
+    bench = ready(**{"image_records": 1, **options})
     bench.control("power off")
     bench.wait(5.0)
     assert say(bench, "58") == ""
@@ -62,7 +62,7 @@ def image(bench: Bench) -> str:
 
 def test_the_transcript() -> None:
     """§3.7 and the vendor's downloader: X while the power is off, ':', FF, then the record."""
-    bench = ready()
+    bench = ready(image_records=1)
     bench.control("power off")
     assert say(bench, "58") == ""
     bench.control("power on")
@@ -188,8 +188,30 @@ def test_reset_need_not_end_it(end: str) -> None:
     assert bench.run() == ":" + BANNER
 
 
+@pytest.mark.parametrize(
+    ("end", "last", "words"),
+    [
+        ("reset", "", "incomplete"),
+        ("reset", "\r", "incomplete"),
+        ("reset", "!\0\r", "incomplete"),
+        ("reset", "RESET\r", "valid"),
+        ("quiet", "", "incomplete"),
+        ("power", "", "valid"),
+    ],
+)
+def test_an_image_is_whole_once_the_download_is_ended(end: str, last: str, words: str) -> None:
+    """A client that dies between two records leaves no firmware, and neither does one that comes later and asks."""
+    bench = downloaded((0x2000, b"\x01"), (0x2001, b"\x02"), download_end=end, download_quiet=60, image_records=0)
+    assert image(bench).startswith("image incomplete, ")
+    bench.send(last)
+    bench.control("power off")
+    assert image(bench).split(",")[0] == f"image {words}"
+    bench.control("power on")
+    assert bench.run() == ":" + (BANNER if words == "valid" else TEXT)
+
+
 def test_silence_ends_it() -> None:
-    bench = downloaded(download_end="quiet", download_quiet=1.5)
+    bench = downloaded(download_end="quiet", download_quiet=1.5, image_records=0)
     bench.wait(1.4)
     assert send_record(bench, 0x3000, b"\x01") == ""
     assert bench.wait(1.49) == ""
@@ -207,7 +229,7 @@ def test_version_after_a_download() -> None:
 
 
 def test_parameters_are_in_eeprom_and_survive() -> None:
-    bench = ready()
+    bench = ready(image_records=1)
     bench.ask("1FSET DP 1234")
     bench.ask("FSAVE")
     bench.ask("PSET OTEMP 650")

@@ -87,12 +87,12 @@ def test_velocity_control(command: str, name: str) -> None:
     if command == "TO":
         bench.ask("GM 17000")
     bench.ask(f"1FSET {name} 80")
-    way = 17791 if command == "TC" else 17000
+    way = 17791 if command == "TC" else 17050
     assert bench.seconds("1" + command) == pytest.approx(way / (5 * 0.97) * 256e-6 + 0.030, abs=1e-9)
     assert bench.seconds("2" + command) == pytest.approx(
         (way + 21 * (command == "TC")) / 6.25 * 256e-6 + 0.03, abs=1e-9
     )
-    assert positions(bench) == ([17791, 17812, 0, 0] if command == "TC" else [0, 0, 17000, 0])
+    assert positions(bench) == ([17791, 17812, 0, 0] if command == "TC" else [-50, -50, 17000, 0])
 
 
 # -- HI -------------------------------------------------------------------------------------------------------------------
@@ -194,9 +194,27 @@ def test_opening_beyond_the_stop() -> None:
     bench = ready()
     bench.ask("M 100")
     assert bench.ask("GIO 500") == ["ERR 16"]
-    assert positions(bench) == [0, 0, 0, 100]
+    assert positions(bench) == [-50, -50, -50, 100]
     assert bench.ask("IO 0") == []
     assert bench.ask("GIO 50") == []  # within MPE
+
+
+@pytest.mark.parametrize(
+    ("sign", "shown", "word", "delta"),
+    [("signed", "-300", "FE D4", "80"), ("unsigned", "65236", "FE D4", "80"), ("clamped", "0", "00 00", "00")],
+)
+def test_a_position_below_0(sign: str, shown: str, word: str, delta: str) -> None:
+    """§5.3.4 IOFF: the origin is that far from the open stop, where TO ends. How it is printed is not known."""
+    bench = Bench(position_sign=sign)
+    bench.ask("1FSET IOFF 300 LCV 0 LCPG 0 LFV 0 LFS 0")
+    bench.ask("HI")
+    bench.get("P", "1")
+    assert bench.ask("1TO") == []
+    bench.send("1LOOP\r")
+    bench.line.feed(b"A")
+    assert bench.line.take().hex(" ").upper() == f"2A {word} {delta}"
+    bench.send("\x03")
+    assert bench.get("P", "1") == [shown]
 
 
 @pytest.mark.parametrize(("mpe", "answer"), [(790, ["ERR 16"]), (791, []), (792, [])])

@@ -13,7 +13,7 @@ The checksum covers everything else in canonical form (sorted keys, no spaces), 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
@@ -33,10 +33,14 @@ Check = Callable[[Sequence[Change]], None]
 ACTING = {MOVES: "MOVES the device", PUSHES: "PUSHES with a force until another is commanded"}
 
 
-def read_values(device: Device, elements: Sequence[Element]) -> dict[str, Number]:
-    """The present value of each element, by full name. Raises what kept one from being read."""
-    readings = device.read(elements) if elements else []
-    for reading in readings:
+def read_values(device: Device, elements: Sequence[Element], needed: Collection[str] = ()) -> dict[str, Number]:
+    """The present value of each element, by full name. Raises what kept one from being read.
+
+    What this firmware does not have is left out, unless it is `needed`.
+    """
+    every = device.read(elements) if elements else []
+    readings = device.present(every)
+    for reading in [*readings, *(one for one in every if one.element.full_name in needed)]:
         if reading.error is not None:
             exc = reading.error
             raise exc.reworded(f"not all settings could be read: {reading.element.full_name}: {exc.text}")
@@ -185,7 +189,7 @@ def restore(
     device: Device = run.device()
     device.find_for_restore(values)
     device.identify()
-    live = read_values(device, params.kept(setpoints=setpoints, further=values))
+    live = read_values(device, params.kept(setpoints=setpoints, further=values), needed=values)
     differing = [(element, value) for element, value in changes if live.get(element.full_name) != value]
     for text in device.not_covered:
         run.journal.info("not-covered", f"not covered by a snapshot: {text}")

@@ -13,7 +13,16 @@ from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypedDict, TypeVar
 
-from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, NotIdentified, ProtocolError, joined
+from handctl.errors import (
+    CheckFailed,
+    HandctlError,
+    Interrupted,
+    NoAnswer,
+    NotIdentified,
+    NotPresent,
+    ProtocolError,
+    joined,
+)
 from handctl.light import NamedTuple
 from handctl.model.param import Changes, Element, FromTo, Number, ParamMap, Reading, elements_of
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table
@@ -146,6 +155,9 @@ class Line:
     def reopened(self) -> None:
         """The port was opened again: what was under way is lost, and it may lead to a stranger."""
 
+    def overheard(self, data: bytes) -> None:
+        """Bytes that somebody else has read on this line before it was used: they may tell the state of the device."""
+
     def repeated(self, retries: int | None, ask: Callable[P, T], *args: P.args, **more: P.kwargs) -> T:
         """What `ask` returns of these, asked again where no valid answer came; for reads only. Raises what it raised last."""
         for attempt in range(1 + (self.retries if retries is None else retries)):
@@ -220,6 +232,10 @@ class Device(ABC):
     def journal(self) -> Journal:
         """Where messages and counters go."""
         return self._line.journal
+
+    def overheard(self, data: bytes) -> None:
+        """Bytes that came before anything was asked, and were read by somebody else."""
+        self._line.overheard(data)
 
     def reopen(self, again: Callable[[], bool]) -> bool:
         """Open a port that was lost by `again`, unless --deadline is over; False where there is no such way. Raises LinkError."""
@@ -348,6 +364,20 @@ class Device(ABC):
         """The error of a table of which these readings `failed`."""
         return failed[0].error
 
+    def present(self, readings: Sequence[Reading]) -> list[Reading]:
+        """The readings without what this firmware says it does not have, which is told once; all of them where it has none.
+
+        For what reads everything. Who asks for one thing by name is told that it is refused.
+        """
+        absent = [reading for reading in readings if isinstance(reading.error, NotPresent)]
+        if not absent or all(reading.value is None for reading in readings):
+            return list(readings)
+        names = ", ".join(dict.fromkeys(reading.element.param.name for reading in absent))
+        text = f"not on this firmware: {names}"
+        if not any(message.text == text for message in self.journal.messages):
+            self.journal.info("not-on-this-firmware", text, hint=f"it answered: {said_of(self._line.where, absent[0])}")
+        return [reading for reading in readings if reading not in absent]
+
     @contextmanager
     def keeping(self, so_far: Callable[[], Sequence[Reading]]) -> Iterator[None]:
         """Around reading: when it ends in the middle, what was read `so_far` is shown, if there is anything."""
@@ -361,7 +391,7 @@ class Device(ABC):
     def dump(self) -> Table:
         """Everything documented that every device of this kind has."""
         dumped = [param for param in self.map if param.readable and not param.optional]
-        return self.table(self.read([element for param in dumped for element in elements_of(param)]))
+        return self.table(self.present(self.read([element for param in dumped for element in elements_of(param)])))
 
     def judge(
         self,
@@ -416,6 +446,11 @@ class Device(ABC):
         ]
         if wrong:
             raise CheckFailed(f"{self._line.where}: {'; '.join(wrong)}", hint=hint, code="read-back")
+
+
+def said_of(where: str, reading: Reading) -> str:
+    """What the device said of a reading that failed, without the link."""
+    return reading.error.text.removeprefix(where).lstrip(": ") if reading.error is not None else ""
 
 
 # -- who is there, before the first write ---------------------------------------------------------------------------

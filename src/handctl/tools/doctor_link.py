@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from ipaddress import IPv4Address, ip_network
 from typing import Any
 
-from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, NotRunning, ProtocolError
 from handctl.link import ByteLink, CanFrame, Deadline, Link
 from handctl.link.transcript import observed
 from handctl.model.line_quality import SLOW, RoundTrips
@@ -98,6 +98,8 @@ class Series:
     failed: Counter[str] = field(default_factory=Counter)
     seen: dict[str, HandctlError] = field(default_factory=dict)
     """The first error of each code."""
+    refusal: DeviceRefused | None = None
+    """How it refused what was asked, which is an answer too."""
     echoes: int = 0
     questions: int = 0
     """Reads that sent something; without any the device speaks by itself."""
@@ -167,6 +169,8 @@ class LinkChecks:
         """Up to `reads` pings, ended by time, and by silence from the start."""
         self.before, stray = getattr(self.link, "error_frames", 0), self.counters.stray_bytes
         self.device = self.make(self.link)
+        if self.unasked:
+            self.device.overheard(self.unasked)
         end = self.link.deadline(READ_SECONDS).earlier(self.bound)
         found = Series()  # the first read may have to find the device first: it counts only when it fails
         self._ping(found)
@@ -183,10 +187,14 @@ class LinkChecks:
             wire.forget()
         started = link.now()
         try:
-            with suppress(DeviceRefused):  # it does not like the question, but it answers
+            try:
                 self.probe.ping(self.device)
+            except NotRunning:
+                raise
+            except DeviceRefused as exc:  # it does not like the question, but it answers
+                series.refusal = exc
             series.trips.add(link.now() - started)
-        except (NoAnswer, ProtocolError, LinkError) as exc:
+        except (NoAnswer, ProtocolError, LinkError, NotRunning) as exc:
             if isinstance(exc, LinkError) and (wire is not None or exc.code == "lost"):
                 raise
             series.failed[exc.code] += 1  # bus off, or refused by the adapter: the checks of the bus tell more
@@ -243,7 +251,8 @@ def _answer(it: LinkChecks) -> Verdict:
         return "skipped", "no device was found", "name its family with --family"
     it.read_series()
     if it.answered:
-        return "ok", f"the device answers {it.probe.PING}"
+        refusal = it.series.refusal
+        return "ok", f"the device answers {it.probe.PING}{f', with a refusal: {refusal.text}' if refusal else ''}"
     # the most telling error: a damaged answer shows that somebody is there, at this speed; else the first
     error = it.series.seen.get("bad-checksum") or next(iter(it.series.seen.values()))
     return "fail", error.text, error.hint
@@ -306,6 +315,8 @@ def _identity(it: LinkChecks) -> Verdict:
 def _speed(it: LinkChecks) -> Verdict:
     """Whether the device answers at the speed that was asked for, else whether it does at another."""
     link, probe, first = it.link, it.probe, it.first
+    if any(isinstance(error, NotRunning) for error in it.series.seen.values()):
+        return "skipped", "what answers runs no firmware: nothing is sent to it at another speed"
     if it.wire is None or not link.can_set_baud or len(probe.SPEEDS) < 2:
         return "skipped", "this link or this device has one speed only"
     if it.answered and link.baud != first:

@@ -9,6 +9,24 @@ BLOCKS = "handctl.devices.barrett.realtime.blocks"
 
 ROWS = (
     mistake(
+        "barrett-a-position-below-0-is-60000",
+        "false value",
+        "handctl.devices.barrett.map",
+        "with_sign",
+        "return below if position <= 65535 and -TRAVEL[index == 3] <= below else position",
+        "return position",
+        "tests/barrett/test_contact.py::test_a_finger_at_its_open_stop",
+    ),
+    mistake(
+        "barrett-noise-is-contact",
+        "false identity",
+        "handctl.devices.barrett.gcl.session_start",
+        "SessionStart._judge_other",
+        "if state != table.PROVED or answer == before:",
+        "if True:",
+        "tests/barrett/test_contact.py::test_noise_is_no_other_answer",
+    ),
+    mistake(
         "barrett-ctrl-c-at-the-prompt-eats-the-next",
         "no stop",
         "handctl.devices.barrett.gcl.passthrough",

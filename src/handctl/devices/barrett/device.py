@@ -5,12 +5,12 @@ GCL has no checksum: an answer is believed when its echo, its number of lines an
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import product
 
 from handctl.devices.barrett.gcl.codec import Answer, batches, encode, explain_status, hint_for, values
 from handctl.devices.barrett.gcl.line import GclLine
-from handctl.devices.barrett.map import BARRETT, GclParam, gcl_name
+from handctl.devices.barrett.map import BARRETT, POSITIONS, GclParam, gcl_name, with_sign
 from handctl.devices.barrett.views import (
     GCL,
     LABEL,
@@ -21,19 +21,22 @@ from handctl.devices.barrett.views import (
     VALUE,
     audit,
     heat_hint,
+    later_names,
     later_settings,
     mark_not_homed,
     meaning,
     parameters_view,
     status_view,
     unhealthy,
+    why_doubtful,
 )
-from handctl.errors import Aftermath, DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.errors import Aftermath, DeviceRefused, HandctlError, NoAnswer, NotPresent, ProtocolError
 from handctl.model.device import Device
-from handctl.model.param import Element, Number, Reading, Step
+from handctl.model.param import Element, Number, Reading, Step, elements_of
 from handctl.model.result import Finding, Row, Table
 from handctl.model.stop_sequence import Stopped
 
+UNKNOWN_NAME = 64
 SPLITTABLE = 32 | 64 | 1024
 """Statuses that a long line may cause: it is asked again in halves (dossier 1.4)."""
 
@@ -58,6 +61,7 @@ class BarrettHand(Device):
     def __init__(self, line: GclLine) -> None:
         super().__init__(line)
         self.line = line
+        self._told_sign = False
 
     def abort(self) -> Stopped:
         """^C; the motors keep their power. Never raises, and asks nothing."""
@@ -117,7 +121,8 @@ class BarrettHand(Device):
 
     def refusal(self, answer: Answer) -> DeviceRefused:
         """The error of an answer with a status: link, command, sum and the manual's wording."""
-        return DeviceRefused(
+        made = NotPresent if answer.status == UNKNOWN_NAME else DeviceRefused
+        return made(
             f"{self.link.name}: {answer.command}: ERR {answer.status}: {explain_status(answer.status)}",
             hint=hint_for(answer.status),
             code=f"err-{answer.status}",
@@ -164,10 +169,17 @@ class BarrettHand(Device):
                 raise reading.error
         return [int(reading.value or 0) for reading in found]
 
-    def by_name(self, *names: str, motors: Collection[int] = range(4)) -> dict[tuple[str, str | None], int]:
-        """Values by mnemonic and motor; facts about the hand itself are kept. Raises the error if one cannot be read."""
+    def by_name(
+        self, *names: str, motors: Collection[int] = range(4), dispensable: Collection[str] = ()
+    ) -> dict[tuple[str, str | None], int]:
+        """Values by mnemonic and motor; facts about the hand itself are kept. Raises the error if one cannot be read.
+
+        Of `dispensable` mnemonics those may be missing that this firmware does not have.
+        """
         found: dict[tuple[str, str | None], int] = {}
         for reading in self.read(BARRETT.elements(*names, motors=motors)):
+            if isinstance(reading.error, NotPresent) and gcl_name(reading.element) in dispensable:
+                continue
             if reading.error is not None:
                 raise reading.error
             found[self.row(reading)["parameter"], reading.element.part] = int(reading.value or 0)
@@ -201,7 +213,22 @@ class BarrettHand(Device):
                 self.name_heat(error)
             for error in refused[1:]:
                 error.hint = refused[0].hint if error.code == refused[0].code else error.hint
-        return [_reading(element, found[gcl_name(element)]) for element in elements]
+        readings = [_reading(element, found[gcl_name(element)]) for element in elements]
+        self._tell_signs(readings, found)
+        return readings
+
+    def _tell_signs(self, readings: Sequence[Reading], found: Mapping[str, dict[int, int] | HandctlError]) -> None:
+        """Say once that positions were printed without their sign."""
+        for reading in readings:
+            element = reading.element
+            printed = found[gcl_name(element)] if gcl_name(element) in POSITIONS else None
+            if not self._told_sign and isinstance(printed, dict) and printed[element.index] != reading.value:
+                self._told_sign = True
+                self.journal.info(
+                    "unsigned-position",
+                    f"this hand prints a position below 0 without its sign: {element.part} {printed[element.index]} is {reading.value}, "
+                    "because the joint does not travel that far (barrett §5.3.2, §5.3.4 IOFF)",
+                )
 
     def _get(self, line: str, motors: list[int], into: dict[str, dict[int, int] | HandctlError]) -> None:
         verb, *names = line.split()
@@ -230,8 +257,11 @@ class BarrettHand(Device):
             "label": meaning(param, reading.value, reading.element.index),
             "default": param.default_of(reading.element.index),
         }
+        doubt = why_doubtful(param, reading.element.index, reading.value)
         if param.mnemonic == "SG":
-            row["doubt"] = NO_GAUGE if reading.value == 255 else None
+            row["doubt"] = NO_GAUGE if reading.value == 255 else doubt
+        elif doubt:
+            row["doubt"] = doubt
         return row
 
     # -- writing -------------------------------------------------------------------------------------------------
@@ -335,25 +365,27 @@ class BarrettHand(Device):
         return first.reworded(f"{self.link.name}: {', '.join(names)}: {said}")
 
     def dump(self) -> Table:
-        """Every parameter of §5.3 and §5.4 against its default, in four lines.
-
-        What only later firmware has is not asked for: whether a hand has it costs two lines more.
-        """
-        table = super().dump()
+        """Every parameter of §5.3 and §5.4 against its default, and what later firmware has, by the version that it reports."""
+        params = [param for param in BARRETT if param.readable and not param.since]
+        wanted = [element for param in params for element in elements_of(param)]
+        readings = self.read(wanted)
+        trouble = None
+        try:
+            version = " ".join(self.checked(self.line.read("VERS")).lines)
+            if later := BARRETT.elements(*later_names(version)):
+                readings += self.read(later)
+        except (NoAnswer, ProtocolError, DeviceRefused) as exc:
+            trouble = exc
+        table = self.table(self.present(readings))
+        table.failure = table.failure or trouble
         for finding in audit(table.rows):
             self.journal.warn("audit", finding)
-        later = " ".join(param.mnemonic for param in BARRETT if param.since)
-        self.journal.info(
-            "later-firmware",
-            f"this dump does not include {later}, which firmware 4.34 and 4.4 have",
-            hint=f"read them with `handctl barrett get {later}`. A snapshot includes the settings among them",
-        )
         return table
 
     def status(self, check: bool) -> Table:
         """Position, strain, status, way, temperature against its limit, firmware. With `check`, unhealthy is exit 7."""
         names = ("P", "SG", "S", "OD", "EN", "TEMP", "OTEMP", "PTEMP", "UPSECS", "SN", "BAUD")
-        table = self.table(self.read(BARRETT.elements(*names)))
+        table = self.table(self.present(self.read(BARRETT.elements(*names))))
         try:
             firmware = self.version()
         except HandctlError as exc:
@@ -379,5 +411,6 @@ def _is_speed(change: tuple[Element, Number]) -> bool:
 
 def _reading(element: Element, found: dict[int, int] | HandctlError) -> Reading:
     if isinstance(found, dict):
-        return Reading(element, found[element.index if element.param.elements else 0])
+        value = found[element.index if element.param.elements else 0]
+        return Reading(element, with_sign(element.index, value) if gcl_name(element) in POSITIONS else value)
     return Reading(element, None, b"", found)

@@ -21,6 +21,9 @@ OFF = 255
 """From here on a strain limit is off (§5.3.1)."""
 TRAVEL = (17800, 3150)
 """Counts between the joint stops of a finger and of the spread, approximately (§5.3.2 P)."""
+BEYOND = 500
+"""Counts by which a position may lie outside the travel: fingers differ by tens, HI shifts the origin by IOFF <= 500."""
+POSITIONS = ("P", "BP")
 BAUD_CODES = {
     6: "600 bit/s",
     12: "1200 bit/s",
@@ -238,6 +241,21 @@ def gcl_name(element: Element) -> str:
 def sample_seconds(sample: int) -> float:
     """How long a sample of the motor controllers lasts, by SAMPLE: so many ticks of 2 MHz (§5.3.4; dossier 13)."""
     return 16 * (sample + 1) / 2e6
+
+
+def implausible(index: int, position: int) -> bool:
+    """Whether motor `index` cannot be there: beyond its travel by more than fingers differ."""
+    return not -BEYOND <= position <= TRAVEL[index == 3] + BEYOND
+
+
+def with_sign(index: int, position: int) -> int:
+    """A position of motor `index` that may have been sent as a word without a sign (§5.3.2, §5.3.4 IOFF).
+
+    The origin is IOFF counts from the open stop, so a finger at that stop is below 0. The manual does not say how that is
+    printed. Where only the number with a sign lies within the joint's travel, it is that.
+    """
+    below = position - 65536
+    return below if position <= 65535 and -TRAVEL[index == 3] <= below else position
 
 
 def careful(element: Element, value: Number) -> str | None:

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS, Answer, encode, explain_status, hint_for, motor_prefix
-from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, sample_seconds
-from handctl.devices.barrett.views import MOTOR, NOT_HOMED, row_of
+from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, implausible, sample_seconds
+from handctl.devices.barrett.views import MOTOR, NOT_HOMED, row_of, why_impossible
 from handctl.errors import Aftermath, CheckFailed, NoAnswer, ProtocolError, UsageError
 from handctl.model.movement import ARRIVAL, BLOCKED, CONTACT, REACHED, SHORT, UNREAD, Arrival, Goal, judged
 from handctl.model.param import Step
@@ -185,6 +185,8 @@ def _before(
     by_motor: dict[int, dict[str, int]] = {index: {} for index in motors}
     for reading in hand.read(BARRETT.elements(*wanted, motors=motors)):
         if reading.value is not None:
+            if gcl_name(reading.element) == "P" and implausible(reading.element.index, int(reading.value)):
+                continue
             by_motor[reading.element.index][gcl_name(reading.element)] = int(reading.value)
     goals: dict[int, int] = {}
     slowest = 0.0
@@ -250,7 +252,10 @@ def _result(
     for index in motors:
         value = {key: at.get((key, index)) for key in names}
         numbers = {key: int(number) for key, number in value.items() if number is not None}
-        ended = how_it_ended(name, numbers, goals.get(index), answer.status)
+        lost = implausible(index, numbers.get("P", 0))
+        ended = how_it_ended(
+            name, {key: at for key, at in numbers.items() if key != "P" or not lost}, goals.get(index), answer.status
+        )
         motor = MOTORS[index]
         more = {
             "target": goals.get(index),
@@ -258,7 +263,7 @@ def _result(
             "status": numbers.get("S"),
             "ended": ended.words,
             "arrival": ended.verdict,
-            "doubt": NOT_HOMED if numbers.get("S", 0) & 4 else None,
+            "doubt": NOT_HOMED if numbers.get("S", 0) & 4 else why_impossible(index) if lost else None,
         }
         rows.append(row_of("position", "P", motor, numbers.get("P"), "cts", **more))
         if ended.verdict is not None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.device import UNKNOWN_NAME, BarrettHand
 from handctl.devices.barrett.gcl import connect_table
 from handctl.devices.barrett.gcl.codec import has_prompt, values
 from handctl.devices.barrett.gcl.connect_table import MONITOR_SPEED, MONITOR_TEXT, QUESTION, seen_in
@@ -87,6 +87,8 @@ def _identity(link: ByteLink, journal: Journal, deadline: Deadline, timeout: flo
     line.found()
     try:
         answer = line.read("PGET SN")
+        if answer.status == UNKNOWN_NAME and not answer.lines:
+            return "prompt, no serial number on this firmware (ERR 64)"
         if answer.status:
             raise ProtocolError(f"ERR {answer.status} to PGET SN", hint="scan again")
         (numbers,) = values(answer, 1, 1)

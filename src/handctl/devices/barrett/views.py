@@ -11,7 +11,7 @@ from typing import Any
 
 from handctl.devices.barrett.gcl.codec import ERRORS, MOTORS, explain_status, split_status
 from handctl.devices.barrett.maintenance.health import LIMIT_TENTHS
-from handctl.devices.barrett.map import BARRETT, TENTHS, GclParam, careful
+from handctl.devices.barrett.map import BARRETT, POSITIONS, TENTHS, TRAVEL, GclParam, careful, implausible
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Number
@@ -68,7 +68,7 @@ def audit(rows: Sequence[Row]) -> list[str]:
     found += [
         f"{motor}: HSG {by[('HSG', motor)]} and MSG {by[('MSG', motor)]} differ, although they are the same value"
         for motor in MOTORS
-        if ("HSG", motor) in by and by[("HSG", motor)] != by.get(("MSG", motor))
+        if None not in (high := by.get(("HSG", motor)), alias := by.get(("MSG", motor))) and high != alias
     ]
     return found
 
@@ -139,10 +139,10 @@ def _parameter_grid(rows: list[Row], names: list[str]) -> Grid:
         error = next((row["error"] for row in mine.values() if "error" in row), None)
         if error is not None:
             notes.append(f"{first['parameter']}: {error}")
-        doubtful = [str(row["motor"]) for row in mine.values() if row.get("doubt") and row["parameter"] != "SG"]
+        doubtful = [row for row in mine.values() if row.get("doubt") and row["doubt"] != NO_GAUGE]
         if doubtful:
-            doubt = next(row["doubt"] for row in mine.values() if row.get("doubt"))
-            notes.append(f"{first['parameter']} {', '.join(doubtful)}: {doubt}")
+            whose = ", ".join(str(row["motor"]) for row in doubtful if row["motor"])
+            notes.append(f"{first['parameter']}{f' {whose}' if whose else ''}: {doubtful[0]['doubt']}")
     notes += [f"{unit}: {' '.join(having)}" for unit, having in units.items()]
     headings = ["GCL", "Name", *(motors or ["Value"]), *(["Default"] if factory or not motors else [])]
     right = frozenset(range(2, len(headings)))
@@ -162,7 +162,7 @@ def _value_cell(row: Row | None) -> str | Cell:
     changed = row.get("default") is not None and row["value"] != row["default"]
     text = str(row["label"]) if row["unit"] == TENTHS and row.get("label") else str(row["value"])
     if row.get("doubt"):
-        return Cell(text if row["parameter"] == "SG" else f"{text}?", "dim")
+        return Cell(text if row["doubt"] == NO_GAUGE else f"{text}?", "dim")
     return Cell(f"{text}*", "warn") if changed else text
 
 
@@ -253,6 +253,20 @@ def live(
 
 
 NOT_HOMED = "not initialized: P counts from the position at power-on and means nothing before HI (barrett §5.2.1)"
+
+
+def why_impossible(index: int) -> str:
+    """What to say of a position that `implausible` refuses."""
+    return f"impossible: {'the spread' if index == 3 else 'a finger'} travels about {TRAVEL[index == 3]} counts (barrett §5.3.2)"
+
+
+def why_doubtful(param: GclParam, index: int, value: Number) -> str | None:
+    """Why a value cannot be what it says: no joint gets there, or the manual has no such value. None where it can."""
+    if param.mnemonic in POSITIONS:
+        return why_impossible(index) if implausible(index, int(value)) else None
+    return None if param.allowed(value) else f"outside its range {param.range_text}, so the RAM contents may be damaged"
+
+
 NO_GAUGE = "no gauge (barrett §5.3.2)"
 FIRST = {"4.34": (4, 3, 4), "4.4": (4, 4, 0)}
 """Firmware that a parameter's `since` names, as numbers."""
@@ -264,16 +278,26 @@ def mark_not_homed(rows: Sequence[Row]) -> None:
     for row in rows:
         code = status.get(row["motor"]) if row.get("parameter") == "P" and "value" in row else None
         if code is not None:
-            row["doubt"] = NOT_HOMED if int(code) & 4 else None
+            row["doubt"] = NOT_HOMED if int(code) & 4 else row.get("doubt")
 
 
 def later_settings(firmware: str, journal: Journal) -> list[str]:
     """Names of the settings that came with later firmware and this one has (dossier 6.5)."""
     later = [param for param in BARRETT if param.since and param.writable]
-    known = re.search(r"(\d+)\.(\d)(\d?)", firmware.replace("_", "."))
-    if known is None:
+    if _version(firmware) is None:
         names = " ".join(param.mnemonic for param in later)
         journal.warn("later-firmware", f"the firmware does not report its version, so {names} were not read")
         return []
-    version = tuple(int(digit or 0) for digit in known.groups())
-    return [param.name for param in later if version >= FIRST[param.since]]
+    had = later_names(firmware)
+    return [param.name for param in later if param.mnemonic in had]
+
+
+def later_names(firmware: str) -> list[str]:
+    """Mnemonics of what came with later firmware and this one has, all of them where it does not report its version."""
+    version = _version(firmware)
+    return [param.mnemonic for param in BARRETT if param.since and (version is None or version >= FIRST[param.since])]
+
+
+def _version(firmware: str) -> tuple[int, ...] | None:
+    known = re.search(r"(\d+)\.(\d)(\d?)", firmware.replace("_", "."))
+    return None if known is None else tuple(int(digit or 0) for digit in known.groups())

@@ -25,6 +25,7 @@ OPTIONS = {
     "initialized": (False, "1: start as after HI (default 0: HI is needed)"),
     "texts": (("values", "names", "prose"), "layout of FLIST, FLISTV, ?, ERR, VERS, all invented: values (default), names, prose"),
     "prompt": (("space", "bare"), "space (default): '=> '. bare: '=>' as the manual prints it"),
+    "position-sign": (("signed", "unsigned", "clamped"), "how a position below 0 is printed, on the stop side of the origin: signed (-50, default), unsigned (65486) or clamped (0)"),
     "line-end": (("lfcr", "crlf"), "lfcr (default) or crlf"),
     "line-limit": ((128, 16, 1000), "longest line, 16..1000 characters (default 128). A longer one is an unknown command"),
     "max-arguments": ((64, 1, 200), "most arguments of FGET, FSET, PGET, PSET, 1..200 (default 64). More are error 1024"),
@@ -136,10 +137,18 @@ class Board(Model):
         if name == "OD":
             return motor.odometer(self.now)
         if name == "P":
-            return motor.position(self.now)
+            return self.shown(motor.position(self.now))
         if name == "SG":
             return motor.gauge(self.now)
-        return int(motor.broke) if name == "BD" else motor.broke_at
+        return int(motor.broke) if name == "BD" else self.shown(motor.broke_at)
+
+    def placed(self, position: int) -> int:
+        """A position as the firmware counts it: whether below 0 at all, the manual does not say (§5.3.2, option position-sign)."""
+        return max(0, position) if self.given["position-sign"] == "clamped" else position
+
+    def shown(self, position: int) -> int:
+        """The number that is printed for it."""
+        return position & 65535 if self.given["position-sign"] == "unsigned" else self.placed(position)
 
     def read_common(self, name: str) -> int:
         """A global parameter (§5.4)."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 from handctl.sim.barrett import board, loop, monitor
 from handctl.sim.barrett.board import Board
 from handctl.sim.barrett.gcl import Answer, execute
-from handctl.sim.barrett.hand import STOPS
+from handctl.sim.barrett.hand import OFFSETS
 from handctl.sim.barrett.tables import TOO_HOT
 from handctl.sim.engine.model import NOTHING, Options, Random, Reply, soonest
 
@@ -76,6 +76,7 @@ class Device(Board):
         self._until = self._waiting = self.monitor.until = self.loop = None
         if not on:
             self._cold = True
+            self.monitor.power_off()
             self.off_since = self.now
             self._hear = self._hear_nothing
         elif self._cold:
@@ -84,7 +85,7 @@ class Device(Board):
         else:  # the first start of the simulator: the hand has been on for a while, its banner is long gone
             for motor in self.hand.motors:
                 motor.initialized = self.given["initialized"]
-                motor.origin = STOPS[motor.number]
+                motor.origin = OFFSETS[motor.number]
                 motor.place = motor.origin if motor.initialized else motor.place
             self.settle()
         self.dirty = True

@@ -151,7 +151,7 @@ def _get(device: Board, names: list[str], bank: Bank, numbers: tuple[int, ...]) 
         answer.lines.append(values(device, name, bank, numbers))
         if name == "P":  # remembered for LFDP (§6.2.3)
             for number in numbers:
-                device.hand.motors[number].reported = device.read("P", number)
+                device.hand.motors[number].reported = device.placed(device.hand.motors[number].position(device.now))
     return answer
 
 

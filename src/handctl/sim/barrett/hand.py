@@ -16,7 +16,12 @@ from handctl.sim.barrett.tables import ABORTED, MOVES, NOT_INITIALIZED, NOT_REAC
 NAMES = ("F1", "F2", "F3", "S")
 TRAVEL = (17841.0, 17862.0, 17883.0, 3158.0)  # place of the closed stop; fingers differ by tens (§5.3.2)
 PLACES = (1071.0, 2092.0, 3113.0, 404.0)  # where the joints are at the first start
-STOPS = (50.0, 50.0, 50.0, 0.0)  # place of the open stop outside HI: the washers give way by the default IOFF
+OFFSETS = (
+    50.0,
+    50.0,
+    50.0,
+    0.0,
+)  # place of the origin at the first start: the default IOFF, counted from the open stop (§5.3.4)
 NO_LOAD = (112, 119, 126, 255)  # strain readings; the spread has no gauge (§5.3.2), 100 to 140 (§9.4)
 FRICTION = (0.97, 1.0, 1.03, 1.0)  # TC and TO do not hold their speed exactly (§8)
 ODOMETERS = (104233000.0, 98712000.0, 110003000.0, 20117000.0)  # counts
@@ -94,7 +99,7 @@ class Motor:
     def __init__(self, number: int) -> None:
         self.number = number
         self.place = PLACES[number]
-        self.origin = STOPS[number]
+        self.origin = OFFSETS[number]
         self.counts = ODOMETERS[number]  # travelled in its life (§5.3.2)
         self.no_load = NO_LOAD[number]
         self.flipped = False  # SGFLIP
@@ -135,7 +140,7 @@ class Motor:
         return min(at, self.end_place) if self.drive.sign > 0 else max(at, self.end_place)
 
     def position(self, now: float) -> int:
-        """P."""
+        """The encoder count from the origin. Below 0 between the origin and the open stop, IOFF counts apart (§5.3.4)."""
         return 0 if self.fault else round(self.now_at(now) - self.origin)
 
     def status(self) -> int:
@@ -230,8 +235,7 @@ class Motor:
     def _obstructions(self, drive: Drive, gone: float) -> list[tuple[float, str]]:
         """(counts from the begin, cause) of everything but the goal that can end the drive."""
         begin, sign = drive.begin, drive.sign
-        opened = 0.0 if drive.offset is not None else min(STOPS[self.number], begin)
-        ends = [(TRAVEL[self.number] - begin if sign > 0 else begin - opened, STALL)]
+        ends = [(TRAVEL[self.number] - begin if sign > 0 else begin, STALL)]
         if self.jammed:
             ends.append((gone, STALL))
         base, slope = self._law()

@@ -141,11 +141,11 @@ class Loop:
             case "LFS":
                 return bytes([device.read("SG", motor.number)])
             case "LFAP":
-                return _word(motor.position(now))
+                return _word(device.shown(motor.position(now)))
             case "LFDP":
-                return bytes([self._delta(motor, motor.position(now)) & 255])
+                return bytes([self._delta(motor, device.placed(motor.position(now))) & 255])
             case "LFBP":
-                return _word(motor.broke_at)
+                return _word(device.shown(motor.broke_at))
         return bytes([ANALOG[motor.number]])
 
     def _delta(self, motor: Motor, position: int) -> int:

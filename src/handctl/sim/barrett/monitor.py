@@ -7,7 +7,9 @@ does not say either is our guess, and marked so. Knows bytes, addresses and seco
     host     FF | FF low  high  count  FF data data …  | FF low …
     hand            low  high  count     data data …   |    low …      each echoed, but not the triggers FF
 
-The end of a download has no mark: an image is whole when the last record is.
+The end of a download has no mark of its own. An image is whole when the client has ended it as download-end says: RESET
+after the last record, silence, or the power switch. What is cut off before that leaves no firmware; with silence and the power
+switch a monitor cannot tell the one from the other, for which there is image-records.
 """
 
 from __future__ import annotations
@@ -39,7 +41,7 @@ OPTIONS = {
     "download-quiet": ((2.0, 3600.0), "seconds of silence that start it with download-end=quiet (default 2)"),
     "download-version": (None, "what VERS says after a download (default: as before)"),
     "download-at": (None, "where the download faults are: hex address of a data byte (0x2C40) or +N, the N-th byte with an echo. Without this option each byte counts as a request, as for other faults"),
-    "image-records": ((1, 1, 1000000), "records without which an image is not whole (default 1)"),
+    "image-records": ((0, 0, 1000000), "records with which an image is whole, whatever ends the download (default 0: whole once the download is ended)"),
     "switch": (None, "seconds at which someone turns the power switch, off first: 2,8 is off at 2 and on at 8"),
 }  # fmt: skip
 FAULTS = {
@@ -76,7 +78,11 @@ class Image:
     def end_record(self) -> None:
         self.partial = False
         self.records += 1
-        self.firmware = self.records >= self.needed
+        self.firmware = 0 < self.needed <= self.records
+
+    def end(self) -> None:
+        """The client has ended the download."""
+        self.firmware = self.firmware or (not self.needed and self.records > 0)
 
     def decay(self, random: Random) -> None:
         """Wrong bits: one in a thousand of the known bytes, one at least."""
@@ -158,6 +164,11 @@ class Monitor:
     def erase(self) -> None:
         self.image = Image(True, self.needed)
 
+    def power_off(self) -> None:
+        """The end of a download where the power switch is that."""
+        if self._state == RECORD and self.given["download-end"] == "power":
+            self.image.end()
+
     def start(self) -> None:
         """Power on: the prompt, whatever is in RAM."""
         self.sit()
@@ -181,6 +192,8 @@ class Monitor:
     def expire(self) -> None:
         """The window is over, or a download has been quiet for long enough."""
         self.until = None
+        if self._state == RECORD:
+            self.image.end()
         if self.image.valid:
             self.device.restart(self.began if self._state == WAIT else self.device.now)
         elif self._state == WAIT:

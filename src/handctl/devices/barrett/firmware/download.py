@@ -14,13 +14,24 @@ from handctl.devices.barrett.firmware.srecords import READY, SELECT, TRIGGER, Fi
 from handctl.devices.barrett.gcl.codec import BANNER, CR, PROMPT, has_prompt
 from handctl.devices.barrett.map import BARRETT
 from handctl.devices.barrett.views import row_of
-from handctl.errors import Aftermath, CheckFailed, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
+from handctl.errors import (
+    Aftermath,
+    CheckFailed,
+    DeviceRefused,
+    HandctlError,
+    Interrupted,
+    LinkError,
+    NoAnswer,
+    ProtocolError,
+)
 from handctl.link import ByteLink
 from handctl.model.prompts import Presses, Prompts
 from handctl.model.result import Row
 
 MONITOR_SPEED = 9600
 READY_SECONDS = 120.0
+STILL_ON_SECONDS = 10.0
+"""The same for a hand that is on while nobody can be asked to switch it off: a script may do it."""
 ECHO_SECONDS = 1.0
 LISTEN_SECONDS = 0.05
 PROMPT_SECONDS = 5.0
@@ -67,6 +78,7 @@ class Loader:
         self._begun = False  # a data byte went out: what was in the hand is gone
         self._where = "the first record"
         self._echo_seconds = 0.0
+        self._still_on = False
 
     @property
     def link(self) -> ByteLink:
@@ -138,7 +150,8 @@ class Loader:
             self._guide.wait_for_enter(OFF)
             self.hand.line.drain()
             link.write(SELECT, link.deadline(1.0))
-            if not self._guide.interactive or SELECT not in self._listen(0.2):
+            self._still_on = SELECT in self._listen(0.2)
+            if not self._guide.interactive or not self._still_on:
                 break
             self._guide.say("The hand still replies, so its power is on.")
         self._guide.say(ON)
@@ -147,7 +160,8 @@ class Loader:
     def _await_monitor(self) -> None:
         """Wait for `:` with nothing after it. Text means that the old firmware has started, so it is too late."""
         link = self.link
-        deadline = self.hand.line.deadline(READY_SECONDS)
+        allowed = STILL_ON_SECONDS if self._still_on else READY_SECONDS
+        deadline = self.hand.line.deadline(allowed)
         seconds, missed = deadline.remaining, False
         heard, tail, at = b"", b"", link.now()  # `tail`: what came just before, without a pause
         while not deadline.expired:
@@ -173,7 +187,13 @@ class Loader:
                 heard, missed = b"", True
         self._guide.done()
         came = f", received {heard[:48].hex(' ').upper()}" if heard else ""
-        bound = " (--deadline)" if seconds < READY_SECONDS else ""
+        bound = " (--deadline)" if seconds < allowed else ""
+        if self._still_on and not missed and not bound:
+            raise DeviceRefused(
+                f"{link.name}: the hand is on, and was not switched off within {seconds:.0f} s",
+                hint="switch its power off for 5 seconds, run this again, and switch it on while handctl waits. Nothing was loaded",
+                code="still-on",
+            )
         error = NoAnswer(
             f"{link.name}: no boot monitor (:) within {seconds:.0f} s{bound}{came}",
             hint=f"{MISSED} Nothing was loaded."

@@ -226,6 +226,7 @@ class _Reader:
                 self.note("overlaps", clash[1], "get the file again: it is not defined which bytes apply", clash[0])
 
 
+PADDING = "\0\x1a \t\r\n"
 DAMAGED = "get the file again, and do not edit it: it is damaged"
 SIXTEEN_BIT = "BarrettHand firmware has 16-bit S1 records"
 
@@ -233,7 +234,7 @@ SIXTEEN_BIT = "BarrettHand firmware has 16-bit S1 records"
 def parse(name: str, content: bytes) -> Firmware:
     """A file's records and the verdict of every check. Never raises: what is wrong is a finding."""
     reader = _Reader()
-    text = content.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
+    text = _text(content).replace("\r\n", "\n").replace("\r", "\n")
     for number, line in enumerate(text.split("\n"), 1):
         if line.strip():
             reader.line(number, line.strip())
@@ -243,6 +244,14 @@ def parse(name: str, content: bytes) -> Firmware:
     if reader.empty:
         firmware.findings.append(Finding("empty", WARNING, f"{reader.empty} records without data", "they are skipped"))
     return firmware
+
+
+def _text(content: bytes) -> str:
+    """The text of a file, without what editors and DOS put around it: a byte order mark, ^Z and NUL behind the last line."""
+    for mark, encoding in ((b"\xef\xbb\xbf", "latin-1"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be")):
+        if content.startswith(mark):
+            return content[len(mark) :].decode(encoding, "replace").rstrip(PADDING)
+    return content.decode("latin-1").rstrip(PADDING)
 
 
 def _finding(check: str, bad: Sequence[Finding]) -> Finding:

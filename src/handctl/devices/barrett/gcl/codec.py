@@ -13,6 +13,7 @@ all commands of a kind stands in KINDS.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from functools import lru_cache
 from typing import NamedTuple
@@ -231,12 +232,31 @@ def encode(command: str) -> bytes:
 
 
 class Answer(NamedTuple):
-    """One complete answer: its data lines and its status sum (0 = no ERR line)."""
+    """One complete answer: its data lines and its status sum (0 = no ERR line); `said` is the error line where the manual has another."""
 
     command: str
     lines: tuple[str, ...]
     status: int
     raw: bytes
+    said: str = ""
+
+
+STATUS = re.compile(r"ERR *([0-9]{1,10})(?:[ :,;(-]+([A-Za-z].{2,}))?")
+"""A status line. The manual has "ERR n" (§5.1.3) and once "ERR16" (§5.5); a firmware may put its text behind the number."""
+
+
+def status_of(line: str, command: str) -> tuple[int, str] | None:
+    """The status in a line and the line itself where the manual has it otherwise; None for data.
+
+    The command ERR lists such lines, texts and all: there only the bare form is a status.
+    """
+    found = STATUS.fullmatch(line.strip())
+    if found is None:
+        return None
+    plain = len(line.split()) == 2 and found[2] is None
+    if not plain and (split(command)[1] is None or split(command)[1] is COMMANDS["ERR"]):
+        return None
+    return int(found[1]), "" if plain else line.strip()
 
 
 class Decoder:
@@ -290,15 +310,14 @@ class Decoder:
         lines = [_text(part) for part in _parts(bytes(buffer[size:end])) if part.strip()]
         if lines and lines[0].upper().encode("ascii", "replace") == self._sent:
             del lines[0]  # the echo once more: a line that echoes too; "ERR 3" must not become a status
-        status = 0
+        status, said = 0, ""
         data = []
         for line in lines:
-            words = line.split()
-            if len(words) == 2 and words[0] == "ERR" and words[1].isdecimal() and len(words[1]) <= 10:
-                status |= int(words[1])
-            else:
+            if (found := status_of(line, self._command)) is None:
                 data.append(line)
-        return Answer(self._command, tuple(data), status, bytes(buffer[: end + 3]))
+            else:
+                status, said = status | found[0], said or found[1]
+        return Answer(self._command, tuple(data), status, bytes(buffer[: end + 3]), said)
 
     def drop_prompt(self) -> None:
         """Remove the first prompt after the echo: it belonged to an earlier command."""

@@ -42,10 +42,12 @@ LOOPED = b"\x7f"
 LOOP_SPEED = 115200
 
 NOTHING, PROMPT, LATE, LOOP = "nothing", "prompt", "late prompt", "ERR 2048"
+OTHER = "other text"
 RESTART, BANNER_ONLY, COLON, ECHO, BYTES = "banner and prompt", "banner", "':'", "echo", "other bytes"
 SEEN = {
     NOTHING: "silence until the end of the wait",
     PROMPT: "a prompt in reply to the request, or one that was already there",
+    OTHER: "a prompt in reply to the request, with other text than the manual has",
     LATE: "a prompt without an echo of the request: an earlier command has just ended",
     LOOP: "ERR 2048 and a prompt: RealTime rejected the request as a block header",
     RESTART: "the banner, then a prompt",
@@ -58,6 +60,7 @@ SEEN = {
 OPENED, REMEMBERED, ASKED, SILENT, BOOTING = "opened", "remembered", "asked", "silent", "booting"
 RESTARTED, LEAVING, ECHOED, ELSEWHERE, AGAIN = "restarted", "leaving", "echoed", "elsewhere", "again"
 CONFIRMED, FILLED_FIRST, FILLED = "confirmed", "filled first", "filled"
+PROVED = "proved"
 STATES = {
     OPENED: "the port is open: read any bytes that have already arrived",
     REMEMBERED: "request sent at the last known baud rate, if that is not 9600",
@@ -69,13 +72,14 @@ STATES = {
     CONFIRMED: "request sent once more at 9600, because the ':' may have been noise",
     RESTARTED: "the banner has arrived: wait for its prompt, or request it",
     LEAVING: "noise, a wrong baud rate, or RealTime in the middle of a control block",
+    PROVED: "a prompt, but with other text than the manual has: request sent once more. Noise does not say the same twice",
     ECHOED: "our own bytes came back: a short circuit also returns them at 115200, where the monitor does not",
     ELSEWHERE: "request sent at one of the other baud rates",
     AGAIN: "no reply at any baud rate, or a banner without a prompt: request sent once more, at the first baud rate or at that of the banner",
 }
 FILLING = (FILLED_FIRST, FILLED, LEAVING)
 """What is seen there was asked with FILL."""
-SAME_SPEED = (*FILLING, SILENT, BOOTING, CONFIRMED, RESTARTED)
+SAME_SPEED = (*FILLING, SILENT, BOOTING, CONFIRMED, RESTARTED, PROVED)
 """The port keeps the speed of the state before."""
 READY, MONITOR, WIRE, NOBODY, GARBAGE = "ready", "monitor", "wire", "nobody", "garbage"
 ENDS = {
@@ -86,7 +90,7 @@ ENDS = {
     GARBAGE: "exit code 5: bytes arrived, but no prompt",
 }
 SECONDS = {OPENED: 0.0, REMEMBERED: 0.4, FILLED_FIRST: 0.1, ASKED: 0.4, FILLED: 0.1, SILENT: 3.0, BOOTING: 6.0, CONFIRMED: 0.5, RESTARTED: 5.0, LEAVING: 0.2,
-           ECHOED: 0.05, ELSEWHERE: 0.3, AGAIN: 0.5}  # fmt: skip
+           PROVED: 0.5, ECHOED: 0.05, ELSEWHERE: 0.3, AGAIN: 0.5}  # fmt: skip
 """Longest wait in each state, beyond wire time; of SILENT the time since the port was opened."""
 
 SEND_NOTHING, ASK, REST, ABORTS, LOOP_TEST = (
@@ -116,7 +120,7 @@ SILENCE = "check the hand's power supply, then the serial cable (straight-throug
 MONITOR_TEXT = "boot monitor: no firmware, or just switched on"
 
 SENDS = {
-    **dict.fromkeys((ASKED, CONFIRMED, ELSEWHERE, AGAIN), ASK),
+    **dict.fromkeys((ASKED, CONFIRMED, ELSEWHERE, AGAIN, PROVED), ASK),
     **dict.fromkeys((FILLED_FIRST, FILLED), REST),
     LEAVING: ABORTS,
     ECHOED: LOOP_TEST,
@@ -129,12 +133,12 @@ TELLS = {LATE: BUSY, LOOP: IN_LOOP, RESTART: RESTARTED_TEXT, BANNER_ONLY: RESTAR
 def _met(colon: str, echo: str, other: str, nothing: str) -> dict[str, str]:
     """The next states of one in which a prompt is an answer."""
     known = {**dict.fromkeys((PROMPT, LATE, LOOP, RESTART), READY), BANNER_ONLY: RESTARTED}
-    return {**known, COLON: colon, ECHO: echo, BYTES: other, NOTHING: nothing}
+    return {**known, OTHER: PROVED, COLON: colon, ECHO: echo, BYTES: other, NOTHING: nothing}
 
 
 NEXT: dict[str, dict[str, str]] = {
     OPENED: {
-        **dict.fromkeys((NOTHING, PROMPT, LATE, LOOP, RESTART), ASKED),
+        **dict.fromkeys((NOTHING, PROMPT, OTHER, LATE, LOOP, RESTART), ASKED),
         BANNER_ONLY: RESTARTED,
         COLON: BOOTING,
         **dict.fromkeys((ECHO, BYTES), ASKED),
@@ -151,6 +155,7 @@ NEXT: dict[str, dict[str, str]] = {
     ECHOED: {ECHO: WIRE, NOTHING: MONITOR},
     ELSEWHERE: _met(ELSEWHERE, ELSEWHERE, ELSEWHERE, ELSEWHERE),
     AGAIN: _met(BOOTING, GARBAGE, ASKED, ASKED),
+    PROVED: _met(BOOTING, ASKED, ASKED, ASKED) | {OTHER: READY},
 }
 
 
@@ -173,7 +178,8 @@ a firmware that may have started meanwhile, once: 9600 was silent for 3 s and by
 state that would be entered a third time is GARBAGE: every walk ends."""
 
 ANSWER = re.compile(rb"\0*\s*(ERR \d+\s+)?=>\s*")
-"""What stands behind the question's echo; anything more is noise, or the answer to something before."""
+"""What stands behind the question's echo; anything more is noise, the answer to something before, or a firmware that answers
+otherwise than the manual shows: then it says the same again."""
 RULES = {(row.state, row.seen): row for row in TABLE}
 
 
@@ -210,7 +216,17 @@ def section() -> tuple[str, tuple[str, ...], list[tuple[str, str, list[str]]]]:
 
 def is_answer(data: bytes) -> bool:
     """Whether a prompt came that answers the question: an unknown command; another one is of something before."""
-    return has_prompt(data) and b"ERR" in data and question_in(data)
+    return has_prompt(data) and question_in(data) and answer_in(data).strip(b"\0\r\n=> ") != b""
+
+
+QUESTION_TEXT = "!"
+MANUAL_ANSWER = "ERR 32 and a prompt"
+"""The question, and what the manual has for its answer, as it is told."""
+
+
+def answer_in(data: bytes) -> bytes:
+    """What stands behind the question's echo."""
+    return data.rpartition(QUESTION[:1])[2]
 
 
 def question_in(data: bytes) -> bool:
@@ -228,7 +244,7 @@ def seen_in(data: bytes, question: bytes = QUESTION) -> str:
             return LOOP
         if question[:1] not in data:
             return LATE
-        return PROMPT if not question or ANSWER.fullmatch(data.rpartition(question[:1])[2]) else BYTES
+        return PROMPT if not question or ANSWER.fullmatch(answer_in(data)) else OTHER
     if question and data.strip(b"\0" + ABORT) == question:
         return ECHO
     if has_colon(data):

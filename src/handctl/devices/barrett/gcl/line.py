@@ -77,6 +77,7 @@ class GclLine(Line):
         self.opened = link.now()
         self._connected = False
         self._unread = b""
+        self._told_odd = False
         self.tried: list[tuple[int | None, bytes]] = []
         """Of the last connect: the speeds at which it was asked, and what came."""
 
@@ -91,6 +92,21 @@ class GclLine(Line):
 
     def reopened(self) -> None:
         self._unread, self._connected = b"", False
+
+    def odd(self, request: str, came: bytes, usual: str) -> None:
+        """Tell once what this hand answers where the manual has something else; the text is kept as it came."""
+        if not self._told_odd:
+            self._told_odd = True
+            text = (
+                " ".join(came.decode("ascii", "backslashreplace").replace("\0", "").split()).removesuffix("=>").strip()
+            )
+            self.journal.info(
+                "other-text",
+                f"{self.link.name}: this hand answers {request!r} with {text!r} where the manual has {usual} ({came[:48].hex(' ').upper()})",
+            )
+
+    def overheard(self, data: bytes) -> None:
+        self._unread += data
 
     def found(self) -> None:
         """The hand is at its prompt."""
@@ -240,6 +256,9 @@ class GclLine(Line):
             if answer is not None:
                 self.journal.counters.received += 1
                 self.journal.counters.stray_bytes += decoder.skipped
+                if answer.said:
+                    usual = f"ERR {answer.status}"
+                    self.odd(command, f"{answer.said}".encode(), usual)
                 if answer.raw.endswith(PROMPT):  # the space behind the prompt, if there is one, is part of it
                     self.link.read(self.link.deadline(0.005 + self.wire_seconds(2)), 1)
                 return answer

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from handctl.devices.barrett import state_files
 from handctl.devices.barrett.gcl import connect_table as table
 from handctl.devices.barrett.gcl.codec import ABORT, CR, MOTORS, has_prompt, values
-from handctl.devices.barrett.map import SPEEDS
-from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.devices.barrett.map import SPEEDS, with_sign
+from handctl.errors import HandctlError, LinkError, NoAnswer, NotRunning, ProtocolError
 from handctl.wording import plural
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ class SessionStart:
         self._woke = self._repeated = False
         self._asked = b""
         self._echoed: list[float] = []
+        self._other = b""
         self._entered: Counter[str] = Counter()
 
     def run(self) -> None:
@@ -62,6 +63,8 @@ class SessionStart:
         while True:
             seen = table.seen_in(came, self._asked)
             row = table.RULES[state, seen]
+            if seen == table.OTHER:
+                seen, row = self._judge_other(state, came, row)
             if row.said:
                 self.told.append(row.said)
             if seen in (table.BYTES, table.ECHO):
@@ -78,6 +81,14 @@ class SessionStart:
         if state != table.READY:
             raise self._failure(state)
         self._ready(came)
+
+    def _judge_other(self, state: str, came: bytes, row: table.Row) -> tuple[str, table.Row]:
+        """Twice the same other text is this hand's way to answer; once it may be noise."""
+        answer, before = table.answer_in(came).strip(), self._other
+        self._other = answer
+        if state != table.PROVED or answer == before:
+            return table.OTHER, row
+        return table.BYTES, table.RULES[state, table.BYTES]
 
     def _next(self, state: str, wanted: str) -> str:
         """The state that `wanted` means here: remembered baud rate, baud rates left, an undecidable echo."""
@@ -202,6 +213,9 @@ class SessionStart:
             slow = link.now() - self._echoed[0] + LATE_PROMPT + line.wire_seconds(8)
             for _ in self._echoed[1:]:  # the prompt that came answered the first; as late as that, the others' follow
                 line.until_prompt(slow)
+        if table.OTHER in (table.seen_in(came, self._asked),):
+            line.until_prompt(LATE_PROMPT + line.wire_seconds(8))  # a prompt more may belong to it
+            line.odd(table.QUESTION_TEXT, table.answer_in(came), table.MANUAL_ANSWER)
         state_files.remember(link)
         if table.RESTARTED_TEXT in self.told:
             line.journal.warn("restarted", f"{link.name}: {table.RESTARTED_TEXT}", hint="`handctl barrett init`")
@@ -223,7 +237,7 @@ class SessionStart:
         shown = came[:24].hex(" ").upper()
         if end == table.MONITOR:
             text = f"{link.name}: {table.MONITOR_TEXT}. Nothing more was sent"
-            return DeviceRefused(text, hint=REMEDY, code="boot-monitor")
+            return NotRunning(text, hint=REMEDY)
         if end in (table.WIRE, table.GARBAGE):
             echo = end == table.WIRE or not came.strip(ABORT + CR + b"!\0")
             monitor = " or the boot monitor of a hand without firmware" if echo and not link.can_set_baud else ""
@@ -278,4 +292,4 @@ def _places(line: GclLine, after: float = 0.0) -> list[int]:
             f"{line.link.name}: no positions: ERR {answer.status}", hint="`handctl barrett status` shows each motor"
         )
     (places,) = values(answer, 1, 4)
-    return places
+    return [with_sign(index, place) for index, place in enumerate(places)]

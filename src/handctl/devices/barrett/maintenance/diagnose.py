@@ -19,7 +19,16 @@ from handctl.devices.barrett.maintenance.health import FAIL, OK, SKIPPED, WARNIN
 from handctl.devices.barrett.maintenance.symptoms import SYMPTOMS, Symptom, like
 from handctl.devices.barrett.map import BARRETT, FINGERS, NO_GAUGE, OFF, standard
 from handctl.devices.barrett.views import CHECKED
-from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.errors import (
+    CheckFailed,
+    DeviceRefused,
+    HandctlError,
+    LinkError,
+    NoAnswer,
+    NotPresent,
+    ProtocolError,
+    UsageError,
+)
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.wording import plural
 
@@ -135,9 +144,14 @@ def parameters(patient: ExaminedHand) -> list[Finding]:
     more = f" and {len(changed) - 12} more" if len(changed) > 12 else ""
     shown = f"{plural(len(changed), 'setting')} changed from the factory values: {', '.join(changed[:12])}{more}"
     shown = shown if changed else "all settings have their factory values"
+    absent = [name for name, error in values.errors.items() if isinstance(error, NotPresent)]
+    if absent and values:
+        shown += f". Not on this firmware: {', '.join(absent)}"
     failed = [
         Finding("parameters", FAIL, f"some settings could not be read: {text}", hint)
-        for text, hint in {said(error): error.hint for error in values.errors.values()}.items()
+        for text, hint in {
+            said(error): error.hint for name, error in values.errors.items() if name not in absent or not values
+        }.items()
     ]
     return [*(failed or [Finding("parameters", OK, shown, source="barrett §5.3, §5.4")]), *found]
 
@@ -372,6 +386,8 @@ def examine(patient: ExaminedHand, names: Sequence[str], speed: int | None) -> t
         except LinkError as exc:
             found[0] = Finding("communication", FAIL, exc.text, exc.hint, "barrett §3.3")
             return [*found, *_skipped(names[place:])], exc
+        except NotPresent as exc:
+            found.append(Finding(name, SKIPPED, f"not on this firmware: {said(exc)}", exc.hint, "barrett §5.1.3"))
         except (NoAnswer, ProtocolError) as exc:
             invalid += 1
             found.append(Finding(name, FAIL, exc.text, exc.hint, "barrett §8"))

@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.map import BARRETT, FINGERS
-from handctl.devices.barrett.views import DOUBT, MOTOR, NAME, NOT_HOMED, UNIT, VALUE, live, row_of
+from handctl.devices.barrett.map import BARRETT, FINGERS, implausible
+from handctl.devices.barrett.views import DOUBT, MOTOR, NAME, NOT_HOMED, UNIT, VALUE, live, row_of, why_impossible
 from handctl.errors import ProtocolError, UsageError
 from handctl.model.result import Cell, Column, Grid, Row, Table
 
@@ -200,7 +200,19 @@ class Tips:
             for finger in FINGERS
             if self._tells
         }
+        self._refuse_impossible("P", at["P"])
+        self._refuse_impossible("BP", {finger: place for finger, place in broken.items() if place is not None})
         return rows_of(at["P"], broken, known=bool(self._tells), lost=self._lost)
+
+    def _refuse_impossible(self, name: str, places: Mapping[str, int]) -> None:
+        """Raise ProtocolError at a position that no joint reaches: its angles would be false."""
+        for motor, place in places.items():
+            if implausible(index := MOTORS.index(motor), place):
+                raise ProtocolError(
+                    f"{self.hand.link.name}: {name} of {motor} reads {place}, which is {why_impossible(index)}",
+                    hint="read it again with `handctl barrett get P`. If it stays, `handctl barrett init` finds the origin again",
+                    code="impossible",
+                )
 
     def _tell_lost(self, lost: tuple[str, ...]) -> None:
         self._lost = lost

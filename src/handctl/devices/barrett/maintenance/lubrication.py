@@ -13,8 +13,8 @@ from handctl.devices.barrett import state_files
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.maintenance import health
-from handctl.devices.barrett.map import FINGERS
-from handctl.devices.barrett.views import LABEL, MOTOR, NAME, SECTION, STATUS, STROKE, UNIT, VALUE, row_of
+from handctl.devices.barrett.map import BARRETT, FINGERS
+from handctl.devices.barrett.views import LABEL, MOTOR, NAME, SECTION, STATUS, STROKE, UNIT, VALUE, row_of, why_doubtful
 from handctl.errors import CheckFailed, UsageError
 from handctl.files import state_path
 from handctl.model.result import Cell, Grid, Row, Table
@@ -72,15 +72,19 @@ def chosen_points(text: str) -> list[tuple[GreasePoint, str]]:
     return [(point, motor) for point in POINTS for motor in point.motors if (point.name, motor) in wanted]
 
 
+DISPENSABLE = ("TEMP", "PTEMP", "OTEMP", "UPSECS", "SN")
+"""What a firmware may lack without harm to the rest."""
+
+
 class MaintenanceLog:
     """What one hand and the journal say about its care, read once."""
 
     def __init__(self, hand: BarrettHand, *, simulated: bool, name: str = "") -> None:
-        self.at = hand.by_name("OD", "TEMP", "PTEMP", "OTEMP", "UPSECS", "SN")
+        self.at = hand.by_name("OD", *DISPENSABLE, dispensable=DISPENSABLE)
         self._hand = hand
         self._path = state_path(FILE)
         self._journal = state_files.load(self._path, WHAT, _whole)
-        serial = self.at["SN", None]
+        serial = self.at.get(("SN", None), 0)
         self.ambiguous = serial == 0 and not name
         self._key = f"{'simulated-' if simulated else ''}{serial}{f'/{name}' if name else ''}"
 
@@ -156,11 +160,17 @@ class MaintenanceLog:
             ("peak_temperature", "PTEMP", health.peak),
             ("over_temperature_limit", "OTEMP", health.over_temperature_limit),
         ):
+            if (mnemonic, None) not in self.at:
+                continue
             value = self.at[mnemonic, None]
             _, status, label, remedy, source = verdict(value)
             row = _row(name, mnemonic, None, value, "0.1 °C", status=status, label=label, source=source)
             rows.append(row | {"remedy": remedy or None})
-        rows.append(_row("uptime_seconds", "UPSECS", None, self.at["UPSECS", None], "s", source="barrett §5.4.2"))
+        if ("UPSECS", None) in self.at:
+            rows.append(_row("uptime_seconds", "UPSECS", None, self.at["UPSECS", None], "s", source="barrett §5.4.2"))
+        for row in rows:
+            if row["name"] in BARRETT and (doubt := why_doubtful(BARRETT[row["name"]], 0, row["value"])):
+                row["doubt"] = doubt
         later = [(row_of(name, None, None, None, None), text, source) for name, text, source in PERIODIC]
         return rows + [row | {"status": health.SKIPPED, "label": text, "source": source} for row, text, source in later]
 

@@ -62,8 +62,8 @@ def measure(hand: BarrettHand, count: int = READINGS) -> dict[str, list[int]]:
 
 def loaded_fingers(hand: BarrettHand) -> list[str]:
     """Why each finger's reading may not be without load: not initialized, or not open. Also warns of SGFLIP."""
-    at = hand.by_name("P", "S", "OT", "SGFLIP", motors=range(3))
-    flipped = [finger for finger in FINGERS if at["SGFLIP", finger]]
+    at = hand.by_name("P", "S", "OT", "SGFLIP", motors=range(3), dispensable=("SGFLIP", "OT"))
+    flipped = [finger for finger in FINGERS if at.get(("SGFLIP", finger))]
     if flipped:
         hand.journal.warn(
             "strain-flip",
@@ -74,7 +74,7 @@ def loaded_fingers(hand: BarrettHand) -> list[str]:
     for finger in FINGERS:
         if at["S", finger] & 4:
             found.append(f"{finger} is not initialized")
-        elif abs(at["P", finger] - at["OT", finger]) > OPEN_WITHIN:
+        elif abs(at["P", finger] - at.get(("OT", finger), 0)) > OPEN_WITHIN:
             found.append(f"{finger} is at {at['P', finger]}")
     return found
 

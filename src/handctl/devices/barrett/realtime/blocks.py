@@ -1,4 +1,4 @@
-"""RealTime blocks <-> bytes (barrett §6). Sans I/O: knows no link, no clock, no parameter map.
+"""RealTime blocks <-> bytes (barrett §6). Sans I/O: knows no link and no clock, and of the parameters how a position is read.
 
     control   43 | 63 | 41 | 61     C data, feedback; c data, acknowledgement; A, a the same without data
               then, if C or c, per motor in order: [LCV s8] [LCPG u8]
@@ -18,6 +18,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from handctl.devices.barrett.gcl.codec import DISTURBED, PROMPT
+from handctl.devices.barrett.map import with_sign
 from handctl.errors import ProtocolError, UsageError
 
 ACKNOWLEDGE = 0x2A
@@ -40,6 +41,7 @@ FEEDBACK = {
 """What a feedback block may carry per motor, in wire order: name -> flag (barrett §6.2.2; the last two from 4.4 on)."""
 _SIZE = {"velocity": 1, "gain": 1, "strain": 1, "position": 2, "delta": 1, "breakaway_position": 2, "analog": 1}
 _SIGNED = ("velocity", "delta")
+POSITIONS = ("position", "breakaway_position")
 UNITS = {"position": "cts", "delta": "cts", "breakaway_position": "cts"}
 LIMITS = {"velocity": (-127, 127), "gain": (0, 255)}
 """What is sent: the vendor sends -127 to 127 although a signed byte reaches -128 (dossier 6.3)."""
@@ -101,7 +103,8 @@ class Layout:
             for name in motor.control if control else motor.feedback:
                 raw = block[place : place + _SIZE[name]]
                 place += len(raw)
-                yield Field(index, name, raw, int.from_bytes(raw, "big", signed=name in _SIGNED))
+                value = int.from_bytes(raw, "big", signed=name in _SIGNED)
+                yield Field(index, name, raw, with_sign(index, value) if name in POSITIONS else value)
 
     def decode(self, block: bytes) -> Feedback:
         """The values of a whole feedback block."""

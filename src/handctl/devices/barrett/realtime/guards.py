@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.map import OFF, TRAVEL
+from handctl.devices.barrett.map import OFF, TRAVEL, implausible
 from handctl.devices.barrett.realtime.blocks import Values
 from handctl.errors import UsageError
 
@@ -23,8 +23,6 @@ GUARDS = {
     "heat": "the loop ends above 65 °C, or OTEMP",
 }
 """Name -> what it does; all are on unless switched off by name."""
-BEYOND = 500
-"""Counts by which a position may lie outside the travel: fingers differ by tens, HI shifts the origin by IOFF <= 500."""
 LEAST_SHARE = 8
 """A motor that gains less than this part of the commanded way stands still."""
 WORSE = 2
@@ -202,11 +200,6 @@ class Guards:
             return
         watch.held, watch.guard = (1 if velocity > 0 else -1), guard
         self.events.append(Event(self._now, guard, index, value, limit, after, f"{text}: velocity 0"))
-
-
-def implausible(index: int, position: int) -> bool:
-    """Whether motor `index` cannot be there: beyond its travel by more than fingers differ."""
-    return not -BEYOND <= position <= TRAVEL[index == 3] + BEYOND
 
 
 def check_opening(index: int, velocity: int, limits: Limits) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.map import BARRETT, NO_GAUGE
+from handctl.devices.barrett.map import BARRETT, NO_GAUGE, implausible
 from handctl.devices.barrett.realtime.blocks import (
     FEEDBACK,
     UNITS,
@@ -22,7 +22,7 @@ from handctl.devices.barrett.realtime.blocks import (
     velocity_unit,
 )
 from handctl.devices.barrett.realtime.flags import FlagRequest, Prepared
-from handctl.devices.barrett.realtime.guards import Event, Guards, implausible
+from handctl.devices.barrett.realtime.guards import Event, Guards
 from handctl.devices.barrett.views import NAME, UNIT, VALUE, row_of
 from handctl.errors import CheckFailed
 from handctl.model.line_quality import RoundTrips
