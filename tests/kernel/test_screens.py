@@ -272,8 +272,8 @@ def test_long_numbers_take_the_room_of_the_bar(width: int) -> None:
         view.add(Sample(0.0, ({"name": "odometer", "motor": "SPREAD", "unit": "1000 cts", "value": value},)))
     lines = [line.plain for line in view._body(width, 20)]
     assert all(len(line) <= width for line in lines), lines
-    lines = [line for line in lines if "now" not in line]  # of the time axis
-    assert "4294967295" in lines[-1].partition("▏")[2] and "[1000 cts]" in lines[0]
+    bar = next(line for line in lines if "▏" in line)
+    assert "4294967295" in bar.partition("▏")[2] and "[1000 cts]" in lines[0]
     assert ("1234567890..4294967295" in lines[0]) is (width >= 75)  # 20 + 7 + 15 + 10 + 23 cells
 
 
@@ -353,3 +353,37 @@ def test_a_map_is_a_table_at_80_columns_with_its_prose_below(kind: str) -> None:
     firsts = [line for line in lines[2:] if line and not line.startswith(" ")]
     assert len(firsts) == len(run(kind, "describe", "--json").rows)
     assert all(line[head.index("Access") :].split()[0] in ("r", "w", "rw", "trigger") for line in firsts)
+
+
+@each_row(
+    ("value", "drawn"),
+    [(0, "     │     "), (-40, "     │     "), (40, "     │     "), (100, "     │█    "), (-1000, "█████│     "), (1000, "     │█████")],
+)  # fmt: skip
+def test_a_bar_has_its_zero_line_and_is_the_same_on_both_sides(value: float, drawn: str) -> None:
+    assert live.bar(value, -1000, 1000, 11) == drawn
+
+
+def test_a_course_of_several_lines() -> None:
+    history = [(float(second), float(second)) for second in range(4)]
+    assert live.chart(history, 3.0, 4.0, 4, 2) == ["  ▃█", "▁▆██"]
+    assert live.chart([(0.0, 5.0)], 3.0, 4.0, 4, 2) == ["    ", "▁   "]
+
+
+@each_row(
+    ("kind", "columns", "rows", "name"),
+    [("wrist", 80, 24, "temperature_1"), ("wrist", 160, 50, "pitch_actual"), ("ekso", 160, 50, "steps_taken"), ("barrett", 80, 24, "strain")],
+)  # fmt: skip
+def test_what_room_is_left_shows_how_it_went(kind: str, columns: int, rows: int, name: str) -> None:
+    display = screen(kind, "watch", "--count", "3", "-p", LINKS[kind], columns=columns, rows=rows).display
+    assert len([line for line in display if line.startswith(name)]) >= 2 or kind == "barrett"
+    assert any(line.endswith(" now") for line in display) and len(display) <= rows
+    assert sum(any(cell in line for cell in "▁▂▃▄▅▆▇") for line in display) >= 3
+
+
+def test_a_column_per_finger_has_its_course_in_a_wide_window() -> None:
+    narrow, wide = (
+        screen("aidin", "watch", "--count", "3", "-p", LINKS["aidin"], columns=columns, rows=40).display for columns in (80, 120)
+    )  # fmt: skip
+    assert not any("▁" in line for line in narrow)
+    assert sum(line.count("▁") >= 5 for line in wide) == 3 + 4 + 3 + 6
+    assert sum(line.count("-30 s") for line in wide) == 4 * 5
