@@ -14,6 +14,8 @@ import pytest
 
 from handctl.command.options import Settings
 from handctl.families import FAMILIES
+from handctl.model.outline import highest_of
+from handctl.model.param import Bound
 from handctl.model.remedy import Remedy
 from handctl.model.result import Journal, Sample, Table
 from handctl.screen import live
@@ -387,3 +389,19 @@ def test_a_column_per_finger_has_its_course_in_a_wide_window() -> None:
     assert not any("▁" in line for line in narrow)
     assert sum(line.count("▁") >= 5 for line in wide) == 3 + 4 + 3 + 6
     assert sum(line.count("-30 s") for line in wide) == 4 * 5
+
+
+@each_row(
+    ("value", "bound", "state"),
+    [(62, None, 0), (63, None, 1), (70, None, 2), (70, 100.0, 0), (90, 100.0, 1), (101, 100.0, 2)],
+)
+def test_a_documented_highest_value_colours_unless_a_limit_was_set(value: int, bound: float | None, state: int) -> None:
+    bounds = () if bound is None else (Bound("temperature", frozenset({"temperature.ring"}), None, bound),)
+    view = live.View(Table(highest={"temperature.ring": 70.0}, bounds=bounds), Context())  # type: ignore[arg-type]
+    view.add(Sample(0.0, ({"name": "temperature", "finger": "ring", "path": "temperature.ring", "value": value},)))
+    assert [one.state for one in view._series.values()] == [state]
+
+
+def test_highest_values_are_those_by_which_the_picture_is_coloured() -> None:
+    assert highest_of("hand")["temperature.ring"] == 70 and highest_of("barrett") == {"temperature": 65.0}
+    assert highest_of("ekso") == {}

@@ -318,6 +318,7 @@ def watch(
     """
     from functools import partial
 
+    from handctl.model.outline import highest_of
     from handctl.model.remedy import remedies_of
     from handctl.model.sampling import Sampler
 
@@ -373,6 +374,7 @@ def watch(
         ranges=ranges,
         decimals={e.param.name: e.param.decimals for e in (*elements, *more, *slowly) if e.param.decimals},
         remedies=remedies_of(params.kind) if seen else {},
+        highest=highest_of(params.kind) if seen else {},
         flags=frozenset(element.param.name for element in elements if element.param.bits),
     )
 

@@ -106,6 +106,7 @@ class Table:
     decimals  decimals of a quantity's values, for the live view
     bounds    what a person set for readings: the live view marks what passes it
     remedies  what bits and codes mean and what to do, the most urgent first, for the live view
+    highest   path -> documented value from which on a reading is bad, for the live view
     flags     names of quantities that are bits: the live view shows their words, of all others the numbers
     wide      in CSV a stream is usually a row a sample
     live      a person at a terminal sees a live view of the stream; else its rows
@@ -129,6 +130,7 @@ class Table:
     bounds: tuple[Bound, ...] = ()
     flags: frozenset[str] = frozenset()
     remedies: Mapping[str, Any] = field(default_factory=dict)
+    highest: Mapping[str, float] = field(default_factory=dict)
     wide: bool = False
     live: bool = True
     cards: Mapping[str, Callable[[], Table]] = field(default_factory=dict)

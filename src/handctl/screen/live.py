@@ -21,6 +21,7 @@ from rich.text import Text
 from handctl import interrupts
 from handctl.errors import STOPPED, Interrupted
 from handctl.light import replace
+from handctl.model.param import NEAR
 from handctl.model.result import Row, Sample, Table
 from handctl.screen.csv_output import Wide
 from handctl.screen.sanitize import text_shown
@@ -41,8 +42,6 @@ KEPT = 36_000
 SPANS = (10, 30, 60, 300, 1800)
 """Seconds that the courses show, from which + and - choose."""
 FRAMES_PER_SECOND = 12
-NEAR_LIMIT = 0.9
-"""From this share of a highest value on, a reading is near its limit."""
 NARROW = 70
 """Below this width a bar's line has no minimum and maximum, no sparkline, and the name stands above it."""
 LEAST = 15
@@ -87,6 +86,8 @@ class Series:
         self._factor = 1.0  # from the wire's unit to a person's
         self.decimals = decimals
         self.bounds: list[Bound] = []
+        self.highest: float | None = None
+        """The documented value from which on it is bad."""
         self.history: deque[tuple[float, float]] = deque(maxlen=KEPT)
         self.low: float | None = None
         self.high: float | None = None
@@ -126,14 +127,18 @@ class Series:
 
     @property
     def state(self) -> int:
-        """2 = past a bound that was set, 1 = near one or outside the documented range, 0 = neither."""
+        """2 = past a bound that was set or documented, 1 = near one or outside the documented range, 0 = neither."""
         if self.value is None or self.doubtful:
             return 0
         if any(bound.beyond(self.value) for bound in self.bounds):
             return 2
         highs = [bound.high for bound in self.bounds if bound.high is not None and bound.high > 0]
+        if self.highest is not None and not highs:
+            if self.value >= self.highest:
+                return 2
+            highs = [self.highest]
         low, high = self.limits or (self.value, self.value)
-        return int(any(self.value >= NEAR_LIMIT * end for end in highs) or not low <= self.value <= high)
+        return int(any(self.value >= NEAR * end for end in highs) or not low <= self.value <= high)
 
     def scale(self) -> tuple[float, float]:
         """The bar's ends: the documented range, widened by what was seen outside it."""
@@ -208,6 +213,7 @@ class View:
         self._pictures = table.pictures
         self._remedies = table.remedies
         self._bounds = table.bounds
+        self._highest = table.highest
         self._rows: list[Row] = []
         self._context = context
         self._link = "" if table.cards else text_shown(context.settings.device or context.link_name()).partition("?")[0]
@@ -239,6 +245,7 @@ class View:
             if key not in self._series:
                 self._series[key] = Series(row, self._ranges.get(key[0]), self._decimals.get(key[0], 0))
                 self._series[key].bounds = [bound for bound in self._bounds if row.get("path") in bound.paths]
+                self._series[key].highest = self._highest.get(str(row.get("path")))
             self._series[key].add(row, sample.t)
             self._failed = text_shown(str(row.get("error") or self._failed))
 
