@@ -318,8 +318,6 @@ def watch(
     """
     from functools import partial
 
-    from handctl.model.outline import highest_of
-    from handctl.model.remedy import remedies_of
     from handctl.model.sampling import Sampler
 
     params = meant(run, params, names)
@@ -367,16 +365,20 @@ def watch(
         duration=duration,
         ahead=partial(ask_ahead, elements) if ask_ahead is not None else None,
     )
-    return Table(
+    table = Table(
         columns=device.columns,
         samples=_all_read(sampler.samples(), unread),
         summary=sampler.summary,
         ranges=ranges,
         decimals={e.param.name: e.param.decimals for e in (*elements, *more, *slowly) if e.param.decimals},
-        remedies=remedies_of(params.kind) if seen else {},
-        highest=highest_of(params.kind) if seen else {},
         flags=frozenset(element.param.name for element in elements if element.param.bits),
     )
+    if seen:
+        from handctl.model.outline import highest_of
+        from handctl.model.remedy import remedies_of
+
+        table.remedies, table.highest = remedies_of(params.kind), highest_of(params.kind)
+    return table
 
 
 def bounds_of(
