@@ -335,7 +335,7 @@ class View:
                 line.append(f" {word:>{cells[number] + (long + 1 if long else 0)}}", style="dim")
             for line, part in zip(lines[2:], parts, strict=True):
                 self._cell(line, by.get(part), cells[number], long)
-        return lines
+        return lines if lines[0].plain.strip() else lines[1:]
 
     def _courses(self, groups: Sequence[Sequence[Series]], width: int, room: int, least: int) -> list[Text]:
         """How quantities went: the value, lowest and highest so far, the values of the last seconds, with a time axis.
@@ -497,7 +497,7 @@ class View:
         if self._context.simulated:
             texts.append(Text("simulated", style="reverse"))
         lost = [Text(f"{self._lost} lost", style="bold red" if self._lost else "")]
-        link = [Text(self._link)]
+        link = [Text(self._link)] if self._link else []
         lines: list[Text] = []
         for place, spare in ((link, lost), ([], lost), ([], [] if not self._lost else lost)):
             lines = flowing([texts[0], *place, *texts[1:4], *spare, *texts[4:]], width, gap=2)
