@@ -405,3 +405,10 @@ def test_a_documented_highest_value_colours_unless_a_limit_was_set(value: int, b
 def test_highest_values_are_those_by_which_the_picture_is_coloured() -> None:
     assert highest_of("hand")["temperature.ring"] == 70 and highest_of("barrett") == {"temperature": 65.0}
     assert highest_of("ekso") == {}
+
+
+def test_only_a_documented_range_can_be_left() -> None:
+    view = live.View(Table(ranges={"a": (0.0, 5.0)}, scales={"b": (0.0, 0.0)}), Context())  # type: ignore[arg-type]
+    view.add(Sample(0.0, ({"name": "a", "value": 7}, {"name": "b", "value": 7})))
+    assert [one.state for one in view._series.values()] == [1, 0]
+    assert screen("ekso", "watch", "--count", "1", "-p", LINKS["ekso"], "--color", "always").data.count("[1;33m") == 0

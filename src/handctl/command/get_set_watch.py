@@ -327,7 +327,7 @@ def watch(
         select(params, names) if seen and not elements and names else [] for names in (device.additional, device.slowly)
     )
     elements = device.here(elements or select(params, device.live))
-    ranges = dict(device.scales) | {
+    ranges = {
         element.param.name: (float(element.param.low), float(element.param.high))
         for element in elements
         if element.param.low is not None and element.param.high is not None
@@ -370,6 +370,7 @@ def watch(
         samples=_all_read(sampler.samples(), unread),
         summary=sampler.summary,
         ranges=ranges,
+        scales=device.scales,
         decimals={e.param.name: e.param.decimals for e in (*elements, *more, *slowly) if e.param.decimals},
         flags=frozenset(element.param.name for element in elements if element.param.bits),
     )

@@ -103,6 +103,7 @@ class Table:
     failure   what went wrong although there are rows: sets the exit code, the rows are shown all the same
     samples   a stream; `summary` is called when it ends and goes into the closing envelope
     ranges    documented (low, high) per quantity name, for the bars of the live view
+    scales    ends of the bars of other quantities: ours, so that nothing is wrong outside them
     decimals  decimals of a quantity's values, for the live view
     bounds    what a person set for readings: the live view marks what passes it
     remedies  what bits and codes mean and what to do, the most urgent first, for the live view
@@ -126,6 +127,7 @@ class Table:
     samples: Iterable[Sample] | None = None
     summary: Callable[[], dict[str, Any]] | None = None
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     decimals: dict[str, int] = field(default_factory=dict)
     bounds: tuple[Bound, ...] = ()
     flags: frozenset[str] = frozenset()

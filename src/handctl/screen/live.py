@@ -88,6 +88,8 @@ class Series:
         self.bounds: list[Bound] = []
         self.highest: float | None = None
         """The documented value from which on it is bad."""
+        self.documented = True
+        """Whether the bar's ends are documented, and not ours."""
         self.history: deque[tuple[float, float]] = deque(maxlen=KEPT)
         self.low: float | None = None
         self.high: float | None = None
@@ -97,7 +99,7 @@ class Series:
 
     @property
     def limits(self) -> tuple[float, float] | None:
-        """The bar's documented ends, in the unit that is shown."""
+        """The bar's ends, in the unit that is shown."""
         return None if self._limits is None else (self._limits[0] * self._factor, self._limits[1] * self._factor)
 
     def add(self, row: Row, t: float) -> None:
@@ -137,7 +139,7 @@ class Series:
             if self.value >= self.highest:
                 return 2
             highs = [self.highest]
-        low, high = self.limits or (self.value, self.value)
+        low, high = (self.limits if self.documented else None) or (self.value, self.value)
         return int(any(self.value >= NEAR * end for end in highs) or not low <= self.value <= high)
 
     def scale(self) -> tuple[float, float]:
@@ -207,7 +209,7 @@ class View:
     """Draws the latest sample; also a rich renderable, so that the window's size is asked at each drawing."""
 
     def __init__(self, table: Table, context: Context) -> None:
-        self._ranges = table.ranges
+        self._ranges, self._scales = table.ranges, table.scales
         self._flags = table.flags
         self._decimals = table.decimals
         self._pictures = table.pictures
@@ -243,7 +245,9 @@ class View:
         for row in sample.rows if not self._pictures else ():
             key = key_of(row)
             if key not in self._series:
-                self._series[key] = Series(row, self._ranges.get(key[0]), self._decimals.get(key[0], 0))
+                limits = self._ranges.get(key[0]) or self._scales.get(key[0])
+                self._series[key] = Series(row, limits, self._decimals.get(key[0], 0))
+                self._series[key].documented = key[0] in self._ranges
                 self._series[key].bounds = [bound for bound in self._bounds if row.get("path") in bound.paths]
                 self._series[key].highest = self._highest.get(str(row.get("path")))
             self._series[key].add(row, sample.t)
