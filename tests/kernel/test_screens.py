@@ -412,3 +412,9 @@ def test_only_a_documented_range_can_be_left() -> None:
     view.add(Sample(0.0, ({"name": "a", "value": 7}, {"name": "b", "value": 7})))
     assert [one.state for one in view._series.values()] == [1, 0]
     assert screen("ekso", "watch", "--count", "1", "-p", LINKS["ekso"], "--color", "always").data.count("[1;33m") == 0
+
+
+def test_a_course_keeps_the_peaks_between_its_cells() -> None:
+    """A walk whose period is that of the cells was a flat line."""
+    history = [(tick / 10, 100.0 if tick % 10 == 4 else 0.0) for tick in range(40)]
+    assert live.spark(history, 3.9, 4.0, 4) == "████"

@@ -171,14 +171,16 @@ def spark(history: Sequence[tuple[float, float]], now: float, span: float, width
 def chart(history: Sequence[tuple[float, float]], now: float, span: float, width: int, high: int) -> list[str]:
     """The same, `high` lines high."""
     cells: list[float | None] = [None] * width
+    low = float("inf")
     for t, value in reversed(history):
         place = width - 1 - int((now - t) / span * width)
         if place < 0:
             break
-        if cells[place] is None:
-            cells[place] = value
-    known = [value for value in cells if value is not None]
-    low, top, levels = min(known, default=0.0), max(known, default=0.0), len(SPARKS)
+        known = cells[place]
+        cells[place] = value if known is None else max(known, value)  # a peak between two cells is not lost
+        low = min(low, value)
+    top, levels = max((value for value in cells if value is not None), default=0.0), len(SPARKS)
+    low = min(low, top)
     step = (top - low) or 1.0
     places = [-1 if v is None else int((v - low) / step * (levels * high - 1)) for v in cells]
     below = [levels * line for line in reversed(range(high))]
