@@ -767,7 +767,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes --by-id=file --tcp=none --slcan-tcp=none --seed=none --fault=choice:healthy,silent,deaf,noise,garble,truncate,dribble,split,bad-checksum,wrong-id,twin-id,echo,loopback,duplicate,stale,late,slow,disconnect,refuse,strict,block-silent,no-wrist,save-fails,foreign,faults,hot,blocked,locked-rotor,over-temperature,over-current,motor-abnormal,communication,unknown-bits,no-late-frames,no-ack,bus-off,bel,queue,reports,no-status,damaged-lines,no-adapter --after=none --every=none --wire=none --state=file --duration=none --control=file --set=none
             set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
         case 'plot'
-            set opts '--only	Draw only this quantity or element, such as temperature.index. Repeatable.' '--open	Open the picture in the browser.' '-h	Show this help.' '--help	Show this help.'
+            set opts '--only	Draw only this quantity or element, such as temperature.index. Several: A,B, or repeat it.' '--open	Open the picture in the browser.' '-h	Show this help.' '--help	Show this help.'
             set takes --only=none
             set args 'file*'
             set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity

@@ -84,6 +84,10 @@ class Method(NamedTuple):
                 rest = rest[size:]
         known = {argument.name for argument in self.arguments}
         unknown = [name for name in named if name not in known]
+        for argument in self.arguments if unknown and not args else ():  # position(ring=900), as it is typed
+            if argument.positional and argument.pairs and not found.get(argument.key):
+                found[argument.key] = tuple(_texts(argument, [{name: named[name] for name in unknown}]))
+                unknown = []
         if rest or unknown:
             what = f"unexpected argument {unknown[0]!r}" if unknown else f"{len(rest)} arguments too many"
             raise TypeError(f"{self.name}(): {what}")

@@ -161,7 +161,13 @@ class Exo(Device):
         """Restore the factory defaults, after a snapshot of the present settings."""
     def calibrate(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Calibrate forces and positions, guided step by step."""
-    def force(self, *values: Value | Mapping[str, Value], confirm: Confirm = False, dry_run: bool = False) -> Rows:
+    def force(
+        self,
+        *values: Value | Mapping[str, Value],
+        confirm: Confirm = False,
+        dry_run: bool = False,
+        **named: Value,
+    ) -> Rows:
         """Command forces from -1000 (closes the hand) to 1000 (opens it). Asks first."""
     def position(
         self,
@@ -170,6 +176,7 @@ class Exo(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
+        **named: Value,
     ) -> Rows:
         """Command positions from 0 (bent) to 1000 (open). Asks first."""
 
@@ -419,6 +426,7 @@ class Barrett(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
+        **named: Value,
     ) -> Rows:
         """Move to POSITION in counts (default: the parameter DP), or to one for each motor: F1=9000 F2=9000."""
     def step_open(
@@ -429,6 +437,7 @@ class Barrett(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
+        **named: Value,
     ) -> Rows:
         """Open by COUNTS (default: the parameter DS)."""
     def step_close(
@@ -439,6 +448,7 @@ class Barrett(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
+        **named: Value,
     ) -> Rows:
         """Close by COUNTS (default: the parameter DS)."""
     def home(
@@ -778,6 +788,7 @@ class Aidin(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
+        **named: Value,
     ) -> Rows:
         """Move motors to encoder counts."""
     def joints(
@@ -788,6 +799,7 @@ class Aidin(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
+        **named: Value,
     ) -> Rows:
         """Move joints to angles in degrees."""
     def fingertips(
@@ -797,6 +809,7 @@ class Aidin(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
+        **named: Value,
     ) -> Rows:
         """Move fingertips to coordinates in mm."""
     def currents(
@@ -808,6 +821,7 @@ class Aidin(Device):
         may_suspend: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
+        **named: Value,
     ) -> Rows:
         """Drive motors by current: NO POSITION LIMIT."""
 
@@ -879,6 +893,7 @@ class Hand(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
+        **named: Value,
     ) -> Rows:
         """Command angles from 0 (closed) to 1000 (open). Asks first."""
     def position(
@@ -888,11 +903,24 @@ class Hand(Device):
         expect: Literal["reached", "contact", "any"] | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
+        **named: Value,
     ) -> Rows:
         """Command strokes from 0 (open) to 2000 (closed). Asks first."""
-    def force(self, *values: Value | Mapping[str, Value], confirm: Confirm = False, dry_run: bool = False) -> Rows:
+    def force(
+        self,
+        *values: Value | Mapping[str, Value],
+        confirm: Confirm = False,
+        dry_run: bool = False,
+        **named: Value,
+    ) -> Rows:
         """Set the force limit in grams. Asks first if a finger may move."""
-    def speed(self, *values: Value | Mapping[str, Value], confirm: Confirm = False, dry_run: bool = False) -> Rows:
+    def speed(
+        self,
+        *values: Value | Mapping[str, Value],
+        confirm: Confirm = False,
+        dry_run: bool = False,
+        **named: Value,
+    ) -> Rows:
         """Set the speed of the next movement, 0 to 1000. Asks first if a finger may move."""
     def calibrate(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Calibrate the force sensors. The whole hand moves for about 6 s."""

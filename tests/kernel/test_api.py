@@ -71,6 +71,9 @@ def test_arguments_are_judged_as_python_does_and_values_as_the_command_does(exo:
         exo.set({"position_set.index": 2000}, confirm=True)
     with refused(UsageError, "unknown-name"):
         exo.get("nonsense")
+    assert exo.position(ring=900, confirm=True) == exo.position({"ring": 900}, confirm=True)
+    with pytest.raises(UsageError, match="no finger 'rnig'"):
+        exo.position(rnig=900, confirm=True)
     with pytest.raises(UsageError) as error:
         exo.watch(rate=-1)
     assert error.value.exit_code == 2 and error.value.hint

@@ -87,7 +87,7 @@ def test_a_file_that_begins_alike_is_another_one(tmp_path: Path) -> None:
 
 @each_row("words", [
     "get temperature --append", "get temperature --append --csv", "get temperature --append -o x.csv",
-    "watch --count 1 --append --csv -o x.csv", "get temperature --time",
+    "watch --count 1 --append --csv -o x.csv", "get temperature --time", "log x.csv --count 1 --append",
 ])  # fmt: skip
 def test_what_makes_no_sense_is_refused(words: str, tmp_path: Path) -> None:
     done = run("exo", *words.replace("x.csv", str(tmp_path / "x.csv")).split(), "-p", LINK)
@@ -120,3 +120,11 @@ def test_jobs_at_once_do_not_mix_their_rows(tmp_path: Path) -> None:
     rows = rows_in(path.read_bytes().decode())
     assert len(rows) % 6 == 0 and len({tuple(row) for row in rows}) == 1
     assert [row["name"] for row in rows] == [row["name"] for row in rows[: len(rows) // 6]] * 6
+
+
+@each_row("family", ("exo", "ekso"))
+def test_a_recording_into_a_folder_that_is_missing_is_refused_before_anything_is_sent(
+    family: str, tmp_path: Path
+) -> None:
+    done = run(family, "log", f"{tmp_path}/logs/", "--count", "1", "-p", f"fake://{family}?clock=virtual", "--json")
+    assert (done.code, done.error["code"], done.json["counters"]["sent"]) == (2, "log-file", 0)

@@ -14,6 +14,8 @@ import pytest
 
 from handctl.command.options import Settings
 from handctl.families import FAMILIES
+from handctl.model.outline import highest_of
+from handctl.model.param import Bound
 from handctl.model.remedy import Remedy
 from handctl.model.result import Journal, Sample, Table
 from handctl.screen import live
@@ -272,8 +274,8 @@ def test_long_numbers_take_the_room_of_the_bar(width: int) -> None:
         view.add(Sample(0.0, ({"name": "odometer", "motor": "SPREAD", "unit": "1000 cts", "value": value},)))
     lines = [line.plain for line in view._body(width, 20)]
     assert all(len(line) <= width for line in lines), lines
-    lines = [line for line in lines if "now" not in line]  # of the time axis
-    assert "4294967295" in lines[-1].partition("▏")[2] and "[1000 cts]" in lines[0]
+    bar = next(line for line in lines if "▏" in line)
+    assert "4294967295" in bar.partition("▏")[2] and "[1000 cts]" in lines[0]
     assert ("1234567890..4294967295" in lines[0]) is (width >= 75)  # 20 + 7 + 15 + 10 + 23 cells
 
 
@@ -353,3 +355,66 @@ def test_a_map_is_a_table_at_80_columns_with_its_prose_below(kind: str) -> None:
     firsts = [line for line in lines[2:] if line and not line.startswith(" ")]
     assert len(firsts) == len(run(kind, "describe", "--json").rows)
     assert all(line[head.index("Access") :].split()[0] in ("r", "w", "rw", "trigger") for line in firsts)
+
+
+@each_row(
+    ("value", "drawn"),
+    [(0, "     │     "), (-40, "     │     "), (40, "     │     "), (100, "     │█    "), (-1000, "█████│     "), (1000, "     │█████")],
+)  # fmt: skip
+def test_a_bar_has_its_zero_line_and_is_the_same_on_both_sides(value: float, drawn: str) -> None:
+    assert live.bar(value, -1000, 1000, 11) == drawn
+
+
+def test_a_course_of_several_lines() -> None:
+    history = [(float(second), float(second)) for second in range(4)]
+    assert live.chart(history, 3.0, 4.0, 4, 2) == ["  ▃█", "▁▆██"]
+    assert live.chart([(0.0, 5.0)], 3.0, 4.0, 4, 2) == ["    ", "▁   "]
+
+
+@each_row(
+    ("kind", "columns", "rows", "name"),
+    [("wrist", 80, 24, "temperature_1"), ("wrist", 160, 50, "pitch_actual"), ("ekso", 160, 50, "steps_taken"), ("barrett", 80, 24, "strain")],
+)  # fmt: skip
+def test_what_room_is_left_shows_how_it_went(kind: str, columns: int, rows: int, name: str) -> None:
+    display = screen(kind, "watch", "--count", "3", "-p", LINKS[kind], columns=columns, rows=rows).display
+    assert len([line for line in display if line.startswith(name)]) >= 2 or kind == "barrett"
+    assert any(line.endswith(" now") for line in display) and len(display) <= rows
+    assert sum(any(cell in line for cell in "▁▂▃▄▅▆▇") for line in display) >= 3
+
+
+def test_a_column_per_finger_has_its_course_in_a_wide_window() -> None:
+    narrow, wide = (
+        screen("aidin", "watch", "--count", "3", "-p", LINKS["aidin"], columns=columns, rows=40).display for columns in (80, 120)
+    )  # fmt: skip
+    assert not any("▁" in line for line in narrow)
+    assert sum(line.count("▁") >= 5 for line in wide) == 3 + 4 + 3 + 6
+    assert sum(line.count("-30 s") for line in wide) == 4 * 5
+
+
+@each_row(
+    ("value", "bound", "state"),
+    [(62, None, 0), (63, None, 1), (70, None, 2), (70, 100.0, 0), (90, 100.0, 1), (101, 100.0, 2)],
+)
+def test_a_documented_highest_value_colours_unless_a_limit_was_set(value: int, bound: float | None, state: int) -> None:
+    bounds = () if bound is None else (Bound("temperature", frozenset({"temperature.ring"}), None, bound),)
+    view = live.View(Table(highest={"temperature.ring": 70.0}, bounds=bounds), Context())  # type: ignore[arg-type]
+    view.add(Sample(0.0, ({"name": "temperature", "finger": "ring", "path": "temperature.ring", "value": value},)))
+    assert [one.state for one in view._series.values()] == [state]
+
+
+def test_highest_values_are_those_by_which_the_picture_is_coloured() -> None:
+    assert highest_of("hand")["temperature.ring"] == 70 and highest_of("barrett") == {"temperature": 65.0}
+    assert highest_of("ekso") == {}
+
+
+def test_only_a_documented_range_can_be_left() -> None:
+    view = live.View(Table(ranges={"a": (0.0, 5.0)}, scales={"b": (0.0, 0.0)}), Context())  # type: ignore[arg-type]
+    view.add(Sample(0.0, ({"name": "a", "value": 7}, {"name": "b", "value": 7})))
+    assert [one.state for one in view._series.values()] == [1, 0]
+    assert screen("ekso", "watch", "--count", "1", "-p", LINKS["ekso"], "--color", "always").data.count("[1;33m") == 0
+
+
+def test_a_course_keeps_the_peaks_between_its_cells() -> None:
+    """A walk whose period is that of the cells was a flat line."""
+    history = [(tick / 10, 100.0 if tick % 10 == 4 else 0.0) for tick in range(40)]
+    assert live.spark(history, 3.9, 4.0, 4) == "████"

@@ -29,6 +29,8 @@ MEANT = [
     ("statsu", "Did you mean 'status'? The device comes first: `handctl exo status`"),
     ("statsu exo", "Did you mean 'status'? The device comes first: `handctl exo COMMAND`."),
     ("exo statsu", "Did you mean 'status'?"),
+    ("ekso plot gait.csv", "It takes no device: `handctl plot`."),
+    ("exo top", "It takes no device: `handctl top`."),
     ("exo stpo", "Did you mean 'stop' (writes: "),
     ("anlge", "`handctl hand angle`"),
     ("help exot", "'exo'"),

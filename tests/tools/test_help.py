@@ -48,7 +48,14 @@ def test_the_common_options_are_all_explained() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "near"), [(("lnks",), "'links'"), (("exo", "statsu"), "'exo status'"), (("nothing-like-it",), "lists")]
+    ("words", "near"),
+    [
+        (("lnks",), "'links'"),
+        (("report",), "'exo report'"),
+        (("gcl",), "'barrett gcl'"),
+        (("exo", "statsu"), "'exo status'"),
+        (("nothing-like-it",), "lists"),
+    ],
 )
 def test_an_unknown_topic_is_a_usage_error_with_what_is_near(words: tuple[str, ...], near: str) -> None:
     done = run("help", *words)

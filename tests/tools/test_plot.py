@@ -189,3 +189,13 @@ def test_names_of_one_kind_share_a_picture(tmp_path: Path) -> None:
 )
 def test_ticks_are_round(low: float, high: float, found: list[float]) -> None:
     assert ticks(low, high, 3) == found
+
+
+def test_several_names_and_a_long_line_of_what_stayed(tmp_path: Path) -> None:
+    names = [f"quantity_number_{number}" for number in range(12)]
+    header = ",".join(("t_s", *names, "a", "b", "c")) + "\r\n"
+    still = ",".join("7" for _ in names)
+    path = recorded(tmp_path, f"0,{still},1,1,1", f"1,{still},2,2,2", header=header)
+    assert {row["name"] for row in run("plot", path, "--only", "a,b", "--only", "c", "--json").rows} == {"a", "b", "c"}
+    text = run("plot", path).out
+    assert "\ufffd" not in text and re.findall(r'class="small" x="(\d+)"', text) == ["0", "14"]

@@ -106,3 +106,19 @@ def test_tab_shows_one_device_after_the_other_and_then_all() -> None:
         view.next()
         seen.append(view._body(60, 20)[0].plain.split()[0])
     assert seen == ["a", "b", "c"]
+
+
+def test_a_card_is_a_view_of_its_own_where_there_is_room() -> None:
+    rows = [reading("a", 30, finger=part) | {"name": name} for name in ("force", "current") for part in ("x", "y")]
+    view = cards((0.0, {"device": "c", "error": "no answer"}))
+    view.add(Sample(0.0, tuple(rows)))
+    low, high = ([line.plain for line in view._body(60, height)] for height in (10, 30))
+    assert any("force 30" in line for line in low) and not any(line.startswith("x ") for line in low)
+    assert any(line.split()[:3] == ["x", "30", "30"] for line in high), high
+    assert all(len(view._body(60, height)) <= height for height in range(8, 50))
+
+
+def test_csv_has_one_column_of_errors(config: Path) -> None:
+    done = run("top", "--count", "1", "--rate", "0", "--csv", env={"HANDCTL_CONFIG": str(config)})
+    lines = done.out.splitlines()
+    assert lines[0].split(",").count("error") == 1 and len({line.count(",") for line in lines if '"' not in line}) == 1

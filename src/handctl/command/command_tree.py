@@ -164,9 +164,11 @@ class Group(Described, click.Group):
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         name = args[0]
         if self.get_command(ctx, name) is None and not name.startswith("-") and not ctx.resilient_parsing:
-            from handctl.command.suggestions import meant
+            from handctl.command.suggestions import meant, without_device
 
-            raise click.UsageError(f"No such command {name!r}.{meant(name, self.commands)}", ctx)
+            raise click.UsageError(
+                f"No such command {name!r}.{without_device(name) or meant(name, self.commands)}", ctx
+            )
         return super().resolve_command(ctx, args)
 
     def list_commands(self, ctx: click.Context) -> list[str]:

@@ -318,7 +318,6 @@ def watch(
     """
     from functools import partial
 
-    from handctl.model.remedy import remedies_of
     from handctl.model.sampling import Sampler
 
     params = meant(run, params, names)
@@ -328,7 +327,7 @@ def watch(
         select(params, names) if seen and not elements and names else [] for names in (device.additional, device.slowly)
     )
     elements = device.here(elements or select(params, device.live))
-    ranges = dict(device.scales) | {
+    ranges = {
         element.param.name: (float(element.param.low), float(element.param.high))
         for element in elements
         if element.param.low is not None and element.param.high is not None
@@ -366,15 +365,21 @@ def watch(
         duration=duration,
         ahead=partial(ask_ahead, elements) if ask_ahead is not None else None,
     )
-    return Table(
+    table = Table(
         columns=device.columns,
         samples=_all_read(sampler.samples(), unread),
         summary=sampler.summary,
         ranges=ranges,
+        scales=device.scales,
         decimals={e.param.name: e.param.decimals for e in (*elements, *more, *slowly) if e.param.decimals},
-        remedies=remedies_of(params.kind) if seen else {},
         flags=frozenset(element.param.name for element in elements if element.param.bits),
     )
+    if seen:
+        from handctl.model.outline import highest_of
+        from handctl.model.remedy import remedies_of
+
+        table.remedies, table.highest = remedies_of(params.kind), highest_of(params.kind)
+    return table
 
 
 def bounds_of(

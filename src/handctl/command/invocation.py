@@ -192,7 +192,8 @@ def _check_columns(run: Invocation) -> None:
     append = settings.append and how == "csv" and bool(settings.output) and not run.streams
     time = settings.time and how not in ("table", "openmetrics")
     if settings.append and not append and run.sources.get("append") == COMMAND_LINE:
-        hint = "`log` records samples to a file of its own" if run.streams else "add --csv and -o FILE"
+        recorded = run.streams or run.command.endswith(" log")
+        hint = "`log FOLDER` gives each recording a file of its own" if recorded else "add --csv and -o FILE"
         raise UsageError("--append adds one reading to a CSV file", hint=f"{hint}. Nothing was sent.")
     if settings.time and not time and run.sources.get("time") == COMMAND_LINE:
         raise UsageError(

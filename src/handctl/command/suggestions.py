@@ -59,6 +59,11 @@ def meant(word: str, commands: Mapping[str, Any]) -> str:
     return f" Did you mean {' or '.join(_said(name, commands[name]) for name in dict.fromkeys(names))}?"
 
 
+def without_device(name: str) -> str:
+    """The sentence for a command that was typed below a device, and takes none; "" if it is none."""
+    return f" It takes no device: `handctl {name}`." if name in COMMANDS and name not in FAMILIES else ""
+
+
 def _said(name: str, command: Any) -> str:
     if not getattr(command, "writes", False):
         return repr(name)

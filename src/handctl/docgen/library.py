@@ -82,6 +82,8 @@ def _method(method: Method) -> list[str]:
     words += [f"{argument.name}: {_type(argument)}{_default(argument)}" for argument in behind]
     if command.writes:
         words += ["confirm: Confirm = False", "dry_run: bool = False"]
+    if any(argument.pairs and argument.variadic and argument.name != "assignments" for argument in before):
+        words.append("**named: Value")
     if words[-1] == "*":
         words.pop()
     result = "Stream" if command.streams else "Rows"

@@ -8,15 +8,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
+from itertools import product
 from typing import NamedTuple
 
 from handctl.families import FAMILIES
 from handctl.model.bound import shown_value
+from handctl.model.param import NEAR
 from handctl.model.result import Cell, Grid, Row
 from handctl.system.terminal import FINE
 
-NEAR = 0.9
-"""From this share of a highest value on, a reading is near it."""
 FULL, EMPTY, PALM = "████", "░░░░" if FINE else "....", "▒" if FINE else ":"
 
 
@@ -75,6 +75,15 @@ def outline_of(kind: str) -> Outline | None:
     except ModuleNotFoundError:
         return None
     return found
+
+
+def highest_of(kind: str) -> dict[str, float]:
+    """Path of a quantity -> the value from which on it is bad."""
+    outline = outline_of(kind)
+    return {
+        measure.path.format(bar.part): measure.most
+        for bar, measure in product(outline.bars, outline.measures.values()) if measure.most is not None
+    } if outline is not None else {}  # fmt: skip
 
 
 def hand(fingers: Sequence[str], thumb: Sequence[str]) -> tuple[Bar, ...]:

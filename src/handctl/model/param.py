@@ -428,6 +428,10 @@ class Changes(NamedTuple):
         return f"{question}: {', '.join(map(str, self.rows))}"
 
 
+NEAR = 0.9
+"""From this share of a highest value on, a reading is near it."""
+
+
 class Bound(NamedTuple):
     """The lowest and highest value that some elements may have, in the unit that is shown; None = any.
 

@@ -103,9 +103,11 @@ class Table:
     failure   what went wrong although there are rows: sets the exit code, the rows are shown all the same
     samples   a stream; `summary` is called when it ends and goes into the closing envelope
     ranges    documented (low, high) per quantity name, for the bars of the live view
+    scales    ends of the bars of other quantities: ours, so that nothing is wrong outside them
     decimals  decimals of a quantity's values, for the live view
     bounds    what a person set for readings: the live view marks what passes it
     remedies  what bits and codes mean and what to do, the most urgent first, for the live view
+    highest   path -> documented value from which on a reading is bad, for the live view
     flags     names of quantities that are bits: the live view shows their words, of all others the numbers
     wide      in CSV a stream is usually a row a sample
     live      a person at a terminal sees a live view of the stream; else its rows
@@ -125,10 +127,12 @@ class Table:
     samples: Iterable[Sample] | None = None
     summary: Callable[[], dict[str, Any]] | None = None
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     decimals: dict[str, int] = field(default_factory=dict)
     bounds: tuple[Bound, ...] = ()
     flags: frozenset[str] = frozenset()
     remedies: Mapping[str, Any] = field(default_factory=dict)
+    highest: Mapping[str, float] = field(default_factory=dict)
     wide: bool = False
     live: bool = True
     cards: Mapping[str, Callable[[], Table]] = field(default_factory=dict)

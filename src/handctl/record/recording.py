@@ -267,6 +267,8 @@ def file_name(text: str, kind: str) -> str:
 
 def refuse_existing(path: str, force: bool) -> None:
     """Raise UsageError when the file or its sidecar is there, unless `force`; a device or pipe is never written to."""
+    if path.endswith(("/", os.sep)):
+        raise UsageError(f"{path}: no such folder", hint="create it, or give the name of a new file", code="log-file")
     for taken in (path, f"{path}.json"):
         if os.path.exists(taken) and not os.path.isfile(taken):
             raise UsageError(

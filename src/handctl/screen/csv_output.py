@@ -50,6 +50,7 @@ def csv_lines(
 
     buffer = io.StringIO()
     writer = csv.writer(buffer)  # RFC 4180: CRLF, quotes doubled
+    with_errors = with_errors and all(column.key != "error" for column in columns)
     if header:
         writer.writerow([column.csv_name for column in columns] + (["error"] if with_errors else []))
     for row in rows:

@@ -21,6 +21,7 @@ from rich.text import Text
 from handctl import interrupts
 from handctl.errors import STOPPED, Interrupted
 from handctl.light import replace
+from handctl.model.param import NEAR
 from handctl.model.result import Row, Sample, Table
 from handctl.screen.csv_output import Wide
 from handctl.screen.sanitize import text_shown
@@ -41,14 +42,18 @@ KEPT = 36_000
 SPANS = (10, 30, 60, 300, 1800)
 """Seconds that the courses show, from which + and - choose."""
 FRAMES_PER_SECOND = 12
-NEAR_LIMIT = 0.9
-"""From this share of a highest value on, a reading is near its limit."""
 NARROW = 70
 """Below this width a bar's line has no minimum and maximum, no sparkline, and the name stands above it."""
 LEAST = 15
 """Room that bar and sparkline need at least, with the ends of the bar; without it the line is that of a narrow window."""
-BAR = 12
-"""Cells of the shortest bar in a grid, with its ends."""
+BAR, LONGEST = 12, 60
+"""Cells of the shortest and the longest bar in a grid, with its ends."""
+HIGHEST = 4
+"""Lines of a course, where there is room."""
+WHOLE = 9
+"""Lines from which on a card shows its device as a view of its own."""
+COLUMN = 8
+"""Cells of the shortest course in a matrix."""
 STOPS = "S"
 KEYS = (
     ("q", "quit", "quit (or press Esc). The device stays as it is"),
@@ -81,6 +86,10 @@ class Series:
         self._factor = 1.0  # from the wire's unit to a person's
         self.decimals = decimals
         self.bounds: list[Bound] = []
+        self.highest: float | None = None
+        """The documented value from which on it is bad."""
+        self.documented = True
+        """Whether the bar's ends are documented, and not ours."""
         self.history: deque[tuple[float, float]] = deque(maxlen=KEPT)
         self.low: float | None = None
         self.high: float | None = None
@@ -90,7 +99,7 @@ class Series:
 
     @property
     def limits(self) -> tuple[float, float] | None:
-        """The bar's documented ends, in the unit that is shown."""
+        """The bar's ends, in the unit that is shown."""
         return None if self._limits is None else (self._limits[0] * self._factor, self._limits[1] * self._factor)
 
     def add(self, row: Row, t: float) -> None:
@@ -120,14 +129,18 @@ class Series:
 
     @property
     def state(self) -> int:
-        """2 = past a bound that was set, 1 = near one or outside the documented range, 0 = neither."""
+        """2 = past a bound that was set or documented, 1 = near one or outside the documented range, 0 = neither."""
         if self.value is None or self.doubtful:
             return 0
         if any(bound.beyond(self.value) for bound in self.bounds):
             return 2
         highs = [bound.high for bound in self.bounds if bound.high is not None and bound.high > 0]
-        low, high = self.limits or (self.value, self.value)
-        return int(any(self.value >= NEAR_LIMIT * end for end in highs) or not low <= self.value <= high)
+        if self.highest is not None and not highs:
+            if self.value >= self.highest:
+                return 2
+            highs = [self.highest]
+        low, high = (self.limits if self.documented else None) or (self.value, self.value)
+        return int(any(self.value >= NEAR * end for end in highs) or not low <= self.value <= high)
 
     def scale(self) -> tuple[float, float]:
         """The bar's ends: the documented range, widened by what was seen outside it."""
@@ -140,32 +153,38 @@ def bar(value: float, low: float, high: float, width: int) -> str:
     """A bar of `width` cells between low and high in eighths; with a negative `low` it grows from the zero line."""
     if high <= low:
         return " " * width
-    zero = (0 - low) / (high - low) * width if low < 0 < high else 0.0
     place = (value - low) / (high - low) * width
-    if zero:
-        start, end = sorted((round(zero), round(place)))
-        return (
-            (" " * start + "█" * (end - start)).ljust(width)[:width]
-            if start != end
-            else (" " * start + "│").ljust(width)[:width]
-        )
+    if low < 0 < high:
+        zero = min(int(-low / (high - low) * width), width - 1)
+        cells = round(abs(value) / (high - low) * width)
+        drawn = f"{' ' * zero}│{'█' * cells}" if value > 0 else f"{' ' * (zero - cells)}{'█' * min(cells, zero)}│"
+        return drawn.ljust(width)[:width]
     full, part = divmod(round(place * 8), 8)
     return ("█" * full + (BAR_PARTS[part] if part else "")).ljust(width)[:width]
 
 
 def spark(history: Sequence[tuple[float, float]], now: float, span: float, width: int) -> str:
     """The values of the last `span` seconds as a sparkline of `width` cells, scaled to what they span; a gap is blank."""
+    return chart(history, now, span, width, 1)[0]
+
+
+def chart(history: Sequence[tuple[float, float]], now: float, span: float, width: int, high: int) -> list[str]:
+    """The same, `high` lines high."""
     cells: list[float | None] = [None] * width
+    low = float("inf")
     for t, value in reversed(history):
         place = width - 1 - int((now - t) / span * width)
         if place < 0:
             break
-        if cells[place] is None:
-            cells[place] = value
-    known = [value for value in cells if value is not None]
-    low, high = min(known, default=0.0), max(known, default=0.0)
-    step = (high - low) or 1.0
-    return "".join(" " if v is None else SPARKS[int((v - low) / step * (len(SPARKS) - 1))] for v in cells)
+        known = cells[place]
+        cells[place] = value if known is None else max(known, value)  # a peak between two cells is not lost
+        low = min(low, value)
+    top, levels = max((value for value in cells if value is not None), default=0.0), len(SPARKS)
+    low = min(low, top)
+    step = (top - low) or 1.0
+    places = [-1 if v is None else int((v - low) / step * (levels * high - 1)) for v in cells]
+    below = [levels * line for line in reversed(range(high))]
+    return ["".join(SPARKS[min(at - under, levels - 1)] if at >= under else " " for at in places) for under in below]
 
 
 def axis(span: float, width: int) -> str:
@@ -192,12 +211,13 @@ class View:
     """Draws the latest sample; also a rich renderable, so that the window's size is asked at each drawing."""
 
     def __init__(self, table: Table, context: Context) -> None:
-        self._ranges = table.ranges
+        self._ranges, self._scales = table.ranges, table.scales
         self._flags = table.flags
         self._decimals = table.decimals
         self._pictures = table.pictures
         self._remedies = table.remedies
         self._bounds = table.bounds
+        self._highest = table.highest
         self._rows: list[Row] = []
         self._context = context
         self._link = "" if table.cards else text_shown(context.settings.device or context.link_name()).partition("?")[0]
@@ -227,8 +247,11 @@ class View:
         for row in sample.rows if not self._pictures else ():
             key = key_of(row)
             if key not in self._series:
-                self._series[key] = Series(row, self._ranges.get(key[0]), self._decimals.get(key[0], 0))
+                limits = self._ranges.get(key[0]) or self._scales.get(key[0])
+                self._series[key] = Series(row, limits, self._decimals.get(key[0], 0))
+                self._series[key].documented = key[0] in self._ranges
                 self._series[key].bounds = [bound for bound in self._bounds if row.get("path") in bound.paths]
+                self._series[key].highest = self._highest.get(str(row.get("path")))
             self._series[key].add(row, sample.t)
             self._failed = text_shown(str(row.get("error") or self._failed))
 
@@ -264,7 +287,7 @@ class View:
         groups: dict[str, list[Series]] = {}
         for series in self._series.values():
             groups.setdefault(series.name, []).append(series)
-        grid, courses = self._grid(groups, width)
+        grid = self._grid(groups, width)
         inside = {name for name in groups if grid and self._in_grid(groups[name])}
         words = [line for name, group in groups.items() if grid and name not in inside and self._spoken(group)
                  for line in self._by_word(group, width)]  # fmt: skip
@@ -272,20 +295,14 @@ class View:
         below = self._lines(rest, width, max(1, height - len(grid) - len(words))) if rest else []
         spare = 0 if grid else self._sparks(groups, width)
         if (below_sparks := axis(self._span, spare)) and len(below) < height:
-            return [*below, Text(f"{'':{width - spare}}{below_sparks}", style="dim")]
+            below.append(Text(f"{'':{width - spare}}{below_sparks}", style="dim"))
         if grid and len(grid) + len(words) + len(below) > height:  # too low for a grid
             return self._lines(groups, width, height)
         body = [*grid, *words, *below]
-        for course in courses:
-            if len(body) + len(course) + 1 > height - 1:
-                break
-            body += [Text(""), *course]
-        return [*body, Text(" " * self._left + axis(self._span, width - self._left), style="dim")] if (
-            len(body) > len(grid) + len(words) + len(below)
-        ) else body  # fmt: skip
-
-    _left = 0
-    """Cells in front of the courses."""
+        numbers = [group for group in groups.values() if not self._worded(group) and not group[0].element]
+        lacking = [group for group in numbers if group[0].name in inside or not (spare and group[0].limits)]
+        courses = self._courses(numbers if not grid else lacking, width, height - len(body), 1 if grid else 2)
+        return body + (courses or self._courses(lacking, width, height - len(body), 1))
 
     def _in_grid(self, group: Sequence[Series]) -> bool:
         """Whether a quantity is a column of the grid: one number for each of several fingers or motors."""
@@ -295,10 +312,10 @@ class View:
         """Whether a quantity is told in words, a word for each of several fingers or motors."""
         return len(group) > 1 and not group[0].element and self._worded(group)
 
-    def _grid(self, groups: dict[str, list[Series]], width: int) -> tuple[list[Text], list[list[Text]]]:
+    def _grid(self, groups: dict[str, list[Series]], width: int) -> list[Text]:
         """Fingers or motors below each other, their quantities side by side, as many with a bar as there is room for.
 
-        With the courses of these quantities, as blocks of lines. Nothing where the window is too narrow, or there is one quantity.
+        Nothing where the window is too narrow, or there is one quantity.
         """
         shared = [group for group in groups.values() if self._in_grid(group)]
         parts = list(dict.fromkeys(one.part for group in shared for one in group))
@@ -310,11 +327,13 @@ class View:
         ]
         room = width - label - sum(cells) - len(cells)
         if len(shared) < 2 or room < 0:
-            return [], []
+            return []
         ranged = [number for number, group in enumerate(shared) if group[0].limits is not None]
         ranged = ranged[: room // (BAR + 1)]
-        bars = dict.fromkeys(ranged, room // len(ranged) - 1) if ranged else {}
-        lines = [Text(" " * label), Text(" " * label), *(Text(f"{part:<{label}}") for part in parts)]
+        bars = dict.fromkeys(ranged, min(room // len(ranged) - 1, LONGEST)) if ranged else {}
+        bad = {one.part for group in groups.values() if self._alarming(group) for one in group if one.label != "ok"}
+        lines = [Text(" " * label), Text(" " * label)]
+        lines += [Text.assemble((f"{part:<{label}}", "bold red" if part in bad else "")) for part in parts]
         for number, group in enumerate(shared):
             by = {one.part: one for one in group}
             long = bars.get(number, 0)
@@ -322,21 +341,46 @@ class View:
                 line.append(f" {word:>{cells[number] + (long + 1 if long else 0)}}", style="dim")
             for line, part in zip(lines[2:], parts, strict=True):
                 self._cell(line, by.get(part), cells[number], long)
-        span = max((len(one.span) for group in shared for one in group), default=0) + 1 if width >= NARROW else 0
-        self._left = label + 7 + span
-        return lines, [self._course(group, parts, label, span, width) for group in shared]
+        return lines if lines[0].plain.strip() else lines[1:]
 
-    def _course(self, group: Sequence[Series], parts: Sequence[str], label: int, span: int, width: int) -> list[Text]:
-        """How a quantity of each part went: the value, lowest and highest so far, the values of the last seconds."""
-        lines = [Text(heading(group[0]), style="dim")]
-        by = {one.part: one for one in group}
-        for part in parts:
-            if (one := by.get(part)) is not None and one.low is not None:
-                lines.append(Text(f"{part:<{label}}{one.text(one.value):>6} "))
-                lines[-1].append(f"{one.span:<{span}}" if span else "", style="dim")
-                drawn = spark(one.history, self._seconds, self._span, width - self._left)
-                lines[-1].append(drawn, style=TONES[one.state])
-        return lines
+    def _courses(self, groups: Sequence[Sequence[Series]], width: int, room: int, least: int) -> list[Text]:
+        """How quantities went: the value, lowest and highest so far, the values of the last seconds, with a time axis.
+
+        As many as there is room for; up to HIGHEST lines for each of them if there is more, and none if fewer than `least`.
+        """
+        chosen: list[list[Series]] = []
+        used = 2  # the axis, and a blank line before single values
+        for group in groups:
+            drawn = [one for one in group if one.low is not None]
+            need = len(drawn) + (2 if len(drawn) > 1 else 0)
+            if used + need > room:
+                break
+            chosen += [drawn] if drawn else []
+            used += need
+        many = sum(map(len, chosen))
+        high = min(HIGHEST, 1 + (room - used) // many) if many else 0
+        if high < least or (least > 1 and len(chosen) < len(groups)):
+            return []
+        every = [(part_name(one) if len(group) > 1 else heading(one), one) for group in chosen for one in group]
+        label = max(len(name) for name, _ in every) + 1
+        value = max(6, *(len(one.text(one.value)) for _, one in every), 0)
+        span = max(len(one.span) for _, one in every) + 1 if width >= NARROW else 0
+        left = label + value + 1 + span
+        lines: list[Text] = []
+        if width - left < LEAST:
+            return []
+        for number, group in enumerate(chosen):
+            if len(group) > 1:
+                lines += [Text(""), Text(heading(group[0]), style="dim")]
+            elif not number or len(chosen[number - 1]) > 1:
+                lines.append(Text(""))
+            for one in group:
+                name = part_name(one) if len(group) > 1 else heading(one)
+                for row, cells in enumerate(chart(one.history, self._seconds, self._span, width - left, high)):
+                    lines.append(Text(" " * left if row else f"{name:<{label}}{one.text(one.value):>{value}} "))
+                    lines[-1].append("" if row or not span else f"{one.span:<{span}}", style="dim")
+                    lines[-1].append(cells, style=TONES[one.state])
+        return [*lines, Text(" " * left + axis(self._span, width - left), style="dim")]
 
     @staticmethod
     def _cell(line: Text, one: Series | None, width: int, long: int) -> None:
@@ -459,7 +503,7 @@ class View:
         if self._context.simulated:
             texts.append(Text("simulated", style="reverse"))
         lost = [Text(f"{self._lost} lost", style="bold red" if self._lost else "")]
-        link = [Text(self._link)]
+        link = [Text(self._link)] if self._link else []
         lines: list[Text] = []
         for place, spare in ((link, lost), ([], lost), ([], [] if not self._lost else lost)):
             lines = flowing([texts[0], *place, *texts[1:4], *spare, *texts[4:]], width, gap=2)
@@ -584,9 +628,11 @@ class View:
             lines += flowing(items, widths.window, head=f"{first:<{widths.name}}{f'{part} ' if part else ''}")
         return lines
 
-    @staticmethod
-    def _matrix(group: Sequence[Series], widths: Widths) -> list[Text]:
-        """A quantity of several elements per finger: a column per finger; [] when the window is too narrow for it."""
+    def _matrix(self, group: Sequence[Series], widths: Widths) -> list[Text]:
+        """A quantity of several elements per finger: a column per finger, with its course where there is room.
+
+        [] when the window is too narrow for it.
+        """
         parts = list(dict.fromkeys(series.part for series in group))
         by = {(series.part, series.element): series for series in group}
         if not group[0].element or len(by) != len(parts) * len({series.element for series in group}):
@@ -601,12 +647,19 @@ class View:
             name = ""
         if label + width * len(parts) > widths.window:
             return []
-        lines.append(Text(f"{name:<{label}}" + "".join(f"{part:>{width}}" for part in parts)))
+        spare = (widths.window - label) // len(parts) - width - 1
+        spare = spare if spare >= COLUMN else 0
+        lines.append(Text(f"{name:<{label}}"))
+        for part in parts:
+            lines[-1].append(f"{part:>{width}}")
+            lines[-1].append(f" {axis(self._span, spare):<{spare}}" if spare else "", style="dim")
         for element in elements:
             lines.append(Text(f"{element:>{label}}" if name else f"{element:<{label}}"))
             for part in parts:
                 series = by[part, element]
                 lines[-1].append(f"{series.text(series.value):>{width}}", style=tone_of(series))
+                drawn = f" {spark(series.history, self._seconds, self._span, spare)}" if spare else ""
+                lines[-1].append(drawn, style=TONES[series.state])
         return lines
 
 
@@ -660,6 +713,13 @@ class Cards(View):
         long = max(map(len, self._tables)) + 2
         names = sorted(self._tables, key=lambda name: -self._rank(name))
         cards = [self._card(name, long, width) for name in names]
+        heard = [name for name in names if name in self._views and name not in self._silent]
+        quiet = sum(len(card) for name, card in zip(names, cards, strict=True) if name not in heard)
+        room = (height - quiet) // max(1, len(heard)) - 1
+        for number, name in enumerate(names):
+            whole = self._views[name]._body(width, room - 1) if name in heard else []
+            if whole and len(whole) < room and room > WHOLE:
+                cards[number] = [cards[number][0], *whole, Text("")]
         lines = [line for card in cards for line in card]
         return lines if len(lines) <= height else [card[0] for card in cards]
 

@@ -15,7 +15,7 @@ from handctl.command.command_tree import Command, root
 from handctl.command.options import CONNECTION, OUTPUT, WRITING, SharedOption
 from handctl.command.run import Run
 from handctl.errors import UsageError
-from handctl.families import COMMANDS
+from handctl.families import COMMANDS, FAMILIES
 from handctl.model.result import Column, Table
 from handctl.wording import near
 
@@ -78,13 +78,17 @@ def _text(words: list[str]) -> str:
             return plain(man.one(read_tree(), name))
         if name in (guides := _guides()):
             return plain(man.guide(guides[name][0]))
-    else:
-        context: click.Context | None = click.Context(root, info_name="handctl", **root.context_settings)
-        for word in words:
-            context = _below(context, word) if context is not None else None
-        if context is not None:
-            return context.get_help() + "\n"
+    elif (context := _exists(words)) is not None:
+        return context.get_help() + "\n"
     raise _unknown(words)
+
+
+def _exists(words: list[str]) -> click.Context | None:
+    """The command of these words; None if there is none."""
+    context: click.Context | None = click.Context(root, info_name="handctl", **root.context_settings)
+    for word in words:
+        context = _below(context, word) if context is not None else None
+    return context
 
 
 def _below(context: click.Context, word: str) -> click.Context | None:
@@ -100,7 +104,8 @@ def _unknown(words: list[str]) -> UsageError:
         context = _below(click.Context(root, info_name="handctl"), words[0])
         if context is not None and isinstance(context.command, click.Group):
             known = [f"{words[0]} {verb}" for verb in context.command.list_commands(context)]
-    close = near(name, known)
+    below = [f"{family} {name}" for family in FAMILIES if _exists([family, name])] if len(words) == 1 else []
+    close = below or near(name, known)
     meant = f"did you mean {' or '.join(map(repr, close))}? " if close else ""
     return UsageError(f"no help on {name!r}", hint=f"{meant}`handctl help` lists the topics", code="no-topic")
 

@@ -35,7 +35,7 @@ LETTERS = 150
 @click.command("plot", cls=Command, offline=True)
 @click.argument("files", type=InFile(additional=(".json",)), nargs=-1, required=True, metavar="FILE...")
 @click.option(
-    "--only", "names", multiple=True, metavar="NAME", help="Draw only this quantity or element, such as temperature.index. Repeatable."
+    "--only", "names", multiple=True, metavar="NAME", help="Draw only this quantity or element, such as temperature.index. Several: A,B, or repeat it."
 )  # fmt: skip
 @click.option("--open", "opens", is_flag=True, help="Open the picture in the browser.")
 def cli(run: Run, files: Sequence[str], names: Sequence[str], opens: bool) -> Table | None:
@@ -50,7 +50,7 @@ def cli(run: Run, files: Sequence[str], names: Sequence[str], opens: bool) -> Ta
     if not (rows_only or opens or run.settings.output) and sys.stdout.isatty():
         raise UsageError("no output file given", hint="add -o plot.svg, -o plot.html or --open", code="no-output")
     found = [read(file) for file in files]
-    _keep(found, names)
+    _keep(found, [name for text in names for name in text.split(",")])
     for one in found:
         if one.damaged:
             run.journal.warn("damaged", f"{one.path}: {plural(one.damaged, 'row')} could not be read and are left out")
@@ -128,14 +128,12 @@ def drawn(found: Sequence[Plotted], *, whole: bool) -> str:
             STYLE,
             __version__,
         )
-    still = [
-        line for text in still for line in textwrap.wrap(text, LETTERS, subsequent_indent="\N{NO-BREAK SPACE}" * 4)
-    ]
+    folded = [(14 if later else 0, line) for text in still for later, line in enumerate(textwrap.wrap(text, LETTERS))]
     below = "".join(
-        f'<text class="small" x="0" y="{top + 16 * number}">{escape(line)}</text>\n'
-        for number, line in enumerate(still, 1)
+        f'<text class="small" x="{left}" y="{top + 16 * number}">{escape(line)}</text>\n'
+        for number, (left, line) in enumerate(folded, 1)
     )
-    high = top + 16 * len(still) + 24
+    high = top + 16 * len(folded) + 24
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="-16 0 {SIDE + 32} {high}" width="{SIDE + 32}" height="{high}">\n'
         f"<style>{STYLE}</style>\n"

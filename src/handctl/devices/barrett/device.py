@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from itertools import product
+from types import MappingProxyType
 
 from handctl.devices.barrett.gcl.codec import Answer, batches, encode, explain_status, hint_for, values
 from handctl.devices.barrett.gcl.line import GclLine
-from handctl.devices.barrett.map import BARRETT, POSITIONS, GclParam, gcl_name, with_sign
+from handctl.devices.barrett.map import BARRETT, POSITIONS, TRAVEL, GclParam, gcl_name, with_sign
 from handctl.devices.barrett.views import (
     GCL,
     LABEL,
@@ -51,6 +52,7 @@ class BarrettHand(Device):
     product = "BH8"
     map = BARRETT
     live = ("position", "strain", "status", "temperature")
+    scales: Mapping[str, tuple[float, float]] = MappingProxyType({"position": (0.0, float(TRAVEL[0]))})
     columns = (NAME, GCL, MOTOR, VALUE, UNIT, LABEL)
     view = staticmethod(parameters_view)
     not_covered = (

@@ -11,6 +11,7 @@ from handctl.command.command_tree import Group, streaming, suspendable
 from handctl.command.option_types import InFile, WholeRange
 from handctl.command.run import Act, Run
 from handctl.devices.barrett.gcl.codec import encode
+from handctl.devices.barrett.map import TRAVEL
 from handctl.devices.barrett.views import DOUBT, MOTOR, NAME, UNIT, VALUE
 from handctl.errors import UsageError
 from handctl.model.param import Step
@@ -156,7 +157,7 @@ def add_realtime(group: Group) -> None:
             if measure is not None:
                 return measured(run, loop, measure, rate)
             table = Table(columns=COLUMNS, plain=("name", "motor", "value", "unit"), summary=loop.summary, wide=True)
-            table.ranges = {"strain": (0, 255), "position": (0, 17800)}
+            table.ranges = {"strain": (0, 255), "position": (0, TRAVEL[0])}
             table.samples = _guarded(loop, table, rate, count, duration)
             return table
 
