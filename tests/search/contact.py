@@ -52,7 +52,6 @@ ANSWERS: dict[str, bytes] = {
     "bell": b"\x07ERR 32",
     "back space": b"\x08 \x08ERR 32",
     "colour": b"\x1b[31mERR 32\x1b[0m",
-    "8-bit character": b"ERR 32 \xb0",
     "XON": b"\x11ERR 32",
     "long text": b"ERR 32 " + b"unknown command, see the manual " * 6,
     "hexadecimal": b"ERR 0x20",

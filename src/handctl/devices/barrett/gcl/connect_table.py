@@ -244,7 +244,9 @@ def seen_in(data: bytes, question: bytes = QUESTION) -> str:
             return LOOP
         if question[:1] not in data:
             return LATE
-        return PROMPT if not question or ANSWER.fullmatch(answer_in(data)) else OTHER
+        if not question or ANSWER.fullmatch(answer_in(data)):
+            return PROMPT
+        return OTHER if answer_in(data).isascii() else BYTES  # a bit was lost: no text of a firmware
     if question and data.strip(b"\0" + ABORT) == question:
         return ECHO
     if has_colon(data):
