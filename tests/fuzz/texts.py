@@ -258,9 +258,10 @@ class EksoLog:
         count = 0
         try:
             log = LogFile(str(self._path))
-            for row in log.rows():
-                count += 1
-                assert len(row.fields) == len(log.layout.names)
+            for block in log.blocks():
+                count += len(block.t_ms)
+                assert {len(texts) for texts in block.columns.values()} == {len(block.t_ms)} == {len(block.segments)}
+                assert [*block.columns] == list(log.layout.names)
         except UsageError as exc:
             assert exc.exit_code == 2
             return 9

@@ -82,11 +82,11 @@ def test_live_view(rows: int, wire: str) -> None:
     if rows == 12:
         return
     for name, span in (("pitch_actual", "-3.45..-3.45"), ("yaw_actual", "11.25..11.25")):
-        (line,) = [line for line in lines if line.startswith(name)]
+        line = next(line for line in lines if line.startswith(name))
         assert span in line
         assert re.search(rf"▏ *{span.split('..')[0]} ", line), line
     for name, text in (("current_1024", "111 mA"), ("error_1", "ok"), ("temperature_2", "34 °C")):
-        (line,) = [line for line in lines if line.startswith(name)]
+        line = next(line for line in lines if line.startswith(name))
         assert text in line
 
 
