@@ -161,7 +161,7 @@ def test_what_a_kill_leaves_of_settings_and_of_half_a_firmware(tmp_path: Path) -
             port.write(b"\xaa\xbb")
             assert port.read(2) == b"\xaa\xbb"
             path = tmp_path / "image"
-            assert tell(f"save-image {path}").startswith("ok image valid, version 4.34, 1 records, 2 bytes, ")
+            assert tell(f"save-image {path}").startswith("ok image incomplete, version 4.34, 1 records, 2 bytes, ")
             assert path.read_bytes() == b"\xaa\xbb"
             assert said(port, "\rRESET") == b"\rRESET\r\n\rBarrettHand Firmware\n\rVersion 4.34" + PROMPT
             assert said(port, "VERS") == b"VERS\n\r4.34" + PROMPT

@@ -65,7 +65,7 @@ def test_keys_record_freeze_and_help(tmp_path: Path, monkeypatch: pytest.MonkeyP
     with Simulator("--pty") as simulator, Terminal("exo", "watch", "--rate", "50", "-p", simulator.link) as terminal:
         terminal.until("S stop")
         for key, shown in (
-            ("?", "no question"),
+            ("?", "without asking"),
             ("?", "position_"),
             ("+", "-60 s"),
             ("r", "recording to"),
