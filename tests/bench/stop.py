@@ -84,7 +84,7 @@ def _held(place: Stand, words: tuple[str, ...], first: bytes, *, stuck: bool) ->
             os.kill(holder.pid, signal.SIGSTOP)
             wait_until(lambda holder=holder: sleeps(holder.pid))  # type: ignore[misc]
         seconds = _stop(place, silent=silent)
-        if holder.wait(10) == (-signal.SIGKILL if stuck else 130):
+        if holder.wait(10) == (-signal.SIGKILL if stuck else 4 if silent else 130):
             return seconds
     raise AssertionError(f"{words} always ends before the stop")
 
