@@ -259,7 +259,7 @@ class Context:
 
     command = "exo watch"
     simulated = False
-    stoppable = False
+    stop_key = ""
     journal = Journal()
     settings = Settings()
 

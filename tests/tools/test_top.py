@@ -56,6 +56,14 @@ def test_a_limit_is_for_the_devices_that_have_the_quantity(config: Path, limit: 
     assert top(config, "left", "right", "--limit", limit).code == code
 
 
+def test_every_device_past_its_limit_is_named(config: Path) -> None:
+    _, end = top(config, "left", "right", "--limit", "temperature=30").stream
+    (error,) = [message for message in end["messages"] if message["level"] == "error"]
+    assert "left: past the limit" in error["text"] and "right: past the limit" in error["text"].replace(
+        "Right", "right"
+    )
+
+
 def test_without_a_name_the_next_step_is_told(tmp_path: Path) -> None:
     (tmp_path / "none.toml").write_text("")
     done = run("top", env={"HANDCTL_CONFIG": str(tmp_path / "none.toml")})
@@ -65,7 +73,7 @@ def test_without_a_name_the_next_step_is_told(tmp_path: Path) -> None:
 class Context:
     """As much of a running command as the cards need."""
 
-    command, simulated, stoppable = "top", False, False
+    command, simulated, stop_key = "top", False, ""
     journal, settings = Journal(), Settings()
 
 

@@ -173,9 +173,11 @@ class Run(Invocation):
         return keyboard(self.device_access, pressed)
 
     @property
-    def stoppable(self) -> bool:
-        """Whether the stop key has a device to stop."""
-        return self.device_access is not None
+    def stop_key(self) -> str:
+        """The key of a live view that stops the device; "" without a device to stop."""
+        from handctl.stop.device_access import STOP_KEY
+
+        return STOP_KEY if self.device_access is not None else ""
 
     def behind_view(self) -> AbstractContextManager[None]:
         """While it lasts messages wait: a view has the terminal."""

@@ -54,13 +54,11 @@ WHOLE = 9
 """Lines from which on a card shows its device as a view of its own."""
 COLUMN = 8
 """Cells of the shortest course in a matrix."""
-STOPS = "S"
 KEYS = (
     ("q", "quit", "quit (or press Esc). The device stays as it is"),
     ("space", "freeze", "freeze the picture, or continue. A recording is not interrupted"),
     ("r", "record", "record to a new CSV file, or stop recording"),
     ("+ -", "history", "show a longer or shorter period"),
-    (STOPS, "stop", "stop the device at once, without asking (capital S)"),
     ("?", "help", "show or hide this help"),
 )
 """Key, its word for the last line, what it does."""
@@ -271,7 +269,13 @@ class View:
     @property
     def keys(self) -> tuple[tuple[str, str, str], ...]:
         """Those that do something here."""
-        return tuple(row for row in KEYS if row[0] != STOPS or self._context.stoppable)
+        *others, last = KEYS
+        stop = self._context.stop_key
+        return (
+            *others,
+            *([(stop, "stop", "stop the device at once, without asking (capital S)")] if stop else []),
+            last,
+        )
 
     def _help(self, width: int) -> list[Text]:
         return [

@@ -42,7 +42,7 @@ def stop(
 ) -> Table:
     """Stop the device of this run, through its holder or from here. Rows with the bytes sent and received.
 
-    `talk` replaces the family's stopper. `otherwise` is tried if there was no reply: device -> evidence.
+    `sequence` replaces the family's stopper. `otherwise` is tried if there was no reply: device -> evidence.
     """
     began = clock.now()
     fall_back(run)

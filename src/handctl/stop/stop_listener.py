@@ -1,4 +1,4 @@
-"""Listen for requests to stop the device of this process: from another process, or the key s in a live view.
+"""Listen for requests to stop the device of this process: from another process, or the keys pressed in a live view.
 
 Another process connects to a socket next to the lock file (`system.local_socket`). A signal (SIGIO) reports it, so nothing polls; on
 Windows a thread waits instead. The handler runs between two steps of the program, even while that waits for the device or (not

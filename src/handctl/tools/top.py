@@ -14,7 +14,7 @@ from handctl.command.get_set_watch import bounds_of
 from handctl.command.options import config_path, read_config
 from handctl.command.run import Run
 from handctl.command.several_devices import DEVICE, LEAVE_SECONDS, POLL_SECONDS, Each
-from handctl.errors import HandctlError, UsageError
+from handctl.errors import CheckFailed, UsageError, joined
 from handctl.model.bound import Watchdog
 from handctl.model.param import Bound
 from handctl.model.result import Column, Row, Sample, Table
@@ -62,9 +62,7 @@ class _Watched:
         self._words = [kind, "watch", "-d", name, "--rate", str(rate)]
         self.each = self._begun()
         self.bounds: tuple[Bound, ...] = ()
-        self.table = Table()
         self.came = 0
-        self.failure: HandctlError | None = None
 
     def _begun(self) -> Each:
         return Each(self.name, line(self._words, {}))
@@ -80,16 +78,16 @@ class _Watched:
             self.each.work(lambda _, rows: take.put((self, rows)))
             if ended.is_set():
                 return
-            self.failure = self.each.failure
-            take.put((self, [{"error": self.failure.text if self.failure is not None else "the stream has ended"}]))
+            failure = self.each.failure
+            take.put((self, [{"error": failure.text if failure is not None else "the stream has ended"}]))
             ended.wait(AGAIN_SECONDS)
             self.each = self._begun()
 
     def own_table(self) -> Table:
         """What is known of its quantities, with the limits."""
-        self.table = self.each.table
-        self.table.bounds = self.bounds
-        return self.table
+        table = self.each.table
+        table.bounds = self.bounds
+        return table
 
 
 def _set_limits(watched: Sequence[_Watched], texts: Sequence[str]) -> None:
@@ -135,7 +133,9 @@ def _table(watched: Sequence[_Watched], count: int | None, duration: float | Non
             for thread in threads:
                 thread.join(LEAVE_SECONDS)
             failures = [failure for name, dog in dogs.items() if (failure := dog.failure(name)) is not None]
-            table.failure = table.failure or (failures[0] if failures else None)
+            if failures and table.failure is None:  # every device is named, not the first one alone
+                text = joined(*(failure.text for failure in failures))
+                table.failure = CheckFailed(text, hint=failures[0].hint, code=failures[0].code)
 
     table.samples = samples()
     return table
