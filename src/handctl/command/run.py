@@ -175,9 +175,7 @@ class Run(Invocation):
     @property
     def stop_key(self) -> str:
         """The key of a live view that stops the device; "" without a device to stop."""
-        from handctl.stop.device_access import STOP_KEY
-
-        return STOP_KEY if self.device_access is not None else ""
+        return self.device_access.stop_key if self.device_access is not None else ""
 
     def behind_view(self) -> AbstractContextManager[None]:
         """While it lasts messages wait: a view has the terminal."""

@@ -59,9 +59,10 @@ KEYS = (
     ("space", "freeze", "freeze the picture, or continue. A recording is not interrupted"),
     ("r", "record", "record to a new CSV file, or stop recording"),
     ("+ -", "history", "show a longer or shorter period"),
+    ("", "stop", "stop the device at once, without asking (capital S)"),
     ("?", "help", "show or hide this help"),
 )
-"""Key, its word for the last line, what it does."""
+"""Key ("" = the stop key of the command), its word for the last line, what it does."""
 
 Key = tuple[str, str, str]
 """Name, part (finger or motor) and element of a series; "" where it has none."""
@@ -269,13 +270,8 @@ class View:
     @property
     def keys(self) -> tuple[tuple[str, str, str], ...]:
         """Those that do something here."""
-        *others, last = KEYS
         stop = self._context.stop_key
-        return (
-            *others,
-            *([(stop, "stop", "stop the device at once, without asking (capital S)")] if stop else []),
-            last,
-        )
+        return tuple((key or stop, word, text) for key, word, text in KEYS if key or stop)
 
     def _help(self, width: int) -> list[Text]:
         return [

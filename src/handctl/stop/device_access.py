@@ -63,6 +63,9 @@ class DeviceAccess:
     link   the open link, None before it is
     """
 
+    stop_key = "S"
+    """A capital: no slip of a finger, and no word that was typed into the wrong window, stops a device."""
+
     def __init__(self, run: Invocation, lock: Lock | None) -> None:
         """Others are heard from now on, but by a command that stops itself."""
         self.stopped: HandctlError | None = None
@@ -163,7 +166,7 @@ class DeviceAccess:
 
     def pressed(self, frame: Any) -> None:
         """The stop key of a live view."""
-        self.stop(f"stopped by the key {STOP_KEY}")
+        self.stop(f"stopped by the key {self.stop_key}")
         self.end(frame)
 
     def end(self, frame: Any) -> None:
@@ -245,10 +248,6 @@ def _short(data: bytes) -> str | None:
     return f"{text} … ({len(data)} bytes)" if len(data) > MOST else text or None
 
 
-STOP_KEY = "S"
-"""A capital: no slip of a finger, and no word that was typed into the wrong window, stops a device."""
-
-
 @contextlib.contextmanager
 def keyboard(hold: DeviceAccess | None, pressed: Callable[[str], bool]) -> Iterator[bool]:
     """While it lasts each key on the terminal goes to `pressed`, which says whether the command ends; whether there are keys.
@@ -259,7 +258,7 @@ def keyboard(hold: DeviceAccess | None, pressed: Callable[[str], bool]) -> Itera
     from handctl.system import signals
 
     def came(key: str, frame: Any) -> None:
-        if hold is not None and key == STOP_KEY:
+        if hold is not None and key == hold.stop_key:
             hold.pressed(frame)
         elif pressed(key):
             (hold.end if hold is not None else signals.interrupt)(frame)
