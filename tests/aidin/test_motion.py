@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import pytest
 
@@ -248,6 +249,22 @@ def test_encoders_and_fingertips_arrive() -> None:
     hand, _ = simulated(start="open")
     for goal in (parse(ENCODERS, ["index.m3=85000"]), parse(TIPS, ["little.z=120", "thumb.y=60"])):
         assert motion.move(hand, goal, Prompts(), assume_homed=False).failure is None
+
+
+@pytest.mark.parametrize("behind", [27, 30, 33])
+def test_a_program_that_was_held_up_looks_before_it_judges(behind: int) -> None:
+    """By the system, for 4 s: near the end of the ramp, and after it."""
+    hand, link = simulated(start="homed")
+    tick, ticks = hand.conversation.tick, itertools.count()
+
+    def held_up(*given: Any, **more: Any) -> None:
+        tick(*given, **more)
+        if next(ticks) == behind:
+            link.sleep(4.0)
+
+    hand.conversation.tick = held_up  # type: ignore[method-assign]
+    table = motion.move(hand, parse(ANGLES, ["index.q3=130"]), Prompts(), assume_homed=False)
+    assert table.failure is None, table.failure
 
 
 def test_what_does_not_arrive_is_named() -> None:

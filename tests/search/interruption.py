@@ -329,7 +329,7 @@ def cell(bench: Bench, case: Case, number: int, source: random.Random | None) ->
     assert not bench.half_written()  # of an earlier run or of this one: whole in either case
     time.sleep(case.rests)
     done = bench.do(case.command)
-    assert done.code in case.again, (code, err, done)
+    assert done.code in case.again, f"first: {code} {err}\nagain: {done}"
     case.holds(bench)
     left = [path for path in bench.files if path.suffix in (".part", ".tmp")]
     assert not left or number == signal.SIGKILL, left

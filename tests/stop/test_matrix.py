@@ -8,6 +8,7 @@ back. Judged by what is claimed: a stop that is told as one has stopped it.
 from __future__ import annotations
 
 import importlib
+import signal
 import struct
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -18,8 +19,10 @@ from unittest import mock
 
 import pytest
 
+from handctl.command.console import TerminalPrompts
 from handctl.command.options import Settings
 from handctl.devices.inspire import eb90
+from handctl.errors import OutputError
 from handctl.families import FAMILIES
 from handctl.link import Outlet, deadman
 from handctl.model.param import elements_of
@@ -229,3 +232,19 @@ def test_it_stands_a_second_later(family: str, way: str, sky: str) -> None:
 def test_a_place_that_is_old_is_not_held(family: str, way: str, old: str) -> None:
     """What a command saw last plays no part: neither in a child whose parent was suspended, nor elsewhere."""
     judge(family, way, Weather(), OLD[old])
+
+
+@pytest.mark.parametrize("family", CASES)
+def test_a_reader_that_sleeps_does_not_cut_off_the_stop_of_a_holder(family: str) -> None:
+    """The alarm that waits for it is due while the stop goes out."""
+    device, far = opened(family)
+    write = far.write
+
+    def late(*given: Any, **more: Any) -> None:
+        signal.raise_signal(signal.SIGALRM)
+        write(*given, **more)
+
+    with TerminalPrompts(quiet=True).impatient(60.0, lambda: OutputError("no reader")):
+        far.write = late  # type: ignore[method-assign]
+        stopped = by_holder(device, far)
+    assert stopped.error is None, stopped

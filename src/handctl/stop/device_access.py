@@ -141,11 +141,14 @@ class DeviceAccess:
     def stop(self, who: str) -> dict[str, Any]:
         """Run the family's stopper now, and write nothing after it; what went out and came back. Never raises."""
         from handctl.model.stop_sequence import NOT_STOPPED, Stopped, shown
+        from handctl.system import signals
 
         if self._run.prompts.unstoppable:
             return report(Stopped(self._run.prompts.unstoppable), (), refused=True)
         if self.link is None or self.stopped is not None:
             return self._report
+        # A sleeping reader is waited for no longer, and must not cut this off.
+        signals.alarm_is_over()
         sent: list[Sent] = []
         stopped = stopped_at(self._run, self.link, sent)
         if stopped.error is LinkError:

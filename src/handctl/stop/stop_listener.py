@@ -55,7 +55,7 @@ class StopListener:
         self._busy = True
         device_done = False
         try:
-            with signals.one_at_a_time(signals.numbers(suspend=True)):
+            with signals.one_at_a_time(signals.numbers(suspend=True, alarm=True)):
                 while self._serve():
                     device_done = True
         finally:

@@ -30,12 +30,12 @@ def _numbers(*names: str) -> list[int]:
     return [int(getattr(signal, name)) for name in names if hasattr(signal, name)]
 
 
-_NUMBERS, _NUMBERED = _numbers(*ENDING, SUSPEND), len(_numbers(*ENDING))
+_NUMBERS, _NUMBERED, _ALARM = _numbers(*ENDING, SUSPEND), len(_numbers(*ENDING)), _numbers("SIGALRM")
 
 
-def numbers(*, suspend: bool = False) -> list[int]:
-    """Those of ENDING, with SUSPEND if asked for, that this system has."""
-    return _NUMBERS[: None if suspend else _NUMBERED]
+def numbers(*, suspend: bool = False, alarm: bool = False) -> list[int]:
+    """Those of ENDING, with SUSPEND and the alarm if asked for, that this system has."""
+    return _NUMBERS[: None if suspend else _NUMBERED] + (_ALARM if alarm else [])
 
 
 def take(handler: Handler, which: Iterable[int]) -> list[tuple[int, Any]]:
@@ -178,6 +178,12 @@ else:
         """No alarm any more; who had it `before` has it again."""
         signal.setitimer(signal.ITIMER_REAL, 0)
         give_back(before)
+
+
+def alarm_is_over() -> None:
+    """No alarm any more, not even one that is due and held back. Other threads than the main one hear of none."""
+    with contextlib.suppress(ValueError):
+        no_alarm((number, signal.SIG_IGN) for number in _ALARM)
 
 
 def listen(pressed: Callable[[], None]) -> None:

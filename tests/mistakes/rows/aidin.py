@@ -92,6 +92,15 @@ ROWS = (
         "tests/aidin/test_currents.py::test_nothing_flows_unless_currents_are_told",
     ),
     mistake(
+        "aidin-old-feedback-judged-as-new",
+        "evidence believed",
+        "handctl.devices.aidin.motion",
+        "_settle",
+        "ended = seen.note(looked_at, told)",
+        "ended = seen.note(hand.link.now(), told)",
+        "tests/aidin/test_motion.py::test_a_program_that_was_held_up_looks_before_it_judges",
+    ),
+    mistake(
         "aidin-currents-end-without-a-stop",
         "stop not sent",
         "handctl.devices.aidin.motion",

@@ -37,6 +37,15 @@ ROWS = (
         "tests/stop/test_stop_sequence.py::test_a_hold_that_is_not_acknowledged_is_no_stop",
     ),
     mistake(
+        "stop-cut-off-by-a-sleeping-reader",
+        "stop not sent",
+        "handctl.stop.device_access",
+        "DeviceAccess.stop",
+        "signals.alarm_is_over()",
+        "pass",
+        "tests/stop/test_matrix.py::test_a_reader_that_sleeps_does_not_cut_off_the_stop_of_a_holder",
+    ),
+    mistake(
         "stop-evidence-before-the-silence",
         "evidence believed",
         "handctl.devices.aidin.stopper",

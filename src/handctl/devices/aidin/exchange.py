@@ -83,7 +83,8 @@ class Conversation(Line):
         self._why = ""  # what is wrong with the first object that was damaged
         self._echoes = 0
         self._heard = 0.0  # when anything came last
-        self._last = 0.0  # when feedback came last
+        self.feedback_at = 0.0
+        """When feedback came last."""
         self._good: dict[str, float] = {}  # when a key came last as it should
         self._unanswered = 0
         self._unknown: set[str] = set()
@@ -134,7 +135,7 @@ class Conversation(Line):
             self.send(self.way.poll)
             if self._answer(self.timeout or FIRST_POLL):
                 self.exchange = ExchangeMode.POLL
-                late = self.way.exchange is ExchangeMode.UNKNOWN and self._last - asked > QUICK + SETTLE
+                late = self.way.exchange is ExchangeMode.UNKNOWN and self.feedback_at - asked > QUICK + SETTLE
                 return table.LATE if late else table.FEEDBACK
             if self._junk:
                 return table.DAMAGED
@@ -144,13 +145,13 @@ class Conversation(Line):
         """Whether the hand streams, slowly, although an empty object seemed to be answered: something comes unasked."""
         if self.exchange is not ExchangeMode.POLL or self.way.exchange is not ExchangeMode.UNKNOWN:
             return False
-        before, end = self._last, self.deadline(SLOWEST)
-        while self._last == before and not end.expired:
+        before, end = self.feedback_at, self.deadline(SLOWEST)
+        while self.feedback_at == before and not end.expired:
             self._receive(end)
-        if self._last == before:
+        if self.feedback_at == before:
             return False
         self.exchange = ExchangeMode.STREAM
-        self._silence = max(self._silence, min(2.5 * (self._last - before), LISTEN_LONGEST))
+        self._silence = max(self._silence, min(2.5 * (self.feedback_at - before), LISTEN_LONGEST))
         return True
 
     def _listen(self, seconds: float) -> None:
@@ -283,7 +284,7 @@ class Conversation(Line):
         if answered and self.exchange is ExchangeMode.UNKNOWN:
             self.exchange = ExchangeMode.COMMAND
         self._unanswered = 0 if answered else self._unanswered + 1
-        silent = self._unanswered > self.retries if waits else start - self._last > (self._patience)
+        silent = self._unanswered > self.retries if waits else start - self.feedback_at > (self._patience)
         if silent and not blind:
             self.check_bound()
             raise self._silent(moving=True)
@@ -298,7 +299,7 @@ class Conversation(Line):
     def _check_sight(self, param: AidinParam) -> None:
         """Stop driving if the hand no longer reports a quantity that is needed."""
         key = param.key
-        missing = self._last - self._good.get(key, self._last) > (self._patience)  # other keys still came
+        missing = self.feedback_at - self._good.get(key, self.feedback_at) > (self._patience)  # other keys still came
         if missing or self.feedback.wrong.get(key, 0) >= CYCLES:
             wrong = self.feedback.errors.get(key)
             self.usable(param, wrong or ProtocolError("the hand no longer sends it", code="missing-key"))
@@ -350,8 +351,8 @@ class Conversation(Line):
         self.journal.counters.received += 1
         self._bad_in_a_row = self._unanswered = 0
         self._since = b""
-        self._last = self.link.now()
-        self._good.update({key: self._last for key in content if key in ALL and key not in self.feedback.errors})
+        self.feedback_at = self.link.now()
+        self._good.update({key: self.feedback_at for key in content if key in ALL and key not in self.feedback.errors})
         self._note_unknown(content)
         return True
 

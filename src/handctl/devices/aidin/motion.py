@@ -47,7 +47,9 @@ from handctl.model.stop_sequence import BEAT, Stopped
 
 ARRIVE = 3.0
 """Seconds after the ramp's end until a target counts as not reached."""
-STILL = Stillness(samples=1, seconds=0.2, grace=ARRIVE, passes=True)
+LOOKS = 50
+"""Looks that these seconds have at least: a program that the system held up has not seen the hand yet."""
+STILL = Stillness(samples=3, seconds=0.2, grace=ARRIVE, passes=True)
 """A target is reached when the element was near it for so long: one that passes by, or still comes nearer, is not there."""
 PUSHING = 200
 """Per mille of the rated current: a motor that stands and draws more pushes something. Ours, the manual has no figure."""
@@ -162,15 +164,19 @@ def _settle(hand: AidinHand, goal: Goal, values: list[float], seen: Watch, promp
     """Repeat the target until everything has been near it for a while, or that takes too long."""
     conversation, data, param = hand.conversation, target_object(goal, values), goal.target.feedback
     end = conversation.deadline(ARRIVE)
-    ended = False
-    while not ended and not end.expired:
+    ended, looks, looked_at = False, 0, -1.0
+    while not ended and (looks < LOOKS or not end.expired):
         conversation.tick(data, by=param)
+        looks += 1
         prompts.progress("Waiting for the hand to arrive.", CTRL_C)
+        if conversation.feedback_at == looked_at:
+            continue
+        looked_at = conversation.feedback_at
         feedback, told = conversation.feedback, {}
         if param.key in feedback.values and param.key not in feedback.errors:
             places = values_of(param, feedback.values[param.key])
             told = {name: Seen(place) for name, place in zip(param.elements, places, strict=True)}
-        ended = seen.note(hand.link.now(), told)
+        ended = seen.note(looked_at, told)
 
 
 def _places(table: Table) -> dict[str, Seen]:
