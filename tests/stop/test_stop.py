@@ -136,7 +136,11 @@ def test_stop_goes_ahead_of_what_drives(family: str, words: tuple[str, ...], fir
     for _ in range(TRIES):
         holder = place.hold(*words, until=first)
         result, _seconds = place.stop()
-        told = holder.wait(PATIENCE), holder.stderr and holder.stderr.read()
+        told = holder.wait(PATIENCE), holder.stderr.read() if holder.stderr else b""
+        if (
+            told[0] == 1 and b"took no rows" in told[1]
+        ):  # a busy machine kept it from writing a row, and it stopped by itself
+            continue
         if told[0] != -signal.SIGKILL:  # a busy machine kept it from hearing of the wish, and it was ended
             break
         assert "ended" in result.codes(), result
