@@ -243,7 +243,7 @@ def test_silence_instead_of_an_echo(command: str) -> None:
     with pytest.raises(NoAnswer) as caught:
         hand.line.ask(command)
     assert (caught.value.exit_code, caught.value.code) == (4, "no-answer")
-    assert caught.value.text.endswith(f": no answer to {command} at 9600 bit/s within 1 s")
+    assert caught.value.text.endswith(f": no reply to {command} at 9600 bit/s within 1 s")
     assert 1.0 <= link.clock - start < 4.0
 
 

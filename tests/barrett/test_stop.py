@@ -49,7 +49,7 @@ def test_a_hand_at_any_speed_is_stopped(
     assert spy.now < (WAITS if min(speed, remembered or speed) >= 9600 else SLOW), "nobody waits so long"
     first = remembered or 9600
     assert f"at {speed} bit/s" in text(result), result
-    assert (f"no answer at {first} bit/s" in text(result)) == (speed != first), result
+    assert (f"no reply at {first} bit/s" in text(result)) == (speed != first), result
     assert result.rows[-1]["meaning"] == f"T at {speed} bit/s: motor power off" and result.rows[-1]["answer"], result
     states = [row["state"] for row in result.json["writes"]]
     assert states[-1] == "confirmed" and (speed == first or states[0] == "sent"), "what nobody heard is not confirmed"

@@ -50,7 +50,7 @@ def test_reads_are_repeated_with_a_new_id_and_writes_never() -> None:
     with pytest.raises(NoAnswer) as caught:
         port.read(Command.GET_TIME)
     assert unit.sent == [frame(TIME, 1), frame(TIME, 2), frame(TIME, 4)]
-    assert "no answer to GetTime" in caught.value.text
+    assert "no reply to GetTime" in caught.value.text
     assert [port.journal.counters.retries, port.counts.timeouts] == [2, 3]
     with pytest.raises(NoAnswer):
         port.exchange(Command.SET_VALUE, pack([202, 1550]))
@@ -128,7 +128,7 @@ def test_after_a_bad_frame_the_line_is_left_to_settle() -> None:
     assert port.read(Command.GET_TIME).body == TIME_BODY
     assert (port.counts.crc_errors, port.journal.counters.bad_frames, port.journal.counters.retries) == (1, 1, 1)
     assert port.journal.counters.stray_bytes == 12
-    assert unit.sent_at[1] - unit.sent_at[0] < 0.2, "a broken answer need not be waited for to the end"
+    assert unit.sent_at[1] - unit.sent_at[0] < 0.2, "a broken reply need not be waited for to the end"
 
 
 FAULTS: dict[str, tuple[str, Faulty]] = {
@@ -303,7 +303,7 @@ def test_looking_for_a_convention_ends_at_the_deadline() -> None:
     with pytest.raises(NoAnswer) as caught:
         port.find_mode()
     assert unit.clock == pytest.approx(1.0)
-    assert "no answer to GetTime (96 00 00 01 75 E7) before --deadline was over" in caught.value.text
+    assert "no reply to GetTime (96 00 00 01 75 E7) before --deadline was over" in caught.value.text
     assert (len(unit.sent), port.mode) == (1, "body")
 
 

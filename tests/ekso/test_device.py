@@ -109,7 +109,7 @@ def test_a_message_that_fails_leaves_the_others() -> None:
     table = ekso.table(ekso.read(select(EKSO, ["step_length", "torso_pitch"])))
     assert table.rows[0]["value"] == 15.5
     assert "value" not in table.rows[1]
-    assert "no answer to GetData" in table.rows[1]["error"]
+    assert "no reply to GetData" in table.rows[1]["error"]
     assert isinstance(table.failure, NoAnswer)
     with pytest.raises(NoAnswer):
         ekso.read(select(EKSO, ["torso_pitch"]))
@@ -264,7 +264,7 @@ def test_status_without_a_clock() -> None:
     assert ekso_on(unit).status(False).failure is None
     table = ekso_on(unit).status(True)
     assert isinstance(table.failure, CheckFailed) and "time cannot be read" in table.failure.text
-    assert "no answer to GetTime" in next(row["error"] for row in table.rows if row["name"] == "clock")
+    assert "no reply to GetTime" in next(row["error"] for row in table.rows if row["name"] == "clock")
     assert texts(status_view(table.rows)[0])[3] == ["clock", "? ?"]
 
 

@@ -16,7 +16,7 @@ from tests.search.faults import Cell
 from tests.support.cli import Result, run, spying
 
 WORDS: dict[str, tuple[str, ...]] = {
-    **dict.fromkeys(("silent", "deaf", "reboot"), ("no answer",)),
+    **dict.fromkeys(("silent", "deaf", "reboot"), ("no reply",)),
     **dict.fromkeys(("late", "wrong-id"), ("msgID",)), "wrong-command": ("instead of",),
     "truncate": ("cut off", "without a valid frame"), "short-body": ("body", "CRC"), "loopback": ("echo", "our own bytes"),
     **dict.fromkeys(("bad-checksum", "twin-id"), ("CRC", "checksum")), "acknowledge": ("acknowledged without data",),

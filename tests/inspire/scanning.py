@@ -6,7 +6,7 @@ from typing import Any
 
 from handctl.devices.inspire.exo.probe import TARGET
 from handctl.devices.inspire.scan import Target, sweep
-from handctl.devices.inspire.scanner import Scanner, Wanted
+from handctl.devices.inspire.scan_wire import Scanner, Wanted
 from handctl.model.prompts import Prompts
 from handctl.model.scan_task import ScanTask
 from tests.support.scripted import ScriptedLink, hand_on

@@ -320,14 +320,14 @@ def test_drain_takes_what_waits_and_ends() -> None:
 @pytest.mark.parametrize(
     ("came", "code", "exit_code", "words"),
     [
-        ((), "no-answer", 4, "no answer"),
-        (("10FF0007 [2] A7 FE",), "wrong-id", 5, "id 7 answered"),
+        ((), "no-answer", 4, "no reply"),
+        (("10FF0007 [2] A7 FE",), "wrong-id", 5, "id 7 replied"),
         (("10FF0001 [1] 02",), "echo", 5, "only our own frame"),
-        (("10FF0001 [1] 02", "10FF0007 [2] A7 FE"), "wrong-id", 5, "id 7 answered"),
+        (("10FF0001 [1] 02", "10FF0007 [2] A7 FE"), "wrong-id", 5, "id 7 replied"),
         (("10FF0001 [1] A7",), "cut-short", 5, "1 byte"),
         (("10FF0001 [0]",), "cut-short", 5, "0 bytes"),
         (("10FF0001 [4] A7 FE 65 04",), "cut-short", 5, "4 bytes"),
-        (("10FF8001 [2] 65 04", "00000003 [0]"), "no-answer", 4, "no answer"),
+        (("10FF8001 [2] 65 04", "00000003 [0]"), "no-answer", 4, "no reply"),
     ],
 )
 def test_what_came_instead_is_named(came: tuple[str, ...], code: str, exit_code: int, words: str) -> None:

@@ -191,7 +191,7 @@ def test_reset_writes_once_and_looks_who_answers() -> None:
     assert values(table) == ["accepted"]
     assert changing(link.sent) == ["EB 90 07 04 12 EE 03 01 0F"]
     assert hand.bus.id == 1
-    assert "answering now: id 1" in message(hand, "power-cycle")
+    assert "replying now: id 1" in message(hand, "power-cycle")
     assert "scan" in message(hand, "power-cycle")
 
 
@@ -200,7 +200,7 @@ def test_lost_ack_of_a_reset_is_a_note() -> None:
     procedures.factory_reset(hand)
     assert changing(link.sent) == [RESET]
     assert "ack-lost" in codes(hand)
-    assert "do not answer now" in message(hand, "power-cycle")
+    assert "do not reply now" in message(hand, "power-cycle")
 
 
 def test_reset_that_nobody_acknowledged_is_not_called_accepted() -> None:

@@ -169,7 +169,7 @@ def test_lost_id_change_is_told_and_not_repeated() -> None:
     with pytest.raises(CheckFailed) as caught:
         procedures.change_id(hand, 2)
     assert caught.value.code == "read-back"
-    assert "still answers to id 1" in caught.value.text
+    assert "still responds to id 1" in caught.value.text
     assert changing(link.sent) == [ID_2]
     assert hand.bus.id == 1
 

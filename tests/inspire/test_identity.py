@@ -141,7 +141,7 @@ def test_no_writing_frame_reaches_a_stranger(scratch: Path, family: str) -> None
         *(("json", family, 6, "JSON", "handctl aidin") for family in GROUPS),
         *(("prompt", family, 6, "BarrettHand", "handctl barrett") for family in GROUPS),
         *(("dataport", family, 6, "DataPort", "handctl ekso") for family in GROUPS),
-        *(("silence", family, 4, "no answer", "") for family in GROUPS),
+        *(("silence", family, 4, "no reply", "") for family in GROUPS),
         *(("echo", family, 5, "only our own bytes", "") for family in GROUPS),
         *(("garbage", family, 5, "instead of a valid frame", "") for family in GROUPS),
     ],
@@ -408,7 +408,7 @@ def test_a_dead_thumb_rotation_is_not_healthy() -> None:
     ("device", "family", "words"),
     [
         ("rh56", "hand", "an RH56 hand"), ("rh56-fresh", "hand", "an RH56 hand"), ("rh56f1", "hand", "RH56F1"),
-        ("rh5dg2", "hand", "RH5DG2"), ("wrist-with-hand", "wrist", "flag (30, on CAN 4) is answered"),
+        ("rh5dg2", "hand", "RH5DG2"), ("wrist-with-hand", "wrist", "flag (30, on CAN 4) gets a reply"),
         ("wrist-only", "wrist", "pitch_raw reads -345"),
     ],
 )  # fmt: skip
@@ -513,7 +513,7 @@ def test_nothing_but_the_buses_and_the_scanners_touches_the_link() -> None:
         for path in folder.rglob("*.py")
         if re.search(r"link\.(write|send)\(", path.read_text())
     }
-    assert users == {"serial_bus", "can_bus", "modbus_bus", "scanner", "hand/raw"}
+    assert users == {"serial_bus", "can_bus", "modbus_bus", "scan_wire", "hand/raw"}
 
 
 @pytest.mark.parametrize("family", ["exo", "wrist", "ekso", "barrett"])

@@ -57,7 +57,7 @@ def test_a_bad_line_is_no_second_hand(fault: str) -> None:
 
 def test_a_hand_that_is_silent_to_eb90_and_answers_in_modbus() -> None:
     status, evidence, remedy = rows(DF, EB90, answered=False, speaks="modbus")["protocol"]
-    assert (status, evidence) == ("fail", "the hand answers in Modbus RTU, but not in EB90")
+    assert (status, evidence) == ("fail", "the hand replies in Modbus RTU, but not in EB90")
     assert remedy == "add --protocol modbus"
     assert rows(DF, RTU, answered=False, speaks="eb90")["protocol"][2] == "add --protocol eb90"
 
@@ -66,14 +66,14 @@ def test_one_that_was_found_behind_eb90_is_told() -> None:
     hand = hand_on(DF, EB90, both=True, speaks="modbus")
     hand.dump()
     name, status, evidence, remedy = field.protocol(hand)
-    assert (name, status, evidence) == ("protocol", "warning", "the hand answers in Modbus RTU, but not in EB90")
+    assert (name, status, evidence) == ("protocol", "warning", "the hand replies in Modbus RTU, but not in EB90")
     assert remedy.startswith("add --protocol modbus.")
-    assert rows(DF, RTU)["protocol"] == ("ok", "the hand answers in Modbus RTU", "")
+    assert rows(DF, RTU)["protocol"] == ("ok", "the hand replies in Modbus RTU", "")
 
 
 def test_a_silent_line_names_the_network() -> None:
     found = rows(DF, EB90, answered=False, fault="silent")
-    assert found["protocol"] == ("ok", "the hand answers neither in EB90 nor in Modbus RTU", "")
+    assert found["protocol"] == ("ok", "the hand replies neither in EB90 nor in Modbus RTU", "")
     assert found["network"][2] == "run `handctl hand doctor -p tcp://192.168.11.210`"
 
 

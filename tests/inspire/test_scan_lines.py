@@ -10,7 +10,7 @@ import pytest
 
 from handctl.devices.inspire import procedures
 from handctl.devices.inspire.exo.device import ExoHand
-from handctl.devices.inspire.scanner import TURNAROUND
+from handctl.devices.inspire.scan_wire import TURNAROUND
 from handctl.errors import CheckFailed
 from handctl.families import FAMILIES
 from handctl.link import open_link

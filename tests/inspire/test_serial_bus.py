@@ -206,7 +206,7 @@ def test_other_ack_bytes_are_a_refusal(byte: str) -> None:
     with pytest.raises(DeviceRefused) as caught:
         bus_on(link).write(1492, unhex("2C 01"))
     assert caught.value.exit_code == 6
-    assert f"answered {byte} instead of 01" in caught.value.text
+    assert f"replied {byte} instead of 01" in caught.value.text
 
 
 FAULTS: dict[str, str | None] = {
@@ -394,6 +394,6 @@ def test_error_says_who_what_was_sent_and_what_came() -> None:
     with pytest.raises(ProtocolError) as caught:
         bus_on(link, retries=0).read(1472, 2)
     assert caught.value.exit_code == 5
-    for part in ("id 1", "scripted", "57600", "id 7 answered", READ_VOLTAGE, "90 EB 07 05 11 C0 05 2E 02 12"):
+    for part in ("id 1", "scripted", "57600", "id 7 replied", READ_VOLTAGE, "90 EB 07 05 11 C0 05 2E 02 12"):
         assert part in caught.value.text
     assert "--id" in caught.value.hint

@@ -221,7 +221,7 @@ def test_reading_commands_have_no_dry_run() -> None:
 MISPRINTED = [
     ("serial", "EB 90 01 04 30 FC 03 02 36", ("pitch_actual", "1020", "EB 90 01 04 30 00 04 04 3D")),
     ("serial", "EB 90 01 07 31 0E 04 18 FC EB 03 4D", ("yaw -10.00", "+10.03", "EB 90 01 07 31 0E 04 E8 03 18 FC 4A")),
-    ("serial", "90 EB 01 05 30 FC 03 00 00 00 00 35", ("answer", "sum")),
+    ("serial", "90 EB 01 05 30 FC 03 00 00 00 00 35", ("reply", "sum")),
     ("can", "15038001#FC1803EB", ("+63.96", "-53.73", "15038001 [4] E8 03 18 FC")),
     # identifiers printed with 28 of their 29 bits (dossier W9)
     ("can", "1100001#04", ("11000001 [1] 04",)),

@@ -106,7 +106,7 @@ def test_what_came_between_two_lines_belongs_to_neither() -> None:
     with mock.patch.object(connection.Connection, "_open", lambda *_: link):
         result = batch("exo get id", "exo stop", more=("--json",))
     assert [end["end"]["exit_code"] for end in ends(result)] == [0, 4, 4], result
-    assert "commanded all forces to 0, but no answer arrived" in result.err
+    assert "commanded all forces to 0, but no reply arrived" in result.err
 
 
 @each_row(

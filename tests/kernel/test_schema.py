@@ -188,10 +188,10 @@ def test_partial_rows_in_the_other_formats() -> None:
     assert len(plain.lines) == 42
     assert len({line.count("\t") for line in plain.lines}) == 1
     table = run("exo", "dump", "-p", link)
-    assert "?" in table.out and "no answer" in table.out
+    assert "?" in table.out and "no reply" in table.out
     csv = run("exo", "dump", "--csv", "-p", link)
     assert csv.lines[0].endswith(",error")
-    assert "no answer" in csv.lines[-1]
+    assert "no reply" in csv.lines[-1]
     for result in (plain, table, csv):
         assert result.code in (4, 5)
         assert result.err.startswith("handctl: error: ") or "handctl: error: " in result.err

@@ -119,7 +119,7 @@ def test_live_view_of_errors_and_failures() -> None:
     text = "\n".join(sick.display)
     assert "over_temperature" in text and "locked_rotor" in text
     silent = screen("exo", "watch", "-p", fake(fault="silent", after=20), "--retries", "0")
-    assert silent.code == 4 and "no answer" in silent.err
+    assert silent.code == 4 and "no reply" in silent.err
     assert silent.data.rindex("\x1b[?1049l") > silent.data.rindex("\x1b[?1049h"), "the screen is given back"
     assert silent.data.rindex("\x1b[?25h") > silent.data.rindex("\x1b[?25l"), "so is the cursor"
 

@@ -217,9 +217,9 @@ def test_the_last_stop_of_a_holder_that_was_ended_comes_first(stand: MakeStand) 
 PATIENT = f"""
     import sys
     from handctl.cli import main
-    from handctl.stop import stop_listener
+    from handctl.stop import command
 
-    stop_listener.HEARD_SECONDS = {PATIENCE}
+    command.HEARD_SECONDS = {PATIENCE}
     sys.exit(main())
 """
 """A stop that takes no holder for asleep: on a busy machine one may take longer to hear of the wish than a stop waits."""

@@ -25,7 +25,7 @@ TOLD = [
     f"   0.004120 <   +5.120 ms  system_voltage = 558 (raw, scale unknown), id 1  [{REPLY}]",
     f"   1.000000 >              read system_voltage: 2 bytes at 1472, id 1  [{ASK}]",
     "   1.004000 <*             2 bytes of no frame  [00 FF]",
-    "   1.000000  *             no answer to the request of line 5: read system_voltage: 2 bytes at 1472, id 1",
+    "   1.000000  *             no reply to the request of line 5: read system_voltage: 2 bytes at 1472, id 1",
 ]
 
 

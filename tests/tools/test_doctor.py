@@ -221,7 +221,7 @@ def test_a_wrong_speed_is_named_with_the_right_one(system: System) -> None:
     assert answer.code == 7
     assert rows["answer"][0] == "fail"
     assert rows["speed"] == (
-        "fail", "the device answers at 57600 bit/s, not at 115200",
+        "fail", "the device replies at 57600 bit/s, not at 115200",
         "give --baud 57600, or set the device back to 115200 bit/s",
     )  # fmt: skip
     assert answer.error["hint"] == "Give --baud 57600, or set the device back to 115200 bit/s."
@@ -231,7 +231,7 @@ def test_a_hand_that_finds_its_speed_by_itself(system: System) -> None:
     answer, rows = link_rows("fake://barrett?baud=38400", "barrett", "--count", "5")
     assert answer.code == 0
     assert rows["speed"] == (
-        "ok", "the device answers at 38400 bit/s, not at 9600. Other speeds were tried",
+        "ok", "the device replies at 38400 bit/s, not at 9600. Other speeds were tried",
         "give --baud 38400",
     )  # fmt: skip
 
@@ -241,7 +241,7 @@ def test_silence_is_a_row_and_7(system: System, family: str) -> None:
     answer, rows = link_rows(f"fake://{family}?fault=silent", family)
     assert answer.code == 7
     assert rows["answer"][0] == "fail"
-    assert "no answer" in rows["answer"][1]
+    assert "no reply" in rows["answer"][1]
     assert rows["answer"][2]
     assert "error_rate" not in rows
 
@@ -251,7 +251,7 @@ def test_bad_checksums_are_a_rate(system: System) -> None:
     status, evidence, remedy = rows["error_rate"]
     assert status == "warning"
     assert re.fullmatch(
-        r"5 of \d+ reads failed \(\d\.\d %\): 5 bad-checksum\. 50 bytes in between outside of any answer", evidence
+        r"5 of \d+ reads failed \(\d\.\d %\): 5 bad-checksum\. 50 bytes in between outside of any reply", evidence
     )
     assert "cable" in str(remedy)
 
@@ -267,12 +267,12 @@ def test_noise_between_good_answers_is_seen(system: System) -> None:
     answer, rows = link_rows("fake://exo?fault=noise&every=5", "exo")
     assert answer.code == 7
     assert rows["error_rate"][0] == "warning"
-    assert re.fullmatch(r"0 of 100 reads failed\. \d+ bytes in between outside of any answer", rows["error_rate"][1])
+    assert re.fullmatch(r"0 of 100 reads failed\. \d+ bytes in between outside of any reply", rows["error_rate"][1])
 
 
 def test_an_echo_with_answers_is_an_adapter(system: System) -> None:
     _, rows = link_rows("fake://exo?fault=echo", "exo", "--count", "10")
-    assert rows["echo"][:2] == ("warning", "our own bytes came back in 10 of 10 reads, before the answer")
+    assert rows["echo"][:2] == ("warning", "our own bytes came back in 10 of 10 reads, before the reply")
     assert rows["error_rate"][0] == "ok"
 
 
@@ -433,7 +433,7 @@ def test_garbage_is_a_wrong_speed_suspected() -> None:
     link, checks = complained(ProtocolError("garbage", code="garbage"))
     assert checks["answer"].status == "fail"
     assert checks["speed"].status == "warning"
-    assert checks["speed"].evidence == "the data at 9600 bit/s is garbage, no answer at 19200 either"
+    assert checks["speed"].evidence == "the data at 9600 bit/s is garbage, no reply at 19200 either"
     assert link.baud == 9600
     assert "error_rate" not in checks
 
@@ -446,7 +446,7 @@ def test_a_refusal_is_an_answer() -> None:
 
 def test_garbage_at_a_speed_that_another_would_heal(system: System) -> None:
     _, rows = link_rows("fake://exo?baud=57600&fault=noise", "exo", "--timeout", "0.05")
-    assert rows["speed"][:2] == ("fail", "the device answers at 57600 bit/s, not at 115200")
+    assert rows["speed"][:2] == ("fail", "the device replies at 57600 bit/s, not at 115200")
 
 
 def delay(name: str, seconds: float) -> Check:

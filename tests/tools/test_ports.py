@@ -45,7 +45,7 @@ def test_an_ftdi_adapter_with_all_that_is_known_of_it(system: System) -> None:
         "state": "free", "holder": None, "permitted": True, "latency": 16, "bitrate": None,
         "may_be": "exo, wrist or barrett behind an adapter", "problem": None, "remedy": None,
     }  # fmt: skip
-    assert row["problem"] == "the adapter holds the end of every answer back for up to 16 ms (latency timer)"
+    assert row["problem"] == "the adapter holds the end of every reply back for up to 16 ms (latency timer)"
     assert "echo 1 | sudo tee /sys/bus/usb-serial/devices/ttyUSB0/latency_timer" in row["remedy"]
     assert 'SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{latency_timer}="1"' in row["remedy"]
 

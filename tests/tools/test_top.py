@@ -40,7 +40,7 @@ def test_every_named_device_has_its_rows_and_a_silent_one_its_error(config: Path
         by.setdefault(row["device"], []).append(row)
     assert set(by) == set(LINKS) and end["exit_code"] == 0
     assert {"temperature", "position_actual"} <= {row["name"] for row in by["left"]}
-    assert "no answer" in by["gone"][0]["error"] and "name" not in by["gone"][0]
+    assert "no reply" in by["gone"][0]["error"] and "name" not in by["gone"][0]
 
 
 @each_row("words", [("left", "right"), ("-d", "left,right")])
@@ -92,18 +92,18 @@ def reading(device: str, value: int, **more: Any) -> dict[str, Any]:
 
 def test_the_worst_card_is_the_first_and_says_what_is_wrong() -> None:
     view = cards(
-        (0.0, reading("a", 30)), (0.0, reading("b", 61)), (1.0, {"device": "c", "error": "no answer"}), (4.0, reading("a", 57)),
+        (0.0, reading("a", 30)), (0.0, reading("b", 61)), (1.0, {"device": "c", "error": "no reply"}), (4.0, reading("a", 57)),
     )  # fmt: skip
     lines = [line.plain for line in view._body(60, 20)]
     assert lines == [
-        "b  temperature 61 °C (limit: at most 60)", "   temperature 61 °C", "c  silent for 3 s: no answer",
+        "b  temperature 61 °C (limit: at most 60)", "   temperature 61 °C", "c  silent for 3 s: no reply",
         "d  connecting", "a  ok", "   temperature 57 °C",
     ]  # fmt: skip
     assert [line.plain for line in view._body(60, 4)] == [lines[0], lines[2], lines[3], lines[4]]
 
 
 def test_a_silent_device_that_answers_again_is_well() -> None:
-    view = cards((0.0, {"device": "a", "error": "no answer"}), (1.0, reading("a", 30)))
+    view = cards((0.0, {"device": "a", "error": "no reply"}), (1.0, reading("a", 30)))
     assert "a  ok" in [line.plain for line in view._body(60, 20)]
 
 
@@ -118,7 +118,7 @@ def test_tab_shows_one_device_after_the_other_and_then_all() -> None:
 
 def test_a_card_is_a_view_of_its_own_where_there_is_room() -> None:
     rows = [reading("a", 30, finger=part) | {"name": name} for name in ("force", "current") for part in ("x", "y")]
-    view = cards((0.0, {"device": "c", "error": "no answer"}))
+    view = cards((0.0, {"device": "c", "error": "no reply"}))
     view.add(Sample(0.0, tuple(rows)))
     low, high = ([line.plain for line in view._body(60, height)] for height in (10, 30))
     assert any("force 30" in line for line in low) and not any(line.startswith("x ") for line in low)

@@ -188,7 +188,7 @@ def test_a_repeated_request_leaves_the_first_without_an_answer() -> None:
     teller = TranscriptReader("exo")
     rows = list(teller.tell(lines_of(io.StringIO(f"0.0 > {ask}\n0.5 > {ask}\n0.502 < {answer}\n"), "t")))
     assert [row.problem for row in rows] == ["", "no-answer", "", ""]
-    assert rows[1].meaning == "no answer to the request of line 1: read system_voltage: 2 bytes at 1472, id 1"
+    assert rows[1].meaning == "no reply to the request of line 1: read system_voltage: 2 bytes at 1472, id 1"
     statistics = teller.statistics.as_row()
     assert (statistics["requests"], statistics["answered"]) == (2, 1)
     assert statistics["frames"] == {"host": 2, "device": 1}
@@ -467,7 +467,7 @@ def test_changed_and_missing_exchanges() -> None:
     )
     one, other = (next(trace_diff.exchanges(told("exo", READ, f"< {reply}"))) for reply in (REPLY, OTHER))
     assert trace_diff.changes(one, other) == [("system_voltage", "558", "559")]
-    assert compared("exo", [READ], [READ, f"< {REPLY}"])[0][1].endswith("-> no answer")
+    assert compared("exo", [READ], [READ, f"< {REPLY}"])[0][1].endswith("-> no reply")
 
 
 def test_message_numbers_do_not_count() -> None:
@@ -476,7 +476,7 @@ def test_message_numbers_do_not_count() -> None:
     assert compared("ekso", a, b) == [
         ("changed", "request GetTime -> GetTime: 14:05:37", "request GetTime -> GetTime: 23:59:59")
     ]
-    assert compared("ekso", a[:1], b[:1]) == [("same", "request GetTime -> no answer", "request GetTime -> no answer")]
+    assert compared("ekso", a[:1], b[:1]) == [("same", "request GetTime -> no reply", "request GetTime -> no reply")]
 
 
 def test_a_long_way_apart_is_walked_in_windows() -> None:

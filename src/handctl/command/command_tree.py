@@ -107,7 +107,7 @@ class Command(Described):
             ))  # fmt: skip
         if run.settings.assume_identity and "assume_identity" in self.refused():
             raise run.failed(UsageError(
-                f"`handctl {run.command}` does not check which device answers",
+                f"`handctl {run.command}` does not check which device replies",
                 hint="run it without --assume-identity",
             ))  # fmt: skip
         if not gc.isenabled():  # see `cli.main`; no loop is held up by a look through what was imported

@@ -236,7 +236,7 @@ def with_cause(run: Invocation, error: HandctlError) -> HandctlError:
     if cause is None:
         return error
     if not cause.bounded and cause.code != "deadline":
-        cause.text = joined(cause.text, "--deadline was over before a valid answer came")
+        cause.text = joined(cause.text, "--deadline was over before a valid reply came")
     return cause
 
 

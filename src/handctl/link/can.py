@@ -129,7 +129,7 @@ class CanLink(FrameLink):
             ) from exc
         except NotAnAdapter as exc:
             raise LinkError(
-                f"{link}: the port does not answer as an slcan adapter does: {exc}. Only version and serial number were asked for",
+                f"{link}: the port does not reply as an slcan adapter does: {exc}. Only version and serial number were asked for",
                 hint="find the adapter with `handctl ports`. A hand on a serial port has no can:slcan: before it. "
                 "A board that restarts when it is opened needs ?sleep_after_open=2",
                 code="not-slcan",

@@ -308,7 +308,7 @@ def _cannot_open(link: str, device: str, exc: Exception) -> LinkError | UsageErr
         return busy(link, holders(device) if "://" not in device else [])
     if number == errno.ETIMEDOUT:
         return LinkError(
-            f"{link}: the device on the port does not answer",
+            f"{link}: the device on the port does not reply",
             hint="switch on the Bluetooth device and bring it near. Then run the command again",
             code="cannot-open",
         )

@@ -179,7 +179,7 @@ class Line:
         seconds = self.link.now() - since
         bounded = self.over and seconds < allowed
         waited = f"before --deadline was over, after {round(seconds, 2):g} s" if bounded else f"within {allowed:g} s"
-        error = NoAnswer(f"{self.where}: no answer to {request} {waited}", hint=hint)
+        error = NoAnswer(f"{self.where}: no reply to {request} {waited}", hint=hint)
         error.bounded = bounded
         return error
 
@@ -375,7 +375,7 @@ class Device(ABC):
         names = ", ".join(dict.fromkeys(reading.element.param.name for reading in absent))
         text = f"not on this firmware: {names}"
         if not any(message.text == text for message in self.journal.messages):
-            self.journal.info("not-on-this-firmware", text, hint=f"it answered: {said_of(self._line.where, absent[0])}")
+            self.journal.info("not-on-this-firmware", text, hint=f"it replied: {said_of(self._line.where, absent[0])}")
         return [reading for reading in readings if reading not in absent]
 
     @contextmanager

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from handctl.model.param import Step
     from handctl.model.stop_sequence import Sent, StopContext, StopSequence
 
+HEARD_SECONDS = 0.3
+"""A holder that does not answer within this is asleep, or blocked."""
 GONE_SECONDS = 0.2
 """A process that was ended has let go of the port by then."""
 ASKED_SECONDS = 1.0
@@ -105,7 +107,7 @@ def _ask_holder(run: Run, name: str, bound: Deadline | None) -> tuple[Lock | Non
     except LinkError as exc:
         run.journal.warn(exc.code, exc.text, exc.hint)
         return None, None, False
-    from handctl.stop.stop_listener import HEARD_SECONDS, STOP_SECONDS, ask
+    from handctl.stop.stop_listener import STOP_SECONDS, ask
 
     until = clock.now() + HEARD_SECONDS
     who = busy.holder
@@ -153,7 +155,7 @@ def _end(run: Run, who: Holder | None) -> None:
     if who is None:
         run.journal.warn(
             "holder",
-            "another program is using the device and does not answer. Its lock does not identify it",
+            "another program is using the device and does not respond. Its lock does not identify it",
             "find the program with `handctl ports` and end it",
         )
         return
@@ -162,15 +164,15 @@ def _end(run: Run, who: Holder | None) -> None:
         asking = ASKED_SECONDS if who.command == LIBRARY and not processes.sleeps(who.pid) else 0.0
         ended = processes.end(who.pid, who.start, GONE_SECONDS, asking)
     except OSError as exc:
-        run.journal.warn("holder", f"{who} does not answer and could not be ended: {exc.strerror or exc}", hint)
+        run.journal.warn("holder", f"{who} does not respond and could not be ended: {exc.strerror or exc}", hint)
         return
     if not ended:
-        text = f"{who} has the device and does not answer. The system does not show whether it is still that process"
+        text = f"{who} has the device and does not respond. The system does not show whether it is still that process"
         run.journal.warn("holder", text, hint)
     elif ended == processes.ASKED:
-        run.journal.warn("ended", f"{who} had the device and did not answer. It has ended, as SIGTERM asked it to")
+        run.journal.warn("ended", f"{who} had the device and did not respond. It has ended, as SIGTERM asked it to")
     elif ended == processes.KILLED:
-        why = f"not end within {asking:g} s of SIGTERM, either" if asking else "not answer (asleep or blocked)"
+        why = f"not end within {asking:g} s of SIGTERM, either" if asking else "not respond (asleep or blocked)"
         run.journal.warn("ended", f"{who} had the device and did {why}. handctl ended it by force")
 
 
@@ -243,9 +245,7 @@ def fall_back(run: Run) -> None:
         known = ", ".join(map(str, family.speeds))
         _drop(run, ["baud"], f"{family.kind} does not support {settings.baud} bit/s, only {known}")
     if settings.timeout is not None and not TIMEOUT[0] <= settings.timeout <= TIMEOUT[1]:
-        _drop(
-            run, ["timeout"], f"{settings.timeout:g} s for an answer: a stop needs {TIMEOUT[0]:g} to {TIMEOUT[1]:g} s"
-        )
+        _drop(run, ["timeout"], f"{settings.timeout:g} s for a reply: a stop needs {TIMEOUT[0]:g} to {TIMEOUT[1]:g} s")
     if settings.deadline is not None and settings.deadline < DEADLINE:
         _drop(run, ["deadline"], f"{settings.deadline:g} s for the whole stop: it needs {DEADLINE:g} s")
     if settings.port and settings.wire is not None:

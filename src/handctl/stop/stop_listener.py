@@ -19,8 +19,6 @@ from typing import Any
 from handctl.command.console import is_terminal
 from handctl.system import clock, local_socket, signals, terminal
 
-HEARD_SECONDS = 0.3
-"""A holder that does not answer within this is asleep, or blocked."""
 STOP_SECONDS = 9.0
 """Longest time from `heard` to the report: the longest stop, with silence at every step."""
 LARGEST = 1 << 16

@@ -55,7 +55,7 @@ BUS = {
         "check CAN high, CAN low and the bitrate. Opening the link starts the controller again",
     ),
     "refused": ("the adapter refuses frames (BEL)", "unplug the adapter and plug it in again"),
-    "bel": ("the adapter answers frames with BEL", NO_ACK),
+    "bel": ("the adapter replies to frames with BEL", NO_ACK),
     "bus-errors": (
         "frames are destroyed on the bus",
         "disconnect one of two devices that have one id, or check the termination (120 ohm at both ends)",
@@ -215,7 +215,7 @@ def _adapter(it: LinkChecks) -> Verdict:
     """Who the adapter says it is."""
     if it.link.adapter is None:
         return "skipped", "this interface has no adapter that could be asked"
-    return "ok", it.link.adapter or "it answers, but reports neither version nor serial number"
+    return "ok", it.link.adapter or "it replies, but reports neither version nor serial number"
 
 
 def _traffic(it: LinkChecks) -> Verdict:
@@ -252,7 +252,7 @@ def _answer(it: LinkChecks) -> Verdict:
     it.read_series()
     if it.answered:
         refusal = it.series.refusal
-        return "ok", f"the device answers {it.probe.PING}{f', with a refusal: {refusal.text}' if refusal else ''}"
+        return "ok", f"the device replies ({it.probe.PING}){f', with a refusal: {refusal.text}' if refusal else ''}"
     # the most telling error: a damaged answer shows that somebody is there, at this speed; else the first
     error = it.series.seen.get("bad-checksum") or next(iter(it.series.seen.values()))
     return "fail", error.text, error.hint
@@ -316,18 +316,18 @@ def _speed(it: LinkChecks) -> Verdict:
     """Whether the device answers at the speed that was asked for, else whether it does at another."""
     link, probe, first = it.link, it.probe, it.first
     if any(isinstance(error, NotRunning) for error in it.series.seen.values()):
-        return "skipped", "what answers runs no firmware: nothing is sent to it at another speed"
+        return "skipped", "the device that replied runs no firmware: nothing is sent to it at another speed"
     if it.wire is None or not link.can_set_baud or len(probe.SPEEDS) < 2:
         return "skipped", "this link or this device has one speed only"
     if it.answered and link.baud != first:
-        text = f"the device answers at {link.baud} bit/s, not at {first}. Other speeds were tried"
+        text = f"the device replies at {link.baud} bit/s, not at {first}. Other speeds were tried"
         return "ok", text, f"give --baud {link.baud}"
     if it.answered and hasattr(probe, "ignores_speed") and probe.ignores_speed(it.device):
-        text = f"the device answers at another speed than {first} bit/s as well. The speed does not matter"
+        text = f"the device replies at another speed than {first} bit/s as well. The speed does not matter"
         return "ok", f"{text} on Bluetooth, USB or a network"
     if it.answered:
         only = ", and not at another speed" if it.line.speed_matters else ""
-        return "ok", f"the device answers at {first} bit/s{only}"
+        return "ok", f"the device replies at {first} bit/s{only}"
     if it.wire.speeds:
         return "ok", f"tried at {', '.join(dict.fromkeys(it.wire.speeds))} bit/s as well"
     return _other_speeds(it)
@@ -348,15 +348,15 @@ def _other_speeds(it: LinkChecks) -> Verdict:
             with suppress(NoAnswer, ProtocolError):
                 if it.probe.probe(link, Journal(), end):
                     remedy = f"give --baud {speed}, or set the device back to {first} bit/s"
-                    return "fail", f"the device answers at {speed} bit/s, not at {first}", remedy
+                    return "fail", f"the device replies at {speed} bit/s, not at {first}", remedy
     finally:
         if first is not None:
             link.set_baud(first)
     failed = it.series.failed
     garbage = sum(failed[code] for code in WRONG_SPEED)
-    text = f"no answer at {', '.join(tried)} either" if tried else "no time was left for other speeds"
+    text = f"no reply at {', '.join(tried)} either" if tried else "no time was left for other speeds"
     if failed["bad-checksum"] > garbage:
-        return "ok", f"answers come at {first} bit/s, with a wrong checksum, {text}"
+        return "ok", f"replies come at {first} bit/s, with a wrong checksum, {text}"
     if garbage:
         remedy = "look at the type plate, or run `handctl scan`: a wrong speed is likely"
         return "warning", f"the data at {first} bit/s is garbage, {text}", remedy
@@ -373,7 +373,7 @@ def _echo(it: LinkChecks) -> Verdict:
     text = f"our own bytes came back in {it.series.echoes} of {it.series.asked} reads"
     if it.answered:
         remedy = "switch the echo of the RS-485 adapter off, or ignore it: it is harmless"
-        return "warning", f"{text}, before the answer", remedy
+        return "warning", f"{text}, before the reply", remedy
     return "fail", text, "check the wiring: TX and RX are connected, or the device has no power"
 
 
@@ -394,22 +394,22 @@ def _half_duplex(it: LinkChecks) -> Verdict:
         return "skipped", "only a reply shows whether the line is full duplex"
     if it.line.half_duplex:
         text = "a reply is lost while handctl is sending: half duplex, as on RS-485"
-        return "ok", text, "let other programs wait for each answer, as handctl does"
+        return "ok", text, "let other programs wait for each reply, as handctl does"
     return "ok", "a reply arrives while handctl is sending: full duplex"
 
 
 def _packets(it: LinkChecks) -> Verdict:
     longest, packet = it.line.longest, it.line.packet
     if longest is None:
-        return "skipped", "no long answer was read"
+        return "skipped", "no long reply was read"
     if packet is None:
-        return "ok", f"an answer of {longest} bytes arrives byte by byte, not in packets"
+        return "ok", f"a reply of {longest} bytes arrives byte by byte, not in packets"
     if packet == longest:
-        text = f"an answer of {longest} bytes arrives in one piece: something in between buffers the data"
+        text = f"a reply of {longest} bytes arrives in one piece: something in between buffers the data"
         return "ok", text, "if you need quick replies, turn off buffering in the serial server"
-    text = f"an answer of {longest} bytes arrives in packets of {packet}"
+    text = f"a reply of {longest} bytes arrives in packets of {packet}"
     text += ", the size of Bluetooth 4.0" if packet == BLUETOOTH else ""
-    return "ok", text, "let other programs wait for the whole answer, not for its first packet"
+    return "ok", text, "let other programs wait for the whole reply, not for its first packet"
 
 
 def _others(it: LinkChecks) -> Verdict:
@@ -433,7 +433,7 @@ def _errors(it: LinkChecks) -> Verdict:
         text += f" ({100 * total / series.asked:.1f} %): {kinds}"
     stray = series.stray and not series.echoes
     if stray:
-        text += f". {plural(series.stray, 'byte')} in between outside of any answer"
+        text += f". {plural(series.stray, 'byte')} in between outside of any reply"
     status = "fail" if total * 10 > series.asked else "warning" if total > BAD_SHARE * series.asked else "ok"
     if not total and stray:
         status = "warning"
@@ -445,7 +445,7 @@ def _errors(it: LinkChecks) -> Verdict:
         return (
             status,
             text,
-            "close other programs on this port, check the plug, or give a longer --timeout: answers are lost",
+            "close other programs on this port, check the plug, or give a longer --timeout: replies are lost",
         )
     return status, text, "check cable, ground and hub: data is corrupted. Two devices with one id can also cause this"
 
@@ -459,7 +459,7 @@ def _round_trip(it: LinkChecks) -> Verdict:
         f"over {row['count']}. Histogram in ms: {classes}"
     )
     late = not it.series.failed and row["late"] > 0.05 * row["count"] and row["max_ms"] > 20
-    remedy = "try another USB port: other programs, a hub or a busy computer delay answers" if late else ""
+    remedy = "try another USB port: other programs, a hub or a busy computer delay replies" if late else ""
     return "warning" if late else "ok", text, remedy, tuple(row.items())
 
 
@@ -471,12 +471,12 @@ def _delay(it: LinkChecks) -> Verdict:
     if it.link.name.startswith("tcp://"):
         if PLATEAU[0] <= median <= PLATEAU[1]:
             text = f"median {median * 1000:.0f} ms: the plateau of a delayed acknowledge, not the device"
-            remedy = "its server writes an answer in pieces: set TCP_NODELAY there, or TCP_QUICKACK in other clients"
+            remedy = "its server writes a reply in pieces: set TCP_NODELAY there, or TCP_QUICKACK in other clients"
             return "warning", text, remedy
         return "ok", f"median {median * 1000:.1f} ms is not the 40 ms of a delayed acknowledge"
     if median > SLOW:
         text = f"median {median * 1000:.0f} ms: a slow line, such as Bluetooth, a network or a serial server"
-        return "warning", text, "use a cable where answers must be quick, or give --timeout"
+        return "warning", text, "use a cable where replies must be quick, or give --timeout"
     if FTDI[0] <= median <= FTDI[1] and it.series.wire < median / 2 and "rfcomm" not in it.link.name:
         text = f"median {median * 1000:.0f} ms: looks like an adapter's latency timer of 16 ms"
         return "warning", text, "set the timer to 1 ms: `handctl ports` shows how"
@@ -590,7 +590,7 @@ def same_address(
     elif any(_apart(pairs[0][0], one) for one, _ in pairs):
         others = sorted({tuple(one) for one, _ in pairs})
         read = " and ".join(" ".join(map(str, values[:6])) for values in others)
-        text = f"{plural(len(others), 'device')} answer at {host_in(link)}: connections read {read}"
+        text = f"{plural(len(others), 'device')} reply at {host_in(link)}: connections read {read}"
         remedy = "leave one of them powered and give it another address: `handctl hand network` or `handctl hand pair`"
         yield Check("same_address", "fail", text, remedy)
     else:

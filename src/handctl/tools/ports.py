@@ -132,7 +132,7 @@ def problems(port: Port) -> list[Problem]:
         who = ", ".join(map(str, port.held))
         found.append(Problem("holder", f"{port.path} is in use by {who}", "close that program"))
     if port.latency_ms is not None and port.latency_ms > LATENCY_MS:
-        text = f"the adapter holds the end of every answer back for up to {port.latency_ms} ms (latency timer)"
+        text = f"the adapter holds the end of every reply back for up to {port.latency_ms} ms (latency timer)"
         found.append(Problem("latency_timer", text, latency_remedy(port)))
     return found
 

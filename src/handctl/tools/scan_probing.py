@@ -179,7 +179,7 @@ class LinkScan:
 
     def _listened(self, link: ByteLink) -> bytes:
         """Data that arrives without a request."""
-        self._run.prompts.progress(f"{self._progress}: listening for late answers")
+        self._run.prompts.progress(f"{self._progress}: listening for late replies")
         late = listened(link, link.deadline(LATE).earlier(self._bound))
         self._run.journal.counters.stray_bytes += len(late)
         return late

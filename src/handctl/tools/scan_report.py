@@ -146,7 +146,7 @@ def _nothing(search: Search) -> HandctlError:
     if met.keys() <= {"echo", "echo-differs"}:
         hint = "check the wiring: this is an echo or a short between TX and RX, not a device"
         return ProtocolError(f"{name}: only our own bytes come back. {tried}", hint=hint, code="echo")
-    return ProtocolError(f"{name}: data arrived, but no valid answer. {tried}", hint=GARBAGE, code="garbage")
+    return ProtocolError(f"{name}: data arrived, but no valid reply. {tried}", hint=GARBAGE, code="garbage")
 
 
 SILENCE = (

@@ -138,7 +138,7 @@ def _answering(run: Run, link: str) -> str:
         return ""
     if row["baud"] is not None:
         run.settings = run.settings._replace(baud=row["baud"])
-    run.journal.info("found", f"{link}: {row['family']} answers: {row['evidence']}")
+    run.journal.info("found", f"{link}: {row['family']} replies: {row['evidence']}")
     return str(row["family"])
 
 

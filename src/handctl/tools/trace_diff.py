@@ -58,7 +58,7 @@ def exchanges(told: Iterable[TranscriptRow]) -> Iterator[Exchange]:
         if row.unanswered is not None:
             waiting = asked.pop(row.unanswered.asks, None)
             if waiting is not None:
-                waiting.complete, waiting.answer = True, "no answer"
+                waiting.complete, waiting.answer = True, "no reply"
         elif row.piece is None:
             # Where a scan looked counts as little as when.
             event = row.event.partition(" on ")[0] if row.event.startswith(FAMILY_EVENT) else row.event

@@ -185,9 +185,9 @@ class TranscriptRow:
     def meaning(self) -> str:
         """In words."""
         if self.unanswered is not None:
-            return printable(f"no answer to the request of line {self.first.line}: {self.unanswered.meaning}")
+            return printable(f"no reply to the request of line {self.first.line}: {self.unanswered.meaning}")
         text = self.event if self.piece is None else self.piece.meaning
-        return printable(f"{text} (answers no request)" if self.unasked else text)
+        return printable(f"{text} (replies to no request)" if self.unasked else text)
 
     @property
     def kind(self) -> str:

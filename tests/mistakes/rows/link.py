@@ -162,7 +162,7 @@ ROWS = (
     mistake(
         "scan-tells-not-what-it-left-out",
         "evidence believed",
-        "handctl.devices.inspire.scanner",
+        "handctl.devices.inspire.scan_wire",
         "Scanner._pass",
         "self.left.append((speed, device_id))",
         "pass",

@@ -430,7 +430,7 @@ class Conversation(Line):
                 hint="give all values, so that the current position is not needed",
             )
         poll = "an empty object" if self.way.poll == FIND_OUT.poll else self.way.poll.decode("ascii")[:60]
-        silent = f"{unasked} and does not answer" if self.way.exchange is ExchangeMode.UNKNOWN else "does not answer"
+        silent = f"{unasked} and does not reply" if self.way.exchange is ExchangeMode.UNKNOWN else "does not reply"
         return NoAnswer(
             f"{name}: connected, but the hand {silent} {poll}",
             hint="check the port (8000), and that no other client is connected. If the hand works differently, try --exchange stream|poll, --poll-json TEXT or --tx-terminator nul|none. If it only replies to commands, use --exchange command. `stop` is always sent",

@@ -121,7 +121,7 @@ def _ending(command: str, turns: list[StopAttempt]) -> Stopped:
     if answer is None:
         return _unanswered(turns)
     at = f" at {last.speed} bit/s" if last.speed is not None else ""
-    before = f"no answer at {turns[0].speed} bit/s. " if last.speed != turns[0].speed else ""
+    before = f"no reply at {turns[0].speed} bit/s. " if last.speed != turns[0].speed else ""
     ended = f"{before}^C{at} brought a prompt" if last.ended else f"{before}^C{at} had no reply"
     if answer.lines or answer.status & ~HARMLESS:
         told = f"{answer.status} ({explain_status(answer.status)})" if answer.status else repr(answer.lines[0])

@@ -152,7 +152,7 @@ class CanBus(RegisterBus):
         if odd:
             return self.mishap(request, odd)
         if damaged:
-            text = f"{self.where}: no answer to {request}, but {said_damaged(damaged, self.link.damage)}"
+            text = f"{self.where}: no reply to {request}, but {said_damaged(damaged, self.link.damage)}"
             return ProtocolError(text, hint=HINTS["damaged"], code="damaged")
         hint = f"look for the id of the device with `handctl scan -p {self.link.name}`. If it finds none, {NO_ACK_HINT}"
         return self.silence(request, errors, self.timeout, since, hint)
@@ -163,10 +163,10 @@ class CanBus(RegisterBus):
         if not others:
             code, text = "echo", f"only our own frame came back: {request}"
         elif (other := can_frames.parse_identifier(others[0].can_id).hand_id) != self.id:
-            code, text = "wrong-id", f"id {other} answered instead: {others[0]} (sent {request})"
+            code, text = "wrong-id", f"id {other} replied instead: {others[0]} (sent {request})"
         else:
             size = plural(len(others[0].data), "byte")
-            code, text = "cut-short", f"the answer has {size}, not the number asked for: {others[0]} (sent {request})"
+            code, text = "cut-short", f"the reply has {size}, not the number asked for: {others[0]} (sent {request})"
         return ProtocolError(f"{self.where}: {text}", hint=HINTS[code].format(self.link.name), code=code)
 
     def silence(self, request: CanFrame, before: int, allowed: float, since: float, hint: str) -> HandctlError:
@@ -199,7 +199,7 @@ TROUBLES: dict[str, tuple[type[HandctlError], str, str]] = {
         "the adapter refused {what} with BEL",
         "unplug the adapter and plug it in again. `handctl ports` shows which program uses it",
     ),
-    "bel": (NoAnswer, "the adapter answered {what} with BEL", NO_ACK_HINT),
+    "bel": (NoAnswer, "the adapter replied to {what} with BEL", NO_ACK_HINT),
     "bus-errors": (
         NoAnswer,
         "the bus destroyed frames after {what}",
@@ -217,7 +217,7 @@ def bus_failure(where: str, what: str, trouble: Trouble) -> HandctlError:
 HINTS = {
     "wrong-id": "use the --id it shows, or find the device with `handctl scan -p {}`",
     "cut-short": "check the bus: this is another kind of device, or there is a second master",
-    "echo": "check the adapter: it may be in loopback mode, or return the frames that it sends. No device answers",
+    "echo": "check the adapter: it may be in loopback mode, or return the frames that it sends. No device replies",
     "damaged": "check the adapter's cable and hub, and that no other program reads its port",
 }
 

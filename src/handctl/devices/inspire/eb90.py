@@ -93,7 +93,7 @@ def check_span(address: int, count: int) -> None:
     if not 1 <= count <= MAX_COUNT:
         raise UsageError(
             f"{count} bytes do not fit into one frame",
-            hint=f"use 1 to {MAX_COUNT}: the answer's length byte is count + 3 and must stay below 256",
+            hint=f"use 1 to {MAX_COUNT}: the reply's length byte is count + 3 and must stay below 256",
         )
     if address + count > 0x10000:
         raise UsageError(

@@ -44,7 +44,7 @@ MISPRINTS: dict[bytes, str] = {
         "-10.00 and pitch +10.03. As the text says: EB 90 01 07 31 0E 04 E8 03 18 FC 4A"
     ),
     bytes.fromhex("90EB010530FC030000000035"): (
-        "wrist §2.2 prints this answer, but length 05 means two data bytes. The byte in the place of the sum does not fit, "
+        "wrist §2.2 prints this reply, but length 05 means two data bytes. The byte in the place of the sum does not fit, "
         "so a decoder rejects it"
     ),
 }
@@ -54,8 +54,8 @@ CAN_MISPRINTS: dict[tuple[int, bytes], str] = {
         "Both currents: 11000001 [1] 04"
     ),
     (0x00184001, bytes(4)): (
-        "wrist §2.3.1 prints this identifier for the answer with 28 bits of 29. With the zeros it lost it would be a hand "
-        "read of 1552. An answer has the request's identifier: 11000001 [4]"
+        "wrist §2.3.1 prints this identifier for the reply with 28 bits of 29. With the zeros it lost it would be a hand "
+        "read of 1552. A reply has the request's identifier: 11000001 [4]"
     ),
     (0x15750001, bytes.fromhex("E80318FC")): (
         "wrist §2.3.2 says 1492 beside the binary 1038: this writes address 1492. Yaw and pitch: 15038001 [4] E8 03 18 FC"

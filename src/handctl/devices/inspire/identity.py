@@ -64,7 +64,7 @@ ITS_CURRENT = READS[eb90.WRIST_READ][0]
 
 def is_wrist(at: At) -> str:
     """Only a wrist module has registers behind flag 30 (wrist §2.2)."""
-    return "the wrist's flag (30, on CAN 4) is answered" if at(*ITS_CURRENT) is not None else ""
+    return "the wrist's flag (30, on CAN 4) gets a reply" if at(*ITS_CURRENT) is not None else ""
 
 
 def is_six_wide(at: At) -> str:
@@ -214,7 +214,7 @@ class IdentityCheck:
         elif own is WRIST:  # flag 30 is nobody else's: its answer is enough
             kind = self._try(wrist)
             if kind is None and self._silent:
-                self.evidence = "there is no answer to the wrist's flag (30, on CAN 4)"
+                self.evidence = "there is no reply to the wrist's flag (30, on CAN 4)"
                 kind = self._try(states)
         else:
             kind = self._try(states)
@@ -310,7 +310,7 @@ class IdentityCheck:
             bus.read(*span, retries=0)
         except NoAnswer as exc:
             raise NoAnswer(
-                f"{bus.where}: answers take longer than {bus.timeout:g} s, or are sometimes missing",
+                f"{bus.where}: replies take longer than {bus.timeout:g} s, or are sometimes missing",
                 hint=f"run the command again with --timeout {max(1.0, 4 * bus.timeout):g}",
                 code="late",
             ) from exc
@@ -318,7 +318,7 @@ class IdentityCheck:
     def _unknown(self) -> ProtocolError:
         came = "; ".join(f"{span[0]}: {hex_bytes(data)}" for (_, span), data in self._memory.items() if data)
         return ProtocolError(
-            f"{self._bus.where}: the device answers, but not like a known Inspire device ({came})",
+            f"{self._bus.where}: the device replies, but not like a known Inspire device ({came})",
             hint="check the type plate. --assume-identity skips this check",
             code="unknown-device",
         )
@@ -378,7 +378,7 @@ class FamilyGate(Gate):
         self._sought = True
         look = IdentityCheck(bus)
         if (kind := look.hand(error)) is not None:
-            look.evidence = f"{look.evidence}, and there is no answer to the wrist's flag (30, on CAN 4)"
+            look.evidence = f"{look.evidence}, and there is no reply to the wrist's flag (30, on CAN 4)"
             raise stranger(bus, kind, self._own, look.evidence) from error
 
     def _judge(self, bus: RegisterBus) -> None:
@@ -455,16 +455,16 @@ def look_for_twin(device: RegisterDevice, refusal: bool = False) -> Seen:
             _ask(bus, same, alike)
     number, asked = bus.id, readings.asked + alike.asked
     if readings.twice:
-        text = f"one request got two different answers {readings.twice} of {readings.asked} times"
+        text = f"one request got two different replies {readings.twice} of {readings.asked} times"
         return Seen("two", f"{text}: two devices have id {number}")
     enough = MOSTLY if readings.asked <= len(spans) * ROUNDS else SOME
     if readings.share >= enough and alike.whole == alike.asked:
         text = f"shared readings arrive intact, but {readings.destroyed} of {readings.asked} readings are destroyed"
-        return Seen("two", f"{text}: two devices with id {number} answer at once")
+        return Seen("two", f"{text}: two devices with id {number} reply at once")
     if readings.destroyed or readings.whole < readings.asked or alike.whole < alike.asked:
         missing = asked - readings.whole - alike.whole
-        return Seen("", f"{missing} of {asked} answers are missing or damaged, not those of readings alone")
-    return Seen("one", f"{asked} answers arrived intact and alone: one device has id {number}")
+        return Seen("", f"{missing} of {asked} replies are missing or damaged, not those of readings alone")
+    return Seen("one", f"{asked} replies arrived intact and alone: one device has id {number}")
 
 
 @contextmanager

@@ -85,7 +85,7 @@ BYTE_GROUPS = ((1606, 6), (1612, 6), (1618, 6))
 """Groups of one byte a finger: error, status, temperature (rh56 §3.1). Some hands give one register to each (rh56 §2.2)."""
 TEMPERATURES = BYTE_GROUPS[2]
 SILENCE_HINT = (
-    "check these in order: the id (unit), the baud rate, power (24 V), A and B of RS-485. A hand that only supports EB90 does not answer "
+    "check these in order: the id (unit), the baud rate, power (24 V), A and B of RS-485. A hand that only supports EB90 does not reply "
     "to Modbus: try --protocol eb90"
 )
 
@@ -212,7 +212,7 @@ class ModbusBus(ByteBus):
                 return self._exchange(pdu)
             self._exchange(first)
         raise NoAnswer(
-            f"{self.where}: answers arrive too late to be matched to their requests",
+            f"{self.where}: replies arrive too late to be matched to their requests",
             hint="run the command again with --timeout 2",
             code="late",
         )
@@ -320,8 +320,8 @@ class ModbusBus(ByteBus):
             self._owed.answered(number, self.pdu_of(request))
             self.journal.warn(
                 "transaction-id",
-                f"{self.where}: the answer names transaction {answer.transaction}, the question was {number}",
-                hint="handctl accepted the answer, because only one request was pending. Some hands count wrongly",
+                f"{self.where}: the reply names transaction {answer.transaction}, the question was {number}",
+                hint="handctl accepted the reply, because only one request was pending. Some hands count wrongly",
             )
 
     def _refusal(self, code: int, request: bytes) -> HandctlError:
@@ -333,7 +333,7 @@ class ModbusBus(ByteBus):
             return LinkError(text, hint=hint, code="gateway")
         if code == modbus_frames.NO_TARGET:
             hint = "check power (24 V), the id and A and B of RS-485 behind the gateway"
-            return NoAnswer(f"{self.where}: the gateway got no answer to {sent}: {name}", hint=hint, code="gateway")
+            return NoAnswer(f"{self.where}: the gateway got no reply to {sent}: {name}", hint=hint, code="gateway")
         hint = "check the address against `handctl hand describe`"
         if not self.only_reads(request):
             hint = "read the value before you write again: the hand reports that it did not accept it"
@@ -372,11 +372,11 @@ class ModbusBus(ByteBus):
         if received == request:
             code, text = "echo", "only our own bytes came back"
         elif odd:
-            code, text = "stale", "received a valid answer, but to a different request"
+            code, text = "stale", "received a valid reply, but to a different request"
         elif self._cut_short(request, received):
-            code, text = "cut-short", "the answer is damaged or cut off"
+            code, text = "cut-short", "the reply is damaged or cut off"
         elif not self.tcp and _whole(received) and received[0] != self.id:
-            code, text = "wrong-id", f"id {received[0]} answered instead"
+            code, text = "wrong-id", f"id {received[0]} replied instead"
         hint = OTHER_SERVICE_HINT if code == "garbage" and self.tcp else HINTS[code]
         return ProtocolError(f"{self.where}: {text} {came}", hint=hint, code=code, came=received)
 
@@ -394,9 +394,9 @@ def _whole(frame: bytes) -> bool:
 
 HINTS = {
     "garbage": "check the baud rate (115200 or 921600) and the kind of device: try --protocol eb90, or `handctl scan`",
-    "echo": "check the wiring: an echo or a short returns our own bytes, and no device answers",
+    "echo": "check the wiring: an echo or a short returns our own bytes, and no device replies",
     "stale": "check for another program or a second master on this line",
     "cut-short": "check the cable, the ground and the baud rate, and that only one hand has this id",
     "wrong-id": "use the --id it shows",
 }
-OTHER_SERVICE_HINT = "check the address and the port: another service may answer there. The hand's port is 6000"
+OTHER_SERVICE_HINT = "check the address and the port: another service may reply there. The hand's port is 6000"

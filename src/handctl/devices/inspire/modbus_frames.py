@@ -241,7 +241,7 @@ class TcpDecoder(eb90.Stream):
             self.skipped += len(dropped)
             raise ProtocolError(
                 f"no Modbus header: {dropped[:MBAP].hex(' ').upper()}",
-                hint="check the port: another service may answer there. The hand's is 6000",
+                hint="check the port: another service may reply there. The hand's is 6000",
                 code="garbage",
             )
         if len(buffer) < length + 6:

@@ -50,7 +50,7 @@ def probe(bus: RegisterBus, device_id: int, *, seconds: float | None = None) -> 
         if exc.code == "stale" and bus.journal.line.others:
             bus.journal.warn(
                 "others",
-                f"another program or device is using this line, and id {device_id} did not answer",
+                f"another program or device is using this line, and id {device_id} did not reply",
                 hint="stop the other program or master to be sure that the id is free",
             )
         elif exc.code != "echo":
@@ -99,7 +99,7 @@ def explain_silence(hand: RegisterDevice, error: HandctlError) -> HandctlError:
     if found is None or found == was:
         return error
     return ProtocolError(
-        f"id {bus.id} on {bus.link.name} does not answer at {was} bit/s but does at {found} bit/s",
+        f"id {bus.id} on {bus.link.name} does not reply at {was} bit/s but does at {found} bit/s",
         hint=f"run the command again with --baud {found}",
         code="wrong-speed",
     )
@@ -110,7 +110,7 @@ def late(bus: Bus) -> NoAnswer:
     longer = f"--timeout {max(1.0, 4 * bus.timeout):g}"
     written = any(message.code == "ack-lost" for message in bus.journal.messages)
     return NoAnswer(
-        f"id {bus.id} on {bus.link.name} answers, but takes longer than {bus.timeout:g} s",
+        f"id {bus.id} on {bus.link.name} replies, but takes longer than {bus.timeout:g} s",
         hint=f"read the values with {longer} before you repeat the command: the write may have taken effect"
         if written
         else f"run the command again with {longer}",
@@ -142,7 +142,7 @@ def change_id(hand: RegisterDevice, new: int, *, saved_next: bool = False) -> Ta
         old_there, new_taken = True, probe(bus, new)
     if not old_there and new_taken:
         bus.id = new
-        hand.journal.info("already", f"no hand answers to id {old}, but one already answers to id {new}")
+        hand.journal.info("already", f"no hand responds to id {old}, but one already responds to id {new}")
         return _id_row(hand, old)
     if not old_there:
         hand.identify()  # somebody else's answers name him
@@ -167,7 +167,7 @@ def _slower(bus: RegisterBus) -> bool:
     if took is None or 2 * took <= bus.timeout:
         return False
     bus.timeout = 2 * took + 0.1
-    bus.journal.info("line", f"Slow line: {1000 * took:.0f} ms. handctl now waits {bus.timeout:.1f} s for each answer")
+    bus.journal.info("line", f"Slow line: {1000 * took:.0f} ms. handctl now waits {bus.timeout:.1f} s for each reply")
     return True
 
 
@@ -180,7 +180,7 @@ def _write_id(hand: RegisterDevice, new: int, saved_next: bool) -> Table:
     if probe(bus, new):
         bus.id = new
         row = _id_row(hand, old)
-        hand.journal.ledger.confirm(f"answers to id {new}", step)
+        hand.journal.ledger.confirm(f"responds to id {new}", step)
         if not saved_next:
             hand.journal.info(
                 "volatile",
@@ -189,9 +189,9 @@ def _write_id(hand: RegisterDevice, new: int, saved_next: bool) -> Table:
             )
         return row
     if probe(bus, old):
-        hand.journal.ledger.doubt(f"still answers to id {old}", step)
+        hand.journal.ledger.doubt(f"still responds to id {old}", step)
         raise CheckFailed(
-            f"{bus.link.name}: the hand still answers to id {old}, not to {new}",
+            f"{bus.link.name}: the hand still responds to id {old}, not to {new}",
             hint="run the command again: the id was not changed, so this is safe",
             code="read-back",
         )
@@ -199,7 +199,7 @@ def _write_id(hand: RegisterDevice, new: int, saved_next: bool) -> Table:
         bus.at(device_id=new).read(*bus.presence)
     except (NoAnswer, ProtocolError) as exc:
         raise exc.reworded(
-            f"{bus.link.name}: no hand answers to id {new} or {old} after the id change: {exc.text}",
+            f"{bus.link.name}: no hand responds to id {new} or {old} after the id change: {exc.text}",
             hint=f"find the hand with `handctl {hand.kind} scan`. A power-cycle brings back the saved id",
         ) from exc
     bus.id = new
@@ -211,7 +211,7 @@ def _id_row(hand: RegisterDevice, before: int) -> Table:
     value = hand.bus.read(register.address, register.size)
     if value[0] != hand.bus.id:
         raise CheckFailed(
-            f"{hand.bus.where}: register 1000 reads {value[0]}, but the hand answers to id {hand.bus.id}",
+            f"{hand.bus.where}: register 1000 reads {value[0]}, but the hand responds to id {hand.bus.id}",
             hint=f"leave one hand on the line, then run `handctl {hand.kind} scan`",
             code="read-back",
         )
@@ -423,7 +423,7 @@ def _factory_reset(hand: RegisterDevice) -> Table:
     bus, old = hand.bus, hand.bus.id
     register = hand.map["factory_reset"]
     lost = bus.try_write(
-        register.address, register.encode(1), "the reset", "handctl checks which id answers", acknowledged_by=(1,)
+        register.address, register.encode(1), "the reset", "handctl checks which id replies", acknowledged_by=(1,)
     )
     if lost is not None:
         lost.text = f"the reset was not acknowledged but may have happened: {lost.text}"
@@ -432,7 +432,7 @@ def _factory_reset(hand: RegisterDevice) -> Table:
     there = [device_id for device_id in ids if probe(bus, device_id)]
     hand.journal.warn(
         "power-cycle",
-        f"answering now: id {', '.join(map(str, there))}" if there else "id 1 and the old id do not answer now",
+        f"replying now: id {', '.join(map(str, there))}" if there else "id 1 and the old id do not reply now",
         hint=f"{power_cycle(hand)} Nothing was saved automatically.",
     )
     table = outcome(hand, register, "accepted" if lost is None else "not acknowledged", None)
@@ -440,7 +440,7 @@ def _factory_reset(hand: RegisterDevice) -> Table:
     if there:
         bus.id = there[0]
     elif lost is None:
-        text = f"{bus.link.name}: the reset was acknowledged, but no hand answers to id {' or '.join(map(str, ids))} after it"
+        text = f"{bus.link.name}: the reset was acknowledged, but no hand responds to id {' or '.join(map(str, ids))} after it"
         table.failure = NoAnswer(text, hint=power_cycle(hand), code="gone")
     return table
 

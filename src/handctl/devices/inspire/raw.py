@@ -282,7 +282,7 @@ def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
     elif refused := [p for p in replies if p.problem == "refused" and (p.answers in asks or not p.answers)]:
         text = "the save failed: result FF (00 = saved, FF = failed)"
         if refused[0].answers:
-            text = f"the device answered {hex_bytes(refused[0].raw[7:-1])} instead of 01"
+            text = f"the device replied {hex_bytes(refused[0].raw[7:-1])} instead of 01"
         hint = f"check with `handctl {hand.kind} status` before you send it again"
         table.failure = DeviceRefused(f"{bus.where}: {text}", hint=hint)
     return table

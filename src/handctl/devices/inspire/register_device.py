@@ -112,7 +112,7 @@ class BlockReader:
                     raise exc from None
                 memory.blocks.append((first.address, data))
             self._across_gaps = False
-            what = "no answer to" if isinstance(exc, NoAnswer) else "the device refused"
+            what = "no reply to" if isinstance(exc, NoAnswer) else "the device refused"
             bus.journal.warn(
                 "block-silent",
                 f"{what} {block.size} bytes at {block.address}: handctl reads the documented groups one by one",

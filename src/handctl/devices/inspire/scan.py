@@ -20,7 +20,7 @@ from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.modbus_frames import RTU_SPEED
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus, Span, at_speed, other_speed
 from handctl.devices.inspire.register_device import RegisterDevice
-from handctl.devices.inspire.scanner import CanSearch, Findings, Requester, RtuSearch, Scanner, Wanted
+from handctl.devices.inspire.scan_wire import CanSearch, Findings, Requester, RtuSearch, Scanner, Wanted
 from handctl.devices.inspire.serial_bus import Bus, frames_of_others, hint_for
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline, FrameLink, Link
@@ -359,7 +359,7 @@ class Sweep:
             summary += ", and in Modbus RTU" + at_text(self.asked_rtu[0])
         if found.single is not None:
             summary += (
-                f", then again with {1000 * found.single:.0f} ms for each, as a delay that varies makes answers collide"
+                f", then again with {1000 * found.single:.0f} ms for each, as a delay that varies makes replies collide"
             )
         if found.cut:
             summary += ", ended by --deadline before all were asked"
@@ -373,12 +373,12 @@ class Sweep:
         }
         for speed, device_id in found.unconfirmed:
             journal.warn(
-                "unconfirmed", f"id {device_id}{at_text(speed)} answered once and not again, so it is not counted"
+                "unconfirmed", f"id {device_id}{at_text(speed)} replied once and not again, so it is not counted"
             )
         for speed, device_id in sorted({*self.collided}, key=str):
             journal.warn(
                 "twin-id",
-                f"id {device_id}{at_text(speed)}: two devices with the same id answer. Readings that they share arrive intact, the others are damaged",
+                f"id {device_id}{at_text(speed)}: two devices with the same id reply. Readings that they share arrive intact, the others are damaged",
                 hint=ONE_ID,
             )
         task.twins = sorted({number for _, number in self.collided})
@@ -394,7 +394,7 @@ class Sweep:
         left = list(self.left)
         if self.task.silence is not None:
             left.append(
-                "all ids a second time, with more room for each answer, as a half-duplex line needs whose delay varies: --all asks so"
+                "all ids a second time, with more room for each reply, as a half-duplex line needs whose delay varies: --all asks so"
             )
         if self.task.rows or self.collided or not link.can_set_baud or link.replayed or self.look is None:
             return left
@@ -447,16 +447,16 @@ def nothing(
     code, text, hint = "", "", ""
     if twins:
         code, hint = "twin-id", ONE_ID
-        text = f"two devices with the same id: {ids_text(twins)} answers, damaged by the other device's answer"
+        text = f"two devices with the same id: {ids_text(twins)} replies, damaged by the other device's reply"
     elif twice:
         code, hint = "bad-checksum", BAD_HINT
-        text = f"{ids_text(twice)} answered, but each time with a wrong checksum"
+        text = f"{ids_text(twice)} replied, but each time with a wrong checksum"
     elif found.headless:
         code = "first-byte-lost"
-        text = f"{ids_text(sorted(found.headless))} answered, but the first byte of each answer is missing"
+        text = f"{ids_text(sorted(found.headless))} replied, but the first byte of each reply is missing"
     elif found.foreign:
         code = "wrong-id"
-        text = f"{ids_text([device_id for _, device_id in found.unconfirmed])} answered, but not when it was asked"
+        text = f"{ids_text([device_id for _, device_id in found.unconfirmed])} replied, but not when it was asked"
     elif found.echo:
         code, text = "echo", f"no {what}, only our own bytes came back"
     elif found.garbage:

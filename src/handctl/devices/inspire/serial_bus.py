@@ -21,28 +21,28 @@ from handctl.wording import plural
 
 SILENCE_HINT = (
     "check these in order: --id 1 at 115200 bit/s, `handctl exo scan`, power (7 to 9 V), TX/RX and RS-232 wiring. "
-    "A wrong id, a wrong baud rate, no power and no cable all look the same: the device never answers. Unplug power and data, and plug them in again"
+    "A wrong id, a wrong baud rate, no power and no cable all look the same: the device never replies. Unplug power and data, and plug them in again"
 )
 WIRING_HINT = (
     "Check the hand's power, the wire (RS-232 against RS-485, A/B, TX/RX) and that this hand carries a wrist. "
-    "A wrong id, a wrong baud rate (115200 bit/s in the manual), no power and no cable all look the same: the device never answers. "
+    "A wrong id, a wrong baud rate (115200 bit/s in the manual), no power and no cable all look the same: the device never replies. "
     "For CAN give -p can:INTERFACE:CHANNEL"
 )
 SILENCE_HINTS = {
     "exo": SILENCE_HINT,
     "wrist": f"run `handctl wrist scan`. {WIRING_HINT}",
     "hand": "check these in order: --id 1 at 115200 bit/s, `handctl hand scan`, power (24 V), A and B of RS-485. "
-    "An RH56DFTP may answer only on its network: `handctl hand status -p tcp://192.168.11.210`. "
+    "An RH56DFTP may reply only on its network: `handctl hand status -p tcp://192.168.11.210`. "
     "At baud rates other than 115200 bit/s handctl tries Modbus RTU only with --protocol modbus",
 }
 """Of families that are not as the EH55BF1 is (rh56 §1, §2.5)."""
 HINTS = {
-    "echo": "check the wiring: an echo or a TX-RX short returns our own bytes, and no device answers",
-    "wrong-id": "use the --id it shows, or find the hand with `handctl exo scan`: a different id answers",
+    "echo": "check the wiring: an echo or a TX-RX short returns our own bytes, and no device replies",
+    "wrong-id": "use the --id it shows, or find the hand with `handctl exo scan`: a different id replies",
     "bad-checksum": "check the cable, the ground and the baud rate, and that only one device has this id: bytes were damaged on the line",
-    "cut-short": "check the cable and the adapter, and that no other program reads the port: the answer was cut off",
-    "stale": "check for another program or a second master on this line: the frame is valid, but answers a different request",
-    "first-byte-lost": "use another RS-485 adapter, or make this one switch its direction sooner: it swallows the first byte of each answer",
+    "cut-short": "check the cable and the adapter, and that no other program reads the port: the reply was cut off",
+    "stale": "check for another program or a second master on this line: the frame is valid, but is a reply to a different request",
+    "first-byte-lost": "use another RS-485 adapter, or make this one switch its direction sooner: it swallows the first byte of each reply",
     "garbage": "try --baud 115200, 57600 and 19200: the baud rate is probably wrong, or this is another kind of device",
 }
 
@@ -74,11 +74,11 @@ def mishap(request: bytes, received: bytes, more: int = 0) -> tuple[str, str]:
             return "echo", "only our own bytes came back"
     wanted_id = request[2] if len(request) > 2 else None
     if any(frame.id == wanted_id for frame in headless(rest)):
-        return "first-byte-lost", "the answer arrived without its first byte"
+        return "first-byte-lost", "the reply arrived without its first byte"
     if others_speak(request, rest) and not _damaged(rest, wanted_id):
         return (
             "stale",
-            "received a valid frame, but it does not answer this request: another program or device is using this line",
+            "received a valid frame, but it is not a reply to this request: another program or device is using this line",
         )
     sniffer = Decoder()
     sniffer.feed(rest)
@@ -89,14 +89,14 @@ def mishap(request: bytes, received: bytes, more: int = 0) -> tuple[str, str]:
     replies = [frame for frame in frames if frame.from_device]
     for frame in replies:
         if frame.id != wanted_id:
-            return "wrong-id", f"id {frame.id} answered instead"
+            return "wrong-id", f"id {frame.id} replied instead"
     if bad_sums:
-        return "bad-checksum", "the answer's checksum is wrong"
+        return "bad-checksum", "the reply's checksum is wrong"
     if frames:
-        return "stale", "received a valid frame, but it does not answer this request"
+        return "stale", "received a valid frame, but it is not a reply to this request"
     # At a wrong speed 90 EB may come by chance: with the id behind it, or nothing, it is the beginning of an answer.
     if pending >= 2 and (rest.endswith(eb90.DEVICE) or eb90.DEVICE + request[2:3] in rest):
-        return "cut-short", f"the answer was cut off after {plural(len(rest) + more, 'byte')}"
+        return "cut-short", f"the reply was cut off after {plural(len(rest) + more, 'byte')}"
     return "garbage", f"received {plural(len(rest) + more, 'byte')} instead of a valid frame"
 
 
@@ -218,7 +218,7 @@ class Bus(ByteBus):
         ack = self.exchange(request, prefixes, reply_size=9)
         if ack.data != bytes([eb90.ACCEPTED]):
             raise DeviceRefused(
-                f"{self.where}: the device answered {hex_bytes(ack.data)} instead of 01 to the write at {address}",
+                f"{self.where}: the device replied {hex_bytes(ack.data)} instead of 01 to the write at {address}",
                 hint="read the value before you write again: the device did not accept it. The manual does not explain any other reply",
             )
 

@@ -102,7 +102,7 @@ class GclLine(Line):
             )
             self.journal.info(
                 "other-text",
-                f"{self.link.name}: this hand answers {request!r} with {text!r} where the manual has {usual} ({came[:48].hex(' ').upper()})",
+                f"{self.link.name}: this hand replies to {request!r} with {text!r} where the manual has {usual} ({came[:48].hex(' ').upper()})",
             )
 
     def overheard(self, data: bytes) -> None:
@@ -402,7 +402,7 @@ class GclLine(Line):
             if link.baud == new:
                 ledger.confirm(answers, Step(command, data))
                 return
-            ledger.doubt(f"answers at {link.baud} bit/s", Step(command, data))
+            ledger.doubt(f"replies at {link.baud} bit/s", Step(command, data))
             raise DeviceRefused(
                 f"{link.name}: the hand did not change to {new} bit/s. It replies at {link.baud} bit/s",
                 hint="use a lower baud rate: some hands do not support the higher ones",

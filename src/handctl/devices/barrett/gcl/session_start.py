@@ -23,7 +23,7 @@ PAUSE, MIDDLE = 0.1, 0.3
 APART = 0.1
 """Seconds between two reads of P that show whether the hand moves."""
 PROGRESS = {
-    table.SILENT: "no answer yet. Listening in case the hand is starting or busy, then trying other baud rates",
+    table.SILENT: "no reply yet. Listening in case the hand is starting or busy, then trying other baud rates",
     table.BOOTING: "the hand has just been switched on. Waiting for its firmware without sending anything",
     table.RESTARTED: "the firmware has started. Waiting for its prompt",
 }
@@ -250,7 +250,7 @@ class SessionStart:
                 code="echo" if echo else "garbage",
                 came=came,
             )
-        return NoAnswer(f"{link.name}: no answer {tried}", hint=f"{table.SILENCE}. {BUSY_HINT}")
+        return NoAnswer(f"{link.name}: no reply {tried}", hint=f"{table.SILENCE}. {BUSY_HINT}")
 
 
 def comes_back(link: ByteLink) -> bool:

@@ -92,7 +92,7 @@ class ExoHand(RegisterDevice):
         if stored is None or stored == self.bus.id or probe(self.bus, self.bus.id):
             return
         if probe(self.bus, int(stored)):
-            self.journal.info("found", f"id {self.bus.id} does not answer: handctl uses the snapshot's id {stored}")
+            self.journal.info("found", f"id {self.bus.id} does not reply: handctl uses the snapshot's id {stored}")
             self.bus.id = int(stored)
 
     def command(self, which: str, values: Sequence[int]) -> Table:
@@ -106,7 +106,7 @@ class ExoHand(RegisterDevice):
             if self.journal.counters.writes > before:
                 self.journal.warn(
                     "ack-lost",
-                    f"the {which} command was not answered, but the hand may still carry it out",
+                    f"the {which} command got no reply, but the hand may still carry it out",
                     hint=f"check with `handctl exo get {which}_set position_actual` before you repeat it",
                 )
             raise
@@ -157,7 +157,7 @@ class ExoHand(RegisterDevice):
         from handctl.devices.inspire import procedures
 
         found = procedures.find_speed(self.bus)
-        where = f"It answers at {found} bit/s" if found else "It does not answer at any of the three baud rates"
+        where = f"It replies at {found} bit/s" if found else "It does not reply at any of the three baud rates"
         return NoAnswer(
             f"{self.bus.link.name}: no hand at {rate} bit/s after the power-cycle. {where}",
             hint="use the RS-232 cable: a Bluetooth module may still use the old baud rate. `handctl exo scan` tries all ids and baud rates",

@@ -69,12 +69,10 @@ def stop_steps(context: StopContext) -> StopSequence:
         text = f"the hand acknowledged the command that sets all forces to 0, but not the next one: {meaning}"
         return Stopped(text, POWER, NoAnswer)
     if answer(came, wrist):
-        text = "handctl commanded all forces to 0, but a wrist answered instead of an exoskeleton hand. The wrist was not stopped"
+        text = "handctl commanded all forces to 0, but a wrist replied instead of an exoskeleton hand. The wrist was not stopped"
         return Stopped(text, OF_A_WRIST, DeviceRefused)
     seen = instead(came)
-    text = (
-        f"handctl commanded all forces to 0, but {f'no valid answer arrived: {seen}' if seen else 'no answer arrived'}"
-    )
+    text = f"handctl commanded all forces to 0, but {f'no valid reply arrived: {seen}' if seen else 'no reply arrived'}"
     return Stopped(
         text, f"{POWER}. `handctl exo scan` finds the id and the baud rate", ProtocolError if seen else NoAnswer
     )

@@ -178,7 +178,7 @@ def change_network(hand: Hand, octets: Sequence[int], prompts: Prompts, *, cycle
         return table
     hand.journal.warn(
         "power-cycle",
-        f"the hand answers at {old} until you power-cycle it, then only at {new}",
+        f"the hand replies at {old} until you power-cycle it, then only at {new}",
         hint=f"give this computer {laptop_for(octets)}, power-cycle the hand, then run `handctl hand status -p tcp://{new}`. "
         "If it is not found: `handctl hand network -p PORT` reads the address over RS-485",
     )

@@ -165,7 +165,7 @@ class Hand(RegisterDevice):
             except HandctlError:
                 self.bus, self._reader = first, BlockReader(first)
                 raise exc from None
-            self.journal.info("protocol", f"{other.where}: it does not answer in EB90, but does in Modbus RTU")
+            self.journal.info("protocol", f"{other.where}: it does not reply in EB90, but does in Modbus RTU")
             return answer
 
     @property

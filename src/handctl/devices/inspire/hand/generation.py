@@ -71,7 +71,7 @@ def check(settings: Settings) -> None:
     if colon and number_in(port) not in (None, PORT) and host not in HERE:
         raise UsageError(
             f"{link}: a hand uses Modbus TCP port {PORT}. Another port may lead to a serial line",
-            hint="add --protocol modbus if a hand answers there (for doctor, HANDCTL_PROTOCOL=modbus), or give socket://HOST:PORT for "
+            hint="add --protocol modbus if a hand replies there (for doctor, HANDCTL_PROTOCOL=modbus), or give socket://HOST:PORT for "
             "a serial line",
         )
 

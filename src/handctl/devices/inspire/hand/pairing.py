@@ -121,7 +121,7 @@ def _seen(bench: Bench, hands: Sequence[Hand]) -> tuple[str, str]:
         side = bench.prompts.choose(f"{hand.bus.where}: which hand moved", (LEFT, RIGHT))
         if not side:
             raise NotConfirmed(
-                f"{hand.bus.where}: the answer names neither the left nor the right hand",
+                f"{hand.bus.where}: the reply names neither the left nor the right hand",
                 hint="run the command again and watch both hands. The finger is back in its old position",
                 code="not-seen",
             )
@@ -169,12 +169,12 @@ def _one_line(bench: Bench) -> list[Hand]:
     ids = ids_on(hand, bench.prompts)
     if not ids:
         raise NoAnswer(
-            f"{hand.link.name}: no hand answers",
+            f"{hand.link.name}: no hand replies",
             hint="check power, wiring and baud rate: `handctl hand scan` tries all baud rates",
         )
     if len(ids) > 2:
         raise CheckFailed(
-            f"{hand.link.name}: {plural(len(ids), 'device')} answer, with the ids {', '.join(map(str, ids))}",
+            f"{hand.link.name}: {plural(len(ids), 'device')} reply, with the ids {', '.join(map(str, ids))}",
             hint="leave only the two hands on the line. Nothing was written.",
             code="too-many",
         )
@@ -186,7 +186,7 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
     new = 2 if number == 1 else 1
     _done(
         bench,
-        f"Only id {number} answers. Two hands with the same id both obey it.\n"
+        f"Only id {number} replies. Two hands with the same id both obey it.\n"
         f"Unplug the data cable of one hand. The other one gets id {new}. Then press Enter",
     )
     hand = bench.hand(number)
@@ -196,7 +196,7 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
     steps = hand.plan([(elements_of(hand.map["id"])[0], new)])
     saving = bench.hand(new).trigger_step("save", "save to flash")
     bench.confirm(
-        f"This changes id {number} to {new} at once, on the connected hand, and saves it once both hands answer",
+        f"This changes id {number} to {new} at once, on the connected hand, and saves it once both hands reply",
         [*steps, saving],
     )
     procedures.change_id(hand, new, saved_next=True)
@@ -212,7 +212,7 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
         missing = [one for one in (number, new) if not procedures.probe(hand.bus, one)]
         if missing:
             raise CheckFailed(
-                f"{hand.link.name}: no hand answers to id {' or '.join(map(str, missing))}",
+                f"{hand.link.name}: no hand responds to id {' or '.join(map(str, missing))}",
                 hint="check the cable of the other hand. A power-cycle of both hands brings back the saved ids",
                 code="gone",
             )
@@ -230,7 +230,7 @@ def _one_address(bench: Bench, link: str, address: str | None) -> list[tuple[Han
     prompts = bench.prompts
     _done(
         bench,
-        f"Two hands with the same IP address take turns answering at {link}.\n"
+        f"Two hands with the same IP address take turns replying at {link}.\n"
         "Switch one hand off. The other one gets a new address. Then press Enter",
     )
     hand = bench.again()

@@ -99,8 +99,8 @@ def protocol(device: Hand) -> Row4:
     wire = device.bus.wire
     if wire == "rtu" and any(message.code == "protocol" for message in device.journal.messages):
         remedy = "add --protocol modbus. Programs that only support EB90 cannot use this hand"
-        return "protocol", "warning", "the hand answers in Modbus RTU, but not in EB90", remedy
-    return "protocol", "ok", f"the hand answers {ANSWERS[wire]}", ""
+        return "protocol", "warning", "the hand replies in Modbus RTU, but not in EB90", remedy
+    return "protocol", "ok", f"the hand replies {ANSWERS[wire]}", ""
 
 
 def _arrives(bus: RegisterBus, address: int, count: int) -> str:
@@ -130,11 +130,11 @@ def _elsewhere(device: Hand) -> Iterator[Row4]:
         silent, spoken = names[bus.wire], names[other.wire]
         if not _arrives(other, *other.presence):
             word = "eb90" if other.wire == "eb90" else "modbus"
-            yield "protocol", "fail", f"the hand answers in {spoken}, but not in {silent}", f"add --protocol {word}"
+            yield "protocol", "fail", f"the hand replies in {spoken}, but not in {silent}", f"add --protocol {word}"
             return
-        yield "protocol", "ok", f"the hand answers neither in {silent} nor in {spoken}", ""
+        yield "protocol", "ok", f"the hand replies neither in {silent} nor in {spoken}", ""
     if bus.wire != "tcp":
-        text = "a tactile hand (RH56DFTP) may answer only on its network"
+        text = "a tactile hand (RH56DFTP) may reply only on its network"
         yield "network", "skipped", text, "run `handctl hand doctor -p tcp://192.168.11.210`"
 
 

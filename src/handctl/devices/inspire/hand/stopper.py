@@ -38,7 +38,7 @@ REFUSED_IT = Stopped("the hand refused speed 0", POWER, DeviceRefused)
 BY_GATEWAY = {
     modbus_frames.NO_PATH: Stopped("the gateway cannot reach the hand, so speed 0 did not arrive", POWER, LinkError),
     modbus_frames.NO_TARGET: Stopped(
-        "the gateway sent speed 0 to the hand, but the hand did not answer", POWER, NoAnswer
+        "the gateway sent speed 0 to the hand, but the hand did not reply", POWER, NoAnswer
     ),
 }
 """Exception -> who says so: not the hand."""

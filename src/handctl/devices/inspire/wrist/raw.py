@@ -293,7 +293,7 @@ def _hand_write(wrist: Wrist, bus: Bus | CanBus, address: int, data: bytes) -> T
     if now == data and bus.id != wrist.bus.id:
         bus.journal.warn(
             "new-id",
-            f"the hand and its wrist now answer to id {bus.id} until power-off",
+            f"the hand and its wrist now respond to id {bus.id} until power-off",
             hint=f"use --id {bus.id}",
         )
     return table

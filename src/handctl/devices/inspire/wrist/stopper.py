@@ -70,7 +70,7 @@ def stop_steps(context: StopContext) -> StopSequence:
 def _unanswered(heard: Pieces) -> Stopped:
     came = instead(heard)
     return Stopped(
-        f"{f'no wrist answered: {came}' if came else 'the wrist did not answer'}. Without its present angles, no stop could be "
+        f"{f'no wrist replied: {came}' if came else 'the wrist did not reply'}. Without its present angles, no stop could be "
         "commanded. If it moves, it goes on to its target",
         f"{POWER}. Check the id, the wiring and the power with `handctl wrist scan`",
         ProtocolError if came else NoAnswer,

@@ -635,7 +635,7 @@ class CanSearch:
             return True
         self._lone.append(device_id)
         self._bus.journal.warn(
-            "unconfirmed", f"id {device_id} answered once, but not when handctl asked it alone, so it is not counted"
+            "unconfirmed", f"id {device_id} replied once, but not when handctl asked it alone, so it is not counted"
         )
         return False
 
@@ -701,10 +701,10 @@ class CanSearch:
             return failure
         code, text, hint = "", "", ""
         if self._lone:
-            code, text = "wrong-id", f"id {', '.join(map(str, self._lone))} answered, but not when it was asked"
-            hint = "power-cycle the hand, then scan again: it answers under a different id than handctl asked"
+            code, text = "wrong-id", f"id {', '.join(map(str, self._lone))} replied, but not when it was asked"
+            hint = "power-cycle the hand, then scan again: it responds with a different id than handctl asked"
         elif self._short:
-            code, text = "cut-short", "the answers do not have the requested length"
+            code, text = "cut-short", "the replies do not have the requested length"
             hint = "check the bus: this may be another kind of device, or the line is disturbed"
         elif self._own:
             code, text = "echo", "only our own frames came back"
@@ -717,8 +717,8 @@ class CanSearch:
         if self.cut:
             return NoAnswer(f"{name}: no {what} so far ({summary})", hint="use a longer --deadline", code="deadline")
         if trouble is not None:
-            text = f"{name}: no {what} answered. The adapter reports no bus error, so another device acknowledged ({summary})"
-            return NoAnswer(text, hint=f"scan other ids: --ids 255-4350. If no {what} answers, {NO_ACK_HINT}")
+            text = f"{name}: no {what} replied. The adapter reports no bus error, so another device acknowledged ({summary})"
+            return NoAnswer(text, hint=f"scan other ids: --ids 255-4350. If no {what} replies, {NO_ACK_HINT}")
         return NoAnswer(f"{name}: no {what}, complete silence ({summary})", hint=NO_ACK_HINT)
 
 
