@@ -4,10 +4,10 @@
     ├── UsageError      2  impossible request; nothing was sent
     ├── LinkError       3  cannot be opened, busy, not permitted, lost
     ├── NoAnswer        4  silence until the deadline
-    ├── ProtocolError   5  bytes came, none of them a valid answer
-    ├── DeviceRefused   6  the device said no, or reported an error
+    ├── ProtocolError   5  data arrived, but no valid reply
+    ├── DeviceRefused   6  the device refused, or reported an error
     ├── CheckFailed     7  read-back differs, unhealthy, files differ
-    ├── NotIdentified 3-6  nobody of this family was seen before the first write: the code of what was met instead
+    ├── NotIdentified 3-6  not seen as one of this family before the first write: the code of what was met instead
     ├── NotConfirmed    8  --yes missing without a terminal, or the answer was no
     └── Interrupted   130  Ctrl-C
 
@@ -128,7 +128,7 @@ class OutputError(HandctlError):
 
 
 class UsageError(HandctlError):
-    """The command makes no sense, or a value is outside the documented range. Nothing was sent. Exit code 2."""
+    """The command line is invalid, or a value is outside the documented range. Nothing was sent. Exit code 2."""
 
     exit_code = 2
     default_code = "usage"

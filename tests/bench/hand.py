@@ -184,7 +184,7 @@ def searched() -> Figure:
             assert found == [(speed, 1)], f"{protocol} at {speed}: {found}"
             slowest = max(slowest, seconds)
     note = f"slowest of {2 * len(TARGET.speeds)}; --protocol typed, but at {RTU_SPEED} bit/s"
-    return Figure("hand scan, id 1 at each speed and protocol", slowest, SCAN_SECONDS, "s", 1.0, note, "2 s")
+    return Figure("hand scan, id 1 at each speed and protocol", slowest, SCAN_SECONDS, "s", 1.0, note, "limit")
 
 
 def search(link: str, protocol: str) -> tuple[float, list[tuple[object, object]]]:

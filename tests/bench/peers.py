@@ -43,7 +43,7 @@ class Peers:
                     value, other = quickest([[HANDCTL, ours], [peer, *theirs]], runs)
                     against = f"{name} {' '.join(theirs)}"
                     yield Figure(
-                        f"start-up, {what}, beside {name}", value * 1000, other * 1000, "ms", GOAL,
+                        f"start-up, {what}, against {name}", value * 1000, other * 1000, "ms", GOAL,
                         f"{name} {self.present[name]}; quickest of {runs}", against,
                     )  # fmt: skip
 

@@ -83,7 +83,7 @@ def run(*, quick: bool) -> Iterator[Figure]:
         best = [min(column) for column in zip(*taken, strict=True)]
         for (name, _, _, goal), called in zip(loops, best, strict=True):
             yield Figure(name, called, WIRE_MS, "ms", goal, PTY)
-        yield Figure("library get beside the plain loop", best[2], best[0], "ms", None, PTY, "the plain loop")
+        yield Figure("library get, against the plain loop", best[2], best[0], "ms", None, PTY, "the plain loop")
     yield several(5 if quick else 9)
 
 

@@ -182,7 +182,7 @@ OF_SERVER = (
     _option("--duration", metavar="S", type=click.FloatRange(0.0, 1e9), callback=_number, help="Stop after S seconds."),
     _option("--control", metavar="PATH", callback=_some, help="Open a local socket at PATH for `handctl sim control`."),
 )
-SET = "Set a further option, listed below. Can be repeated."
+SET = "Set one of the options listed below. Can be repeated."
 OF_SET = (_option("--set", "settings", metavar="KEY=VALUE", multiple=True, help=SET),)
 
 
