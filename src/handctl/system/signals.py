@@ -30,7 +30,8 @@ def _numbers(*names: str) -> list[int]:
     return [int(getattr(signal, name)) for name in names if hasattr(signal, name)]
 
 
-_NUMBERS, _NUMBERED, _ALARM = _numbers(*ENDING, SUSPEND), len(_numbers(*ENDING)), _numbers("SIGALRM")
+_NUMBERS, _NUMBERED = _numbers(*ENDING, SUSPEND), len(_numbers(*ENDING))
+_ALARM = [] if sys.platform == "win32" else [int(signal.SIGALRM)]
 
 
 def numbers(*, suspend: bool = False, alarm: bool = False) -> list[int]:

@@ -89,7 +89,7 @@ class Change(NamedTuple):
 
 def limit_of(param: Word) -> str:
     """The largest step in words: ``10 %``, ``1.00 in``."""
-    return "10 %" if param.choices is ASSIST else param.shown(param.step or 0)
+    return ASSIST[int(param.step or 0)] if param.choices is ASSIST else param.shown(param.step or 0)
 
 
 # -- whether the wearer keeps still: two looks at GetData, before any setting is written --------------------------------

@@ -18,6 +18,7 @@ from handctl.command.option_types import FiniteRange, InFile, OutFile, WholeRang
 from handctl.command.options import Own
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.ekso import write_checks
+from handctl.devices.ekso.change import limit_of
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.device import Ekso, one_setting, written_table
 from handctl.devices.ekso.frames import LENGTH_MODES
@@ -223,7 +224,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
     table = get_set_watch.describe(EKSO, names)
     for row in table.rows:
         param, _ = EKSO.find(row["name"])
-        policy = [f"{param.shown(param.step) if not param.choices else '10 %'} at once"] if param.step else []
+        policy = [f"{limit_of(param)} at once"] if param.step else []
         policy += ["only while sitting"] if param.sitting else []
         policy += [f"{' and '.join(param.twice)} asked twice"] if param.twice else []
         row |= {

@@ -1,6 +1,6 @@
 """`ekso policy`: every limit of this tool for writing a setting, as a table. Never a limit of the device.
 
-The limits themselves stand with the words (`map`), with the writer (`settings`) and with `change`; nothing is decided here.
+It decides nothing: the limits are in `map` (the largest steps), `change` and `setting_writer`.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from handctl.devices.inspire import modbus_frames
-from handctl.devices.inspire.modbus_frames import Answer, RtuDecoder, TcpDecoder
+from handctl.devices.inspire.modbus_frames import TCP_PORT, Answer, RtuDecoder, TcpDecoder
 from handctl.devices.inspire.register_bus import MOST, ByteBus
 from handctl.devices.inspire.serial_bus import shorten
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
@@ -399,4 +399,4 @@ HINTS = {
     "cut-short": "check the cable, the ground and the baud rate, and that only one hand has this id",
     "wrong-id": "use the --id it shows",
 }
-OTHER_SERVICE_HINT = "check the address and the port: another service may reply there. The hand's port is 6000"
+OTHER_SERVICE_HINT = f"check the address and the port: another service may reply there. The hand's port is {TCP_PORT}"

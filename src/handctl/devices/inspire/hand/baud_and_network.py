@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import procedures
 from handctl.devices.inspire.hand.map import DF, IP_ADDRESS, MODELS, TP
+from handctl.devices.inspire.modbus_frames import TCP_PORT
 from handctl.errors import CheckFailed, DeviceRefused, UsageError
 from handctl.model.param import Element, Number, elements_of
 from handctl.model.prompts import Prompts
@@ -119,7 +120,7 @@ def show_network(hand: Hand) -> Table:
     table = hand.table(hand.read(elements_of(hand.map[IP_ADDRESS])))
     hand.journal.info(
         "network",
-        f"the hand has {'.'.join(map(str, address))}, port 6000 (Modbus TCP)",
+        f"the hand has {'.'.join(map(str, address))}, port {TCP_PORT} (Modbus TCP)",
         hint=f"give this computer an address such as {laptop_for(address)}, mask 255.255.255.0",
     )
     return table

@@ -21,7 +21,6 @@ from handctl.command.run import Act, Asked, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import (
-    PORT,
     ModelGate,
     asks_rtu,
     check,
@@ -35,6 +34,7 @@ from handctl.devices.inspire.hand.generation import (
 from handctl.devices.inspire.hand.map import BYTE_MAP, DG2, SPEEDS
 from handctl.devices.inspire.hand.pairing_cli import add_pairing
 from handctl.devices.inspire.map import ALONE, address_in
+from handctl.devices.inspire.modbus_frames import TCP_PORT
 from handctl.errors import UsageError
 from handctl.link import FrameLink
 from handctl.model.device import limits_of
@@ -84,7 +84,7 @@ cli = Group(
         115200,
         verbs.explain_silence,
         wires=("serial", "can", "modbus-tcp"),
-        tcp_port=PORT,
+        tcp_port=TCP_PORT,
         ids=True,
         check=check,
         map_of=map_of,

@@ -27,7 +27,7 @@ from handctl.devices.inspire.identity import (
     stranger,
     within,
 )
-from handctl.devices.inspire.modbus_frames import RTU, RTU_SPEED, TCP, mode_of
+from handctl.devices.inspire.modbus_frames import RTU, RTU_SPEED, TCP, TCP_PORT, mode_of
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError, UsageError
 from handctl.model.param import ParamMap
@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from handctl.link import ByteLink
     from handctl.model.stop_sequence import Options
 
-PORT = 6000
-"""Modbus TCP (rh56 §2.3)."""
 HERE = ("127.0.0.1", "localhost", "[::1]")
 """This machine, where simulators are served."""
 
@@ -68,9 +66,9 @@ def check(settings: Settings) -> None:
     if not link.startswith("tcp://") or settings.own.get("protocol") == "modbus":
         return
     host, colon, port = link.removeprefix("tcp://").rstrip("/").rpartition(":")
-    if colon and number_in(port) not in (None, PORT) and host not in HERE:
+    if colon and number_in(port) not in (None, TCP_PORT) and host not in HERE:
         raise UsageError(
-            f"{link}: a hand uses Modbus TCP port {PORT}. Another port may lead to a serial line",
+            f"{link}: a hand uses Modbus TCP port {TCP_PORT}. Another port may lead to a serial line",
             hint="add --protocol modbus if a hand replies there (for doctor, HANDCTL_PROTOCOL=modbus), or give socket://HOST:PORT for "
             "a serial line",
         )

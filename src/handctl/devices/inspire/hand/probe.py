@@ -15,6 +15,7 @@ from handctl.devices.inspire.hand.map import BLOCKED, FINGERS, HOT, IP_ADDRESS, 
 from handctl.devices.inspire.identity import BYTE_HAND, Kind, Row4, same_id
 from handctl.devices.inspire.map import DRAWN
 from handctl.devices.inspire.modbus_bus import ModbusBus
+from handctl.devices.inspire.modbus_frames import TCP_PORT
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.devices.inspire.scan import Probing, Target, ignores_speed, parse_ids, sweep
 from handctl.devices.inspire.serial_bus import SILENCE_HINTS, Bus
@@ -265,7 +266,6 @@ ASIDE = True
 PING = "angle_actual"
 ECHOES = False
 ANGLES = (1546, 4)
-OWN_PORT = ":6000"
 
 
 def who(bus: RegisterBus) -> tuple[Kind, str | None, str]:
@@ -296,9 +296,9 @@ def probe(
     timeout: float | None = None,
 ) -> list[Row]:  # fmt: skip
     """Rows with family, link, baud, id and evidence. Raises NoAnswer on silence, ProtocolError for other data."""
-    if link.name.startswith("tcp://") and not link.name.endswith(OWN_PORT):
+    if link.name.startswith("tcp://") and not link.name.endswith(f":{TCP_PORT}"):
         # Whoever listens elsewhere may pass the bytes on to a serial line, where another device would act on them.
-        raise NoAnswer(f"{link.name}: not tried: a hand uses Modbus TCP port 6000", hint=LABEL, code="not-asked")
+        raise NoAnswer(f"{link.name}: not tried: a hand uses Modbus TCP port {TCP_PORT}", hint=LABEL, code="not-asked")
     return OWN.probe(link, journal, deadline, ids, timeout)
 
 
