@@ -37,6 +37,7 @@ from handctl.wording import plural
 
 if TYPE_CHECKING:
     from handctl.model.device import Device
+    from handctl.record.log_file import LogFile
     from handctl.record.timeline import Hole
 
 SUMMARY = (
@@ -69,6 +70,7 @@ class RequestedOptions:
     limits: Sequence[str] = ()
     until: Sequence[str] = ()
     lsl: bool = False
+    check: bool = False
 
 
 def log(
@@ -77,10 +79,19 @@ def log(
     wishes: RequestedOptions,
     params: ParamMap[Any],
     source_of: Callable[[Callable[[], bool]], Source],
+    reading: Callable[[str], LogFile] | None = None,
 ) -> Table:
-    """Record the source that `source_of` makes of the device; it is given what opens a lost port again. `params` has the names of limits."""
+    """Record the source that `source_of` makes of the device; it is given what opens a lost port again. `params` has the names of limits.
+
+    `reading` opens a log of the family, where its columns are not those of `RowsLayout`: with --check nothing is recorded.
+    """
 
     assert run.family is not None
+    if wishes.check:
+        from handctl.command import export_command
+        from handctl.record.log_file import LogFile
+
+        return export_command.check(run, reading(file) if reading is not None else LogFile(file, run.family.kind))
     if wishes.lsl:
         from handctl.record import lsl
 
