@@ -269,6 +269,18 @@ def test_the_bids_validator_finds_no_error(log: Path) -> None:
     assert [one for one in json.loads(said.stdout)["issues"]["issues"] if one["severity"] == "error"] == []
 
 
+def test_a_mark_after_the_last_row_is_an_event_as_well(log: Path) -> None:
+    said = json.loads(Path(f"{log}.json").read_text())
+    at = float(recorded(log)[-1]["host_utc_s"]) + 0.5
+    _edit(
+        log,
+        marks=[*said["marks"], {"row": None, "text": "end", "heard": [{"text": "end", "host_utc_s": at, "by": "udp"}]}],
+    )
+    out, _ = exported(log, "bids")
+    last = _tsv(out / "sub-01" / "motion" / "sub-01_task-recording_run-2_events.tsv")[-1]
+    assert (last["text"], float(last["onset"])) == ("end", pytest.approx(0.98 * SLOW + 0.5, abs=0.003))
+
+
 def test_a_dataset_is_never_overwritten(log: Path) -> None:
     out, _ = exported(log, "bids")
     before = sorted(out.rglob("*"))
@@ -400,5 +412,6 @@ def test_check_finds_clocks_that_part_within_a_segment(log: Path, late: float, c
 def test_check_records_nothing(log: Path) -> None:
     before = {path: path.read_bytes() for path in log.parent.iterdir()}
     assert checked(log).code == 0 and {path: path.read_bytes() for path in log.parent.iterdir()} == before
+    assert run("ekso", "log", "--check", log, "--duration", "1").code == 2
     done = run("ekso", "log", "--check", log.with_name("none.csv"), "--json")
     assert done.code == 2 and not log.with_name("none.csv").exists()

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from handctl import __version__
 from handctl.command.get_set_watch import bounds_of, select
 from handctl.command.run import Run
-from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError
+from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, UsageError
 from handctl.model.clock_comparison import Moment
 from handctl.model.param import Element, ParamMap, Reading
 from handctl.model.result import Column, Table
@@ -91,6 +91,8 @@ def log(
         from handctl.command import export_command
         from handctl.record.log_file import LogFile
 
+        if wishes != RequestedOptions(None, None, 0.0, "", None, False, wishes.silence, False, check=True):
+            raise UsageError("--check records nothing, so it takes no other option of log", hint="leave them out")
         return export_command.check(run, reading(file) if reading is not None else LogFile(file, run.family.kind))
     if wishes.lsl:
         from handctl.record import lsl

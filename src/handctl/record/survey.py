@@ -8,7 +8,7 @@ So each row has the host's time by the fit, which the round trips do not shake, 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -137,7 +137,8 @@ def survey(log: LogFile) -> Survey:
 
 def _events(found: Survey, marked: Sequence[tuple[int, int, int, float, str]], log: LogFile) -> Iterator[Event]:
     """Breaks and gaps at their rows; marks at the time at which they came, where the sidecar has it."""
-    heard: dict[Any, Any] = {one.get("row"): one.get("heard") for one in (log.sidecar or {}).get("marks") or []}
+    said: Sequence[Mapping[str, Any]] = (log.sidecar or {}).get("marks") or []
+    heard = {one.get("row"): one.get("heard") for one in said}
     for row, number, t_ms, came, text in marked:
         segment = found.segments[number]
         utc = segment.line.utc_of(t_ms) if found.clocked else came
@@ -153,5 +154,13 @@ def _events(found: Survey, marked: Sequence[tuple[int, int, int, float, str]], l
             elif not gap:
                 segment.notes = (*segment.notes, note)
             yield Event(utc, GAP if gap else BREAK, note, row)
-        for one in heard.get(row) or ([{"text": rest}] if rest else []):
-            yield Event(one.get("host_utc_s") or utc, MARKED, str(one.get("text")), row)
+        yield from _marks(heard.get(row) or ([{"text": rest}] if rest else []), utc, row)
+    late = [one for one in said if one.get("row") is None]  # after the last row: the file does not have them
+    last = found.segments[max(found.segments)]
+    for one in late:
+        yield from _marks(one.get("heard") or [one], last.ends[1], last.first_row + last.rows - 1)
+
+
+def _marks(said: Sequence[Mapping[str, Any]], utc_s: float, row: int) -> Iterator[Event]:
+    for one in said:
+        yield Event(one.get("host_utc_s") or utc_s, MARKED, str(one.get("text")), row)

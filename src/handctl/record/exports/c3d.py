@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from handctl.errors import UsageError
 from handctl.files import atomic_write
+from handctl.wording import plural
 
 if TYPE_CHECKING:
     from handctl.record.exports import Export
@@ -37,7 +38,7 @@ def write(export: Export) -> None:
     channels = export.log.channels
     if len(channels) >= MOST:
         raise UsageError(
-            f"{export.log.path} has {len(channels)} quantities, but a C3D file holds at most {MOST - 1}",
+            f"{export.log.path} has {plural(len(channels), 'column')}, but a C3D file holds at most {MOST - 1}",
             hint="record fewer of them, or export to parquet, mcap or xdf",
             code="too-many",
         )
