@@ -152,6 +152,17 @@ class LogFile:
         except (LookupError, TypeError, ValueError):
             return None
 
+    @property
+    def fits(self) -> dict[int, tuple[float, float]] | None:
+        """a and b of the clock fit by segment as the sidecar of a closed log has them, without those that have none; None as with `spans`."""
+        if self.sidecar is None or self.spans is None:
+            return None
+        try:
+            said = {int(one["segment"]): one["clock_fit"] for one in self.sidecar["segments"]}
+            return {number: (float(fit["a_s"]), float(fit["b"])) for number, fit in said.items() if fit}
+        except (LookupError, TypeError, ValueError):
+            return None
+
     def remarks(self) -> tuple[str, ...]:
         """What a person is told of a log that is not whole. Complete only once it was read."""
         if self.sidecar is None:

@@ -25,7 +25,8 @@ from handctl.errors import UsageError
 from handctl.files import Spool
 from handctl.record.log_file import Span
 from handctl.record.source import MARK, clean, quoted
-from handctl.record.timeline import GAP_PERIODS, LEAST_PERIOD_MS, ClockFit
+from handctl.record.survey import survey
+from handctl.record.timeline import GAP_PERIODS, LEAST_PERIOD_MS
 from handctl.wording import plural
 
 COORDINATES: tuple[tuple[str, str], ...] = (
@@ -144,7 +145,7 @@ def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[Points, 
     wanted = 1 if segment is None else segment
     if (spans := log.spans) is not None:
         _refuse(log, spans, segment)  # before hours are read
-    spans, points, fit, begun = {}, Points(), ClockFit(), ("", "")
+    spans, points, begun = {}, Points(), ""
     for block in log.blocks():
         for number in sorted(set(block.segments)):
             part = block.of(number)
@@ -153,19 +154,11 @@ def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[Points, 
             if number == wanted:
                 columns = (part.numbers(quantity, column_of(quantity)) for quantity in quantities)
                 values = [list(map(neg, one)) if sign < 0 else one for sign, one in zip(signs, columns, strict=True)]
-                since = [t_ms - span.begin for t_ms in part.t_ms]
-                points.take(since, values)
-                mono = part.columns["host_mono_s"]
-                begun = begun if fit.count else (part.columns["host_utc_s"][0], mono[0])
-                for t_ms, text in zip(since, mono, strict=True):
-                    fit.add(t_ms / 1000, float(text) - float(begun[1]))
+                points.take([t_ms - span.begin for t_ms in part.t_ms], values)
+                begun = begun or part.columns["host_utc_s"][0]
     _refuse(log, spans, segment)
-    line = fit.as_row()
-    if line is None:
-        return points, wanted, ""
-    clock = (
-        f"host UTC in s is {begun[0]} + {line['a_s']:.6f} + {line['b']:.9f} * time, residual {line['residual_ms']} ms"
-    )
+    fits = log.fits if log.fits is not None else {n: one.line[2:] for n, one in survey(log).segments.items()}
+    clock = "host UTC in s is {} + {:.6f} + {:.9f} * time".format(begun, *fits[wanted]) if wanted in fits else ""
     return points, wanted, clock
 
 

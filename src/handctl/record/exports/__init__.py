@@ -8,7 +8,6 @@ A writer is `write(export)`; it raises OSError where the disk fails. What it nee
 
 from __future__ import annotations
 
-import contextlib
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -105,11 +104,9 @@ class Export:
 
     @cached_property
     def _fits(self) -> dict[int, tuple[float, float]]:
-        """a and b by segment: from the sidecar of a closed log, which spares a pass, or from the rows."""
-        if "survey" not in self.__dict__ and self.log.spans is not None:
-            with contextlib.suppress(LookupError, TypeError, ValueError):
-                said = {int(one["segment"]): one["clock_fit"] for one in (self.log.sidecar or {})["segments"]}
-                return {number: (float(fit["a_s"]), float(fit["b"])) for number, fit in said.items() if fit}
+        """a and b by segment: from the sidecar, which spares a pass, or from the rows."""
+        if "survey" not in self.__dict__ and (said := self.log.fits) is not None:
+            return said
         return {number: one.line[2:] for number, one in self.survey.segments.items() if one.fit.count}
 
     def about(self) -> dict[str, Any]:
