@@ -357,6 +357,39 @@ def test_a_damaged_log_leaves_nothing(log: Path, kind: str) -> None:
     assert (done.code, done.error["code"]) == (2, "damaged-log") and set(log.parent.iterdir()) == before
 
 
+@each_row(
+    "edit",
+    [
+        {"columns": [1]},
+        {"marks": {"row": 1}},
+        {"marks": [{"row": [1]}]},
+        {"marks": [{"row": 31, "heard": [{"host_utc_s": "now"}]}]},
+        {"segments": [{"segment": 1, "clock_fit": {"a_s": 0.0}}]},
+        {"segments": [{"segment": 1, "clock_fit": {"a_s": 0.0, "b": float("inf")}}]},
+        {"asked": [50]},
+        {"rate_hz": "50"},
+        {"missing": 1},
+        {"tool": "\ud800"},
+    ],
+)
+def test_a_sidecar_of_another_shape_is_refused(log: Path, edit: dict[str, Any]) -> None:
+    _edit(log, **edit)
+    for args in (("export", log, "--to", "xdf", "-o", log.with_name("x.out")), ("log", "--check", log)):
+        done = run("ekso", *args, "--json")
+        assert (done.code, done.error["code"]) == (2, "damaged-log"), edit
+    assert not log.with_name("x.out").exists()
+
+
+@each_row("seconds", [-2.0, 1e10])
+def test_a_host_clock_that_cannot_be_is_refused(log: Path, seconds: float) -> None:
+    lines = log.read_bytes().decode().splitlines(keepends=True)
+    lines[40] = _later(lines[40], seconds)
+    log.write_bytes("".join(lines).encode())
+    for args in (("export", log, "--to", "c3d", "-o", log.with_name("x.out")), ("log", "--check", log)):
+        done = run("ekso", *args, "--json")
+        assert (done.code, done.error["code"]) == (2, "damaged-log") and not log.with_name("x.out").exists()
+
+
 # -- log --check ----------------------------------------------------------------------------------------------------------
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import compress, islice
 from math import isfinite
 from typing import Any, BinaryIO, NamedTuple
@@ -27,6 +27,8 @@ ROWS = 1000
 LONGEST_LINE = 65536
 UNTOUCHED = "the file was not changed"
 ERROR = "error"
+LATEST_S = 253_402_300_800.0
+"""The end of the year 9999, seconds since 1970: no clock of a host is later."""
 
 
 class Channel(NamedTuple):
@@ -283,6 +285,7 @@ def _load_sidecar(path: str, wanted: str) -> dict[str, Any] | None:
     """The sidecar, None when there is none. Raises UsageError for one that is damaged or of another kind."""
     try:
         content = json.loads(read_text(path, "a sidecar", 16_000_000))
+        json.dumps(content, ensure_ascii=False).encode()  # half a surrogate is no text
     except NoFile:
         return None
     except (ValueError, RecursionError) as exc:
@@ -291,4 +294,31 @@ def _load_sidecar(path: str, wanted: str) -> dict[str, Any] | None:
     if not isinstance(content, dict) or content.get("schema") != wanted:
         found = content.get("schema") if isinstance(content, dict) else None
         raise damaged(path, 1, f"schema {found!r} instead of {wanted!r}")
+    if not _shaped(content):
+        raise damaged(path, 1, "not a sidecar: its columns, segments or marks are not lists of objects with numbers")
     return content
+
+
+def _shaped(content: dict[str, Any]) -> bool:
+    """Whether what is read of a sidecar has its kind."""
+
+    def rows(one: Mapping[str, Any], key: str) -> Sequence[Any]:
+        found = one.get(key) or []
+        if not isinstance(found, list) or not all(isinstance(row, dict) for row in found):
+            raise TypeError(key)
+        return found
+
+    try:
+        if not isinstance(content.get("missing") or [], list):
+            return False
+        numbers = [content.get("rate_hz"), (content.get("asked") or {}).get("rate_hz")]
+        rows(content, "columns")
+        for mark in rows(content, "marks"):
+            numbers += [mark.get("row"), *(heard.get("host_utc_s") for heard in rows(mark, "heard"))]
+        for segment in rows(content, "segments"):
+            numbers.append(segment.get("segment"))
+            if fit := segment.get("clock_fit"):
+                numbers += [fit["a_s"], fit["b"]]
+        return all(isfinite((number or 0) + 0.0) and abs(number or 0) < LATEST_S for number in numbers)
+    except (AttributeError, LookupError, TypeError, OverflowError):
+        return False

@@ -10,15 +10,16 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any, NamedTuple
 
 from handctl.model.clock_comparison import WITHIN_MS, Moment
 from handctl.record import timeline
-from handctl.record.log_file import LogFile
+from handctl.record.log_file import LATEST_S, LogFile, damaged
 from handctl.record.source import MARK
 from handctl.record.timeline import Place
 
-NOTE = re.compile(r"\[(port lost|reboot|clocks [^]]*|gap [^]]*)\](?:; |$)")
+NOTE = re.compile(r"\[(port lost|reboot|clocks [^]]*|gap [0-9]{1,9}[.][0-9]{3} s)\](?:; |$)")
 """What the recorder itself writes into a mark, before the text of a person."""
 BREAK, GAP, MARKED = "break", "gap", "mark"
 
@@ -113,7 +114,7 @@ def survey(log: LogFile) -> Survey:
     """Read the log once. Raises UsageError as its `blocks` do, and for one without rows."""
     found = Survey(log.clocked)
     marked: list[tuple[int, int, int, float, str]] = []
-    row = 1
+    row, last = 1, -inf
     for block in log.blocks():
         for number in sorted(set(block.segments)):
             part = block.of(number)
@@ -125,6 +126,12 @@ def survey(log: LogFile) -> Survey:
                 before = found.segments.get(number - 1)
                 pause = mono[0] - before.last.mono_s if before else 0.0
                 segment = found.segments[number] = Segment(number, row, first, None, first, utc_s=utc[0], pause_s=pause)
+            for at, moment in enumerate(mono):
+                if moment < last or not 0 <= utc[at] < LATEST_S:
+                    raise damaged(
+                        log.path, row + at + 1, "the time of this computer does not follow from the row before"
+                    )
+                last = moment
             segment.read(part.t_ms, mono, rtt, clocked=log.clocked)
             marks = part.columns[MARK]
             marked += [(row + at, number, part.t_ms[at], utc[at], mark) for at, mark in enumerate(marks) if mark]

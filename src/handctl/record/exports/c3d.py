@@ -28,6 +28,8 @@ MOST = 255
 LARGEST = 32_000
 """Bytes of a parameter: the way to the next one is a signed word."""
 HEADER_FRAMES = 0xFFFF
+MOST_FRAMES = 1 << 26
+"""Two weeks at 50 Hz; a file of them has some 10 GB."""
 RECORDED = "recorded"
 VALID, INVALID = 0.0, -1.0
 Frame = tuple[bool, list[float]]
@@ -47,6 +49,12 @@ def write(export: Export) -> None:
         raise UsageError("the rate of the recording is unknown", hint="add --rate HZ", code="no-rate")
     begin, end = export.ends
     count = int((end - begin) * rate + 1e-6) + 1
+    if count > MOST_FRAMES:
+        raise UsageError(
+            f"{export.log.path} covers {end - begin:.0f} s, which is too long for a C3D file",
+            hint="choose a segment with --segment N, or a lower --rate",
+            code="too-many",
+        )
     angles = [at for at, channel in enumerate(channels) if channel.unit in ("deg", "°")]
     parameters = _parameters(export, rate, count, begin, [channels[at] for at in angles])
     header = struct.pack(

@@ -42,7 +42,7 @@ def write(export: Export) -> None:
             for time, row in zip(utc, zip(*columns, strict=True), strict=True):
                 message = dict(zip(rows, row, strict=True))
                 came = round(float(message["host_utc_s"]) * NS)
-                writer.add_message(data, round(time * NS), json.dumps(message).encode(), came, message["seq"])
+                writer.add_message(data, round(time * NS), json.dumps(message).encode(), came, message["seq"] & 0xFFFFFFFF)
         for at, one in enumerate(export.events):
             text = json.dumps({"kind": one.kind, "text": one.text, "row": one.row}).encode()
             time = round(one.utc_s * NS)

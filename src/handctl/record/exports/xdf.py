@@ -13,6 +13,7 @@ from xml.sax.saxutils import escape
 
 from handctl.files import atomic_write
 from handctl.record.exports import name_of
+from handctl.record.source import clean
 
 if TYPE_CHECKING:
     from handctl.record.exports import Export
@@ -38,7 +39,8 @@ def write(export: Export) -> None:
         _chunk(file, FILE_HEADER, b'<?xml version="1.0"?><info><version>1.0</version></info>')
         name = f"handctl {log.kind}"
         channels = "".join(
-            f"<channel><label>{escape(label)}</label><unit>{escape(unit)}</unit></channel>" for label, unit in labels
+            f"<channel><label>{escape(clean(label))}</label><unit>{escape(clean(unit))}</unit></channel>"
+            for label, unit in labels
         )
         about = f"<channels>{channels}</channels><handctl>{escape(_said(export, ahead))}</handctl>"
         _header(file, ROWS, name, "Motion", "double64", len(labels), rate, about)
