@@ -318,7 +318,7 @@ def _shaped(content: dict[str, Any]) -> bool:
         for segment in rows(content, "segments"):
             numbers.append(segment.get("segment"))
             if fit := segment.get("clock_fit"):
-                numbers += [fit["a_s"], fit["b"]]
-        return all(isfinite((number or 0) + 0.0) and abs(number or 0) < LATEST_S for number in numbers)
+                numbers += [fit["a_s"] + 0.0, fit["b"] + 0.0]
+        return all(number is None or (isfinite(number + 0.0) and abs(number) < LATEST_S) for number in numbers)
     except (AttributeError, LookupError, TypeError, OverflowError):
         return False

@@ -42,13 +42,12 @@ class Export:
         """What one pass shows. Raises UsageError."""
         return survey(self.log)
 
-    @cached_property
+    @property
     def segments(self) -> list[int]:
         """The numbers of those that are meant. Raises UsageError where there are none."""
-        known = self.survey.segments if self.log.spans is None else self.log.spans
-        if not known or self.segment not in (None, *known):
+        if self.segment not in (None, *self.survey.segments):
             raise self.log.without(self.segment)
-        return list(known) if self.segment is None else [self.segment]
+        return list(self.survey.segments) if self.segment is None else [self.segment]
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -66,17 +65,20 @@ class Export:
 
     @property
     def nominal_hz(self) -> float | None:
-        """The rate that was asked for, or else reached; None where there is only one row."""
+        """The rate that was asked for if the log has it within 2 %, or else that of its rows; None where there is only one."""
         about = self.log.sidecar or {}
-        asked = (about.get("asked") or {}).get("rate_hz") or about.get("rate_hz")
         spent = sum(one.last.mono_s - one.first.mono_s for one in self.survey.segments.values())
         steps = self.survey.rows - len(self.survey.segments)
-        return float(asked) if asked else round(steps / spent, 2) if spent > 0 and steps > 0 else None
+        reached = about.get("rate_hz") or (round(steps / spent, 2) if spent > 0 else None)
+        asked = (about.get("asked") or {}).get("rate_hz")
+        return asked if asked and reached and abs(reached - asked) <= 0.02 * asked else reached
 
     @property
     def even(self) -> bool:
-        """Whether no row is missing between the first and the last."""
-        return len(self.segments) == 1 and not self.survey.segments[self.segments[0]].gaps
+        """Whether no row is missing between the first and the last, as a closed log says."""
+        about = self.log.sidecar or {}
+        lost = about.get("lost") or about.get("skipped") or not self.log.closed
+        return not lost and len(self.segments) == 1 and not self.survey.segments[self.segments[0]].gaps
 
     def blocks(self) -> Iterator[tuple[int, Block, list[float]]]:
         """The rows: segment, rows of it, and the host's time of each by the clock fit, seconds since 1970."""
@@ -101,6 +103,8 @@ class Export:
                 first = utc[0] if first is None else first
                 self.seconds = round(utc[-1] - first, 3)
                 yield number, block, utc
+        if not self.rows:
+            raise self.log.without(self.segment)
 
     @cached_property
     def _fits(self) -> dict[int, tuple[float, float]]:
@@ -128,7 +132,9 @@ def write(export: Export, kind: str) -> None:
                 hint=f'install it with: pip install "handctl[{kind}]"',
                 code="no-extra",
             ) from exc
-    _ = export.segments  # or there are none
+    known = export.log.spans
+    if known is not None and (not known or export.segment not in (None, *known)):  # at once, before hours are read
+        raise export.log.without(export.segment)
     try:
         import_module(f"{__name__}.{kind}").write(export)
     except OSError as exc:

@@ -21,7 +21,7 @@ def write(export: Export) -> None:
     """Write it; the library writes each chunk when it is full."""
     from mcap.writer import Writer
 
-    log = export.log
+    log, events = export.log, export.events
     number: dict[str, Any] = {"type": ["number", "null"]}
     rows = {name: {"type": "number"} for name, _ in log.lead}
     rows |= {one.column: number | {"description": one.name, "unit": one.unit} for one in log.channels}
@@ -42,8 +42,10 @@ def write(export: Export) -> None:
             for time, row in zip(utc, zip(*columns, strict=True), strict=True):
                 message = dict(zip(rows, row, strict=True))
                 came = round(float(message["host_utc_s"]) * NS)
-                writer.add_message(data, round(time * NS), json.dumps(message).encode(), came, message["seq"] & 0xFFFFFFFF)
-        for at, one in enumerate(export.events):
+                writer.add_message(
+                    data, round(time * NS), json.dumps(message).encode(), came, message["seq"] & 0xFFFFFFFF
+                )
+        for at, one in enumerate(events):
             text = json.dumps({"kind": one.kind, "text": one.text, "row": one.row}).encode()
             time = round(one.utc_s * NS)
             writer.add_message(marks, time, text, time, at)
