@@ -91,10 +91,20 @@ class Exo(Device):
         mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
+        check: bool = False,
         limit: Sequence[str] = (),
         until: Sequence[str] = (),
     ) -> Rows:
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
+    def export(
+        self,
+        log: Path,
+        *,
+        to: Literal["parquet", "bids", "c3d", "mcap", "xdf"] | None = None,
+        segment: int | None = None,
+        rate: Number | None = None,
+    ) -> Rows:
+        """Turn a log into a file for pandas, BIDS, motion capture and other tools."""
     def snapshot(self, file: Path) -> Rows:
         """Save the settings and set points of the device to FILE."""
     def diff(self, a: Path | None = None, b: Path | None = None, *, setpoints: bool = False) -> Rows:
@@ -227,10 +237,20 @@ class Wrist(Device):
         mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
+        check: bool = False,
         limit: Sequence[str] = (),
         until: Sequence[str] = (),
     ) -> Rows:
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
+    def export(
+        self,
+        log: Path,
+        *,
+        to: Literal["parquet", "bids", "c3d", "mcap", "xdf"] | None = None,
+        segment: int | None = None,
+        rate: Number | None = None,
+    ) -> Rows:
+        """Turn a log into a file for pandas, BIDS, motion capture and other tools."""
     def snapshot(self, file: Path) -> Rows:
         """Save the settings and set points of the device to FILE."""
     def diff(self, a: Path | None = None, b: Path | None = None, *, setpoints: bool = False) -> Rows:
@@ -338,10 +358,20 @@ class Barrett(Device):
         mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
+        check: bool = False,
         limit: Sequence[str] = (),
         until: Sequence[str] = (),
     ) -> Rows:
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
+    def export(
+        self,
+        log: Path,
+        *,
+        to: Literal["parquet", "bids", "c3d", "mcap", "xdf"] | None = None,
+        segment: int | None = None,
+        rate: Number | None = None,
+    ) -> Rows:
+        """Turn a log into a file for pandas, BIDS, motion capture and other tools."""
     def snapshot(self, file: Path) -> Rows:
         """Save the settings and set points of the device to FILE."""
     def diff(self, a: Path | None = None, b: Path | None = None) -> Rows:
@@ -650,6 +680,7 @@ class Ekso(Device):
         mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
+        check: bool = False,
         limit: Sequence[str] = (),
         until: Sequence[str] = (),
         raw: bool = False,
@@ -661,13 +692,13 @@ class Ekso(Device):
         self,
         log: Path,
         *,
-        format: Literal["mot", "csv", "parquet"] | None = None,
+        format: Literal["mot", "csv", "parquet", "bids", "c3d", "mcap", "xdf"] | None = None,
         si: bool = False,
         segment: int | None = None,
         knee_sign: Literal["1", "-1"] | None = None,
         rate: Number | None = None,
     ) -> Rows:
-        """Turn a log into an OpenSim motion file or a table in SI units. Needs no device."""
+        """Turn a log into a file for OpenSim, pandas, BIDS and other tools. Needs no device."""
     def time(self, *, length_mode: str | None = None) -> Rows:
         """Show the device's time of day."""
     def date(self, *, length_mode: str | None = None) -> Rows:
@@ -765,10 +796,20 @@ class Aidin(Device):
         mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
+        check: bool = False,
         limit: Sequence[str] = (),
         until: Sequence[str] = (),
     ) -> Rows:
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
+    def export(
+        self,
+        log: Path,
+        *,
+        to: Literal["parquet", "bids", "c3d", "mcap", "xdf"] | None = None,
+        segment: int | None = None,
+        rate: Number | None = None,
+    ) -> Rows:
+        """Turn a log into a file for pandas, BIDS, motion capture and other tools."""
     def report(self, file: Path, *, watch: Number = 3.0, include_ids: bool = False, force: bool = False) -> Rows:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
     def doctor(self, *, count: int = 100) -> Rows:
@@ -863,10 +904,20 @@ class Hand(Device):
         mark_stdin: bool = False,
         silence: Number = 60.0,
         force: bool = False,
+        check: bool = False,
         limit: Sequence[str] = (),
         until: Sequence[str] = (),
     ) -> Rows:
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it."""
+    def export(
+        self,
+        log: Path,
+        *,
+        to: Literal["parquet", "bids", "c3d", "mcap", "xdf"] | None = None,
+        segment: int | None = None,
+        rate: Number | None = None,
+    ) -> Rows:
+        """Turn a log into a file for pandas, BIDS, motion capture and other tools."""
     def snapshot(self, file: Path) -> Rows:
         """Save the settings and set points of the device to FILE."""
     def diff(self, a: Path | None = None, b: Path | None = None) -> Rows:

@@ -21,7 +21,7 @@ ELSEWHERE = {
     ("barrett", "firmware check"): "reaches no device, and takes an image",
     ("hand", "pair"): "needs two hands, and somebody who sees which one moves",
     ("ekso", "gait"): "reaches no device, and takes logs",
-    ("ekso", "export"): "reaches no device, and has formats of its own",
+    **{(family, "export"): "reaches no device, and takes a log" for family in FAMILIES},
     **{(family, "doctor"): "looks at this computer as well, which is another one each time" for family in FAMILIES},
 }
 """Commands with tests of their own only, and why."""

@@ -84,7 +84,7 @@ def bench_version(words: tuple[str, ...]) -> tuple[str, ...]:
             on_can = True
         elif word not in ("--fake", "--serial"):
             kept.append(word)
-    if "log" in kept and "-h" not in kept:  # a few rows are enough
+    if "log" in kept and not {"-h", "--check"} & set(kept):  # a few rows are enough
         place = kept.index("--duration") if "--duration" in kept else len(kept)
         kept[place : place + 2] = ["--count", "5"]
     streams = {"watch", "--live"} & set(kept) or {"tactile", "--watch"} <= set(kept)

@@ -51,6 +51,7 @@ def test_a_motion_file_whole(tmp_path: Path) -> None:
         "inDegrees=yes",
         "source: handctl 1; gait.csv, segment 1; simulated",
         "sign: knee flexion is positive, pelvis_tilt is minus torso_pitch",
+        "clock: host UTC in s is 1767225700.000000 + 0.000000 + 1.000000000 * time",
         "endheader",
         "time\tpelvis_tilt\thip_flexion_r\tknee_angle_r\thip_flexion_l\tknee_angle_l",
         "0.000\t-4.50\t22.10\t8.40\t-6.35\t3.20",

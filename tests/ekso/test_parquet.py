@@ -27,8 +27,8 @@ def test_every_value_unit_and_mark_comes_back(log: Path) -> None:
     done = run("ekso", "export", log, "--to", "parquet", "-o", out, "--json")
     assert done.code == 0 and done.rows == [{"file": str(out), "rows": 5, "seconds": pytest.approx(2, abs=3)}]
     table: Any = parquet.read_table(out)
-    names = LogFile(str(log)).layout.names
-    assert tuple(table.column_names) == names
+    names = LogFile(str(log)).names
+    assert tuple(table.column_names) == (*names, "host_fit_s")
     recorded = list(csv.DictReader(log.open(encoding="utf-8", newline="")))
     for name in names:
         about = {key.decode(): text.decode() for key, text in (table.schema.field(name).metadata or {}).items()}

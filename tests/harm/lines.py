@@ -102,6 +102,7 @@ def _tools() -> Iterator[tuple[str, ...]]:
     for name in families.FAMILIES:
         yield "scan", "--family", name
         yield name, "scan"
+        yield name, "export", "{dir}/log.csv", "--to", "xdf", "-o", "{dir}/log.xdf"
         yield "doctor", "--family", name, "--count", "3"
         yield name, "doctor", "--count", "3"
     if "stop" in families.COMMANDS:

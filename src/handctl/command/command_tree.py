@@ -323,6 +323,12 @@ log_options = together(
         help="End after S seconds without a valid reply. handctl also waits this long for a lost port to come back.",
     ),
     click.option("--force", is_flag=True, help="Overwrite FILE."),
+    click.option(
+        "--check",
+        is_flag=True,
+        help="Record nothing: check the recording FILE, and show its segments, breaks and the fit of the two clocks. "
+        "Needs no device. Exit code 7 if it is incomplete or does not match its sidecar.",
+    ),
     BOUNDS,
 )
 """FILE, and the options of `recorder.Wishes`."""

@@ -1,5 +1,5 @@
-"""The commands that every device with a parameter map has: status, dump, get, set, describe, watch, log, snapshot, diff,
-restore, report.
+"""The commands that every device with a parameter map has: status, dump, get, set, describe, watch, log, export, snapshot,
+diff, restore, report.
 
 Their meaning is in `verbs` and `stored`; here they become click commands of a family's group. A family that needs one of its own
 leaves it out with `without` and defines it itself.
@@ -14,7 +14,7 @@ from typing import Any
 
 import click
 
-from handctl.command import get_set_watch
+from handctl.command import export_command, get_set_watch
 from handctl.command.command_tree import (
     ALWAYS,
     BOUNDS,
@@ -160,6 +160,17 @@ def add_map_verbs(
             lambda again: log_command.of_map(run, names, again),
         )
 
+    @export_command.export_options
+    def export(run: Run, log: str, kind: str | None, segment: int | None, rate: float | None) -> Table:
+        """Turn a log into a file for pandas, BIDS, motion capture and other tools.
+
+        Works without a device. -o names the file.
+        """
+        from handctl.record.log_file import LogFile
+
+        path = export_command.take_file(run)
+        return export_command.export(run, path, LogFile(log, params.kind), kind, segment, rate)
+
     @click.argument("file", type=OutFile())
     def snapshot(run: Run, file: str) -> Table:
         """Save the settings and set points of the device to FILE.
@@ -257,6 +268,7 @@ def add_map_verbs(
         ("describe", "Look", describe, False),
         ("watch", "Look", watch, False),
         ("log", "Files", log, False),
+        ("export", "Files", export, False),
         ("snapshot", "Files", snapshot, False),
         ("diff", "Files", diff, False),
         ("restore", "Files", restore, True),
@@ -264,5 +276,9 @@ def add_map_verbs(
         ("doctor", "Service", doctor, False),
     ):
         if name not in without:
-            more = {"streams": name == "watch", "offline": name == "describe", "asks": asking.get(name, False)}
+            more = {
+                "streams": name == "watch",
+                "offline": name in ("describe", "export"),
+                "asks": asking.get(name, False),
+            }
             group.verb(name, heading, writes=writes, **more)(body)

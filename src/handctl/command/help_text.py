@@ -321,6 +321,8 @@ SHARED: Examples = (
     ("handctl {0} watch --duration 60 --csv -o curve.csv -d left", "Record one minute to a file."),
     ("handctl {0} log {0}.csv --count 5 --fake", "Record five rows to a file, with a sidecar that describes them."),
     ("handctl {0} log {0}.csv --duration 60 --rate 20 -d left", "One minute, 20 rows a second."),
+    ("handctl {0} log --check {0}.csv", "Check a recording, and show its breaks and clocks."),
+    ("handctl {0} export {0}.csv --to xdf -o {0}.xdf", "Turn a recording into a file for other tools."),
     ("handctl {0} scan --fake", "The result of a scan, here of the simulated device."),
     ("handctl {0} stop -d left", "Stop at once, even while another handctl command is using the device."),
     ("handctl {0} stop -n --fake", "The bytes that would be sent."),

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from handctl import __version__
 from handctl.command.get_set_watch import bounds_of, select
 from handctl.command.run import Run
-from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError
+from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, UsageError
 from handctl.model.clock_comparison import Moment
 from handctl.model.param import Element, ParamMap, Reading
 from handctl.model.result import Column, Table
@@ -37,6 +37,7 @@ from handctl.wording import plural
 
 if TYPE_CHECKING:
     from handctl.model.device import Device
+    from handctl.record.log_file import LogFile
     from handctl.record.timeline import Hole
 
 SUMMARY = (
@@ -69,6 +70,7 @@ class RequestedOptions:
     limits: Sequence[str] = ()
     until: Sequence[str] = ()
     lsl: bool = False
+    check: bool = False
 
 
 def log(
@@ -77,10 +79,21 @@ def log(
     wishes: RequestedOptions,
     params: ParamMap[Any],
     source_of: Callable[[Callable[[], bool]], Source],
+    reading: Callable[[str], LogFile] | None = None,
 ) -> Table:
-    """Record the source that `source_of` makes of the device; it is given what opens a lost port again. `params` has the names of limits."""
+    """Record the source that `source_of` makes of the device; it is given what opens a lost port again. `params` has the names of limits.
+
+    `reading` opens a log of the family, where its columns are not those of `RowsLayout`: with --check nothing is recorded.
+    """
 
     assert run.family is not None
+    if wishes.check:
+        from handctl.command import export_command
+        from handctl.record.log_file import LogFile
+
+        if wishes != RequestedOptions(None, None, 0.0, "", None, False, wishes.silence, False, check=True):
+            raise UsageError("--check records nothing, so it takes no other option of log", hint="leave them out")
+        return export_command.check(run, reading(file) if reading is not None else LogFile(file, run.family.kind))
     if wishes.lsl:
         from handctl.record import lsl
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
@@ -10,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl import __version__
-from handctl.command import get_set_watch, snapshots
+from handctl.command import export_command, get_set_watch, snapshots
 from handctl.command.command_tree import Command, Group, log_options
 from handctl.command.common_commands import NAMES, add_map_verbs
 from handctl.command.family import Family
-from handctl.command.option_types import FiniteRange, InFile, OutFile, WholeRange
+from handctl.command.option_types import InFile, OutFile
 from handctl.command.options import Own
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.ekso import write_checks
@@ -27,6 +26,7 @@ from handctl.devices.ekso.map import EKSO
 from handctl.errors import OutputError, UsageError
 from handctl.model.device import Gate, limits_of
 from handctl.model.result import Column, Table
+from handctl.record.formats import FORMATS
 
 if TYPE_CHECKING:
     from handctl.command.options import Settings
@@ -39,11 +39,8 @@ if TYPE_CHECKING:
     from handctl.record.source import Source
 
 
-PARQUET = (
-    Column("file", "File"),
-    Column("rows", "Rows", right=True),
-    Column("seconds", "Duration", right=True, unit="s"),
-)
+TEXTS = ("mot", "csv")
+"""The formats of a log that are text; the others are those of every family."""
 NOT_MEDICAL = "handctl is not a medical device, and you are responsible for the settings you change"
 
 
@@ -61,7 +58,9 @@ cli = Group(
     help="Read, set and record an EksoNR through its DataPort (serial over USB). A person may be standing in it. "
     f"Reading changes nothing. Every write of a setting is checked, asks first, is read back and logged. {NOT_MEDICAL}.",
 )
-add_map_verbs(cli, EKSO, example="step_length left_knee_angle 216", without=("set", "describe", "log", "restore"))
+add_map_verbs(
+    cli, EKSO, example="step_length left_knee_angle 216", without=("set", "describe", "export", "log", "restore")
+)
 
 
 # -- recordings ---------------------------------------------------------------------------------------------------
@@ -83,50 +82,50 @@ def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -
 
         return EksoSource(run.device(), again, raw=raw, personal=include_pilot_id)
 
-    return log_command.log(run, file, log_command.RequestedOptions(**wishes), EKSO, source)
+    def reading(path: str) -> LogFile:
+        from handctl.devices.ekso.log_file import LogFile
+
+        return LogFile(path)
+
+    return log_command.log(run, file, log_command.RequestedOptions(**wishes), EKSO, source, reading)
 
 
 @cli.verb("export", "Files", offline=True)
-@click.argument("log", metavar="LOG", type=InFile(additional=(".json",)))
+@export_command.LOG
 @click.option(
     "--to",
     "--format",
     "kind",
-    type=click.Choice(["mot", "csv", "parquet"]),
-    help="Output: mot (OpenSim motion file), csv (the columns of the log) or parquet (the same with types and units, needs "
-    "handctl[parquet]). --format is the older name.",
+    type=click.Choice([*TEXTS, *FORMATS]),
+    help=export_command.formats_help("mot (OpenSim motion file), csv (the columns of the log), ")
+    + " --format is the older name.",
 )
 @click.option("--si", is_flag=True, help="With csv: metres and radians instead of inches and degrees.")
-@click.option("--segment", type=WholeRange(min=1), metavar="N", help="Only segment N. A motion file holds just one.")
+@export_command.SEGMENT
 @click.option(
     "--knee-sign",
     type=click.Choice(["1", "-1"]),
     help="With mot: sign of knee flexion in your model (default 1, as in the device; gait2392 needs -1).",
 )
-@click.option(
-    "--rate",
-    type=FiniteRange(min=0, min_open=True, max=1000),
-    metavar="HZ",
-    help="With mot: resample linearly, but never across a gap.",
-)
+@export_command.RATE
 def export(
     run: Run, log: str, kind: str | None, si: bool, segment: int | None, knee_sign: str | None, rate: float | None
 ) -> Table:
-    """Turn a log into an OpenSim motion file or a table in SI units. Needs no device.
+    """Turn a log into a file for OpenSim, pandas, BIDS and other tools. Needs no device.
 
-    The output goes to stdout, or to FILE with -o.
+    mot and csv go to stdout, or to FILE with -o. The others need -o. A motion file holds just one segment.
     """
     from handctl.devices.ekso import export as exports
     from handctl.devices.ekso.log_file import LogFile
 
     as_rows = run.settings.format in ("json", "ndjson")
     kind = kind or ("csv" if run.settings.format == "csv" else None)
+    path = export_command.take_file(run) if kind in FORMATS else run.settings.output
     _check_options(kind, si=si, knee_sign=knee_sign, rate=rate)
-    if run.settings.output and os.path.realpath(run.settings.output) in map(os.path.realpath, (log, f"{log}.json")):
-        raise UsageError("-o would overwrite the log itself", hint="give another name")
+    export_command.refuse_log(path, log)
     source = LogFile(log)
-    if kind == "parquet":
-        return _parquet(run, source, segment)
+    if kind in FORMATS:
+        return export_command.export(run, str(path), source, kind, segment, rate)
     if kind == "csv":
         result = exports.table(source, segment=segment, si=si, as_rows=as_rows)
     else:
@@ -138,41 +137,19 @@ def export(
                 hint="use --knee-sign -1 for models like gait2392",
             )
         result = exports.motion(
-            source, segment=segment, knee_sign=sign, rate=rate, tool=f"handctl {__version__}", as_rows=as_rows
+            source, segment=segment, knee_sign=sign, rate=rate, tool=export_command.TOOL, as_rows=as_rows
         )
-    _tell_simulated(run, source)
+    export_command.tell_simulated(run, source)
     return _shown(run, result, as_rows)
-
-
-def _tell_simulated(run: Run, source: LogFile) -> None:
-    if source.simulated:
-        run.settings = run.settings._replace(port=None, fake=True)
-        run.journal.info("simulated", f"{source.path}: this is a recording of a simulator, not of a device")
-
-
-def _parquet(run: Run, source: LogFile, segment: int | None) -> Table:
-    """Write the file that -o names; what is shown is its name and size."""
-    from handctl.devices.ekso import parquet
-
-    path = run.settings.output
-    if not path or path == "-":
-        raise UsageError(
-            "--to parquet needs a file: the output is not text", hint="add -o walk.parquet", code="no-output"
-        )
-    run.settings = run.settings._replace(output=None)  # the file is ours; what is told of it goes to stdout
-    rows, seconds, remarks = parquet.write(source, path, segment=segment, tool=f"handctl {__version__}")
-    _tell_simulated(run, source)
-    for remark in remarks:
-        run.journal.warn("log", remark)
-    run.journal.info("exported", f"{rows} rows, {seconds:.3f} s")
-    return Table(rows=[{"file": path, "rows": rows, "seconds": seconds}], columns=PARQUET)
 
 
 def _check_options(kind: str | None, *, si: bool, knee_sign: str | None, rate: float | None) -> None:
     if kind is None:
-        raise UsageError("no format given", hint="use --to mot, --to csv or --to parquet")
-    if kind != "mot" and (knee_sign is not None or rate is not None):
-        raise UsageError("--knee-sign and --rate work only with --to mot", hint="leave them out")
+        raise UsageError("no format given", hint=f"use --to {', --to '.join((*TEXTS, *FORMATS))}")
+    if kind != "mot" and knee_sign is not None:
+        raise UsageError("--knee-sign works only with --to mot", hint="leave it out")
+    if kind == "csv" and rate is not None:
+        raise UsageError("--rate does not work with --to csv: it is written as recorded", hint="leave it out")
     if kind != "csv" and si:
         raise UsageError("--si works only with --to csv", hint="leave it out: the output is in degrees")
 

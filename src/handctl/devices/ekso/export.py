@@ -19,11 +19,13 @@ from operator import lt, neg
 from typing import Any, NamedTuple
 
 from handctl.devices.ekso.log import NAMED, column_of, to_si
-from handctl.devices.ekso.log_file import MOST_KNOWN, LogFile, Span
+from handctl.devices.ekso.log_file import MOST_KNOWN, LogFile
 from handctl.devices.ekso.map import DATA
 from handctl.errors import UsageError
 from handctl.files import Spool
+from handctl.record.log_file import Span
 from handctl.record.source import MARK, clean, quoted
+from handctl.record.survey import survey
 from handctl.record.timeline import GAP_PERIODS, LEAST_PERIOD_MS
 from handctl.wording import plural
 
@@ -96,8 +98,8 @@ def motion(
     With `rate` (Hz) resampled linearly, never across a gap. Rows at which BootTime did not advance are left out: times
     in a motion file rise strictly.
     """
-    points, number = _points(log, segment, knee_sign)
-    remarks = list(remarks_of(log))
+    points, number, clock = _points(log, segment, knee_sign)
+    remarks = list(log.remarks())
     if points.still:
         remarks.append(f"{plural(points.still, 'row')} left out: BootTime did not advance")
     count = len(points.t_ms) if rate is None else sum(1 for _ in _resampled(points, rate))
@@ -111,6 +113,7 @@ def motion(
         "inDegrees=yes",
         f"source: {source}",
         f"sign: knee flexion is {'positive' if knee_sign > 0 else 'negative'}, pelvis_tilt is minus torso_pitch",
+        *([f"clock: {clock}"] if clock else []),
         "endheader",
         "\t".join(MOT_COLUMNS),
     ]
@@ -135,14 +138,14 @@ def _as_recorded(points: Points) -> Iterator[tuple[str, ...]]:
         yield from zip((f"{t_ms / 1000:.3f}" for t_ms in points.t_ms[at : at + PIECE]), *columns, strict=True)
 
 
-def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[Points, int]:
-    """The points of the segment that is meant, and its number."""
+def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[Points, int, str]:
+    """The points of the segment that is meant, its number, and what its time is by the host's clock."""
     signs = [-1 if name == "pelvis_tilt" else knee_sign if name.startswith("knee") else 1 for name, _ in COORDINATES]
     quantities = [next(q for q in DATA if q.name == key) for _, key in COORDINATES]
     wanted = 1 if segment is None else segment
     if (spans := log.spans) is not None:
         _refuse(log, spans, segment)  # before hours are read
-    spans, points = {}, Points()
+    spans, points, begun = {}, Points(), ""
     for block in log.blocks():
         for number in sorted(set(block.segments)):
             part = block.of(number)
@@ -152,8 +155,11 @@ def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[Points, 
                 columns = (part.numbers(quantity, column_of(quantity)) for quantity in quantities)
                 values = [list(map(neg, one)) if sign < 0 else one for sign, one in zip(signs, columns, strict=True)]
                 points.take([t_ms - span.begin for t_ms in part.t_ms], values)
+                begun = begun or part.columns["host_utc_s"][0]
     _refuse(log, spans, segment)
-    return points, wanted
+    fits = log.fits if log.fits is not None else {n: one.line[2:] for n, one in survey(log).segments.items()}
+    clock = "host UTC in s is {} + {:.6f} + {:.9f} * time".format(begun, *fits[wanted]) if wanted in fits else ""
+    return points, wanted, clock
 
 
 def _refuse(log: LogFile, spans: dict[int, Span], segment: int | None) -> None:
@@ -199,7 +205,7 @@ def table(log: LogFile, *, segment: int | None, si: bool, as_rows: bool = False)
     plans = [(*to_si(name, quantities.get(name) if si else None), quantities.get(name)) for name in layout.names]
     names = [name for name, _, _ in plans]
     if segment is not None and log.spans is not None and segment not in log.spans:
-        raise without(log, segment)
+        raise log.without(segment)
     spool, count = Spool(), 0
     if not as_rows:
         spool.take([",".join(names) + "\r"])
@@ -229,17 +235,8 @@ def table(log: LogFile, *, segment: int | None, si: bool, as_rows: bool = False)
             columns[at] = tuple(map(said.__getitem__, columns[at]))
         spool.take(["\r\n".join(map(",".join, zip(*columns, strict=True))) + "\r"])
     if first is None or last is None:
-        raise without(log, segment)
-    return Exported(spool, count, (last - first) / 1000, remarks_of(log))
-
-
-def without(log: LogFile, segment: int | None) -> UsageError:
-    """The error for a log that has no such rows."""
-    return UsageError(
-        f"{log.path} has no {'rows' if segment is None else f'segment {segment}'}",
-        hint="choose a segment that its sidecar lists",
-        code="segment",
-    )
+        raise log.without(segment)
+    return Exported(spool, count, (last - first) / 1000, log.remarks())
 
 
 class Texts:
@@ -275,14 +272,3 @@ def _value(name: str, text: str) -> Any:
     if name in (MARK, f"{NAMED}_name"):
         return text or None
     return float(text) if "." in text else int(text)
-
-
-def remarks_of(log: LogFile) -> tuple[str, ...]:
-    """What a person is told of a log that is not whole. Complete only once it was read."""
-    if log.sidecar is None:
-        return (f"{log.path}.json is missing, so nothing shows that the log is complete",)
-    if log.closed:
-        whole = f"{log.path} is incomplete: {', '.join(log.missing)}. See its sidecar for details"
-        return (whole,) if log.missing else ()
-    cut = ". Its last row was unfinished and was skipped" if log.cut else ""
-    return (f"{log.path} was never closed, because handctl was killed or is still running{cut}",)

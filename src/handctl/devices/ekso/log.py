@@ -7,7 +7,6 @@ in words are named here.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict
@@ -17,6 +16,7 @@ from handctl.devices.ekso.device import Ekso
 from handctl.devices.ekso.frames import Command
 from handctl.devices.ekso.map import DATA, FEEDBACK, SETTINGS, Word, boot_ms, state_text
 from handctl.errors import NoAnswer, ProtocolError
+from handctl.record.log_file import parse_fixed
 from handctl.record.source import MARK, Layout, Sample, Source, Stamp, lead, quoted
 from handctl.record.timeline import BOOT_WRAP, Place
 
@@ -172,14 +172,6 @@ def parse(quantity: Word, text: str) -> int:
     if text_of(quantity, quantity.raw_of(number)) != text:
         raise ValueError(f"{text!r} does not fit 16 bit")
     return number
-
-
-def parse_fixed(text: str, decimals: int) -> int:
-    """A number with exactly `decimals` decimals, as an integer of its last decimal. Raises ValueError."""
-    pattern = rf"-?[0-9]+\.[0-9]{{{decimals}}}" if decimals else "-?[0-9]+"
-    if len(text) > 32 or not re.fullmatch(pattern, text, re.ASCII):
-        raise ValueError(f"{text!r} is not a number with {decimals} decimals")
-    return int(text.replace(".", ""))
 
 
 class RowLayout(Layout):

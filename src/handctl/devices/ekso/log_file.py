@@ -1,8 +1,5 @@
 """Reading a log back: every field of every row is checked, so that what is exported is what was recorded.
 
-A file that is not a log, or not whole, is refused with the number of the line. The sidecar says whether the log was closed;
-one that was not (power failure, kill) may end in the middle of a row, which is then left out.
-
 Some hundred rows are checked at once, column by column: a text that was found right once is not looked at again. Only where
 something in them is unusual are they checked row by row, which finds the line and the words for it.
 """
@@ -10,29 +7,30 @@ something in them is unusual are they checked row by row, which finds the line a
 from __future__ import annotations
 
 import csv
-import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import compress
 from operator import le
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from handctl.devices.ekso.log import LEAD, NAMED, RowLayout, parse, parse_fixed
+from handctl.devices.ekso.log import LEAD, NAMED, RowLayout, parse
 from handctl.devices.ekso.map import DATA, Word, boot_ms, state_text
-from handctl.errors import UsageError
-from handctl.files import NoFile, opened, read_text
-from handctl.record.recording import schema
+from handctl.files import opened
+from handctl.record import log_file
+from handctl.record.log_file import (
+    CHUNK,
+    LONGEST_LINE,
+    Channel,
+    cut_short,
+    damaged,
+    fields_of,
+    out_of_order,
+    parse_fixed,
+    too_long,
+)
 from handctl.record.source import MARK
-from handctl.wording import plural
 
-CHUNK = 1 << 17
-"""Bytes that are read at once."""
 MOST_KNOWN = 1 << 15
 """Texts of a format that are remembered."""
-
-LONGEST_LINE = 65536
-UNTOUCHED = "the file was not changed"
-SCHEMA = schema("ekso")
 NAMES = [name for name, _ in LEAD]
 
 
@@ -42,14 +40,6 @@ class LogRow(NamedTuple):
     fields: list[str]
     t_ms: int
     segment: int
-
-
-class Span(NamedTuple):
-    """What a segment covers: device times of its first and last row, and their number."""
-
-    begin: int
-    end: int
-    rows: int
 
 
 class Known:
@@ -98,15 +88,20 @@ class Known:
                 known.clear()
 
 
-class Block:
-    """Some rows that follow each other: their texts by column, device times, segments; `text` = all of it where nothing is quoted."""
+class Block(log_file.Block):
+    """Some rows, with the texts that were found right."""
 
     def __init__(self, columns: dict[str, Sequence[str]], known: Known, text: str = "") -> None:
-        self.columns = columns
-        self.text = text
-        self.t_ms: list[int] = []
-        self.segments: list[int] = []
+        super().__init__(columns, text)
         self._known = known
+
+    def like(self, columns: dict[str, Sequence[str]]) -> Block:
+        return Block(columns, self._known)
+
+    def of(self, segment: int | None) -> Block:
+        found = super().of(segment)
+        assert isinstance(found, Block)
+        return found
 
     def numbers(self, quantity: Word, column: str) -> list[int]:
         """A column of the device as integers of its last decimal."""
@@ -115,15 +110,6 @@ class Block:
     def table(self, quantity: Word) -> Mapping[str, int]:
         """The number of each text of a quantity here."""
         return self._known.numbers(quantity)
-
-    def of(self, segment: int | None) -> Block:
-        """Only the rows of a segment."""
-        if segment is None or set(self.segments) == {segment}:
-            return self
-        keep = [number == segment for number in self.segments]
-        found = Block({name: tuple(compress(texts, keep)) for name, texts in self.columns.items()}, self._known)
-        found.t_ms, found.segments = list(compress(self.t_ms, keep)), [segment] * sum(keep)
-        return found
 
 
 def _columns(text: str, rows: int, width: int) -> Sequence[Sequence[str]] | None:
@@ -160,54 +146,24 @@ def _integers(texts: Sequence[str]) -> list[int]:
     return list(map(int, "\n".join(texts).replace(".", "").split("\n")))
 
 
-def damaged(path: str, line: int, what: str) -> UsageError:
-    """The error for a file that is not a whole log."""
-    return UsageError(f"{path} line {line}: {what}", hint=f"not a log, or damaged. {UNTOUCHED}", code="damaged-log")
-
-
-class LogFile:
-    """A log on the disk. Raises UsageError when it cannot be read, or is none."""
+class LogFile(log_file.LogFile):
+    """A log of an EksoNR. Raises UsageError when it cannot be read, or is none."""
 
     def __init__(self, path: str) -> None:
-        self.path = path
-        self.sidecar = _load_sidecar(f"{path}.json")
-        self.cut = False
-        """True when an unfinished last row was left out."""
         self._known = Known()
-        with opened(path, "a log", hint=f"`handctl ekso log {path}` makes one") as file:
-            header = file.readline(LONGEST_LINE).decode("utf-8", "replace")
-        names = header.rstrip("\r\n").split(",")
+        super().__init__(path, "ekso")
+
+    def _header(self, names: list[str]) -> None:
         self.layout = next(
             (layout for raw in (False, True) if (layout := RowLayout(raw=raw)).names == tuple(names)), None
         ) or (self._foreign(names))
-
-    @property
-    def closed(self) -> bool:
-        """Whether the sidecar says that the log was closed; an older one calls that complete."""
-        return bool(self.sidecar and self.sidecar.get("closed", self.sidecar.get("complete")))
-
-    @property
-    def missing(self) -> list[str]:
-        """What keeps a closed log from being whole, as its sidecar says."""
-        return [str(reason) for reason in (self.sidecar or {}).get("missing") or []]
-
-    @property
-    def simulated(self) -> bool:
-        """Whether the sidecar says that a simulator was recorded."""
-        return bool(self.sidecar and self.sidecar.get("simulated"))
-
-    @property
-    def spans(self) -> dict[int, Span] | None:
-        """The segments as the sidecar of a closed log has them; None where it has none that can be used."""
-        if not (self.sidecar and self.closed):
-            return None
-        try:
-            return {
-                int(one["segment"]): Span(round(one["t_s"][0] * 1000), round(one["t_s"][1] * 1000), int(one["rows"]))
-                for one in self.sidecar["segments"]
-            }
-        except (LookupError, TypeError, ValueError):
-            return None
+        self.names, self.lead, self.texts = self.layout.names, LEAD, (f"{NAMED}_name", MARK)
+        own = [
+            Channel(column, quantity.name, quantity.unit or "", quantity.decimals)
+            for column, quantity in zip(self.layout.columns, self.layout.shown, strict=True)
+        ]
+        raw = self.names[self.names.index(MARK) + 1 :]
+        self.channels = (*own, *(Channel(name, name, "", 0) for name in raw))
 
     def _foreign(self, names: list[str]) -> RowLayout:
         for number, wanted in enumerate(RowLayout(raw=False).names):
@@ -217,23 +173,17 @@ class LogFile:
         raise damaged(self.path, 1, "the header continues after the columns of a log")
 
     def blocks(self) -> Iterator[Block]:
-        """All rows, some hundred at a time, each checked. Raises UsageError with the number of the line."""
-        count, last = 0, (0, 0)
-        try:
-            for number, lines in self._lines():
-                block = self._block(lines, last) or self._slowly(number, lines, last)
-                last = (block.segments[-1], block.t_ms[-1])
-                count += len(lines)
-                yield block
-                self._known.forget()
-        except OSError as exc:
-            raise UsageError(
-                f"{self.path}: cannot be read: {exc.strerror or exc}", hint="check the file and its permissions"
-            ) from exc
-        if self.sidecar and self.closed and self.sidecar.get("rows") != count:
-            raise damaged(
-                self.path, count + 1, f"the file ends after {count} rows, its sidecar counts {self.sidecar.get('rows')}"
-            )
+        for block in super().blocks():
+            assert isinstance(block, Block)
+            yield block
+
+    def _blocks(self) -> Iterator[Block]:
+        last = (0, 0)
+        for number, lines in self._lines():
+            block = self._block(lines, last) or self._slowly(number, lines, last)
+            last = (block.segments[-1], block.t_ms[-1])
+            yield block
+            self._known.forget()
 
     def _lines(self) -> Iterator[tuple[int, list[bytes]]]:
         """The lines below the header without their ends, and the number of the first of them."""
@@ -244,12 +194,12 @@ class LogFile:
                 *lines, rest = (rest + data).split(b"\n")
                 long = next((at for at, line in enumerate([*lines, rest]) if len(line) >= LONGEST_LINE), None)
                 if long is not None:
-                    raise damaged(self.path, number + long, f"longer than {LONGEST_LINE} bytes")
+                    raise too_long(self.path, number + long)
                 if lines:
                     yield number, lines
                 number += len(lines)
         if rest and self.closed:
-            raise damaged(self.path, number, "the row is cut short")
+            raise cut_short(self.path, number)
         self.cut = bool(rest)
 
     def _block(self, lines: list[bytes], last: tuple[int, int]) -> Block | None:
@@ -294,7 +244,7 @@ class LogFile:
         for at, data in enumerate(lines, number):
             row = self._row(at, data)
             if (row.segment, row.t_ms) < last or row.segment > last[0] + 1:
-                raise damaged(self.path, at, "segment or t_s does not follow from the row before")
+                raise out_of_order(self.path, at)
             last = (row.segment, row.t_ms)
             rows.append(row)
         columns: dict[str, Sequence[str]] = dict(
@@ -307,14 +257,8 @@ class LogFile:
         return block
 
     def _row(self, number: int, data: bytes) -> LogRow:
-        try:
-            text = data.decode("utf-8").rstrip("\r\n")
-            fields = next(csv.reader([text], strict=True)) if '"' in text else text.split(",")
-        except (UnicodeDecodeError, csv.Error, StopIteration) as exc:
-            raise damaged(self.path, number, f"not comma-separated text: {exc}") from exc
         names = self.layout.names
-        if len(fields) != len(names):
-            raise damaged(self.path, number, f"{plural(len(fields), 'column')} instead of {len(names)}")
+        fields = fields_of(self.path, number, data, len(names))
         cells = dict(zip(names, fields, strict=True))
         name = ""
         try:
@@ -341,18 +285,3 @@ class LogFile:
                 raise ValueError(f"{word} does not fit {quantity.name}")
         if boot_ms(words) != boot:
             raise ValueError("they do not fit boot_ms")
-
-
-def _load_sidecar(path: str) -> dict[str, Any] | None:
-    """The sidecar, None when there is none. Raises UsageError for one that is damaged or of another kind."""
-    try:
-        content = json.loads(read_text(path, "a sidecar", 16_000_000))
-    except NoFile:
-        return None
-    except (ValueError, RecursionError) as exc:
-        line = exc.lineno if isinstance(exc, json.JSONDecodeError) else 1
-        raise damaged(path, line, f"not a sidecar: {exc}") from exc
-    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-        found = content.get("schema") if isinstance(content, dict) else None
-        raise damaged(path, 1, f"schema {found!r} instead of {SCHEMA!r}")
-    return content

@@ -32,6 +32,8 @@ EXAMPLES = (
     ),
     ("handctl ekso log gait.csv --duration 60 -p /dev/ttyACM0", "Record one minute of data to a file."),
     ("handctl ekso export gait.csv --to mot -o gait.mot", "Turn a log into an OpenSim motion file."),
+    ("handctl ekso log --check gait.csv", "Check a recording, and show its breaks and clocks."),
+    ("handctl ekso export gait.csv --to bids -o gait-bids", "Turn a log into a BIDS motion dataset."),
     ("handctl ekso gait gait.csv --steps steps.csv", "Find the strides in a log, and list each of them."),
     ("handctl ekso gait before.csv after.csv", "Compare two logs, with the settings that differ."),
     ("handctl ekso export gait.csv --to csv --si -o gait-si.csv", "Turn a log into metres and radians."),

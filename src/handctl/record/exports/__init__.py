@@ -1,0 +1,147 @@
+"""A recording as other programs take it, of any family: `formats` has a row for each format, and each writer is a module of its own here.
+
+    survey    one pass for what a format says at its beginning: segments, clock fit, breaks, marks
+    blocks    a second one for the rows, each with the host's time by the fit; no writer holds them all
+
+A writer is `write(export)`; it raises OSError where the disk fails. What it needs of other packages is imported there alone.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+from typing import Any
+
+from handctl.errors import OutputError, UsageError
+from handctl.record.formats import FORMATS
+from handctl.record.log_file import Block, LogFile
+from handctl.record.survey import Event, Line, Survey, survey
+
+
+@dataclass
+class Export:
+    """One recording on its way into another file. `segment` None = all of them; `rate` in Hz where the format takes one."""
+
+    log: LogFile
+    path: str
+    tool: str
+    segment: int | None = None
+    rate: float | None = None
+    rows: int = 0
+    seconds: float = 0.0
+    notes: list[str] = field(default_factory=list)
+    """What was done to the rows."""
+    remarks: list[str] = field(default_factory=list)
+    """What is not whole, or does not fit into the format."""
+
+    @cached_property
+    def survey(self) -> Survey:
+        """What one pass shows. Raises UsageError."""
+        return survey(self.log)
+
+    @property
+    def segments(self) -> list[int]:
+        """The numbers of those that are meant. Raises UsageError where there are none."""
+        if self.segment not in (None, *self.survey.segments):
+            raise self.log.without(self.segment)
+        return list(self.survey.segments) if self.segment is None else [self.segment]
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The host's time of the first and the last row."""
+        return self.survey.segments[self.segments[0]].ends[0], self.survey.segments[self.segments[-1]].ends[1]
+
+    @property
+    def events(self) -> list[Event]:
+        """Those of the segments that are meant, in the order of time."""
+        spans = [
+            (one.first_row, one.first_row + one.rows) for one in map(self.survey.segments.get, self.segments) if one
+        ]
+        found = [one for one in self.survey.events if any(begin <= one.row < end for begin, end in spans)]
+        return sorted(found, key=lambda one: one.utc_s)
+
+    @property
+    def nominal_hz(self) -> float | None:
+        """The rate that was asked for if the log has it within 2 %, or else that of its rows; None where there is only one."""
+        about = self.log.sidecar or {}
+        spent = sum(one.last.mono_s - one.first.mono_s for one in self.survey.segments.values())
+        steps = self.survey.rows - len(self.survey.segments)
+        reached = about.get("rate_hz") or (round(steps / spent, 2) if spent > 0 else None)
+        asked = (about.get("asked") or {}).get("rate_hz")
+        return asked if asked and reached and abs(reached - asked) <= 0.02 * asked else reached
+
+    @property
+    def even(self) -> bool:
+        """Whether no row is missing between the first and the last, as a closed log says."""
+        about = self.log.sidecar or {}
+        lost = about.get("lost") or about.get("skipped") or not self.log.closed
+        return not lost and len(self.segments) == 1 and not self.survey.segments[self.segments[0]].gaps
+
+    def blocks(self) -> Iterator[tuple[int, Block, list[float]]]:
+        """The rows: segment, rows of it, and the host's time of each by the clock fit, seconds since 1970."""
+        self.rows, lines = 0, dict[int, Line]()
+        first = None
+        for whole in self.log.blocks():
+            for number in sorted(set(whole.segments)):
+                if self.segment not in (None, number):
+                    continue
+                block = whole.of(number)
+                if number not in lines:
+                    lines[number] = Line(
+                        float(block.columns["host_utc_s"][0]), block.t_ms[0], *self._fits.get(number, ())
+                    )
+                clocked = number in self._fits
+                utc = (
+                    list(map(lines[number].utc_of, block.t_ms))
+                    if clocked
+                    else [float(text) for text in block.columns["host_utc_s"]]
+                )
+                self.rows += len(utc)
+                first = utc[0] if first is None else first
+                self.seconds = round(utc[-1] - first, 3)
+                yield number, block, utc
+        if not self.rows:
+            raise self.log.without(self.segment)
+
+    @cached_property
+    def _fits(self) -> dict[int, tuple[float, float]]:
+        """a and b by segment: from the sidecar, which spares a pass, or from the rows."""
+        if "survey" not in self.__dict__ and (said := self.log.fits) is not None:
+            return said
+        return {number: one.line[2:] for number, one in self.survey.segments.items() if one.fit.count}
+
+    def about(self) -> dict[str, Any]:
+        """What the file says of its origin: the tool, and the log's own sidecar with the fit of each segment; without one, the fits."""
+        if self.log.spans is not None:
+            return {"tool": self.tool, "log": self.log.sidecar}
+        fits = [self.survey.segments[number].as_export() for number in self.segments]
+        return {"tool": self.tool, "log": self.log.sidecar, "segments": fits}
+
+
+def write(export: Export, kind: str) -> None:
+    """Write FILE. Raises UsageError and OutputError."""
+    if library := FORMATS[kind].library:
+        try:
+            import_module(library)
+        except ImportError as exc:
+            raise UsageError(
+                f"--to {kind} needs {library}, which is not installed",
+                hint=f'install it with: pip install "handctl[{kind}]"',
+                code="no-extra",
+            ) from exc
+    known = export.log.spans
+    if known is not None and (not known or export.segment not in (None, *known)):  # at once, before hours are read
+        raise export.log.without(export.segment)
+    try:
+        import_module(f"{__name__}.{kind}").write(export)
+    except OSError as exc:
+        raise OutputError(f"{export.path}: cannot be written: {exc.strerror or exc}") from exc
+    export.remarks += export.log.remarks()
+
+
+def name_of(export: Export) -> str:
+    """The log's name, for a title."""
+    return os.path.splitext(os.path.basename(export.log.path))[0] or export.log.kind
