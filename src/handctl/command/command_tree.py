@@ -340,6 +340,10 @@ class Root(Group):
 
     in_lines: dict[str, click.Command] = {}  # noqa: RUF012 - there is one root
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        said(ctx).words = tuple(args)
+        return super().parse_args(ctx, args)
+
     def list_commands(self, ctx: click.Context) -> list[str]:
         return [name for names in LISTED.values() for name in names]
 

@@ -235,6 +235,11 @@ EXAMPLES: dict[str, Examples] = {
         ("handctl ports", "Connected adapters, the programs that use them, and how to fix a port that cannot be opened."),
         ("handctl ports --json", "The same for a script."),
     ),
+    "history": (
+        ("handctl history --since yesterday", "What was written yesterday and today, the newest last."),
+        ("handctl history exo --last 5", "The last five commands that wrote to an exoskeleton hand."),
+        ("handctl history --json", "Every step with its bytes and its state, for a script."),
+    ),
     "stop": (
         ("handctl stop -p /dev/ttyUSB0", "Stop a device that another handctl command is moving."),
         ("handctl stop -d left", "Stop a named device, even if another handctl command is using it."),

@@ -127,6 +127,12 @@ class DeviceAccess:
                 self.link.held = lock.descriptors
         return self.link is not None and self.link.reopen()
 
+    @property
+    def sent(self) -> list[dict[str, Any]]:
+        """What a requested stop has sent, see `rows`."""
+        found: list[dict[str, Any]] = self._report["rows"]
+        return found
+
     def finish(self) -> None:
         """Call before the link is closed: a stop request from now on is told that this command is ending."""
         self.link = None
