@@ -1000,6 +1000,7 @@ def connect(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
 ) -> Exo: ...
 @overload
@@ -1013,6 +1014,7 @@ def connect(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
 ) -> Wrist: ...
 @overload
@@ -1026,6 +1028,7 @@ def connect(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     interrupt: bool | None = None,
 ) -> Barrett: ...
@@ -1040,6 +1043,7 @@ def connect(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     operator: str | None = None,
     length_mode: str | None = None,
@@ -1055,6 +1059,7 @@ def connect(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     exchange: Literal["auto", "stream", "poll", "command"] | None = None,
     poll_json: str | None = None,
@@ -1071,6 +1076,7 @@ def connect(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     model: str | None = None,
     side: Literal["left", "right"] | None = None,
@@ -1086,6 +1092,7 @@ def simulate(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     **options: object,
 ) -> Exo: ...
@@ -1097,6 +1104,7 @@ def simulate(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     **options: object,
 ) -> Wrist: ...
@@ -1108,6 +1116,7 @@ def simulate(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     **options: object,
 ) -> Barrett: ...
@@ -1119,6 +1128,7 @@ def simulate(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     **options: object,
 ) -> Ekso: ...
@@ -1130,6 +1140,7 @@ def simulate(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     **options: object,
 ) -> Aidin: ...
@@ -1141,6 +1152,7 @@ def simulate(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     **options: object,
 ) -> Hand: ...
