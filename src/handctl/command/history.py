@@ -47,9 +47,8 @@ def keep(asked: Invocation, writes: list[dict[str, Any]], others: list[str], fai
 
     others   the further LINKs that it wrote to
     """
-    with suppress(
-        Exception
-    ):  # a full disk, a folder that may not be written: the command has done what it was asked to
+    # A full disk, a folder that may not be written: the command has done what it was asked to.
+    with suppress(Exception):
         link, kept = asked.link, asked.settings.history
         simulated = link is not None and (link.fake or link.replayed)
         if writes and kept != OFF and (kept == ALL or not simulated):
