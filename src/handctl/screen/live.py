@@ -676,8 +676,11 @@ class Cards(View):
 
     @property
     def keys(self) -> tuple[tuple[str, str, str], ...]:
-        """With Tab among them."""
-        head, *rest = super().keys
+        """With Tab among them, and a stop of all devices: the one that moves need not be the one that is shown."""
+        stop, all_ = self._context.stop_key, "stop all these devices at once, without asking (capital S)"
+        head, *rest = (
+            (key, "stop all", all_) if key == stop else (key, word, text) for key, word, text in super().keys
+        )
         return (head, ("Tab", "device", "show the next device in full, and after the last one all cards again"), *rest)
 
     def next(self) -> None:
