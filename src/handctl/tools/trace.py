@@ -198,12 +198,11 @@ def _matcher(only: str | None, pattern: str | None) -> Callable[[TranscriptRow],
 def _collected(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool]) -> Table:
     from handctl.files import Spool
     from handctl.model.result import Table
-    from handctl.screen.render import dumps
 
     spool = Spool()
     failure: HandctlError | None = None
     try:
-        spool.take(dumps(row.as_row()) for row in told.rows(run) if not row.comment and matches(row))
+        spool.take(row.as_json() for row in told.rows(run) if not row.comment and matches(row))
     except UsageError as exc:
         failure = exc
     return Table(spool=spool.lines, failure=failure, extra=told.extra)
