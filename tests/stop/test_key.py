@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import time
 from pathlib import Path
 
 import pytest
@@ -33,7 +32,7 @@ def test_the_key_stops_the_device(family: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("view", ["top", "watch"])
 def test_the_key_stops_every_device_of_a_view_of_several(view: str, tmp_path: Path) -> None:
-    """One is asked, one sends unasked; with Tab one of them is shown alone."""
+    """One is asked, one sends unasked; with Tab one is shown alone. No stop waits for the next sample, 100 s later."""
     kinds = ("exo", "aidin") if view == "top" else ("exo", "exo")
     folders = [tmp_path / str(number) for number in range(2)]
     for folder in folders:
@@ -49,16 +48,14 @@ def test_the_key_stops_every_device_of_a_view_of_several(view: str, tmp_path: Pa
     words = ("top",) if view == "top" else ("-d", "*", "watch")
     environment = {**stands[0].environment, "HANDCTL_CONFIG": str(config)}
     try:
-        with Terminal(*words, "--rate", "20" if view == "watch" else "0.1", env=environment) as terminal:
+        with Terminal(*words, "--rate", "20" if view == "watch" else "0.01", env=environment) as terminal:
             terminal.until("S stop all")
             for stand in stands:
                 stand.heard()
             terminal.send("\t")
             terminal.run_for(0.3)
-            pressed = time.monotonic()
             terminal.send("S")
             assert terminal.finish() == 130, terminal.text
-            assert time.monotonic() - pressed < 8, "the next sample was waited for"
             assert "d0: stopped by the key S" in terminal.text.replace("D0", "d0") and "d1: stopped" in terminal.text
         for stand in stands:
             stand.reached(0.0)

@@ -130,7 +130,7 @@ class Described(click.Command):
 
         Who gives one all the same is told why (`command.invocation`, `command_tree.Command`).
         """
-        keys = set() if self.writes else {"dry_run", "yes"}
+        keys = set() if self.writes else {"dry_run", "yes", "history"}
         if not self.writes and self.family is None:
             keys |= {"assume_identity"}
         if self.offline:
