@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.cli import Simulator
+from tests.support.cli import Simulator, run
 from tests.support.stop import Stand
 from tests.support.terminal import Terminal
 
@@ -59,6 +59,8 @@ def test_the_key_stops_every_device_of_a_view_of_several(view: str, tmp_path: Pa
             assert "d0: stopped by the key S" in terminal.text.replace("D0", "d0") and "d1: stopped" in terminal.text
         for stand in stands:
             stand.reached(0.0)
+        kept = run("history", "--json", env=environment).rows
+        assert sorted(row["name"] for row in kept) == ["d0", "d1"] and all(row["writes"] for row in kept)
     finally:
         for stand in stands:
             stand.close()

@@ -103,6 +103,7 @@ class Run(Invocation):
     def begin(self, line: LineQuality | None = None) -> None:
         super().begin(line)
         self.journal.on_message = self.outcome.heard
+        self.remembered = False
         self.others: list[Run] = []
         """The same command at further LINKs, see `device_at`."""
 
@@ -329,8 +330,9 @@ class Run(Invocation):
         return failure, told
 
     def remember(self, failure: HandctlError | None) -> None:
-        """Add what was written to the history, now that the device has been served. Never raises."""
-        if self.journal.ledger.began or self.stopped is not None:
+        """Add what was written to the history, once, now that the device has been served. Never raises."""
+        if not self.remembered and (self.journal.ledger.began or self.stopped is not None):
+            self.remembered = True
             from handctl.command import history
 
             others = [run.link.name for run in self.others if run.link is not None]

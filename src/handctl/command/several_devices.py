@@ -129,6 +129,7 @@ class Each:
         while self.busy:
             access = self.run.device_access
             if access is not None and (stopped := access.stop_from_outside(who)) is not None:
+                self.run.remember(stopped)  # its thread may sleep until the next sample
                 return stopped
             if clock.now() > end:
                 hint = f"run `handctl -d {self.name} stop`"
