@@ -541,3 +541,14 @@ def test_the_quick_json_of_a_row_is_that_of_the_row(kind: str, tmp_path: Path) -
         rows = [*trace_read.TranscriptReader(kind).tell(trace_read.lines_of(source, "t"))]
     assert len(rows) > 2
     assert [row.as_json() for row in rows] == [dumps(row.as_row()) for row in rows]
+
+
+@each_row("name", ["ndjson", "csv", "plain"])
+def test_every_row_before_a_damaged_line_is_there_in_its_order(name: str, tmp_path: Path) -> None:
+    """More rows than are handed on together."""
+    trace = tmp_path / "t.txt"
+    trace.write_text("".join(f"{n}.0 > EB 90 01 04 11 0A 06 4D 73\n" for n in range(250)) + "bad\n")
+    done = run("trace", "show", trace, "--family", "exo", "--format", name)
+    seen = [line for line in done.lines if "EB 90 01 04" in line and '"end"' not in line]
+    assert (done.code, len(seen)) == (2, 250), done.lines[-1]
+    assert [line.find(f"{n}.0") >= 0 for n, line in enumerate(seen)] == [True] * 250
