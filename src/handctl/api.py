@@ -25,11 +25,11 @@ from handctl.command.family import Family, load
 from handctl.command.library_call import Confirm, Line
 from handctl.command.options import Settings, config_path, read_config
 from handctl.errors import HandctlError, UsageError
-from handctl.families import FAMILIES
+from handctl.families import FAMILIES, HISTORY
 from handctl.model.result import Row
 from handctl.wording import sentence
 
-HOST = ("timeout", "deadline", "retries", "trace", "assume_identity")
+HOST = ("timeout", "deadline", "retries", "trace", "history", "assume_identity")
 """Settings of this end of a link, whatever is at the other."""
 SHARED = ("id", "baud")
 CONTROLS = ("confirm", "dry_run")
@@ -264,7 +264,7 @@ def class_of(kind: str) -> type[Device]:
 def connect(family: str, link: Any = None, **settings: Any) -> Device:
     """Open LINK, a port or another link as after `-p`, to a device of this family. Without LINK: the device of this name.
 
-    A name is that of `handctl devices list`, with the settings there. Settings are `id`, `baud`, `timeout`, `deadline`, `retries`, `trace`, `assume_identity` and the family's own options by their
+    A name is that of `handctl devices list`, with the settings there. Settings are `id`, `baud`, `timeout`, `deadline`, `retries`, `trace`, `history`, `assume_identity` and the family's own options by their
     long names with _ for -. Raises UsageError, LinkError.
     """
     try:
@@ -281,18 +281,18 @@ def _opened(family: str, link: str, settings: Mapping[str, Any]) -> Device:
     if family not in FAMILIES:
         raise UsageError(f"no device family {family!r}", hint=f"use one of {', '.join(FAMILIES)}")
     options = {option.key: option for option in FAMILIES[family].options}
+    choices = {"history": HISTORY, **{name: option.choices for name, option in options.items()}}
     shared, own = {}, {}
     for name, value in settings.items():
+        if (known := choices.get(name)) and value not in known:
+            raise UsageError(f"{name} = {value!r} is not a valid value", hint=f"use one of {', '.join(known)}")
         if name in options:
-            choices = options[name].choices
-            if choices and value not in choices:
-                raise UsageError(f"{name} = {value!r} is not a valid value", hint=f"use one of {', '.join(choices)}")
             own[name] = value
         elif name in (*HOST, *SHARED):
             shared[name] = value
         else:
-            known = ", ".join((*SHARED, *HOST, *options))
-            raise UsageError(f"{name}: no such setting of {family}", hint=f"use one of {known}")
+            names = ", ".join((*SHARED, *HOST, *options))
+            raise UsageError(f"{name}: no such setting of {family}", hint=f"use one of {names}")
     known_family: Family = load(family, "cli").cli.family
     chosen = Settings(kind=family, port=link, format="json", quiet=True, time=True, own=own, **shared)
     line = Line(known_family, chosen, Session("library", writes=True))
@@ -308,7 +308,7 @@ def simulate(family: str, **options: Any) -> Device:
     """A simulated device of this family in this process: `fault`, `seed` and what else `handctl sim FAMILY -h` lists.
 
     Its time jumps from event to event, so nothing waits, and each exchange takes as long as on its line (`wire`);
-    `clock="real"` lets time pass. `timeout`, `deadline`, `retries`, `trace` and
+    `clock="real"` lets time pass. `timeout`, `deadline`, `retries`, `trace`, `history` and
     `assume_identity` are those of `connect`. Raises UsageError.
     """
     from urllib.parse import quote

@@ -194,6 +194,7 @@ TOOLS: dict[str, dict[str, tuple[str, str]]] = {
         "ports": ("handctl.tools.ports", "list serial ports and CAN interfaces, and the programs that use them"),
         "scan": ("handctl.tools.scan", "detect the device on a port: family, baud rate, id"),
         "top": ("handctl.tools.top", "show all named devices live, with the one that needs attention first"),
+        "history": ("handctl.tools.history", "show what handctl wrote to devices earlier, and when"),
         "doctor": ("handctl.tools.doctor", "check this computer and the link, with a remedy for each problem"),
     },
     "Stop and run commands": {
@@ -219,6 +220,9 @@ TOOLS: dict[str, dict[str, tuple[str, str]]] = {
 
 WIRES = ("serial", "can", "modbus-tcp")
 """The kinds of wire that a family may name, each an option of its commands."""
+
+HISTORY = ("devices", "all", "off")
+"""Which writes are kept for later: to devices, to simulators and transcripts too, or none."""
 
 COMMANDS: dict[str, tuple[str, str]] = {
     **{name: (row.module("cli"), row.help) for name, row in FAMILIES.items()},

@@ -243,6 +243,10 @@ def state_path(name: str) -> Path:
 # -- text that may be longer than memory ------------------------------------------------------------------------------
 
 
+AT_ONCE = 200
+"""Lines that are written as one piece."""
+
+
 class Spool:
     """Takes lines one by one, gives them back in order. Raises OutputError where the disk has no room."""
 
@@ -254,9 +258,16 @@ class Spool:
 
     def take(self, lines: Iterable[str]) -> None:
         """Append them; what came before an error stays."""
+        some: list[str] = []
         try:
-            for line in lines:
-                self._file.write(line + "\n")
+            try:
+                for line in lines:
+                    some.append(line)
+                    if len(some) >= AT_ONCE:
+                        self._file.write("\n".join((*some, "")))
+                        some.clear()
+            finally:
+                self._file.write("\n".join((*some, "")))
         except OSError as exc:
             raise OutputError(
                 f"{self.folder}: cannot be written: {exc.strerror or exc}",

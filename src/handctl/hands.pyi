@@ -1051,6 +1051,7 @@ def connect(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
 ) -> Exo: ...
 @overload
@@ -1064,6 +1065,7 @@ def connect(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
 ) -> Wrist: ...
 @overload
@@ -1077,6 +1079,7 @@ def connect(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     interrupt: bool | None = None,
 ) -> Barrett: ...
@@ -1091,6 +1094,7 @@ def connect(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     operator: str | None = None,
     length_mode: str | None = None,
@@ -1106,6 +1110,7 @@ def connect(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     exchange: Literal["auto", "stream", "poll", "command"] | None = None,
     poll_json: str | None = None,
@@ -1122,6 +1127,7 @@ def connect(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     model: str | None = None,
     side: Literal["left", "right"] | None = None,
@@ -1137,6 +1143,7 @@ def simulate(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     **options: object,
 ) -> Exo: ...
@@ -1148,6 +1155,7 @@ def simulate(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     **options: object,
 ) -> Wrist: ...
@@ -1159,6 +1167,7 @@ def simulate(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     **options: object,
 ) -> Barrett: ...
@@ -1170,6 +1179,7 @@ def simulate(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     **options: object,
 ) -> Ekso: ...
@@ -1181,6 +1191,7 @@ def simulate(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     **options: object,
 ) -> Aidin: ...
@@ -1192,6 +1203,7 @@ def simulate(
     deadline: Number | None = None,
     retries: int | None = None,
     trace: Path | None = None,
+    history: Literal["devices", "all", "off"] = "devices",
     assume_identity: bool = False,
     **options: object,
 ) -> Hand: ...

@@ -32,6 +32,7 @@ LOCAL = {
     "trace": "recorded bytes",
     "completion": "the shell's files",
     "help": "texts",
+    "history": "what other commands have kept",
     "top": "the watch of each named device, which is here",
     "shell": "other lines, typed at a terminal",
     "batch": "other lines, each of them here; tests/contract/test_batch.py says that it sends no more than they",

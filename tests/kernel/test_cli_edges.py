@@ -18,6 +18,7 @@ from handctl.link.lock import hold
 from handctl.model.param import Element
 from tests.inspire.exo_commands import prepare
 from tests.support.cli import PATIENCE, fake, run, spying, writes
+from tests.support.each_row import each_row
 
 # -- output -----------------------------------------------------------------------------------------------------------
 
@@ -193,3 +194,25 @@ def test_a_sample_with_one_quantity_that_can_be_read_is_no_failed_sample() -> No
     assert (end["ok"], end["stream"]["samples"], end["stream"]["failed"]) == (False, 5, 0)
     assert end["exit_code"] == 5
     assert all(("error" in row) is (row["name"] == "motor_pos") for row in rows) and len(rows) == 5 * 35
+
+
+@each_row(
+    ("line", "command", "streams"),
+    [
+        ("top --count 1", "top", True),
+        ("exo watch --rate 5", "exo watch", True),
+        ("-p exo wrist get id", "wrist get", False),
+        ("--deadline=3 exo set force_set.index=5", "exo set", False),
+        ("-d left,right exo save", "exo save", False),
+        ("trace show x", "trace show", False),
+    ],
+)
+def test_an_error_before_the_command_began_names_it_and_has_its_shape(
+    tmp_path: Path, line: str, command: str, streams: bool
+) -> None:
+    """Values of options are no command."""
+    (tmp_path / "c.toml").write_text("retries = -5\n")
+    done = run(*line.split(), "--json", env={"HANDCTL_CONFIG": str(tmp_path / "c.toml")})
+    envelope = done.stream[1] if streams else done.json
+    assert (done.code, envelope["command"]) == (2, command)
+    assert ("writes" in envelope) == (command in ("exo set", "exo save"))

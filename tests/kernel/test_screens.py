@@ -418,3 +418,21 @@ def test_a_course_keeps_the_peaks_between_its_cells() -> None:
     """A walk whose period is that of the cells was a flat line."""
     history = [(tick / 10, 100.0 if tick % 10 == 4 else 0.0) for tick in range(40)]
     assert live.spark(history, 3.9, 4.0, 4) == "████"
+
+
+@each_row(
+    ("moments", "drawn"),
+    [
+        ((0, 2, 4, 6), "▁▁▃▃▅▅██"),  # read every second cell
+        ((0, 2, 6), "▁▁▃   ██"),  # one was lost
+        ((0, 1, 2), "▁▄█     "),  # and the last ones
+        ((1,), " ▁      "),
+    ],
+)
+def test_a_value_that_is_read_seldom_is_shown_until_the_next(moments: tuple[int, ...], drawn: str) -> None:
+    history = [(float(t), float(t)) for t in moments]
+    assert live.spark(history, 7.0, 8.0, 8) == drawn
+
+
+def test_counts_of_values_are_said_in_words() -> None:
+    assert set(live.SEEN) == {"bad", "missing", "skipped"}

@@ -5,12 +5,18 @@ from __future__ import annotations
 import csv
 import io
 import json
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from tests.support.cli import Result, check_schema, in_time, run
+from handctl.command.command_lines import line
+from handctl.command.several_devices import Each, EveryAccess
+from handctl.errors import STOPPED
+from handctl.link import ByteLink, open_link
+from handctl.model.stop_sequence import NOT_STOPPED
+from tests.support.cli import Result, check_schema, environment, in_time, run
 from tests.support.each_row import each_row
 
 Go = Callable[..., Result]
@@ -172,3 +178,49 @@ def test_two_devices_are_compared_with_each_other(go: Go) -> None:
 ])  # fmt: skip
 def test_what_cannot_be_compared(go: Go, words: tuple[str, ...], code: int) -> None:
     assert go(*words).code == code
+
+
+@each_row(
+    ("names", "code", "exit_code"),
+    [(("left", "arm"), STOPPED, 130), (("left", "mute"), NOT_STOPPED, 4), (("mute", "left"), NOT_STOPPED, 4)],
+)
+def test_the_stop_key_stops_all_and_a_device_that_did_not_answer_decides(
+    tmp_path: Path, names: tuple[str, ...], code: str, exit_code: int
+) -> None:
+    """Links that are not open are opened for it; the streams of a view that has them open are in tests/stop/test_key.py."""
+    config = tmp_path / "config.toml"
+    config.write_text(
+        "".join(
+            f'[devices.{name}]\nkind = "{kind}"\nport = "{link}"\n'
+            for name, (kind, link) in LINKS.items()
+            if "id=2" not in link
+        )
+    )
+    with environment({"HANDCTL_CONFIG": str(config)}):
+        every = [Each(name, line([LINKS[name][0], "watch", "-d", name], {})) for name in names]
+        access = EveryAccess(every[0].run, lambda: every)
+        access.stop("stopped by the key S")
+    assert access.pressed_once.is_set() and access.stopped is not None
+    assert (access.stopped.code, access.stopped.exit_code) == (code, exit_code)
+    assert all(f"{name}: " in access.stopped.text.lower() for name in names)
+
+
+def test_what_another_thread_does_on_a_link_that_is_being_stopped_is_interrupted() -> None:
+    link = open_link("fake://exo?clock=virtual")
+    assert isinstance(link, ByteLink)
+    link.keep_to_this_thread()
+    link.write(b"x", link.deadline(1))
+    ended: list[str] = []
+
+    def use(what: str) -> None:
+        try:
+            link.write(b"x", link.deadline(1)) if what == "write" else link.read(link.deadline(1))
+        except KeyboardInterrupt:
+            ended.append(what)
+
+    for what in ("write", "read"):
+        thread = threading.Thread(target=use, args=(what,))
+        thread.start()
+        thread.join()
+    assert ended == ["write", "read"]
+    link.close()

@@ -20,7 +20,7 @@ from tests.search.suite import Hang, bounded
 from tests.support.cli import clean_environment, environment, run, spying
 
 VALUES = {
-    "port": "fake://x", "device": "left", "id": "3", "baud": "19200", "timeout": "0.7", "deadline": "9", "retries": "2", "trace": "t.txt",
+    "port": "fake://x", "device": "left", "id": "3", "baud": "19200", "timeout": "0.7", "deadline": "9", "retries": "2", "trace": "t.txt", "history": "off",
     "format": "plain", "output": "o.txt", "color": "never",
 }  # fmt: skip
 """A value of each option that takes one."""

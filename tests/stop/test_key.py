@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.cli import Simulator
+from tests.support.cli import Simulator, run
 from tests.support.stop import Stand
 from tests.support.terminal import Terminal
 
@@ -28,6 +28,42 @@ def test_the_key_stops_the_device(family: str, tmp_path: Path) -> None:
         place.reached(0.0)
     finally:
         place.close()
+
+
+@pytest.mark.parametrize("view", ["top", "watch"])
+def test_the_key_stops_every_device_of_a_view_of_several(view: str, tmp_path: Path) -> None:
+    """One is asked, one sends unasked; with Tab one is shown alone. No stop waits for the next sample, 100 s later."""
+    kinds = ("exo", "aidin") if view == "top" else ("exo", "exo")
+    folders = [tmp_path / str(number) for number in range(2)]
+    for folder in folders:
+        folder.mkdir()
+    stands = [Stand(kind, folder) for kind, folder in zip(kinds, folders, strict=True)]
+    config = tmp_path / "config.toml"
+    config.write_text(
+        "".join(
+            f'[devices.d{number}]\nkind = "{stand.family}"\nport = "{stand.link}"\n'
+            for number, stand in enumerate(stands)
+        )
+    )
+    words = ("top",) if view == "top" else ("-d", "*", "watch")
+    environment = {**stands[0].environment, "HANDCTL_CONFIG": str(config)}
+    try:
+        with Terminal(*words, "--rate", "20" if view == "watch" else "0.01", env=environment) as terminal:
+            terminal.until("S stop all")
+            for stand in stands:
+                stand.heard()
+            terminal.send("\t")
+            terminal.run_for(0.3)
+            terminal.send("S")
+            assert terminal.finish() == 130, terminal.text
+            assert "d0: stopped by the key S" in terminal.text.replace("D0", "d0") and "d1: stopped" in terminal.text
+        for stand in stands:
+            stand.reached(0.0)
+        kept = run("history", "--json", env=environment).rows
+        assert sorted(row["name"] for row in kept) == ["d0", "d1"] and all(row["writes"] for row in kept)
+    finally:
+        for stand in stands:
+            stand.close()
 
 
 def test_other_keys_do_nothing_and_ctrl_c_ends() -> None:

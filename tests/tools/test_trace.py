@@ -13,9 +13,11 @@ from hypothesis import strategies as st
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, TOLD
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
-from handctl.tools import trace_diff
+from handctl.screen.render import dumps
+from handctl.tools import trace_diff, trace_read
 from handctl.tools.trace import Given, parse_given
 from handctl.tools.trace_read import TranscriptReader, TranscriptRow, chosen, explainer_of, family_in, lines_of
+from tests.support.cli import run
 from tests.support.each_row import each_row
 from tests.support.places import TRANSCRIPTS
 
@@ -528,3 +530,25 @@ def test_families_and_explainers_are_the_same() -> None:
     assert set(TOLD) == set(FAMILIES)
     with pytest.raises(UsageError, match="not a device family"):
         explainer_of("glove")
+
+
+@each_row("kind", FAMILIES)
+def test_the_quick_json_of_a_row_is_that_of_the_row(kind: str, tmp_path: Path) -> None:
+    """It is written without an encoder: every key, and 1 and 1.0, as an encoder has them."""
+    trace = tmp_path / "t.txt"
+    run(kind, "dump", "-p", f"fake://{kind}?clock=virtual", "--trace", trace)
+    with trace_read.opened(str(trace)) as source:
+        rows = [*trace_read.TranscriptReader(kind).tell(trace_read.lines_of(source, "t"))]
+    assert len(rows) > 2
+    assert [row.as_json() for row in rows] == [dumps(row.as_row()) for row in rows]
+
+
+@each_row("name", ["ndjson", "csv", "plain"])
+def test_every_row_before_a_damaged_line_is_there_in_its_order(name: str, tmp_path: Path) -> None:
+    """More rows than are handed on together."""
+    trace = tmp_path / "t.txt"
+    trace.write_text("".join(f"{n}.0 > EB 90 01 04 11 0A 06 4D 73\n" for n in range(250)) + "bad\n")
+    done = run("trace", "show", trace, "--family", "exo", "--format", name)
+    seen = [line for line in done.lines if "EB 90 01 04" in line and '"end"' not in line]
+    assert (done.code, len(seen)) == (2, 250), done.lines[-1]
+    assert [line.find(f"{n}.0") >= 0 for n, line in enumerate(seen)] == [True] * 250

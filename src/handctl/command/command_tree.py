@@ -346,6 +346,10 @@ class Root(Group):
 
     in_lines: dict[str, click.Command] = {}  # noqa: RUF012 - there is one root
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        said(ctx).words = tuple(args)
+        return super().parse_args(ctx, args)
+
     def list_commands(self, ctx: click.Context) -> list[str]:
         return [name for names in LISTED.values() for name in names]
 
@@ -399,6 +403,26 @@ root = Root(
 click.version_option(__version__, "-V", "--version", message=f"handctl {__version__}", help="Show the version.")(root)
 
 
+def typed(args: Sequence[str]) -> tuple[str, click.Command]:
+    """The words of the line that name its command, and that command: values of options are none of them."""
+    node: click.Command = root
+    ctx = click.Context(root, info_name="handctl", **root.context_settings)
+    names: list[str] = []
+    words = iter(args)
+    for word in words:
+        takes = {name for param in node.get_params(ctx) if not getattr(param, "is_flag", False) for name in param.opts}
+        if word.startswith("-"):
+            if word in takes:
+                next(words, "")
+        elif isinstance(node, click.Group):
+            found = node.get_command(ctx, word)
+            if found is None:
+                break
+            node = found
+            names.append(word)
+    return " ".join(names), node
+
+
 def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = lambda args: False) -> int:
     """Parse and run, unless `otherwise` does; every error becomes one message on stderr and an exit code."""
     debug = "--debug" in args or bool(os.environ.get("HANDCTL_DEBUG"))
@@ -450,6 +474,10 @@ def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = l
 
         print_stderr("".join(traceback.format_exception(error)).rstrip())
     if not error.shown:
+        if not command:
+            command, leaf = typed(args)
+            streams = getattr(leaf, "streams", False)
+            extra = {"writes": []} if getattr(leaf, "writes", False) and getattr(leaf, "family", None) else {}
         late_envelope(args, error, streams, command, extra)
     if error.text != "interrupted":  # who pressed Ctrl-C knows; what it left behind is told
         print_message("error", error.text, error.hint)

@@ -16,7 +16,6 @@ from handctl import __version__
 from handctl.command.console import print_message
 from handctl.command.options import config_path, read_config
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError, joined
-from handctl.families import COMMANDS
 from handctl.screen.sanitize import utf8_stdout
 from handctl.wording import sentence, utc
 
@@ -172,10 +171,6 @@ def late_envelope(args: Sequence[str], error: HandctlError, streams: bool, comma
     wanted = wanted or str(in_file("format") or ("json" if in_file("json") else ""))
     if wanted not in ("json", "ndjson"):
         return
-    if not command:
-        names = [word for word in words if not word.startswith("-")]
-        start = next((position for position, word in enumerate(names) if word in COMMANDS), len(names))
-        command = " ".join(names[start : start + 2])
     envelope = make_envelope(command, error, None, (), None, extra)
     utf8_stdout()
     try:

@@ -130,7 +130,7 @@ class Described(click.Command):
 
         Who gives one all the same is told why (`command.invocation`, `command_tree.Command`).
         """
-        keys = set() if self.writes else {"dry_run", "yes"}
+        keys = set() if self.writes else {"dry_run", "yes", "history"}
         if not self.writes and self.family is None:
             keys |= {"assume_identity"}
         if self.offline:
@@ -234,6 +234,11 @@ EXAMPLES: dict[str, Examples] = {
     "ports": (
         ("handctl ports", "Connected adapters, the programs that use them, and how to fix a port that cannot be opened."),
         ("handctl ports --json", "The same for a script."),
+    ),
+    "history": (
+        ("handctl history --since yesterday", "What was written yesterday and today, the newest last."),
+        ("handctl history exo --last 5", "The last five commands that wrote to an exoskeleton hand."),
+        ("handctl history --json", "Every step with its bytes and its state, for a script."),
     ),
     "stop": (
         ("handctl stop -p /dev/ttyUSB0", "Stop a device that another handctl command is moving."),

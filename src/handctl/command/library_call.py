@@ -240,6 +240,7 @@ class Line:
         ctx = click.Context(command, info_name=f"handctl {self.family.kind} {words}")
         told = said(ctx)
         told.session = self.session
+        told.words = (self.family.kind, *words.split(), *(f"{name}={value}" for name, value in values.items()))
         known = [key for key in ("id", "baud") if getattr(self.settings, key) is not None]
         told.sources = dict.fromkeys((*known, "yes", "dry_run"), COMMAND_LINE)
         try:

@@ -15,7 +15,7 @@ import click
 
 from handctl.command.option_types import OutFile, Seconds, WholeRange
 from handctl.errors import UsageError
-from handctl.families import FAMILIES, WIRES, OwnOption
+from handctl.families import FAMILIES, HISTORY, WIRES, OwnOption
 from handctl.light import NamedTuple
 
 if TYPE_CHECKING:
@@ -52,6 +52,7 @@ class Settings(NamedTuple):
     dry_run: bool = False
     yes: bool = False
     assume_identity: bool = False
+    history: str = HISTORY[0]
     quiet: bool = False
     verbose: bool = False
     color: str = "auto"
@@ -77,6 +78,7 @@ class Said:
     passed_over  errors of the line, the environment and the file that did not hold up an urgent command
     bare         no word that is parsed is an option, so that none need be looked for
     include_ids  the result may hold what tells one device from another
+    words        the words of the line, without `handctl`
     taken        who takes a line that is parsed and not run
     session      the `connection.Session` that a command belongs to, None for one that stands alone
     run          the `Run` of this line where it was read before, in a script or a session
@@ -91,6 +93,7 @@ class Said:
         self.passed_over: list[UsageError] = []
         self.bare = False
         self.include_ids = False
+        self.words: tuple[str, ...] = ()
         self.taken: Callable[[click.Context], object] | None = None
         self.session: Any = None
         self.run: Any = None
@@ -223,6 +226,7 @@ def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOp
         SharedOption(["--debug"], output, is_flag=True, help="Show tracebacks."),
         SharedOption(["-n", "--dry-run"], safety, is_flag=True, help="Print the exact bytes that would be written, and send nothing."),
         SharedOption(["-y", "--yes"], safety, is_flag=True, help="Answer yes to all confirmations."),
+        SharedOption(["--history"], safety, type=click.Choice(HISTORY), help="Which writes `handctl history` shows later: those to devices (default), all (simulated devices too), or none (off)."),
         SharedOption(["--assume-identity"], safety, typed=True, is_flag=True, help="Skip the check of the device's identity. Only accepted on the command line."),
     ]  # fmt: skip
 

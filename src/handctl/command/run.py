@@ -32,6 +32,7 @@ from handctl.command.options import Settings
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
 from handctl.interrupts import device_done, end_on_signals, finish_on_signals, output_abandoned
 from handctl.model.result import Column, Table
+from handctl.model.write_ledger import SENT
 from handctl.screen.sanitize import text_shown
 from handctl.wording import honest
 
@@ -102,6 +103,7 @@ class Run(Invocation):
     def begin(self, line: LineQuality | None = None) -> None:
         super().begin(line)
         self.journal.on_message = self.outcome.heard
+        self.remembered = False
         self.others: list[Run] = []
         """The same command at further LINKs, see `device_at`."""
 
@@ -249,6 +251,7 @@ class Run(Invocation):
             except BaseException:  # a bug of ours: the link and its lock are let go all the same
                 finish_on_signals()
                 self.close(None)
+                self.remember(HandctlError("internal error"))
                 print_writes(self.journal.ledger, self.settings, None)
                 raise
             failure = self._wind_up(table, failure)
@@ -323,7 +326,29 @@ class Run(Invocation):
         told = failure or (table.failure if table is not None else None)
         if told is not None and self.journal.ledger.began:
             told.text, told.hint = honest(told.text), honest(told.hint)
+        self.remember(told)
         return failure, told
+
+    def remember(self, failure: HandctlError | None) -> None:
+        """Add what was written to the history, once, now that the device has been served. Never raises."""
+        if not self.remembered and (self.journal.ledger.began or self.stopped is not None):
+            self.remembered = True
+            from handctl.command import history
+
+            others = [run.link.name for run in self.others if run.link is not None]
+            history.keep(self, self.written, others, failure)
+
+    @property
+    def written(self) -> list[dict[str, Any]]:
+        """What went out, as the record of writes has it; of a command that only reads the stop that it was asked for."""
+        if self.writes:
+            return self.ledger.rows() if self.ledger.began else []
+        sent = self.device_access.sent if self.device_access is not None and self.stopped is not None else ()
+        steps = (row for row in sent if not row["reads"])
+        return [
+            {"step": step, "bytes": row["bytes"], "meaning": row["meaning"], "state": SENT}
+            for step, row in enumerate(steps, 1)
+        ]
 
     def failed(self, error: HandctlError) -> HandctlError:
         """Show an error that arose before the body could run (as JSON too); returns it to be raised."""

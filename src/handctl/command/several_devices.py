@@ -20,9 +20,12 @@ from handctl.command.library_call import Call
 from handctl.command.option_types import OutFile
 from handctl.command.options import config_path, read_config
 from handctl.command.run import Act, Run
-from handctl.errors import HandctlError, Interrupted, UsageError, joined
+from handctl.errors import STOPPED, HandctlError, Interrupted, LinkError, UsageError, joined
 from handctl.model.result import Column, Grid, Row, Sample, Table
+from handctl.model.stop_sequence import NOT_STOPPED
 from handctl.screen.render import default_view
+from handctl.stop.device_access import DeviceAccess
+from handctl.stop.stop_listener import STOP_SECONDS
 from handctl.system import clock
 from handctl.wording import plural
 
@@ -36,6 +39,8 @@ DEVICE = Column("device", "Device")
 LEAVE_SECONDS = 3.0
 """How long a device that was interrupted is waited for."""
 OPENING_SECONDS = 0.01
+OPEN_SECONDS = 1.0
+"""How long a stop waits for a link that is just being opened or closed."""
 POLL_SECONDS = 0.1
 """How often it is looked whether a Ctrl-C has come while the devices are waited for."""
 
@@ -77,6 +82,10 @@ class Each:
         self.name = name
         self.line = one
         self.run = Call(one.context, one.settings, one.leaf.family)
+        self.busy = False
+        """Whether its link is open, or being opened or closed."""
+        self.begun = threading.Event()
+        """It has a table, or has ended without one."""
         self.table = Table()
         """Without columns until its body has returned one."""
         self.failure: HandctlError | None = None
@@ -92,9 +101,11 @@ class Each:
     def work(self, take: Callable[[str, list[Row]], object]) -> None:
         """Carry it out, in a thread; samples of a stream are taken as they come. Never raises."""
         run = self.run
+        self.busy = True
         try:
             table, failure = run.carried_out(self.body)
             self.table = table or self.table
+            self.begun.set()
             if failure is None and self.table.samples is not None:
                 for rows in run.samples(self.table):
                     take(self.name, rows)
@@ -108,6 +119,27 @@ class Each:
         except Exception as exc:  # noqa: BLE001 - a bug of ours must not hide the other devices
             self.failure = HandctlError(f"internal error: {type(exc).__name__}: {exc}", code="internal")
             run.close(None)
+        finally:
+            self.busy = False
+            self.begun.set()
+
+    def stop(self, who: str) -> HandctlError:
+        """Stop its device at once: over the open link, or where there is none over one of its own. How that went. Never raises."""
+        end = clock.now() + OPEN_SECONDS
+        while self.busy:
+            access = self.run.device_access
+            if access is not None and (stopped := access.stop_from_outside(who)) is not None:
+                self.run.remember(stopped)  # its thread may sleep until the next sample
+                return stopped
+            if clock.now() > end:
+                hint = f"run `handctl -d {self.name} stop`"
+                return LinkError("it is not connected: nothing was sent", hint=hint, code=NOT_STOPPED)
+            clock.sleep(OPENING_SECONDS)
+        assert self.line.leaf.family is not None
+        other = Each(self.name, line([self.line.leaf.family.kind, "stop", "-d", self.name], {}))
+        other.work(lambda _name, _rows: None)
+        said = [message.text for message in other.run.journal.messages if message.code == STOPPED]
+        return other.failure or Interrupted(f"{who}: {' '.join(said)}", code=STOPPED)
 
     def silence(self) -> None:
         """Its link sends nothing more: what reads ends soon. A stop goes on."""
@@ -123,6 +155,41 @@ class Each:
         """Its envelope."""
         envelope = {"name": self.name, **self.run.envelope(self.failure, self.run.extra or self.table.extra)}
         return {**envelope, "rows": self.table.rows} if with_rows else envelope
+
+
+class EveryAccess(DeviceAccess):
+    """The access to several devices, each in a thread of its own: the stop key of their view stops all of them.
+
+    A person who needs it has no time to choose, and the device that moves need not be the one that is shown.
+    """
+
+    def __init__(self, run: Run, every: Callable[[], Sequence[Each]]) -> None:
+        super().__init__(run, None)
+        self.pressed_once = threading.Event()
+        """From now on no device is connected again."""
+        self._every = every
+
+    def stop(self, who: str) -> dict[str, Any]:
+        """Stop them all at once; their own runs have what was sent. Never raises."""
+        found: dict[str, HandctlError] = {}
+        self.pressed_once.set()
+
+        def stop(each: Each) -> None:
+            found[each.name] = each.stop(who)
+
+        every = self._every()
+        threads = [threading.Thread(target=stop, args=(each,), daemon=True) for each in every]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(STOP_SECONDS)
+        missing = LinkError("the stop has not ended: it is unknown what was sent", code=NOT_STOPPED)
+        every_one = [(each.name, found.get(each.name, missing)) for each in every]
+        bad = [error for _, error in every_one if error.code != STOPPED]
+        worst = max(bad, key=lambda error: error.exit_code) if bad else every_one[0][1]
+        text = joined(*(f"{name}: {error.text}" for name, error in every_one))
+        self.stopped = type(worst)(text, hint=worst.hint, code=NOT_STOPPED if bad else STOPPED)
+        return self._report
 
 
 class Several(Run):
@@ -206,8 +273,9 @@ def _together(whole: Several, every: Sequence[Each]) -> Table:
     for thread in threads:
         thread.start()
     if whole.streams:
-        while any(not each.table.columns and thread.is_alive() for each, thread in zip(every, threads, strict=True)):
-            clock.sleep(OPENING_SECONDS)
+        whole.connection.device_access = EveryAccess(whole, lambda: every)
+        for each in every:
+            each.begun.wait()
         columns = (DEVICE, *_columns(every))
         table = Table(columns=columns, cards={each.name: partial(getattr, each, "table") for each in every})
         table.samples = _samples(whole, table, every, _arrivals(every, threads, came))

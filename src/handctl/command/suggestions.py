@@ -40,6 +40,7 @@ SAME = (
     ("simulate simulator fake", "sim"),
     ("decode transcript replay", "trace"),
     ("names name alias config", "devices"),
+    ("journal audit writes written yesterday", "history"),
     ("man manual guide docs topics", "help"),
     ("serial tty adapters", "ports"),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from _thread import get_ident
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
@@ -157,8 +158,23 @@ class Link(ABC):
         """From now on nothing goes out: who tries is interrupted. The device was stopped, and is to stay so."""
         setattr(self, self._goes_out, _interrupt)  # in place of the method: a check in it would cost every write
 
+    def keep_to_this_thread(self) -> None:
+        """From now on only this thread sends and receives; any other that tries is interrupted."""
+        mine = get_ident()
+
+        def only(method: Callable[..., Any]) -> Callable[..., Any]:
+            def checked(*given: Any) -> Any:
+                return method(*given) if get_ident() == mine else _interrupt()
+
+            return checked
+
+        for name in (self._goes_out, self._comes_in):
+            setattr(self, name, only(getattr(self, name)))
+
     _goes_out = ""
     """Name of the method that sends."""
+    _comes_in = ""
+    """Name of the method that receives."""
 
     @abstractmethod
     def close(self) -> None:
@@ -191,6 +207,7 @@ class FrameLink(Link):
     """
 
     _goes_out = "send"
+    _comes_in = "receive"
     error_frames: int = 0
     damaged: int = 0
     damage: str = ""
@@ -237,6 +254,7 @@ class ByteLink(Link):
 
     answered: float = float("-inf")
     _goes_out = "write"
+    _comes_in = "read"
     baud: int | None = None
     can_set_baud: bool = False
 

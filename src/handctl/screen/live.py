@@ -12,6 +12,7 @@ import sys
 from collections import deque
 from collections.abc import Generator, Sequence
 from datetime import datetime
+from itertools import islice, pairwise
 from typing import IO, TYPE_CHECKING, NamedTuple
 
 from rich.console import Console, ConsoleOptions, RenderResult
@@ -48,6 +49,14 @@ LEAST = 15
 """Room that bar and sparkline need at least, with the ends of the bar; without it the line is that of a narrow window."""
 BAR, LONGEST = 12, 60
 """Cells of the shortest and the longest bar in a grid, with its ends."""
+HELD = 1.5
+"""A value is shown for so many times the usual interval of its series: beyond it a value was lost."""
+SEEN = {
+    "bad": "damaged",
+    "missing": "missing",
+    "skipped": "not shown: newer ones had already arrived",
+}
+"""How a count of values that a device sends unasked is said."""
 HIGHEST = 4
 """Lines of a course, where there is room."""
 WHOLE = 9
@@ -168,22 +177,30 @@ def spark(history: Sequence[tuple[float, float]], now: float, span: float, width
 
 
 def chart(history: Sequence[tuple[float, float]], now: float, span: float, width: int, high: int) -> list[str]:
-    """The same, `high` lines high."""
+    """The same, `high` lines high. What is read more seldom than a cell lasts holds until the next value, if that is in time."""
     cells: list[float | None] = [None] * width
-    low = float("inf")
+    low, later, after, held = float("inf"), now, width, HELD * _usual(history)
     for t, value in reversed(history):
         place = width - 1 - int((now - t) / span * width)
         if place < 0:
             break
         known = cells[place]
         cells[place] = value if known is None else max(known, value)  # a peak between two cells is not lost
-        low = min(low, value)
+        if later - t <= held:
+            cells[place + 1 : after] = [value] * (after - place - 1)
+        low, later, after = min(low, value), t, place
     top, levels = max((value for value in cells if value is not None), default=0.0), len(SPARKS)
     low = min(low, top)
     step = (top - low) or 1.0
     places = [-1 if v is None else int((v - low) / step * (levels * high - 1)) for v in cells]
     below = [levels * line for line in reversed(range(high))]
     return ["".join(SPARKS[min(at - under, levels - 1)] if at >= under else " " for at in places) for under in below]
+
+
+def _usual(history: Sequence[tuple[float, float]]) -> float:
+    """Seconds between two of the last values, usually; 0 before there are two."""
+    last = [t for t, _ in islice(reversed(history), 10)]
+    return sorted(later - t for later, t in pairwise(last))[(len(last) - 2) // 2] if len(last) > 1 else 0.0
 
 
 def axis(span: float, width: int) -> str:
@@ -515,7 +532,7 @@ class View:
         said = [Text(word, style="bold red") for word in self._failed.split(";")[0].split()]
         past = [Text(text, style="bold red") for text in self._past()]
         counted = self._context.journal.counters.quality()
-        counts = [Text(f"{key} {n}", style="dim") for key, n in counted.items() if n]
+        counts = [Text(f"{plural(n, 'value')} {SEEN[key]}", style="dim") for key, n in counted.items() if n]
         noted, remedy = ([Text(word, style="yellow") for word in text.split()] for text in (self.noted, self._remedy()))
         told = [
             line
@@ -676,8 +693,11 @@ class Cards(View):
 
     @property
     def keys(self) -> tuple[tuple[str, str, str], ...]:
-        """With Tab among them."""
-        head, *rest = super().keys
+        """With Tab among them, and a stop of all devices: the one that moves need not be the one that is shown."""
+        stop, all_ = self._context.stop_key, "stop all these devices at once, without asking (capital S)"
+        head, *rest = (
+            (key, "stop all", all_) if key == stop else (key, word, text) for key, word, text in super().keys
+        )
         return (head, ("Tab", "device", "show the next device in full, and after the last one all cards again"), *rest)
 
     def next(self) -> None:

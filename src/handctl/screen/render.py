@@ -264,7 +264,12 @@ _HALF = re.compile("[\ud800-\udfff]")
 def dumps(value: Any) -> str:
     """JSON that is UTF-8 whatever it holds: a byte of a path that is not UTF-8 becomes an escape, such as ``\\udcff``."""
     text = _ENCODER.encode(value)
-    return text if text.isascii() else _HALF.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    if not text.isascii():
+        try:
+            text.encode()  # far quicker than a search, and nearly always right
+        except UnicodeEncodeError:
+            return _HALF.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    return text
 
 
 def _row_shown(row: Row) -> Row:
@@ -278,9 +283,9 @@ def _json_envelope(envelope: dict[str, Any], rows: Iterable[str]) -> Iterator[st
         if key not in ("messages", "counters"):
             yield f"  {dumps(key)}: {dumps(value)},\n"
     yield '  "rows": ['
-    before = "\n    "
-    for row in rows:
-        yield f"{before}{row}"
+    before, source = "\n    ", iter(rows)
+    while some := list(islice(source, LINES)):
+        yield before + ",\n    ".join(some)
         before = ",\n    "
     yield "],\n" if before == "\n    " else "\n  ],\n"
     yield f'  "messages": {dumps(envelope["messages"])},\n  "counters": {dumps(envelope["counters"])}\n}}\n'

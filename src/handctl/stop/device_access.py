@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+from _thread import RLock
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -70,6 +71,7 @@ class DeviceAccess:
         """Others are heard from now on, but by a command that stops itself."""
         self.stopped: HandctlError | None = None
         self.link: Link | None = None
+        self._turn = RLock()  # no link is closed while it is being stopped
         self._report = report(None, ())
         self._run = run
         self._lock: Lock | None = None
@@ -127,9 +129,16 @@ class DeviceAccess:
                 self.link.held = lock.descriptors
         return self.link is not None and self.link.reopen()
 
+    @property
+    def sent(self) -> list[dict[str, Any]]:
+        """What a requested stop has sent, see `rows`."""
+        found: list[dict[str, Any]] = self._report["rows"]
+        return found
+
     def finish(self) -> None:
-        """Call before the link is closed: a stop request from now on is told that this command is ending."""
-        self.link = None
+        """Call before the link is closed: a stop request from now on is told that this command is ending. Waits for one in another thread."""
+        with self._turn:
+            self.link = None
 
     def release(self) -> None:
         """Let others in. May be called twice."""
@@ -140,6 +149,18 @@ class DeviceAccess:
 
     def stop(self, who: str) -> dict[str, Any]:
         """Run the family's stopper now, and write nothing after it; what went out and came back. Never raises."""
+        with self._turn:
+            return self._stop(who)
+
+    def stop_from_outside(self, who: str) -> HandctlError | None:
+        """The same in another thread than the command's, which is interrupted; None where no link is open. Never raises."""
+        with self._turn:
+            if self.link is not None:
+                self.link.keep_to_this_thread()
+            self._stop(who)
+            return self.stopped
+
+    def _stop(self, who: str) -> dict[str, Any]:
         from handctl.model.stop_sequence import NOT_STOPPED, Stopped, shown
         from handctl.system import signals
 

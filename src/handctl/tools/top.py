@@ -13,7 +13,7 @@ from handctl.command.command_tree import LIMIT, Command, streaming
 from handctl.command.get_set_watch import bounds_of
 from handctl.command.options import config_path, read_config
 from handctl.command.run import Run
-from handctl.command.several_devices import DEVICE, LEAVE_SECONDS, POLL_SECONDS, Each
+from handctl.command.several_devices import DEVICE, LEAVE_SECONDS, POLL_SECONDS, Each, EveryAccess
 from handctl.errors import CheckFailed, UsageError, joined
 from handctl.model.bound import Watchdog
 from handctl.model.param import Bound
@@ -51,7 +51,8 @@ def cli(
         raise UsageError("no devices are named", hint="`handctl devices add NAME FAMILY -p LINK` adds one")
     watched = [_Watched(name, config.find(name).kind, rate) for name in chosen]
     _set_limits(watched, limits)
-    return _table(watched, count, duration)
+    run.connection.device_access = access = EveryAccess(run, lambda: [one.each for one in watched])
+    return _table(watched, count, duration, access.pressed_once)
 
 
 class _Watched:
@@ -80,8 +81,8 @@ class _Watched:
                 return
             failure = self.each.failure
             take.put((self, [{"error": failure.text if failure is not None else "the stream has ended"}]))
-            ended.wait(AGAIN_SECONDS)
-            self.each = self._begun()
+            if not ended.wait(AGAIN_SECONDS):
+                self.each = self._begun()
 
     def own_table(self) -> Table:
         """What is known of its quantities, with the limits."""
@@ -103,13 +104,12 @@ def _set_limits(watched: Sequence[_Watched], texts: Sequence[str]) -> None:
             raise wrong[0]
 
 
-def _table(watched: Sequence[_Watched], count: int | None, duration: float | None) -> Table:
+def _table(watched: Sequence[_Watched], count: int | None, duration: float | None, ended: threading.Event) -> Table:
     table = Table(columns=COLUMNS, cards={one.name: one.own_table for one in watched})
     dogs = {one.name: Watchdog(one.bounds) for one in watched}
 
     def samples() -> Iterator[Sample]:
         came: queue.SimpleQueue[tuple[_Watched, list[Row]]] = queue.SimpleQueue()
-        ended = threading.Event()
         threads = [threading.Thread(target=one.work, args=(came, ended), daemon=True) for one in watched]
         for thread in threads:
             thread.start()

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from handctl.tools.trace_read import TranscriptRow
 
 
+AT_ONCE = 200
+"""Rows of a recorded file that are handed on together."""
 MOST_DIFFERENCES = 10_000
 """Differences that are shown; those beyond are counted."""
 
@@ -198,12 +200,11 @@ def _matcher(only: str | None, pattern: str | None) -> Callable[[TranscriptRow],
 def _collected(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool]) -> Table:
     from handctl.files import Spool
     from handctl.model.result import Table
-    from handctl.screen.render import dumps
 
     spool = Spool()
     failure: HandctlError | None = None
     try:
-        spool.take(dumps(row.as_row()) for row in told.rows(run) if not row.comment and matches(row))
+        spool.take(row.as_json() for row in told.rows(run) if not row.comment and matches(row))
     except UsageError as exc:
         failure = exc
     return Table(spool=spool.lines, failure=failure, extra=told.extra)
@@ -212,10 +213,22 @@ def _collected(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool
 def _streamed(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool]) -> Table:
     from handctl.model.result import Column, Sample, Table
 
+    # Each sample is flushed: of a file several rows are one, what comes on stdin is shown as it comes.
+    at_once = AT_ONCE if run.settings.format == "ndjson" and told.path != "-" else 1
+
     def samples() -> Iterator[Sample]:
-        for row in told.rows(run):
-            if not row.comment and matches(row):
-                yield Sample(row.first.t or 0.0, ({"t": None, **row.as_row()},))
+        some: list[Row] = []
+        try:
+            for row in told.rows(run):
+                if not row.comment and matches(row):
+                    some.append({"t": None, **row.as_row()})
+                    if len(some) >= at_once:
+                        yield Sample(0.0, tuple(some))
+                        some = []
+        except UsageError:
+            yield from [Sample(0.0, tuple(some))] if some else ()
+            raise
+        yield from [Sample(0.0, tuple(some))] if some else ()
 
     columns = tuple(Column(key) for key in ("line", "direction", "round_trip_ms", "problem", "bytes", "meaning"))
     return Table(samples=samples(), columns=columns, summary=lambda: told.extra)

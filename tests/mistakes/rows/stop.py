@@ -9,6 +9,24 @@ MATRIX = "tests/stop/test_matrix.py::test_it_stands_a_second_later"
 
 ROWS = (
     mistake(
+        "stop-key-of-several-beside-their-threads",
+        "a thread that reads on takes the answers of the stop",
+        "handctl.link.base",
+        "Link.keep_to_this_thread",
+        "return method(*given) if get_ident() == mine else _interrupt()",
+        "return method(*given)",
+        "tests/kernel/test_several_devices.py::test_what_another_thread_does_on_a_link_that_is_being_stopped_is_interrupted",
+    ),
+    mistake(
+        "stop-key-of-several-tells-the-best",
+        "a device that was not stopped hides behind one that was",
+        "handctl.command.several_devices",
+        "EveryAccess.stop",
+        "bad = [error for _, error in every_one if error.code != STOPPED]",
+        "bad: list[HandctlError] = []",
+        "tests/kernel/test_several_devices.py::test_the_stop_key_stops_all_and_a_device_that_did_not_answer_decides",
+    ),
+    mistake(
         "stop-sent-once",
         "stop sent once",
         TALK,

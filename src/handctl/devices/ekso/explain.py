@@ -173,7 +173,7 @@ def _told(direction: str, command: int, body: bytes) -> Explained:
     boot = f", boot {boot_text(boot_ms(numbers))}" if words[-1].name == "boot_time_low" else ""
     return (
         f"{row.name}: {text}{boot}",
-        Later(lambda: [Value(word.name, word.value_of(number), word.unit) for word, number in pairs]),
+        Later(lambda: [_value(word, number) for word, number in pairs]),
         Later(
             lambda: [
                 Part(body[2 * word.word :][:2], word.name, word.shown(word.value_of(number))) for word, number in pairs
@@ -186,6 +186,12 @@ def _told(direction: str, command: int, body: bytes) -> Explained:
 def _shown(word: Word, number: int) -> str:
     """A word of a message with its name; a long recording says the same again and again."""
     return f"{word.name} {word.shown(word.value_of(number))}"
+
+
+@lru_cache(4096)
+def _value(word: Word, number: int) -> Value:
+    """The same as a number."""
+    return Value(word.name, word.value_of(number), word.unit)
 
 
 def _setting(body: bytes) -> Explained:

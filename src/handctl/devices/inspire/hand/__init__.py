@@ -1,1 +1,1 @@
-"""The RH56 hands: DF and TP (byte addresses), F1 and DG2 (word addresses). No command reaches them yet."""
+"""The RH56 hands: DF and TP (byte addresses), F1 and DG2 (word addresses)."""
