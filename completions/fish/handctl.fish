@@ -1,7 +1,7 @@
 # fish completion of handctl, generated from its command tree: do not edit
 
 function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets cmds opts takes args
-    set shared '-p	The link to the device: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL.' '--port	The link to the device: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL.' '--fake	Use the built-in simulator of this device.' '-d	A named device from the configuration file (see handctl devices). A,B or \'*\' selects several.' '--device	A named device from the configuration file (see handctl devices). A,B or \'*\' selects several.' '--id	Device id.' '--baud	Baud rate of the serial port in bit/s.' '--timeout	Seconds to wait for a reply.' '--deadline	Time limit for the whole command, in seconds.' '--retries	Retry a read up to N times if there is no valid reply. Writes are never retried.' '--trace	Record every byte with its time to FILE. -p replay:FILE plays it back.' '--format	Output format (default: table).' '--json	Same as --format json. A stream prints one row per line.' '--csv	Same as --format csv.' '-o	Write output to FILE instead of stdout. FILE is replaced only when complete.' '--output	Write output to FILE instead of stdout. FILE is replaced only when complete.' '--append	With --csv -o FILE: add the rows to FILE. The header is written once, and the columns must match.' '--time	Add the date and time (UTC) to each row of CSV, plain or JSON.' '--no-formulas	In CSV, put \' before any text that a spreadsheet would take for a formula.' '--wide	In CSV, write one row per sample, with a column for each quantity.' '--long	In CSV, write one row per value (the default, except for realtime and watch -o FILE.csv).' '--no-wide	In CSV, write one row per value (the default, except for realtime and watch -o FILE.csv).' '--color	When to use colour (default: auto, which respects NO_COLOR).' '-q	Print only errors to stderr.' '--quiet	Print only errors to stderr.' '-v	Print every byte to stderr, in the form that --trace records.' '--verbose	Print every byte to stderr, in the form that --trace records.' '--debug	Show tracebacks.' '-n	Print the exact bytes that would be written, and send nothing.' '--dry-run	Print the exact bytes that would be written, and send nothing.' '-y	Answer yes to all confirmations.' '--yes	Answer yes to all confirmations.' '--assume-identity	Skip the check of the device\'s identity. Only accepted on the command line.'
+    set shared '-p	The link to the device: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL.' '--port	The link to the device: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL.' '--fake	Use the built-in simulator of this device.' '-d	A named device from the configuration file (see handctl devices). A,B or \'*\' selects several.' '--device	A named device from the configuration file (see handctl devices). A,B or \'*\' selects several.' '--id	Device id.' '--baud	Baud rate of the serial port in bit/s.' '--timeout	Seconds to wait for a reply.' '--deadline	Time limit for the whole command, in seconds.' '--retries	Retry a read up to N times if there is no valid reply. Writes are never retried.' '--trace	Record every byte with its time to FILE. -p replay:FILE plays it back.' '--format	Output format (default: table).' '--json	Same as --format json. A stream prints one row per line.' '--csv	Same as --format csv.' '-o	Write output to FILE instead of stdout. FILE is replaced only when complete.' '--output	Write output to FILE instead of stdout. FILE is replaced only when complete.' '--append	With --csv -o FILE: add the rows to FILE. The header is written once, and the columns must match.' '--time	Add the date and time (UTC) to each row of CSV, plain or JSON.' '--no-formulas	In CSV, put \' before any text that a spreadsheet would take for a formula.' '--wide	In CSV, write one row per sample, with a column for each quantity.' '--long	In CSV, write one row per value (the default, except for realtime and watch -o FILE.csv).' '--no-wide	In CSV, write one row per value (the default, except for realtime and watch -o FILE.csv).' '--color	When to use colour (default: auto, which respects NO_COLOR).' '-q	Print only errors to stderr.' '--quiet	Print only errors to stderr.' '-v	Print every byte to stderr, in the form that --trace records.' '--verbose	Print every byte to stderr, in the form that --trace records.' '--debug	Show tracebacks.' '-n	Print the exact bytes that would be written, and send nothing.' '--dry-run	Print the exact bytes that would be written, and send nothing.' '-y	Answer yes to all confirmations.' '--yes	Answer yes to all confirmations.' '--history	Which writes handctl history shows later: those to devices (default), all (simulated devices too), or none (off).' '--assume-identity	Skip the check of the device\'s identity. Only accepted on the command line.'
     set lacks
     set cmds
     set opts
@@ -9,7 +9,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
     set args
     switch "$argv[1]"
         case ''
-            set cmds 'exo	Inspire EH55BF1 exoskeleton hand (RS-232, Bluetooth serial)' 'wrist	Inspire wrist module of the dexterous hand (RS-232, RS-485, CAN)' 'barrett	BarrettHand BH8 series (RS-232)' 'ekso	EksoNR DataPort (serial over USB)' 'aidin	AIDIN-hand (TCP, JSON)' 'hand	Inspire RH56 dexterous hands (RS-232, RS-485, CAN, Modbus RTU, Modbus TCP)' 'ports	list serial ports and CAN interfaces, and the programs that use them' 'scan	detect the device on a port: family, baud rate, id' 'top	show all named devices live, with the one that needs attention first' 'doctor	check this computer and the link, with a remedy for each problem' 'stop	stop a device at once, even while another handctl command is using it' 'shell	type commands at a prompt, on one open link' 'batch	run many commands on one open link, from a script or stdin' 'devices	name devices in the configuration file: list, add, remove, show' 'completion	print or install the shell completion: bash, zsh, fish, PowerShell' 'sim	serve a simulated device to any client: pty, TCP, slcan' 'plot	draw the curves of a recording as SVG or HTML' 'trace	show, decode or compare recorded transcripts' 'help	show the manual, a guide, a command or the common options'
+            set cmds 'exo	Inspire EH55BF1 exoskeleton hand (RS-232, Bluetooth serial)' 'wrist	Inspire wrist module of the dexterous hand (RS-232, RS-485, CAN)' 'barrett	BarrettHand BH8 series (RS-232)' 'ekso	EksoNR DataPort (serial over USB)' 'aidin	AIDIN-hand (TCP, JSON)' 'hand	Inspire RH56 dexterous hands (RS-232, RS-485, CAN, Modbus RTU, Modbus TCP)' 'ports	list serial ports and CAN interfaces, and the programs that use them' 'scan	detect the device on a port: family, baud rate, id' 'top	show all named devices live, with the one that needs attention first' 'history	show what handctl wrote to devices earlier, and when' 'doctor	check this computer and the link, with a remedy for each problem' 'stop	stop a device at once, even while another handctl command is using it' 'shell	type commands at a prompt, on one open link' 'batch	run many commands on one open link, from a script or stdin' 'devices	name devices in the configuration file: list, add, remove, show' 'completion	print or install the shell completion: bash, zsh, fish, PowerShell' 'sim	serve a simulated device to any client: pty, TCP, slcan' 'plot	draw the curves of a recording as SVG or HTML' 'trace	show, decode or compare recorded transcripts' 'help	show the manual, a guide, a command or the common options'
             set opts '-V	Show the version.' '--version	Show the version.' '-h	Show this help.' '--help	Show this help.'
         case 'exo'
             set cmds 'status	Show a health summary: values of each finger or motor, with errors decoded.' 'dump	Read every documented quantity.' 'get	Read quantities by name, such as position_actual.index temperature.' 'watch	Show values as they change.' 'describe	List every quantity with address, type, range, access and manual section.' 'stop	Stop the device at once, even while another handctl command is using it.' 'position	Command positions from 0 (bent) to 1000 (open). Asks first.' 'force	Command forces from -1000 (closes the hand) to 1000 (opens it). Asks first.' 'set	Write quantities by name and read them back. For example position_set.index=300 force_set=0,0,0,0,0.' 'id	Show the id, or give the hand a NEW one (1 to 254).' 'baud	Show the baud rate code, or set a new RATE: 115200, 57600 or 19200 bit/s.' 'save	Save the present settings to flash and wait for the result (about 1 s).' 'factory-reset	Restore the factory defaults, after a snapshot of the present settings.' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'doctor	Check this computer, the link and the device.' 'clear-errors	Clear actuator errors and show which remain. Asks first if a finger may move.' 'calibrate	Calibrate forces and positions, guided step by step.' 'scan	Search for devices of this family: baud rate and id.' 'read	Read COUNT bytes (1 to 252) from any ADDRESS. Registers from the manual are decoded.' 'write	Write bytes to ADDRESS, low byte first, and read them back. Asks first.' 'raw	Send exactly these bytes and show the decoded reply. Everything except a read asks first.' 'snapshot	Save the settings and set points of the device to FILE.' 'diff	Compare settings: two snapshots, a snapshot and the device, or two devices.' 'restore	Write the settings that differ from a snapshot, and read them back.' 'log	Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.' 'export	Turn a log into a file for pandas, BIDS, motion capture and other tools.'
@@ -17,25 +17,25 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'exo status'
             set opts '--check	Exit with code 7 if anything is unhealthy.' '--picture	Draw the device, coloured by temperature, force or error.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.'
             set takes --picture=none --limit=none
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'exo dump'
             set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.'
             set takes --limit=none
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'exo get'
             set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.'
             set takes --limit=none
             set args 'read:exo*'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'exo watch'
             set opts '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.'
             set takes --rate=none --count=none --duration=none --limit=none --until=none
             set args 'read:exo*'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'exo describe'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'name:exo*'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'exo stop'
             set opts '-h	Show this help.' '--help	Show this help.'
         case 'exo position'
@@ -63,11 +63,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--watch	Record curves for S seconds (0: none). Default: 3.' '--include-ids	Include serial numbers, pilot ids, and the replies that contain them.' '--force	Replace FILE.html if it exists.' '-h	Show this help.' '--help	Show this help.'
             set takes --watch=none
             set args 'file'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'exo doctor'
             set opts '--count	Read the device N times to measure the error rate. Default: 100.' '-h	Show this help.' '--help	Show this help.'
             set takes --count=none
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'exo clear-errors'
             set opts '-h	Show this help.' '--help	Show this help.'
         case 'exo calibrate'
@@ -75,11 +75,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'exo scan'
             set opts '--ids	Ids to try, such as 1-20 (default: --id, or all, the usual one first).' '--all	Keep searching after the first device, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.'
             set takes --ids=none
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'exo read'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'none' 'none'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'exo write'
             set opts '--undocumented	Allow an address that is not in the manual.' '-h	Show this help.' '--help	Show this help.'
             set args 'none' 'none'
@@ -90,11 +90,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'exo snapshot'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'file'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'exo diff'
             set opts '--setpoints	Include set points: commanded positions and forces. Forces need a separate confirmation.' '-h	Show this help.' '--help	Show this help.'
             set args 'file' 'file'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'exo restore'
             set opts '--setpoints	Include set points: commanded positions and forces. Forces need a separate confirmation.' '-h	Show this help.' '--help	Show this help.'
             set args 'file'
@@ -102,37 +102,37 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--mark-udp	Each datagram to this UDP port of this computer sets a mark with its text (0: any free port).' '--lsl	Send rows and marks on the Lab Streaming Layer, and record the marks that it has. Needs handctl[lsl].' '--mark-stdin	Each line on standard input sets a mark with its text.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '--check	Record nothing: check the recording FILE, and show its segments, breaks and the fit of the two clocks. Needs no device. Exit code 7 if it is incomplete or does not match its sidecar.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.'
             set takes --rate=none --count=none --duration=none --mark=none --mark-udp=link --silence=none --limit=none --until=none
             set args 'file' 'read:exo*'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'exo export'
             set opts '--to	Output: parquet (columns with types and units, for pandas, needs handctl[parquet]), bids (a BIDS motion dataset), c3d (motion capture, at a constant rate), mcap (messages, for Foxglove and ROS tools, needs handctl[mcap]) or xdf (streams, as LabRecorder writes them).' '--segment	Only segment N.' '--rate	Resample linearly, but never across a gap (c3d: default is the rate of the log).' '-h	Show this help.' '--help	Show this help.'
             set takes --to=choice:parquet,bids,c3d,mcap,xdf --segment=none --rate=none
             set args 'file'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'wrist'
             set cmds 'status	Show a health summary: values of each finger or motor, with errors decoded.' 'dump	Read every documented quantity.' 'get	Read quantities by name, such as pitch_actual yaw_actual.' 'watch	Show values as they change.' 'describe	List every quantity with address, type, range, access and manual section.' 'stop	Stop the device at once, even while another handctl command is using it.' 'move	Move to angles in degrees and wait until the wrist has stopped moving.' 'center	Move both axes to 0 degrees and wait until they have stopped moving.' 'set	Write quantities by name and read them back. For example yaw_set=10 pitch_set=-10 move_time=1000.' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'doctor	Check this computer, the link and the device.' 'scan	Search for devices of this family: baud rate and id.' 'read	Read COUNT bytes (1 to 252) from ADDRESS in the wrist. Registers from the manual are decoded.' 'hand-read	Read COUNT bytes (1 to 252) from ADDRESS in the wrist\'s hand, undecoded.' 'write	Write 2, 4 or 6 bytes to addresses 1038 to 1043 and read them back.' 'hand-write	Write bytes to registers of the wrist\'s hand. Asks first.' 'raw	Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show the decoded reply.' 'snapshot	Save the settings and set points of the device to FILE.' 'diff	Compare settings: two snapshots, a snapshot and the device, or two devices.' 'restore	Write the settings that differ from a snapshot, and read them back.' 'log	Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.' 'export	Turn a log into a file for pandas, BIDS, motion capture and other tools.'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
         case 'wrist status'
             set opts '--check	Exit with code 7 if anything is unhealthy.' '--picture	Draw the device, coloured by temperature, force or error.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
             set takes --picture=none --limit=none
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'wrist dump'
             set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
             set takes --limit=none
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'wrist get'
             set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
             set takes --limit=none
             set args 'read:wrist*'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'wrist watch'
             set opts '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
             set takes --rate=none --count=none --duration=none --limit=none --until=none
             set args 'read:wrist*'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'wrist describe'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'name:wrist*'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'wrist stop'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
         case 'wrist move'
@@ -150,23 +150,23 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--watch	Record curves for S seconds (0: none). Default: 3.' '--include-ids	Include serial numbers, pilot ids, and the replies that contain them.' '--force	Replace FILE.html if it exists.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
             set takes --watch=none
             set args 'file'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'wrist doctor'
             set opts '--count	Read the device N times to measure the error rate. Default: 100.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
             set takes --count=none
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'wrist scan'
             set opts '--ids	Ids to try, such as 1-20 (default: --id, or all, the usual one first).' '--all	Keep searching after the first device, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
             set takes --ids=none
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'wrist read'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
             set args 'none' 'none'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'wrist hand-read'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
             set args 'none' 'none'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'wrist write'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
             set args 'none' 'none'
@@ -180,11 +180,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'wrist snapshot'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
             set args 'file'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'wrist diff'
             set opts '--setpoints	Include set points: commanded positions and forces. Forces need a separate confirmation.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
             set args 'file' 'file'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'wrist restore'
             set opts '--setpoints	Include set points: commanded positions and forces. Forces need a separate confirmation.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
             set args 'file'
@@ -192,12 +192,12 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--mark-udp	Each datagram to this UDP port of this computer sets a mark with its text (0: any free port).' '--lsl	Send rows and marks on the Lab Streaming Layer, and record the marks that it has. Needs handctl[lsl].' '--mark-stdin	Each line on standard input sets a mark with its text.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '--check	Record nothing: check the recording FILE, and show its segments, breaks and the fit of the two clocks. Needs no device. Exit code 7 if it is incomplete or does not match its sidecar.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).'
             set takes --rate=none --count=none --duration=none --mark=none --mark-udp=link --silence=none --limit=none --until=none
             set args 'file' 'read:wrist*'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'wrist export'
             set opts '--to	Output: parquet (columns with types and units, for pandas, needs handctl[parquet]), bids (a BIDS motion dataset), c3d (motion capture, at a constant rate), mcap (messages, for Foxglove and ROS tools, needs handctl[mcap]) or xdf (streams, as LabRecorder writes them).' '--segment	Only segment N.' '--rate	Resample linearly, but never across a gap (c3d: default is the rate of the log).' '-h	Show this help.' '--help	Show this help.'
             set takes --to=choice:parquet,bids,c3d,mcap,xdf --segment=none --rate=none
             set args 'file'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'barrett'
             set cmds 'status	Show a health summary: values of each finger or motor, with errors decoded.' 'dump	Read every documented quantity.' 'get	Read quantities by name, such as P SG.F1 temperature.' 'watch	Show values as they change.' 'describe	List all parameters with range, defaults, access and manual section.' 'version	Show the firmware version.' 'errors	Explain status codes as the manual does. CODE can be a sum. Needs no device.' 'help	Show what the hand and the manual say about COMMAND or a parameter.' 'fingertips	Show each fingertip\'s position in mm and its joint angles (§9.5, §9.6).' 'stop	Stop the hand immediately, even while another handctl is using it.' 'init	Initialize the motors (HI): the fingers open fully. Run it after power-on or reset.' 'open	Open to OT.' 'close	Close to CT. To grip an object, add --expect contact.' 'move	Move to POSITION in counts (default: the parameter DP), or to one for each motor: F1=9000 F2=9000.' 'home	Move to position 0.' 'step-open	Open by COUNTS (default: the parameter DS).' 'step-close	Close by COUNTS (default: the parameter DS).' 'torque-open	Open under torque control until the motors stall.' 'torque-close	Close under torque control until the motors stall.' 'realtime	Exchange RealTime blocks (LOOP): live view, NDJSON or CSV.' 'set	Set parameters in RAM and read them back.' 'save	Save the settings from RAM to EEPROM. Asks first.' 'baud	Show the baud rate, or change it.' 'load	Load the saved settings from EEPROM into RAM (FLOAD, PLOAD).' 'defaults	Set all parameters in RAM to their factory values (FDEF, PDEF). Saves nothing.' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'doctor	Check this computer, the link and the device.' 'diagnose	Run the manual\'s troubleshooting checks (§8). With SYMPTOM, also list the steps to do by hand.' 'maintenance	Show the strokes of each motor and any maintenance that is due (§7).' 'strain	Measure the strain gauges without load, and show how to adjust them (§7.4).' 'scan	Search for devices of this family: baud rate and id.' 'reset	Restart the firmware, like a power-cycle, and show its banner. Asks first.' 'gcl	Send GCL commands, one per argument.' 'firmware	Check a firmware file, or load it into the hand (barrett §3.7).' 'snapshot	Save the settings and set points of the device to FILE.' 'diff	Compare settings: two snapshots, a snapshot and the device, or two devices.' 'restore	Write the values that differ from a snapshot to RAM and read them back.' 'log	Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.' 'export	Turn a log into a file for pandas, BIDS, motion capture and other tools.'
             set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
@@ -205,40 +205,40 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'barrett status'
             set opts '--check	Exit with code 7 if anything is unhealthy.' '--picture	Draw the device, coloured by temperature, force or error.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--include-ids	Include the serial number in device of the JSON.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set takes --picture=none --limit=none
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'barrett dump'
             set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--include-ids	Include the serial number in device of the JSON.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set takes --limit=none
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'barrett get'
             set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set takes --limit=none
             set args 'read:barrett*'
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'barrett watch'
             set opts '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set takes --rate=none --count=none --duration=none --limit=none --until=none
             set args 'read:barrett*'
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'barrett describe'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'name:barrett*'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'barrett version'
             set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'barrett errors'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'none'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'barrett help'
             set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set args 'none'
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'barrett fingertips'
             set opts '--positions	Use these counts instead of the hand\'s. Needs no device.' '--breakaway	With --positions: the clutch broke away at COUNTS.' '--live	Keep reading: a live view on a terminal, otherwise a stream.' '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set takes --positions=none --breakaway=none --rate=none --count=none --duration=none --limit=none --until=none
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'barrett stop'
             set opts '--motors	Motors: digits 1 to 4, G for the fingers, S for the spread (default: all).' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set takes --motors=none
@@ -311,11 +311,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--watch	Record curves for S seconds (0: none). Default: 3.' '--include-ids	Include serial numbers, pilot ids, and the replies that contain them.' '--force	Replace FILE.html if it exists.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set takes --watch=none
             set args 'file'
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'barrett doctor'
             set opts '--count	Read the device N times to measure the error rate. Default: 100.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set takes --count=none
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'barrett diagnose'
             set opts '--list	List the symptoms in the manual. Needs no device.' '--move	MOVES the hand: also run the movements that test the symptom. Asks first.' '--motors	Fingers that --move may move. Default: G.' '--hand	Name for this hand in the journal if its serial number is 0.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set takes --motors=none --hand=none
@@ -324,7 +324,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'barrett maintenance'
             set opts '--greased	Record points as greased today: all, worm, spur, motor-spur, palm, or spur.F1 for one finger. Separate points with commas.' '--steps	List the steps of a procedure, with manual sections. Needs no device.' '--check	Exit with code 7 if anything is due or too hot.' '--hand	Name for this hand in the journal if its serial number is 0.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set takes --greased=none --steps=choice:lubrication,fasteners,pretension,strain,firmware --hand=none
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'barrett strain'
             set opts '--open	MOVES the hand: initialize it, free the spread and open the fingers first.' '--live	Show the readings live while you turn the potentiometer. The bar spans 100 to 140.' '--check	Exit with code 7 if a reading is outside 100 to 140.' '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set takes --rate=none --count=none --duration=none --limit=none --until=none
@@ -332,7 +332,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'barrett scan'
             set opts '--ids	Ids to try, such as 1-20 (default: --id, or all, the usual one first).' '--all	Keep searching after the first device, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set takes --ids=none
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'barrett reset'
             set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set lacks --id
@@ -347,7 +347,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'barrett firmware check'
             set opts '--force	Accept a file that has no end record.' '-h	Show this help.' '--help	Show this help.'
             set args 'file'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'barrett firmware download'
             set opts '--force	Load a file even if it has no end record.' '--expect	Exit with code 7 unless the hand then reports this version, such as 4.34.' '--window	Bytes to send ahead of their echo, 1 to 4. 2 halves the time. More than 2 has not been tried on hardware. Default: 1.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set takes --expect=none --window=none
@@ -356,11 +356,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'barrett snapshot'
             set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set args 'file'
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'barrett diff'
             set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set args 'file' 'file'
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'barrett restore'
             set opts '--save	Then save to EEPROM.' '--force	Write a value the manual warns about, or save unchanged values.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set args 'file'
@@ -369,12 +369,12 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--mark-udp	Each datagram to this UDP port of this computer sets a mark with its text (0: any free port).' '--lsl	Send rows and marks on the Lab Streaming Layer, and record the marks that it has. Needs handctl[lsl].' '--mark-stdin	Each line on standard input sets a mark with its text.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '--check	Record nothing: check the recording FILE, and show its segments, breaks and the fit of the two clocks. Needs no device. Exit code 7 if it is incomplete or does not match its sidecar.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.'
             set takes --rate=none --count=none --duration=none --mark=none --mark-udp=link --silence=none --limit=none --until=none
             set args 'file' 'read:barrett*'
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'barrett export'
             set opts '--to	Output: parquet (columns with types and units, for pandas, needs handctl[parquet]), bids (a BIDS motion dataset), c3d (motion capture, at a constant rate), mcap (messages, for Foxglove and ROS tools, needs handctl[mcap]) or xdf (streams, as LabRecorder writes them).' '--segment	Only segment N.' '--rate	Resample linearly, but never across a gap (c3d: default is the rate of the log).' '-h	Show this help.' '--help	Show this help.'
             set takes --to=choice:parquet,bids,c3d,mcap,xdf --segment=none --rate=none
             set args 'file'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'ekso'
             set cmds 'status	Show a health summary: values of each finger or motor, with errors decoded.' 'dump	Read every documented quantity.' 'get	Read quantities by name, such as step_length left_knee_angle 216.' 'watch	Show values as they change.' 'describe	List all words with message, ParameterID, type, codes and aliases.' 'time	Show the device\'s time of day.' 'date	Show the device\'s date.' 'settings	Show all settings (GetSettings, 22 words).' 'data	Show the current sensor values (GetData, 27 words).' 'feedback	Show steps, times and assistance (GetFeedback, 17 words).' 'policy	Show the checks and confirmations before a write. Needs no device.' 'stop	Stop the device at once, even while another handctl command is using it.' 'set	Write one setting, with every check.' 'cancel	Cancel the running action (CancelAction).' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'doctor	Check this computer, the link and the device.' 'scan	Search for devices of this family: baud rate and id.' 'snapshot	Save the settings and set points of the device to FILE.' 'diff	Compare settings: two snapshots, a snapshot and the device, or two devices.' 'restore	Write the settings that differ from a snapshot, one by one.' 'log	Record GetData to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.' 'export	Turn a log into a file for OpenSim, pandas, BIDS and other tools. Needs no device.' 'gait	Find the strides in a log: cadence, stance, symmetry, variability. Needs no device.'
             set opts '-h	Show this help.' '--help	Show this help.'
@@ -382,49 +382,49 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'ekso status'
             set opts '--check	Exit with code 7 if anything is unhealthy.' '--picture	Draw the device, coloured by temperature, force or error.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --picture=none --limit=none --length-mode=none
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'ekso dump'
             set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --limit=none --length-mode=none
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'ekso get'
             set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --limit=none --length-mode=none
             set args 'read:ekso*'
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'ekso watch'
             set opts '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --rate=none --count=none --duration=none --limit=none --until=none --length-mode=none
             set args 'read:ekso*'
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'ekso describe'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'name:ekso*'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'ekso time'
             set opts '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'ekso date'
             set opts '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'ekso settings'
             set opts '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'ekso data'
             set opts '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'ekso feedback'
             set opts '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'ekso policy'
             set opts '--audit	Audit log to check (default: ekso-audit.jsonl in the user\'s state folder).' '-h	Show this help.' '--help	Show this help.'
             set takes --audit=file
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'ekso stop'
             set opts '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
@@ -442,25 +442,25 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--watch	Record curves for S seconds (0: none). Default: 3.' '--include-ids	Include serial numbers, pilot ids, and the replies that contain them.' '--force	Replace FILE.html if it exists.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --watch=none --length-mode=none
             set args 'file'
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'ekso doctor'
             set opts '--count	Read the device N times to measure the error rate. Default: 100.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --count=none --length-mode=none
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'ekso scan'
             set opts '--ids	Ids to try, such as 1-20 (default: --id, or all, the usual one first).' '--all	Keep searching after the first device, and search a silent line again with longer timeouts.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --ids=none --length-mode=none
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'ekso snapshot'
             set opts '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
             set args 'file'
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'ekso diff'
             set opts '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --length-mode=none
             set args 'file' 'file'
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'ekso restore'
             set opts '--operator	Your name, for the audit log. Required with --yes.' '--audit	A second audit log, as well as ekso-audit.jsonl in the user\'s state folder. Without a log no setting is written. The step limits use the last writes in ekso-audit.jsonl, so they apply to every port and FILE.' '--override-step-limit	Allow a larger step than this tool\'s policy, except for leg lengths.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --operator=none --audit=file --length-mode=none
@@ -470,17 +470,17 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--mark-udp	Each datagram to this UDP port of this computer sets a mark with its text (0: any free port).' '--lsl	Send rows and marks on the Lab Streaming Layer, and record the marks that it has. Needs handctl[lsl].' '--mark-stdin	Each line on standard input sets a mark with its text.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '--check	Record nothing: check the recording FILE, and show its segments, breaks and the fit of the two clocks. Needs no device. Exit code 7 if it is incomplete or does not match its sidecar.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--raw	Append the 27 raw words to each row.' '--include-pilot-id	Keep the wearer\'s number in the sidecar.' '--length-mode	How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.' '-h	Show this help.' '--help	Show this help.'
             set takes --rate=none --count=none --duration=none --mark=none --mark-udp=link --silence=none --limit=none --until=none --length-mode=none
             set args 'file'
-            set lacks --id -n --dry-run -y --yes
+            set lacks --id -n --dry-run -y --yes --history
         case 'ekso export'
             set opts '--to	Output: mot (OpenSim motion file), csv (the columns of the log), parquet (columns with types and units, for pandas, needs handctl[parquet]), bids (a BIDS motion dataset), c3d (motion capture, at a constant rate), mcap (messages, for Foxglove and ROS tools, needs handctl[mcap]) or xdf (streams, as LabRecorder writes them). --format is the older name.' '--format	Output: mot (OpenSim motion file), csv (the columns of the log), parquet (columns with types and units, for pandas, needs handctl[parquet]), bids (a BIDS motion dataset), c3d (motion capture, at a constant rate), mcap (messages, for Foxglove and ROS tools, needs handctl[mcap]) or xdf (streams, as LabRecorder writes them). --format is the older name.' '--si	With csv: metres and radians instead of inches and degrees.' '--segment	Only segment N.' '--knee-sign	With mot: sign of knee flexion in your model (default 1, as in the device; gait2392 needs -1).' '--rate	Resample linearly, but never across a gap (c3d: default is the rate of the log).' '-h	Show this help.' '--help	Show this help.'
             set takes --to=choice:mot,csv,parquet,bids,c3d,mcap,xdf --format=choice:mot,csv,parquet,bids,c3d,mcap,xdf --segment=none --knee-sign=choice:1,-1 --rate=none
             set args 'file'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format -n --dry-run -y --yes --history --assume-identity
         case 'ekso gait'
             set opts '--steps	Write every stride, counted or not, to FILE (CSV).' '--page	Write the curves, figures and refused strides to FILE (HTML).' '-h	Show this help.' '--help	Show this help.'
             set takes --steps=file --page=file
             set args 'file' 'file'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'aidin'
             set cmds 'status	Show a health summary: values of each finger or motor, with errors decoded.' 'dump	Read every documented quantity.' 'get	Read quantities by name, such as joint_pos.index sensor_state.fz.' 'watch	Show values as they change.' 'describe	List every quantity with address, type, range, access and manual section.' 'stop	Stop the device at once, even while another handctl command is using it.' 'home	OPEN ALL FINGERS for 3.5 s and set that position as the origin (homing).' 'initial	Open all fingers to the origin set by homing. Asks first. Ctrl-C stops.' 'encoders	Move motors to encoder counts.' 'joints	Move joints to angles in degrees.' 'fingertips	Move fingertips to coordinates in mm.' 'currents	Drive motors by current: NO POSITION LIMIT.' 'bias	Set the sensors to 0. Touch nothing: any load is subtracted from all later values.' 'max-torque	Set the maximum output current: 0 to 1000 in 0.1 % (recommended: 700 to 1000).' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'doctor	Check this computer, the link and the device.' 'scan	Search for devices of this family: baud rate and id.' 'log	Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.' 'export	Turn a log into a file for pandas, BIDS, motion capture and other tools.'
             set opts '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
@@ -489,25 +489,25 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'aidin status'
             set opts '--check	Exit with code 7 if anything is unhealthy.' '--picture	Draw the device, coloured by temperature, force or error.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
             set takes --picture=none --limit=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
-            set lacks --id --baud -n --dry-run -y --yes
+            set lacks --id --baud -n --dry-run -y --yes --history
         case 'aidin dump'
             set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
             set takes --limit=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
-            set lacks --id --baud -n --dry-run -y --yes
+            set lacks --id --baud -n --dry-run -y --yes --history
         case 'aidin get'
             set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
             set takes --limit=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'read:aidin*'
-            set lacks --id --baud -n --dry-run -y --yes
+            set lacks --id --baud -n --dry-run -y --yes --history
         case 'aidin watch'
             set opts '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
             set takes --rate=none --count=none --duration=none --limit=none --until=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'read:aidin*'
-            set lacks --id --baud -n --dry-run -y --yes
+            set lacks --id --baud -n --dry-run -y --yes --history
         case 'aidin describe'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'name:aidin*'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'aidin stop'
             set opts '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
             set takes --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
@@ -553,25 +553,25 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--watch	Record curves for S seconds (0: none). Default: 3.' '--include-ids	Include serial numbers, pilot ids, and the replies that contain them.' '--force	Replace FILE.html if it exists.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
             set takes --watch=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'file'
-            set lacks --id --baud -n --dry-run -y --yes
+            set lacks --id --baud -n --dry-run -y --yes --history
         case 'aidin doctor'
             set opts '--count	Read the device N times to measure the error rate. Default: 100.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
             set takes --count=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
-            set lacks --id --baud -n --dry-run -y --yes
+            set lacks --id --baud -n --dry-run -y --yes --history
         case 'aidin scan'
             set opts '--ids	Ids to try, such as 1-20 (default: --id, or all, the usual one first).' '--all	Keep searching after the first device, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
             set takes --ids=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
-            set lacks --id --baud -n --dry-run -y --yes
+            set lacks --id --baud -n --dry-run -y --yes --history
         case 'aidin log'
             set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--mark-udp	Each datagram to this UDP port of this computer sets a mark with its text (0: any free port).' '--lsl	Send rows and marks on the Lab Streaming Layer, and record the marks that it has. Needs handctl[lsl].' '--mark-stdin	Each line on standard input sets a mark with its text.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '--check	Record nothing: check the recording FILE, and show its segments, breaks and the fit of the two clocks. Needs no device. Exit code 7 if it is incomplete or does not match its sidecar.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
             set takes --rate=none --count=none --duration=none --mark=none --mark-udp=link --silence=none --limit=none --until=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set args 'file' 'read:aidin*'
-            set lacks --id --baud -n --dry-run -y --yes
+            set lacks --id --baud -n --dry-run -y --yes --history
         case 'aidin export'
             set opts '--to	Output: parquet (columns with types and units, for pandas, needs handctl[parquet]), bids (a BIDS motion dataset), c3d (motion capture, at a constant rate), mcap (messages, for Foxglove and ROS tools, needs handctl[mcap]) or xdf (streams, as LabRecorder writes them).' '--segment	Only segment N.' '--rate	Resample linearly, but never across a gap (c3d: default is the rate of the log).' '-h	Show this help.' '--help	Show this help.'
             set takes --to=choice:parquet,bids,c3d,mcap,xdf --segment=none --rate=none
             set args 'file'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'hand'
             set cmds 'status	Show a health summary: values of each finger or motor, with errors decoded.' 'dump	Read every documented quantity.' 'get	Read quantities by name, such as angle_actual.index temperature.' 'watch	Show values as they change.' 'describe	List every quantity with address, type, range, access and manual section.' 'tactile	Show the tactile sensors of an RH56DFTP. Only reads.' 'stop	Stop the device at once, even while another handctl command is using it.' 'angle	Command angles from 0 (closed) to 1000 (open). Asks first.' 'position	Command strokes from 0 (open) to 2000 (closed). Asks first.' 'speed	Set the speed of the next movement, 0 to 1000. Asks first if a finger may move.' 'force	Set the force limit in grams. Asks first if a finger may move.' 'set	Write quantities by name and read them back.' 'id	Show the id, or give the hand a NEW one (1 to 254).' 'baud	Show the baud rate code, or set a new RATE in bit/s.' 'save	Save the present settings to flash and wait for the result (about 1 s).' 'factory-reset	Restore the factory defaults, after a snapshot of the present settings.' 'network	Show the IP address of a tactile hand, or give it a new ADDRESS.' 'pair	Find out which of two hands is left and which is right, and name both.' 'report	Write one page for a service ticket: status, dump, findings, curves, bytes.' 'doctor	Check this computer, the link and the device.' 'clear-errors	Clear actuator errors and show which remain. Asks first if a finger may move.' 'calibrate	Calibrate the force sensors. The whole hand moves for about 6 s.' 'scan	Search for devices of this family: baud rate and id.' 'read	Read COUNT bytes (1 to 252) from any ADDRESS. Registers from the manual are decoded.' 'write	Write bytes to ADDRESS, low byte first, and read them back. Asks first.' 'raw	Send exactly these EB90 or Modbus bytes and show the decoded reply.' 'snapshot	Save the settings and set points of the device to FILE.' 'diff	Compare settings: two snapshots, a snapshot and the device, or two devices.' 'restore	Write the settings that differ from a snapshot, and read them back.' 'log	Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.' 'export	Turn a log into a file for pandas, BIDS, motion capture and other tools.'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
@@ -579,30 +579,30 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'hand status'
             set opts '--check	Exit with code 7 if anything is unhealthy.' '--picture	Draw the device, coloured by temperature, force or error.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --picture=none --limit=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'hand dump'
             set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --limit=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'hand get'
             set opts '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --limit=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'read:hand*'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'hand watch'
             set opts '--rate	Samples per second (0: as fast as the device replies). Default: 10.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --rate=none --count=none --duration=none --limit=none --until=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'read:hand*'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'hand describe'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'name:hand*'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'hand tactile'
             set opts '--watch	Keep reading: a live picture on a terminal, otherwise a stream of rows.' '--rate	Samples per second (0: as fast as the device replies). Default: 5.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --rate=none --count=none --duration=none --limit=none --until=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'none*'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'hand stop'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
@@ -652,11 +652,11 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--watch	Record curves for S seconds (0: none). Default: 3.' '--include-ids	Include serial numbers, pilot ids, and the replies that contain them.' '--force	Replace FILE.html if it exists.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --watch=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'file'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'hand doctor'
             set opts '--count	Read the device N times to measure the error rate. Default: 100.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --count=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'hand clear-errors'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
@@ -666,12 +666,12 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'hand scan'
             set opts '--ids	Ids to try, such as 1-20 (default: --id, or all, the usual one first).' '--all	Keep searching after the first device, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --ids=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'hand read'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'none' 'none'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'hand write'
             set opts '--undocumented	Allow an address that is not in the manual.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
@@ -684,12 +684,12 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'file'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'hand diff'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'file' 'file'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'hand restore'
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
@@ -698,28 +698,33 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '--rate	Samples per second (0: as fast as the device replies). Default: 0.' '--count	End after N samples.' '--duration	End after S seconds.' '--mark	Mark the first row with TEXT.' '--mark-udp	Each datagram to this UDP port of this computer sets a mark with its text (0: any free port).' '--lsl	Send rows and marks on the Lab Streaming Layer, and record the marks that it has. Needs handctl[lsl].' '--mark-stdin	Each line on standard input sets a mark with its text.' '--silence	End after S seconds without a valid reply. handctl also waits this long for a lost port to come back. Default: 60.' '--force	Overwrite FILE.' '--check	Record nothing: check the recording FILE, and show its segments, breaks and the fit of the two clocks. Needs no device. Exit code 7 if it is incomplete or does not match its sidecar.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '--until	End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.' '--serial	Simulate the serial wire, with --fake or --dry-run (default: serial).' '--can	Simulate the can wire, with --fake or --dry-run (default: serial).' '--modbus-tcp	Simulate the modbus-tcp wire, with --fake or --dry-run (default: serial).' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --rate=none --count=none --duration=none --mark=none --mark-udp=link --silence=none --limit=none --until=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set args 'file' 'read:hand*'
-            set lacks -n --dry-run -y --yes
+            set lacks -n --dry-run -y --yes --history
         case 'hand export'
             set opts '--to	Output: parquet (columns with types and units, for pandas, needs handctl[parquet]), bids (a BIDS motion dataset), c3d (motion capture, at a constant rate), mcap (messages, for Foxglove and ROS tools, needs handctl[mcap]) or xdf (streams, as LabRecorder writes them).' '--segment	Only segment N.' '--rate	Resample linearly, but never across a gap (c3d: default is the rate of the log).' '-h	Show this help.' '--help	Show this help.'
             set takes --to=choice:parquet,bids,c3d,mcap,xdf --segment=none --rate=none
             set args 'file'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'ports'
             set opts '-h	Show this help.' '--help	Show this help.'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'scan'
             set opts '-p	The link to search (default: all serial ports that are free and accessible). Can be repeated.' '--port	The link to search (default: all serial ports that are free and accessible). Can be repeated.' '--family	Search for this family only. Can be repeated.' '--ids	Ids to try, such as 1-20 (default: --id, or all, the usual one first).' '--all	Keep searching after the first device, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.'
             set takes -p=link --port=link --family=choice:exo,wrist,barrett,ekso,aidin,hand --ids=none
-            set lacks -p --port -n --dry-run -y --yes --assume-identity
+            set lacks -p --port -n --dry-run -y --yes --history --assume-identity
         case 'top'
             set opts '--rate	Samples per second (0: as fast as the device replies). Default: 5.' '--count	End after N samples.' '--duration	End after S seconds.' '--limit	Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.' '-h	Show this help.' '--help	Show this help.'
             set takes --rate=none --count=none --duration=none --limit=none
             set args 'none*'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes --history --assume-identity
+        case 'history'
+            set opts '--since	Only from then on: yesterday, today, 2h, 3d, or a date such as 2026-11-25 or 2026-11-25T14:30.' '--last	Only the last N commands.' '-h	Show this help.' '--help	Show this help.'
+            set takes --since=none --last=none
+            set args 'none'
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'doctor'
             set opts '--family	The family of the device on the link. Without it, and without -d NAME, handctl detects the device.' '--count	Read the device N times to measure the error rate. Default: 100.' '-h	Show this help.' '--help	Show this help.'
             set takes --family=choice:exo,wrist,barrett,ekso,aidin,hand --count=none
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes --history --assume-identity
         case 'stop'
             set opts '-h	Show this help.' '--help	Show this help.'
         case 'shell'
@@ -733,7 +738,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '-h	Show this help.' '--help	Show this help.'
         case 'devices list'
             set opts '-h	Show this help.' '--help	Show this help.'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'devices add'
             set opts '--from-scan	Take family, link, id and baud rate from the output of handctl scan --json (-: stdin).' '--force	Replace the device that already has this name.' '-h	Show this help.' '--help	Show this help.'
             set takes --from-scan=file
@@ -745,7 +750,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'devices show'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'device'
-            set lacks -n --dry-run -y --yes --assume-identity
+            set lacks -n --dry-run -y --yes --history --assume-identity
         case 'completion'
             set opts '--install	Install it in your own completion directory instead of printing it.' '-h	Show this help.' '--help	Show this help.'
             set args 'choice:bash,zsh,fish,powershell'
@@ -753,78 +758,78 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'sim'
             set cmds 'aidin	Serve a simulated AIDIN-hand (TCP, JSON).' 'barrett	Serve a simulated BarrettHand BH8 with RealTime mode and boot monitor.' 'bus	Serve several simulated devices on one RS-485, RS-232 or CAN bus.' 'control	Send a command to a running simulator and print its answer.' 'ekso	Serve a simulated EksoNR exoskeleton with its DataPort (serial).' 'exo	Serve a simulated exoskeleton hand EH55BF1 (serial).' 'forget	Reset the devices that --fake simulates.' 'hand	Serve a simulated RH56 dexterous hand: generations df, tp, f1 and dg2 (serial, CAN, Modbus).' 'wrist	Serve a simulated wrist module with the hand behind it (serial, CAN).'
             set opts '-h	Show this help.' '--help	Show this help.'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --history --assume-identity
         case 'sim aidin'
             set opts '--tcp	Serve on a TCP port. Port 0 takes any free port.' '--seed	Seed of the random generator.' '--fault	Faults and states, listed below. Can be repeated.' '--after	Answer the first N requests without the fault.' '--every	Apply the fault only to every N-th request after that.' '--wire	Simulate the transmission time of this baud rate in bit/s (auto: the device\'s baud rate).' '--state	Keep memory, flash and positions in this file between runs.' '--duration	Stop after S seconds.' '--control	Open a local socket at PATH for handctl sim control.' '--set	Set one of the options listed below. Can be repeated.' '-h	Show this help.' '--help	Show this help.'
             set takes --tcp=none --seed=none --fault=choice:healthy,silent,deaf,noise,garble,truncate,dribble,split,bad-checksum,wrong-id,twin-id,echo,loopback,duplicate,stale,late,slow,disconnect,refuse,missing-key,extra-key,wrong-length,nan,wrong-type,not-json,braces,unclosed,degrees,swapped,stuck,frozen,blocked,dead-motor,no-homing,no-bias,weak,held,stall,creep,touched --after=none --every=none --wire=none --state=file --duration=none --control=file --set=none
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --history --assume-identity
         case 'sim barrett'
             set opts '--pty	Serve on a new pseudo terminal.' '--by-id	Make PATH a symbolic link to the pseudo terminal. It stays valid when the port is unplugged and replugged.' '--tcp	Serve on a TCP port. Port 0 takes any free port.' '--seed	Seed of the random generator.' '--fault	Faults and states, listed below. Can be repeated.' '--after	Answer the first N requests without the fault.' '--every	Apply the fault only to every N-th request after that.' '--wire	Simulate the transmission time of this baud rate in bit/s (auto: the device\'s baud rate).' '--state	Keep memory, flash and positions in this file between runs.' '--duration	Stop after S seconds.' '--control	Open a local socket at PATH for handctl sim control.' '--set	Set one of the options listed below. Can be repeated.' '-h	Show this help.' '--help	Show this help.'
             set takes --by-id=file --tcp=none --seed=none --fault=choice:healthy,silent,deaf,noise,garble,truncate,dribble,split,bad-checksum,wrong-id,twin-id,echo,loopback,duplicate,stale,late,slow,disconnect,refuse,no-echo,hang,no-abort,blocked,obstacle,strain,strain-offset,no-gauges,hot,over-temperature,not-homed,no-board,no-motor,reversed,breakaway,eeprom-worn,erratic,unknown-codes,loop-error,loop-silent,loop-drop,loop-extra,blank-firmware,wrong-echo,missing-echo,extra-byte,monitor-hang --after=none --every=none --wire=none --state=file --duration=none --control=file --set=none
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --history --assume-identity
         case 'sim bus'
             set opts '--pty	Serve on a new pseudo terminal.' '--by-id	Make PATH a symbolic link to the pseudo terminal. It stays valid when the port is unplugged and replugged.' '--tcp	Serve on a TCP port. Port 0 takes any free port.' '--slcan-pty	Serve CAN as an slcan adapter on a new pseudo terminal.' '--slcan-tcp	Serve CAN as an slcan adapter on a TCP port.' '--seed	Seed of the random generator.' '--duration	Stop after S seconds.' '--control	Open a local socket at PATH for handctl sim control.' '-h	Show this help.' '--help	Show this help.'
             set takes --by-id=file --tcp=none --slcan-tcp=none --seed=none --duration=none --control=file
             set args 'file'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --history --assume-identity
         case 'sim control'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'file' 'none*'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --history --assume-identity
         case 'sim ekso'
             set opts '--pty	Serve on a new pseudo terminal.' '--by-id	Make PATH a symbolic link to the pseudo terminal. It stays valid when the port is unplugged and replugged.' '--tcp	Serve on a TCP port. Port 0 takes any free port.' '--seed	Seed of the random generator.' '--fault	Faults and states, listed below. Can be repeated.' '--after	Answer the first N requests without the fault.' '--every	Apply the fault only to every N-th request after that.' '--wire	Simulate the transmission time of this baud rate in bit/s (auto: the device\'s baud rate).' '--state	Keep memory, flash and positions in this file between runs.' '--duration	Stop after S seconds.' '--control	Open a local socket at PATH for handctl sim control.' '--set	Set one of the options listed below. Can be repeated.' '-h	Show this help.' '--help	Show this help.'
             set takes --by-id=file --tcp=none --seed=none --fault=choice:healthy,silent,deaf,noise,garble,truncate,dribble,split,bad-checksum,wrong-id,twin-id,echo,loopback,duplicate,stale,late,slow,disconnect,refuse,acknowledge,acknowledge-set,set-unanswered,not-taken,neighbour,pendant,stands-up,fidget,unlisted-codes,unknown-state,stuck-sensor,hip-offset,frozen-clock,clock-jump,reboot,unsolicited,wrong-command,short-body,stray-zero --after=none --every=none --wire=none --state=file --duration=none --control=file --set=none
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --history --assume-identity
         case 'sim exo'
             set opts '--pty	Serve on a new pseudo terminal.' '--by-id	Make PATH a symbolic link to the pseudo terminal. It stays valid when the port is unplugged and replugged.' '--tcp	Serve on a TCP port. Port 0 takes any free port.' '--seed	Seed of the random generator.' '--fault	Faults and states, listed below. Can be repeated.' '--after	Answer the first N requests without the fault.' '--every	Apply the fault only to every N-th request after that.' '--wire	Simulate the transmission time of this baud rate in bit/s (auto: the device\'s baud rate).' '--state	Keep memory, flash and positions in this file between runs.' '--duration	Stop after S seconds.' '--control	Open a local socket at PATH for handctl sim control.' '--set	Set one of the options listed below. Can be repeated.' '-h	Show this help.' '--help	Show this help.'
             set takes --by-id=file --tcp=none --seed=none --fault=choice:healthy,silent,deaf,noise,garble,truncate,dribble,split,bad-checksum,wrong-id,twin-id,echo,loopback,duplicate,stale,late,slow,disconnect,refuse,strict,block-silent,no-late-frames,save-fails,fresh,foreign,baud-at-1002,faults,hot,blocked,locked-rotor,over-temperature,over-current,motor-abnormal,communication,unknown-bits --after=none --every=none --wire=none --state=file --duration=none --control=file --set=none
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --history --assume-identity
         case 'sim forget'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'choice:exo,wrist,barrett,ekso,aidin,hand'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --history --assume-identity
         case 'sim hand'
             set opts '--pty	Serve on a new pseudo terminal.' '--by-id	Make PATH a symbolic link to the pseudo terminal. It stays valid when the port is unplugged and replugged.' '--tcp	Serve on a TCP port. Port 0 takes any free port.' '--modbus-pty	Serve only Modbus RTU on a new pseudo terminal.' '--modbus-tcp	Serve Modbus TCP to several clients. Can be combined with a serial port of the same device.' '--slcan-pty	Serve CAN as an slcan adapter on a new pseudo terminal.' '--slcan-tcp	Serve CAN as an slcan adapter on a TCP port.' '--model	The model to simulate.' '--seed	Seed of the random generator.' '--fault	Faults and states, listed below. Can be repeated.' '--after	Answer the first N requests without the fault.' '--every	Apply the fault only to every N-th request after that.' '--wire	Simulate the transmission time of this baud rate in bit/s (auto: the device\'s baud rate).' '--state	Keep memory, flash and positions in this file between runs.' '--duration	Stop after S seconds.' '--control	Open a local socket at PATH for handctl sim control.' '--set	Set one of the options listed below. Can be repeated.' '-h	Show this help.' '--help	Show this help.'
             set takes --by-id=file --tcp=none --modbus-tcp=none --slcan-tcp=none --model=choice:df,tp,f1,dg2 --seed=none --fault=choice:healthy,silent,deaf,noise,garble,truncate,dribble,split,bad-checksum,wrong-id,twin-id,echo,loopback,duplicate,stale,late,slow,disconnect,refuse,strict,block-silent,save-fails,fresh,foreign,faults,hot,blocked,locked-rotor,over-temperature,over-current,motor-abnormal,communication,unknown-bits,force-deaf,stops-short,tactile-dead,tactile-saturated,high-half,rtu-unpacked,no-late-frames,no-ack,bus-off,bel,queue,reports,no-status,damaged-lines,no-adapter --after=none --every=none --wire=none --state=file --duration=none --control=file --set=none
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --history --assume-identity
         case 'sim wrist'
             set opts '--pty	Serve on a new pseudo terminal.' '--by-id	Make PATH a symbolic link to the pseudo terminal. It stays valid when the port is unplugged and replugged.' '--tcp	Serve on a TCP port. Port 0 takes any free port.' '--slcan-pty	Serve CAN as an slcan adapter on a new pseudo terminal.' '--slcan-tcp	Serve CAN as an slcan adapter on a TCP port.' '--seed	Seed of the random generator.' '--fault	Faults and states, listed below. Can be repeated.' '--after	Answer the first N requests without the fault.' '--every	Apply the fault only to every N-th request after that.' '--wire	Simulate the transmission time of this baud rate in bit/s (auto: the device\'s baud rate).' '--state	Keep memory, flash and positions in this file between runs.' '--duration	Stop after S seconds.' '--control	Open a local socket at PATH for handctl sim control.' '--set	Set one of the options listed below. Can be repeated.' '-h	Show this help.' '--help	Show this help.'
             set takes --by-id=file --tcp=none --slcan-tcp=none --seed=none --fault=choice:healthy,silent,deaf,noise,garble,truncate,dribble,split,bad-checksum,wrong-id,twin-id,echo,loopback,duplicate,stale,late,slow,disconnect,refuse,strict,block-silent,no-wrist,save-fails,foreign,faults,hot,blocked,locked-rotor,over-temperature,over-current,motor-abnormal,communication,unknown-bits,no-late-frames,no-ack,bus-off,bel,queue,reports,no-status,damaged-lines,no-adapter --after=none --every=none --wire=none --state=file --duration=none --control=file --set=none
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace --format --json --csv -o --output --append --time --no-formulas --wide --long --no-wide --color -q --quiet -v --verbose --debug -n --dry-run -y --yes --history --assume-identity
         case 'plot'
             set opts '--only	Draw only this quantity or element, such as temperature.index. Several: A,B, or repeat it.' '--open	Open the picture in the browser.' '-h	Show this help.' '--help	Show this help.'
             set takes --only=none
             set args 'file*'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'trace'
             set cmds 'diff	Compare the exchanges of two transcripts, A and B.' 'show	Show every frame of FILE (-: stdin) in words, and statistics at the end.' 'decode	Explain frames field by field, for example from a manual or a scope.'
             set opts '-h	Show this help.' '--help	Show this help.'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'trace diff'
             set opts '--family	The family of the device (default: taken from the file, otherwise guessed from the bytes).' '-h	Show this help.' '--help	Show this help.'
             set takes --family=choice:exo,wrist,barrett,ekso,aidin,hand
             set args 'file' 'file'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'trace show'
             set opts '--family	The family of the device (default: taken from the file, otherwise guessed from the bytes).' '--only	Show only bad frames, refusals and requests without a reply.' '--grep	Show only rows whose meaning or bytes match. Case is ignored.' '-h	Show this help.' '--help	Show this help.'
             set takes --family=choice:exo,wrist,barrett,ekso,aidin,hand --only=choice:errors --grep=none
             set args 'file'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'trace decode'
             set opts '--from	The sender of the frames (default: guessed from the bytes).' '-h	Show this help.' '--help	Show this help.'
             set takes --from=choice:host,device
             set args 'choice:exo,wrist,barrett,ekso,aidin,hand' 'none*'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'help'
             set opts '-h	Show this help.' '--help	Show this help.'
             set args 'none*'
-            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --assume-identity
+            set lacks -p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
     end
     for option in $lacks
         set shared (string match -v -- $option\t'*' $shared)
     end
     set -a opts $shared
-    set -a takes -p=link --port=link -d=device --device=device --id=none --baud=none --timeout=none --deadline=none --retries=none --trace=file --format=choice:table,plain,json,ndjson,csv,openmetrics -o=file --output=file --color=choice:auto,always,never
+    set -a takes -p=link --port=link -d=device --device=device --id=none --baud=none --timeout=none --deadline=none --retries=none --trace=file --format=choice:table,plain,json,ndjson,csv,openmetrics -o=file --output=file --color=choice:auto,always,never --history=choice:devices,all,off
 end
 
 function __handctl_map --no-scope-shadowing # FAMILY: names of its quantities; sets readable settable known elements values
