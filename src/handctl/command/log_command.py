@@ -26,6 +26,7 @@ from handctl.record.recording import (
     changed,
     file_name,
     in_words,
+    next_trial,
     record,
     refuse_existing,
     undisturbed,
@@ -85,7 +86,9 @@ def log(
         from handctl.record import lsl
 
         lsl.library()  # what is not installed is told before anything is sent
-    path = file_name(file, run.family.kind)
+    path, trial = file_name(file, run.family.kind), None
+    if run.settings.append:
+        path, trial = next_trial(path)
     refuse_existing(path, wishes.force)
     bounds = bounds_of(run, params, wishes.limits, wishes.until)
     source = source_of(lambda: _reopen(run))
@@ -95,6 +98,7 @@ def log(
         "tool": {"name": "handctl", "version": __version__},
         "command": run.command,
         "simulated": run.simulated,
+        **({} if trial is None else {"trial": trial}),
         **source.about(),
         "asked": {"rate_hz": wishes.rate or None, "rows": wishes.count, "duration_s": wishes.duration},
         "settings_before": before,
@@ -114,7 +118,9 @@ def log(
                 streams = cleanup.enter_context(closing(lsl.Streams(source, wishes.rate, marks.put)))
                 recording.on_row, take = streams.row, lambda: streams.marks(marks.take())
                 by.append(f"rows and marks are sent on LSL as {streams.name!r}")
-            run.prompts.say(f"recording into {path}. {''.join(f'{one}, ' for one in by)}Ctrl-C ends")
+            run.prompts.say(
+                f"recording into {path}{f' (trial {trial})' if trial else ''}. {''.join(f'{one}, ' for one in by)}Ctrl-C ends"
+            )
             failure = record(
                 recording,
                 Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end, over),
@@ -126,7 +132,9 @@ def log(
     finally:
         recording.close()
     _tell(run, recording)
-    return Table(rows=[recording.as_row()], columns=SUMMARY, plain=("rows", "rate"), failure=failure)
+    row = {**({} if trial is None else {"trial": trial}), **recording.as_row()}
+    columns = SUMMARY if trial is None else (SUMMARY[0], Column("trial", "Trial", right=True), *SUMMARY[1:])
+    return Table(rows=[row], columns=columns, plain=("rows", "rate"), failure=failure)
 
 
 def of_map(run: Run, names: Sequence[str], again: Callable[[], bool]) -> Source:

@@ -12,6 +12,7 @@ import contextlib
 import errno
 import json
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import ceil, inf
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -263,6 +264,19 @@ def file_name(text: str, kind: str) -> str:
     return (
         os.path.join(text, f"{kind}-{datetime.now(timezone.utc):%Y%m%dT%H%M%SZ}.csv") if os.path.isdir(text) else text
     )
+
+
+def next_trial(path: str) -> tuple[str, int]:
+    """The file of the next trial and its number: ``walk.csv``, then ``walk-2.csv``, one more than the highest that is there."""
+    folder, name = os.path.split(path)
+    stem, ending = os.path.splitext(name)
+    trial = re.compile(f"{re.escape(stem)}(?:-([1-9][0-9]{{0,5}}))?{re.escape(ending)}(?:[.]json)?")
+    try:
+        found = [trial.fullmatch(one) for one in os.listdir(folder or os.curdir)]
+    except OSError:  # told where the file is made
+        found = []
+    last = max((int(one[1] or 1) for one in found if one), default=0)
+    return (path, 1) if not last else (os.path.join(folder, f"{stem}-{last + 1}{ending}"), last + 1)
 
 
 def refuse_existing(path: str, force: bool) -> None:
