@@ -111,16 +111,15 @@ def log(
             closing(Marks(keys.pressed, port=wishes.mark_udp, lines=sys.stdin if wishes.mark_stdin else None)) as marks,
             ExitStack() as cleanup,
         ):
-            by = ["a key sets a mark"] if keys.heard else []
-            by += [f"a datagram to 127.0.0.1:{marks.port} sets a mark"] if marks.port is not None else []
+            by = ["Any key sets a mark"] if keys.heard else []
+            by += [f"A datagram to 127.0.0.1:{marks.port} sets a mark"] if marks.port is not None else []
             take = marks.take
             if wishes.lsl:
                 streams = cleanup.enter_context(closing(lsl.Streams(source, wishes.rate, marks.put)))
                 recording.on_row, take = streams.row, lambda: streams.marks(marks.take())
-                by.append(f"rows and marks are sent on LSL as {streams.name!r}")
-            run.prompts.say(
-                f"recording into {path}{f' (trial {trial})' if trial else ''}. {''.join(f'{one}, ' for one in by)}Ctrl-C ends"
-            )
+                by.append(f"Rows and marks are sent on LSL as {streams.name!r}")
+            where = f"{path}, trial {trial}" if trial else path
+            run.prompts.say(". ".join((f"recording into {where}", *by, "Ctrl-C ends")))
             failure = record(
                 recording,
                 Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end, over),
