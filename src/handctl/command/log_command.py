@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
+from functools import cache
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
@@ -136,11 +137,13 @@ def log(
     return Table(rows=[row], columns=columns, plain=("rows", "rate"), failure=failure)
 
 
-def of_map(run: Run, names: Sequence[str], again: Callable[[], bool]) -> Source:
-    """The named quantities of the device, or those that change by themselves."""
+def of_map(run: Run, names: Sequence[str], again: Callable[[], bool], *, every: bool = False) -> Source:
+    """The named quantities of the device, or those that change by themselves; `every` = all that it says unasked."""
     if names and run.family is not None and run.family.map_of is None:
         select(run.planner().map, names)  # a wrong name is told before the link is opened
     device = run.device()
+    if every:
+        device.follow()
     return MapSource(device, device.here(select(device.map, names or device.live)), again)
 
 
@@ -261,14 +264,22 @@ class MapSource(Source):
         device = self._device
         begun = device.link.now()
         readings = device.read(self._elements)
-        moment = Moment(begun, device.link.now())
+        moment = device.came() or Moment(begun, device.link.now())
         failed = [reading for reading in readings if reading.error is not None]
         if readings and len(failed) == len(readings):
             raise failed[0].error or NoAnswer("nothing was read")
-        rows = [device.row(reading) for reading in readings]
-        texts = [text_of(in_persons_unit(row)) for row in rows]
-        errors = "; ".join(dict.fromkeys(f"{name_of(row)}: {row['error']}" for row in rows if row.get("error")))
-        return Sample(moment, (texts, errors), rows=lambda: rows)
+        good = [one.error is None and one.value is not None for one in readings]
+        texts = [
+            text_of(in_persons_unit(device.valued(one))) if read else ""
+            for one, read in zip(readings, good, strict=True)
+        ]
+        rows = cache(lambda: [device.row(reading) for reading in readings])
+        errors = (
+            "; ".join(dict.fromkeys(f"{name_of(row)}: {row['error']}" for row in rows() if row.get("error")))
+            if not all(good)
+            else ""
+        )
+        return Sample(moment, (texts, errors), rows=rows)
 
     def settings(self) -> dict[str, dict[str, Any]]:
         if not self._settings and not self._met:  # a stranger is seen before there is a file

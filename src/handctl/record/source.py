@@ -140,7 +140,11 @@ class RowsLayout(Layout):
     def line(self, stamp: Stamp, values: tuple[Sequence[str], str], mark: str) -> str:
         """`values` are the texts of the columns, and of what could not be read."""
         texts, error = values
-        return ",".join([*stamp.texts(), *map(quoted, texts), quoted(error), quoted(mark)]) + "\r\n"
+        fields = [*texts, error, mark]
+        line = ",".join(fields)
+        if line.count(",") >= len(fields) or any(c in line for c in '"\r\n'):
+            line = ",".join(map(quoted, fields))
+        return f"{','.join(stamp.texts())},{line}\r\n"
 
 
 def quoted(text: str) -> str:

@@ -159,7 +159,7 @@ ROWS = (
     ),
     mistake(
         "aidin-check-of-a-hand-that-is-not-open",
-        "safety gate open",
+        "evidence believed",
         "handctl.devices.aidin.check",
         "_check_open",
         "if closed := [index for index, value in enumerate(encoders) if value > AT_STOP * stroke(index)]:",
@@ -168,7 +168,7 @@ ROWS = (
     ),
     mistake(
         "aidin-check-pushes-on",
-        "safety gate open",
+        "stop not sent",
         "handctl.devices.aidin.check",
         "_Mover._go",
         "if pushing >= PUSHES:",
@@ -177,7 +177,7 @@ ROWS = (
     ),
     mistake(
         "aidin-check-of-a-finger-that-somebody-moves",
-        "safety gate open",
+        "evidence believed",
         "handctl.devices.aidin.check",
         "_rest",
         "if restless := moving(first, encoders):",
@@ -201,5 +201,14 @@ ROWS = (
         "if 1 / UNEVEN <= trip.effort / usual <= UNEVEN:",
         "if True:",
         "tests/aidin/test_check.py::test_a_motor_that_draws_hardly_any_current",
+    ),
+    mistake(
+        "aidin-log-passes-over-what-came-at-once",
+        "swallowed error",
+        "handctl.devices.aidin.exchange",
+        "Conversation.refresh",
+        "elif follows:",
+        "elif not follows:",
+        "tests/aidin/test_quality.py::test_a_log_has_a_row_for_each_object_of_a_stream",
     ),
 )
