@@ -460,8 +460,11 @@ class _Loop:
             self._clock.sleep(SHORTEST_S)
         self.pace.sent(answer.moment.sent)
         self._heard = self._clock.now()
+        lost = self._ask_ahead()
         if recording.add(answer, self._seq):
             self._begin_segment()
+        if lost is not None:
+            raise lost
         if self._limits.over is not None:
             self._over = self._limits.over(answer.rows(), recording.timeline.t_s)
         if self._heard - self._shown >= PROGRESS_S:
@@ -470,6 +473,20 @@ class _Loop:
                 self._guide.progress(_progress(recording, self._heard - self._start), ENDS)
         if self._source.looks and self._heard >= self._look_due:
             self._look()
+
+    def _ask_ahead(self) -> LinkError | None:
+        """Ask for the row after this one where it is wanted, and nothing else is asked first. A port that is lost is raised behind this row."""
+        limits = self._limits
+        looks = self._source.looks and self._heard >= self._look_due
+        last = self._heard >= self._end or (limits.rows is not None and self._recording.rows + 1 >= limits.rows)
+        if limits.rate or limits.over is not None or looks or last:
+            return None
+        try:
+            with undisturbed():
+                self._source.ask_ahead()
+        except LinkError as exc:
+            return exc
+        return None
 
     def _begin_segment(self) -> None:
         """Report a restart. After one, or a possible one, read again what it may have changed."""

@@ -58,6 +58,9 @@ class Source(ABC):
         """
         return False
 
+    def ask_ahead(self) -> None:  # noqa: B027 - most ask for a row in several requests
+        """Ask for the next row already: the line works while this one is written. May raise LinkError."""
+
     def unanswered(self) -> None:  # noqa: B027 - most look at nothing
         """The last `look` had no answer."""
 
