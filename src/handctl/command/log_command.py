@@ -39,6 +39,7 @@ from handctl.wording import plural
 
 if TYPE_CHECKING:
     from handctl.model.device import Device
+    from handctl.model.result import Row
     from handctl.record.timeline import Hole
 
 SUMMARY = (
@@ -144,7 +145,9 @@ def of_map(run: Run, names: Sequence[str], again: Callable[[], bool], *, every: 
     device = run.device()
     if every:
         device.follow()
-    return MapSource(device, device.here(select(device.map, names or device.live)), again)
+    blocks = {name: read for name in names if (read := device.block(name)) is not None}
+    wanted = [name for name in names if name not in blocks] if names else device.live
+    return MapSource(device, device.here(select(device.map, wanted)), again, [*blocks.values()])
 
 
 def _reopen(run: Run) -> bool:
@@ -249,11 +252,19 @@ def _hole_text(hole: Hole) -> str:
 
 
 class MapSource(Source):
-    """`elements` of a device; `again` opens a lost port, see `Source.reopen`."""
+    """`elements` of a device, and what each of `blocks` reads; `again` opens a lost port, see `Source.reopen`."""
 
-    def __init__(self, device: Device, elements: Sequence[Element], again: Callable[[], bool]) -> None:
+    def __init__(
+        self,
+        device: Device,
+        elements: Sequence[Element],
+        again: Callable[[], bool],
+        blocks: Sequence[Callable[[], list[Row]]] = (),
+    ) -> None:
         self.kind = device.kind
         rows = [device.row(Reading(element, None, b"", None)) for element in elements]
+        rows += [row for read in blocks for row in read()]
+        self._blocks = blocks
         self.layout = RowsLayout([(column_of(row), row) for row in rows])
         self._device, self._elements, self._again = device, list(elements), again
         self._identity = device.identity()
@@ -263,7 +274,8 @@ class MapSource(Source):
     def sample(self) -> Sample:
         device = self._device
         begun = device.link.now()
-        readings = device.read(self._elements)
+        readings = device.read(self._elements) if self._elements else []
+        more = [row for read in self._blocks for row in read()]
         moment = device.came() or Moment(begun, device.link.now())
         failed = [reading for reading in readings if reading.error is not None]
         if readings and len(failed) == len(readings):
@@ -273,7 +285,8 @@ class MapSource(Source):
             text_of(in_persons_unit(device.valued(one))) if read else ""
             for one, read in zip(readings, good, strict=True)
         ]
-        rows = cache(lambda: [device.row(reading) for reading in readings])
+        texts += [text_of(in_persons_unit(row)) for row in more]
+        rows = cache(lambda: [*(device.row(reading) for reading in readings), *more])
         errors = (
             "; ".join(dict.fromkeys(f"{name_of(row)}: {row['error']}" for row in rows() if row.get("error")))
             if not all(good)
@@ -282,7 +295,7 @@ class MapSource(Source):
         return Sample(moment, (texts, errors), rows=rows)
 
     def settings(self) -> dict[str, dict[str, Any]]:
-        if not self._settings and not self._met:  # a stranger is seen before there is a file
+        if not self._settings and not self._met and self._elements:  # a stranger is seen before there is a file
             self._device.read(self._elements)
         self._met = True
         rows = [self._device.row(reading) for reading in self._device.read(self._settings)] if self._settings else []

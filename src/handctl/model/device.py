@@ -314,6 +314,10 @@ class Device(ABC):
         Raises NoAnswer, ProtocolError when nothing at all could be read, LinkError when the link is lost.
         """
 
+    def block(self, name: str) -> Callable[[], list[Row]] | None:
+        """What reads a block of values that the map does not have one by one, such as `tactile`; None = no such name. May read the device."""
+        return None
+
     def follow(self) -> None:  # noqa: B027 - most devices say nothing unasked
         """From now on a reading is the next thing that the device says unasked, and nothing of it is passed over."""
 
