@@ -177,3 +177,10 @@ def test_a_log_with_a_rate_takes_the_newest_object(tmp_path: Path) -> None:
     assert run("aidin", "log", path, "motor_pos.thumb.m1", "--count", "10", "--rate", "10", "-p", link).code == 0
     places = [int(row["motor_pos.thumb.m1_cts"]) for row in csv.DictReader(path.open(encoding="utf-8", newline=""))]
     assert {before - after for before, after in itertools.pairwise(places)} <= {900, 1000, 1100}
+
+
+@pytest.mark.parametrize(("fault", "code"), [("not-json", 5), ("unclosed", 0), ("extra-key", 0), ("silent", 4)])
+def test_a_log_of_a_stream_that_turns_to_other_data_ends(fault: str, code: int, tmp_path: Path) -> None:
+    link = f"fake://aidin?clock=virtual&start=homed&fault={fault}&after=20"
+    done = run("aidin", "log", tmp_path / "a.csv", "--count", "40", "--silence", "5", "-p", link, "--json")
+    assert done.code == code and done.rows[0]["rows"] >= 15, done

@@ -241,8 +241,8 @@ class Conversation(Line):
 
     def _next_round(self, keys: tuple[str, ...]) -> None:
         """The same, object by object: what comes after them is left for the next reading."""
-        end = self.deadline(self._silence)
-        while not self.feedback.complete(keys) and not self._again:
+        end, last = self.deadline(self._silence), self.deadline(LISTEN_LONGEST)
+        while not self.feedback.complete(keys) and not self._again and not last.expired:
             content = next(frames_in(self._decoder, self._note_bad), None)
             if content is not None:
                 self._take(content)
