@@ -50,6 +50,8 @@ def test_a_log_has_a_row_for_each_answer_and_a_sidecar(kind: str, tmp_path: Path
     )
     assert about["simulated"] is True and about["settings_changed"] == []
     assert about["settings_before"] == about["settings_after"]
+    told = run(kind, "dump", "-p", done.json["device"]["link"], "--json").json["device"]
+    assert done.json["device"].get("model") == told.get("model")
     named = {str(column["column"]) for column in about["columns"]}
     assert named < set(rows[0]) and all(row[name] != "" for row in rows for name in named)
 

@@ -268,7 +268,7 @@ class MapSource(Source):
         self.layout = RowsLayout([(column_of(row), row) for row in rows])
         self._device, self._elements, self._again = device, list(elements), again
         self._identity = device.identity()
-        self._met = False
+        self._met = self._named = False
         self._settings = device.map.kept(setpoints=False, further=device.further(self._identity))
 
     def sample(self) -> Sample:
@@ -287,6 +287,8 @@ class MapSource(Source):
         ]
         texts += [text_of(in_persons_unit(row)) for row in more]
         rows = cache(lambda: [*(device.row(reading) for reading in readings), *more])
+        if not self._named:  # a row also keeps what it says of the device: its model, its firmware
+            self._named = bool(rows())
         errors = (
             "; ".join(dict.fromkeys(f"{name_of(row)}: {row['error']}" for row in rows() if row.get("error")))
             if not all(good)
