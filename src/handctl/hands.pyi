@@ -822,6 +822,8 @@ class Aidin(Device):
         """Set the sensors to 0. Touch nothing: any load is subtracted from all later values."""
     def max_torque(self, value: Value, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Set the maximum output current: 0 to 1000 in 0.1 % (recommended: 700 to 1000)."""
+    def check(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
+        """Move each motor a little and back, one after the other, and report findings."""
     def encoders(
         self,
         *values: Value | Mapping[str, Value],

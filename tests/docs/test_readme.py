@@ -82,7 +82,14 @@ def bench_version(words: tuple[str, ...]) -> tuple[str, ...]:
             on_can = next(rest).startswith("can:")
         elif word == "--can":
             on_can = True
-        elif word not in ("--fake", "--serial"):
+        elif word == "--mark-udp":  # any port: another test may have this one
+            next(rest)
+            kept += [word, "0"]
+        elif word not in (
+            "--fake",
+            "--serial",
+            "--lsl",
+        ):  # --lsl needs what may not be installed: tests/ekso/test_lsl.py
             kept.append(word)
     if "log" in kept and not {"-h", "--check"} & set(kept):  # a few rows are enough
         place = kept.index("--duration") if "--duration" in kept else len(kept)

@@ -285,6 +285,7 @@ CASES = [
     Case("aidin", "fingertips 0 45.5 146.7 0 2.6 120 0 2.6 149.5 0 2.6 149.5 0 2.6 149.5", 0.8, near("get task_space_pos", 5, 119.5, 120.5), ("initial -y",), still=M),
     Case("aidin", "currents index.m1=20 -y --duration 0.3", 1.0, is_("get current_state", NO_CURRENT), still=M),
     Case("aidin", "currents 0 0 0 20 0 0 0 0 0 0 0 0 0 0 0 -y --duration 0.3", 1.0, is_("get current_state", NO_CURRENT), still=M),
+    Case("aidin", "check -y", 5.0, near(M, 5, -20, 60), still=M),
     Case("aidin", "report {}/page.html --watch 0.3 --force", 0.6, page_is_whole),
     Case("aidin", "log {}/gait.csv --rate 50 --count 20 --force", 0.5, log_is_whole),
     Case("aidin", "bias", 0.8),

@@ -225,7 +225,7 @@ ENDED = {
     **dict.fromkeys(("ekso restore", "ekso set"), VALUES),
     **dict.fromkeys(("aidin bias", "aidin max-torque"), VALUES),
     **dict.fromkeys(
-        [f"aidin {name}" for name in ("home", "initial", "encoders", "joints", "fingertips")], AS_ANOTHER.format("currents")
+        [f"aidin {name}" for name in ("home", "initial", "encoders", "joints", "fingertips", "check")], AS_ANOTHER.format("currents")
     ),
     "hand position": AS_ANOTHER.format("angle"),
     "wrist center": AS_ANOTHER.format("move"),

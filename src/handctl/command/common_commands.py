@@ -157,7 +157,7 @@ def add_map_verbs(
             file,
             log_command.RequestedOptions(**wishes),
             mapped(run),
-            lambda again: log_command.of_map(run, names, again),
+            lambda again: log_command.of_map(run, names, again, every=not wishes["rate"]),
         )
 
     @export_command.export_options

@@ -338,7 +338,7 @@ def watch(
 
     turn = device.link.now()
 
-    def read() -> tuple[list[Row], HandctlError | None]:
+    def read() -> tuple[Callable[[], list[Row]], HandctlError | None]:
         nonlocal turn
         late = slowly if slowly and device.link.now() >= turn else []
         wanted = [*elements, *more, *late]
@@ -354,7 +354,7 @@ def watch(
                 unread.pop(reading.element.path, None)
             elif reading.element.path in unread:
                 unread[reading.element.path] = reading.error
-        return [device.row(reading) for reading in readings], errors[0] if all(errors) else None
+        return lambda: [device.row(reading) for reading in readings], errors[0] if all(errors) else None
 
     ask_ahead = getattr(device, "ask_ahead", None)
     sampler = Sampler(

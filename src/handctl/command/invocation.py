@@ -189,11 +189,12 @@ def _check_columns(run: Invocation) -> None:
 
     settings = run.settings
     how = stream_format(run) if run.streams else settings.format
-    append = settings.append and how == "csv" and bool(settings.output) and not run.streams
+    typed = run.sources.get("append") == COMMAND_LINE
+    trials = typed and run.command.endswith(" log") and not settings.output
+    append = settings.append and (trials or (how == "csv" and bool(settings.output) and not run.streams))
     time = settings.time and how not in ("table", "openmetrics")
-    if settings.append and not append and run.sources.get("append") == COMMAND_LINE:
-        recorded = run.streams or run.command.endswith(" log")
-        hint = "`log FOLDER` gives each recording a file of its own" if recorded else "add --csv and -o FILE"
+    if settings.append and not append and typed:
+        hint = "use `log FILE --append` for recordings" if run.streams else "add --csv and -o FILE"
         raise UsageError("--append adds one reading to a CSV file", hint=f"{hint}. Nothing was sent.")
     if settings.time and not time and run.sources.get("time") == COMMAND_LINE:
         raise UsageError(

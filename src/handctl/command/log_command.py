@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
+from functools import cache
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,7 @@ from handctl.record.recording import (
     changed,
     file_name,
     in_words,
+    next_trial,
     record,
     refuse_existing,
     undisturbed,
@@ -38,6 +40,7 @@ from handctl.wording import plural
 if TYPE_CHECKING:
     from handctl.model.device import Device
     from handctl.record.log_file import LogFile
+    from handctl.model.result import Row
     from handctl.record.timeline import Hole
 
 SUMMARY = (
@@ -98,7 +101,9 @@ def log(
         from handctl.record import lsl
 
         lsl.library()  # what is not installed is told before anything is sent
-    path = file_name(file, run.family.kind)
+    path, trial = file_name(file, run.family.kind), None
+    if run.settings.append:
+        path, trial = next_trial(path)
     refuse_existing(path, wishes.force)
     bounds = bounds_of(run, params, wishes.limits, wishes.until)
     source = source_of(lambda: _reopen(run))
@@ -108,6 +113,7 @@ def log(
         "tool": {"name": "handctl", "version": __version__},
         "command": run.command,
         "simulated": run.simulated,
+        **({} if trial is None else {"trial": trial}),
         **source.about(),
         "asked": {"rate_hz": wishes.rate or None, "rows": wishes.count, "duration_s": wishes.duration},
         "settings_before": before,
@@ -120,14 +126,15 @@ def log(
             closing(Marks(keys.pressed, port=wishes.mark_udp, lines=sys.stdin if wishes.mark_stdin else None)) as marks,
             ExitStack() as cleanup,
         ):
-            by = ["a key sets a mark"] if keys.heard else []
-            by += [f"a datagram to 127.0.0.1:{marks.port} sets a mark"] if marks.port is not None else []
+            by = ["Any key sets a mark"] if keys.heard else []
+            by += [f"A datagram to 127.0.0.1:{marks.port} sets a mark"] if marks.port is not None else []
             take = marks.take
             if wishes.lsl:
                 streams = cleanup.enter_context(closing(lsl.Streams(source, wishes.rate, marks.put)))
                 recording.on_row, take = streams.row, lambda: streams.marks(marks.take())
-                by.append(f"rows and marks are sent on LSL as {streams.name!r}")
-            run.prompts.say(f"recording into {path}. {''.join(f'{one}, ' for one in by)}Ctrl-C ends")
+                by.append(f"Rows and marks are sent on LSL as {streams.name!r}")
+            where = f"{path}, trial {trial}" if trial else path
+            run.prompts.say(". ".join((f"recording into {where}", *by, "Ctrl-C ends")))
             failure = record(
                 recording,
                 Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end, over),
@@ -139,15 +146,21 @@ def log(
     finally:
         recording.close()
     _tell(run, recording)
-    return Table(rows=[recording.as_row()], columns=SUMMARY, plain=("rows", "rate"), failure=failure)
+    row = {**({} if trial is None else {"trial": trial}), **recording.as_row()}
+    columns = SUMMARY if trial is None else (SUMMARY[0], Column("trial", "Trial", right=True), *SUMMARY[1:])
+    return Table(rows=[row], columns=columns, plain=("rows", "rate"), failure=failure)
 
 
-def of_map(run: Run, names: Sequence[str], again: Callable[[], bool]) -> Source:
-    """The named quantities of the device, or those that change by themselves."""
+def of_map(run: Run, names: Sequence[str], again: Callable[[], bool], *, every: bool = False) -> Source:
+    """The named quantities of the device, or those that change by themselves; `every` = all that it says unasked."""
     if names and run.family is not None and run.family.map_of is None:
         select(run.planner().map, names)  # a wrong name is told before the link is opened
     device = run.device()
-    return MapSource(device, device.here(select(device.map, names or device.live)), again)
+    if every:
+        device.follow()
+    blocks = {name: read for name in names if (read := device.block(name)) is not None}
+    wanted = [name for name in names if name not in blocks] if names else device.live
+    return MapSource(device, device.here(select(device.map, wanted)), again, [*blocks.values()])
 
 
 def _reopen(run: Run) -> bool:
@@ -252,32 +265,52 @@ def _hole_text(hole: Hole) -> str:
 
 
 class MapSource(Source):
-    """`elements` of a device; `again` opens a lost port, see `Source.reopen`."""
+    """`elements` of a device, and what each of `blocks` reads; `again` opens a lost port, see `Source.reopen`."""
 
-    def __init__(self, device: Device, elements: Sequence[Element], again: Callable[[], bool]) -> None:
+    def __init__(
+        self,
+        device: Device,
+        elements: Sequence[Element],
+        again: Callable[[], bool],
+        blocks: Sequence[Callable[[], list[Row]]] = (),
+    ) -> None:
         self.kind = device.kind
         rows = [device.row(Reading(element, None, b"", None)) for element in elements]
+        rows += [row for read in blocks for row in read()]
+        self._blocks = blocks
         self.layout = RowsLayout([(column_of(row), row) for row in rows])
         self._device, self._elements, self._again = device, list(elements), again
         self._identity = device.identity()
-        self._met = False
+        self._met = self._named = False
         self._settings = device.map.kept(setpoints=False, further=device.further(self._identity))
 
     def sample(self) -> Sample:
         device = self._device
         begun = device.link.now()
-        readings = device.read(self._elements)
-        moment = Moment(begun, device.link.now())
+        readings = device.read(self._elements) if self._elements else []
+        more = [row for read in self._blocks for row in read()]
+        moment = device.came() or Moment(begun, device.link.now())
         failed = [reading for reading in readings if reading.error is not None]
         if readings and len(failed) == len(readings):
             raise failed[0].error or NoAnswer("nothing was read")
-        rows = [device.row(reading) for reading in readings]
-        texts = [text_of(in_persons_unit(row)) for row in rows]
-        errors = "; ".join(dict.fromkeys(f"{name_of(row)}: {row['error']}" for row in rows if row.get("error")))
-        return Sample(moment, (texts, errors), rows=lambda: rows)
+        good = [one.error is None and one.value is not None for one in readings]
+        texts = [
+            text_of(in_persons_unit(device.valued(one))) if read else ""
+            for one, read in zip(readings, good, strict=True)
+        ]
+        texts += [text_of(in_persons_unit(row)) for row in more]
+        rows = cache(lambda: [*(device.row(reading) for reading in readings), *more])
+        if not self._named:  # a row also keeps what it says of the device: its model, its firmware
+            self._named = bool(rows())
+        errors = (
+            "; ".join(dict.fromkeys(f"{name_of(row)}: {row['error']}" for row in rows() if row.get("error")))
+            if not all(good)
+            else ""
+        )
+        return Sample(moment, (texts, errors), rows=rows)
 
     def settings(self) -> dict[str, dict[str, Any]]:
-        if not self._settings and not self._met:  # a stranger is seen before there is a file
+        if not self._settings and not self._met and self._elements:  # a stranger is seen before there is a file
             self._device.read(self._elements)
         self._met = True
         rows = [self._device.row(reading) for reading in self._device.read(self._settings)] if self._settings else []

@@ -215,7 +215,7 @@ def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOp
         SharedOption(["--json"], output, key="format", fixed="json", is_flag=True, help="Same as --format json. A stream prints one row per line."),
         SharedOption(["--csv"], output, key="format", fixed="csv", is_flag=True, help="Same as --format csv."),
         SharedOption(["-o", "--output"], output, type=OutFile(), metavar="FILE", help="Write output to FILE instead of stdout. FILE is replaced only when complete."),
-        SharedOption(["--append"], output, is_flag=True, help="With --csv -o FILE: add the rows to FILE. The header is written once, and the columns must match."),
+        SharedOption(["--append"], output, is_flag=True, help="With --csv -o FILE: add the rows to FILE. The header is written once, and the columns must match. With `log FILE`: record the next trial, into FILE with a number."),
         SharedOption(["--time"], output, is_flag=True, help="Add the date and time (UTC) to each row of CSV, plain or JSON."),
         SharedOption(["--no-formulas"], output, is_flag=True, help="In CSV, put ' before any text that a spreadsheet would take for a formula."),
         SharedOption(["--wide"], output, key="wide", fixed=True, is_flag=True, help="In CSV, write one row per sample, with a column for each quantity."),

@@ -43,6 +43,7 @@ from handctl.wording import plural
 if TYPE_CHECKING:
     from handctl.link import Deadline, Link
     from handctl.link.deadman import Guard
+    from handctl.model.clock_comparison import Moment
     from handctl.model.movement import Clock
     from handctl.model.param import Step
     from handctl.model.prompts import Prompts
@@ -312,6 +313,17 @@ class Device(ABC):
 
         Raises NoAnswer, ProtocolError when nothing at all could be read, LinkError when the link is lost.
         """
+
+    def block(self, name: str) -> Callable[[], list[Row]] | None:
+        """What reads a block of values that the map does not have one by one, such as `tactile`; None = no such name. May read the device."""
+        return None
+
+    def follow(self) -> None:  # noqa: B027 - most devices say nothing unasked
+        """From now on a reading is the next thing that the device says unasked, and nothing of it is passed over."""
+
+    def came(self) -> Moment | None:
+        """Within which time the last reading came, where it may have waited to be read; None = since it was asked for."""
+        return None
 
     def here(self, elements: list[Element]) -> list[Element]:
         """The same where this very device has them; another generation may have other parts. Raises what `read` raises."""

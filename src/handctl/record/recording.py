@@ -12,6 +12,7 @@ import contextlib
 import errno
 import json
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import ceil, inf
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -265,6 +266,19 @@ def file_name(text: str, kind: str) -> str:
     )
 
 
+def next_trial(path: str) -> tuple[str, int]:
+    """The file of the next trial and its number: ``walk.csv``, then ``walk-2.csv``, one more than the highest that is there."""
+    folder, name = os.path.split(path)
+    stem, ending = os.path.splitext(name)
+    trial = re.compile(f"{re.escape(stem)}(?:-([1-9][0-9]{{0,5}}))?{re.escape(ending)}(?:[.]json)?")
+    try:
+        found = [trial.fullmatch(one) for one in os.listdir(folder or os.curdir)]
+    except OSError:  # told where the file is made
+        found = []
+    last = max((int(one[1] or 1) for one in found if one), default=0)
+    return (path, 1) if not last else (os.path.join(folder, f"{stem}-{last + 1}{ending}"), last + 1)
+
+
 def refuse_existing(path: str, force: bool) -> None:
     """Raise UsageError when the file or its sidecar is there, unless `force`; a device or pipe is never written to."""
     if path.endswith(("/", os.sep)):
@@ -446,8 +460,11 @@ class _Loop:
             self._clock.sleep(SHORTEST_S)
         self.pace.sent(answer.moment.sent)
         self._heard = self._clock.now()
+        lost = self._ask_ahead()
         if recording.add(answer, self._seq):
             self._begin_segment()
+        if lost is not None:
+            raise lost
         if self._limits.over is not None:
             self._over = self._limits.over(answer.rows(), recording.timeline.t_s)
         if self._heard - self._shown >= PROGRESS_S:
@@ -456,6 +473,20 @@ class _Loop:
                 self._guide.progress(_progress(recording, self._heard - self._start), ENDS)
         if self._source.looks and self._heard >= self._look_due:
             self._look()
+
+    def _ask_ahead(self) -> LinkError | None:
+        """Ask for the row after this one where it is wanted, and nothing else is asked first. A port that is lost is raised behind this row."""
+        limits = self._limits
+        looks = self._source.looks and self._heard >= self._look_due
+        last = self._heard >= self._end or (limits.rows is not None and self._recording.rows + 1 >= limits.rows)
+        if limits.rate or limits.over is not None or looks or last:
+            return None
+        try:
+            with undisturbed():
+                self._source.ask_ahead()
+        except LinkError as exc:
+            return exc
+        return None
 
     def _begin_segment(self) -> None:
         """Report a restart. After one, or a possible one, read again what it may have changed."""

@@ -17,9 +17,10 @@ from typing import Any
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, NotRunning, ProtocolError
 from handctl.link import ByteLink, CanFrame, Deadline, Link
 from handctl.link.transcript import observed
+from handctl.model.checks import Check
 from handctl.model.line_quality import SLOW, RoundTrips
 from handctl.model.result import Journal, hex_bytes
-from handctl.tools.doctor_machine import Check, Verdict
+from handctl.tools.doctor_machine import Verdict
 from handctl.tools.port_inventory import Machine
 from handctl.tools.probes import FamilyProbe
 from handctl.wording import plural

@@ -115,6 +115,23 @@ def max_torque(run: Run, value: str) -> Act:
     return Act(steps, lambda hand: procedures.max_torque(hand, number), question)
 
 
+@cli.verb("check", "Service", writes=True, asks=True)
+def check(run: Run) -> Act:
+    """Move each motor a little and back, one after the other, and report findings.
+
+    Asks first. Ctrl-C stops. The hand must be homed, open and empty: `handctl aidin home` or `initial` opens it.
+    Reads the sensors for 2 s at rest, then moves each motor by 4 % of its stroke. Rows are as in `doctor`.
+    The exit code is 7 if a check warns or fails.
+    """
+    from handctl.devices.aidin import check as checking
+
+    return Act(
+        lambda: checking.plan(run.device, exchange_settings_of(run.settings).end),
+        lambda hand: checking.check(hand, run.prompts),
+        checking.QUESTION,
+    )
+
+
 # -- targets --------------------------------------------------------------------------------------------------------
 
 

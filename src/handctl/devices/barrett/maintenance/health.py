@@ -12,11 +12,9 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.gcl.codec import MOTORS, explain_status, hint_for
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, GclParam
+from handctl.model.checks import FAIL, OK, SKIPPED, WARNING
 from handctl.model.result import Row
 from handctl.wording import plural
-
-OK, WARNING, FAIL, SKIPPED = "ok", "warning", "fail", "skipped"
-TONES = {OK: "good", WARNING: "warn", FAIL: "bad", SKIPPED: "dim"}
 
 WARM_TENTHS, LIMIT_TENTHS = 600, 650
 """Normal up to 60 °C, never above 65 °C (§2)."""

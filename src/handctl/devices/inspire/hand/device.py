@@ -75,6 +75,15 @@ class Hand(RegisterDevice):
         "triggers (clear_errors, save, factory_reset, calibrate_force)",
     )
 
+    def block(self, name: str) -> Callable[[], list[Row]] | None:
+        """See Device: `tactile`, or `tactile.ZONE`."""
+        base, _, zone = name.partition(".")
+        if base != "tactile":
+            return None
+        from handctl.devices.inspire.hand.tactile import reader
+
+        return reader(self, [zone] if zone else [])
+
     def __init__(self, bus: RegisterBus, gate: ModelGate, other: RegisterBus | None = None, *, side: str = "") -> None:
         super().__init__(bus)
         self.side = side
