@@ -39,8 +39,8 @@ from handctl.wording import plural
 
 if TYPE_CHECKING:
     from handctl.model.device import Device
-    from handctl.record.log_file import LogFile
     from handctl.model.result import Row
+    from handctl.record.log_file import LogFile
     from handctl.record.timeline import Hole
 
 SUMMARY = (
