@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.windows import console, lines, matrix, simulators, units
+from tests.windows import console, deaths, lines, matrix, simulators, units
 from tests.windows.matrix import EQUAL, EXCUSED, LEFT, WRONG
 from tests.windows.systems import Linux, Windows
 
@@ -26,8 +26,8 @@ SECONDS, QUICK_SECONDS = 320.0, 70.0
 SCENE_SECONDS = 60.0
 """For one scene."""
 QUICK_SHARE = 12
-FIRST_COM = 200
-"""COM ports of the consoles."""
+FIRST_COM, DEATH_COM = 200, 220
+"""COM ports of the consoles, and of commands that die."""
 
 
 class Scene(NamedTuple):
@@ -63,13 +63,16 @@ def consoles(windows: Windows, root: Path, share: int) -> Iterator[tuple[str, st
 
 
 def others(linux: Linux, windows: Windows, root: Path, share: int) -> Iterator[tuple[str, str, Tried]]:
-    """What may run beside the command lines."""
+    """What may run at the same time as the command lines."""
 
     def driven(name: str) -> tuple[str, str]:
         return "as on Linux", simulators.tried(windows, linux, name, root / f"simulator-{name}")
 
     for name in simulators.scenes()[::share]:
         yield "simulators on Windows", name, partial(driven, name)
+    for number, name in enumerate(list(deaths.CELLS)[::share]):
+        folder = root / f"death-{number}"
+        yield "killed while it drives", name, partial(deaths.survived, windows, linux, name, folder, DEATH_COM + number)
     files = units.FILES[::share]
     yield "tests on Windows", f"{len(files)} files", partial(units.passed, windows, root / "units", files)
 

@@ -142,13 +142,14 @@ if sys.platform == "win32":
         startup = SimpleNamespace(
             dwFlags=0x100, wShowWindow=0, hStdInput=ends[0], hStdOutput=ends[1], hStdError=ends[1], lpAttributeList={"handle_list": handles}
         )  # fmt: skip
+        alone = _winapi.DETACHED_PROCESS | _winapi.CREATE_NEW_PROCESS_GROUP
         for handle in handles:
             os.set_handle_inheritable(handle, True)
         try:
             for job in (_winapi.CREATE_BREAKAWAY_FROM_JOB, 0):
                 with suppress(PermissionError) if job else nullcontext():
                     process, thread, *_ = _winapi.CreateProcess(
-                        program, list2cmdline([program, *words]), None, None, True, _winapi.DETACHED_PROCESS | job, dict(os.environ), None, startup
+                        program, list2cmdline([program, *words]), None, None, True, alone | job, dict(os.environ), None, startup
                     )  # fmt: skip
                     break
         finally:
