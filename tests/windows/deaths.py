@@ -41,9 +41,9 @@ sys.exit(main())
 SECONDS = 25.0
 
 
-def ways(name: str) -> list[str]:
-    """The ways to die that are tried on a command; one that is only suspended is to be stopped where its motors run on."""
-    return [way for way in WAYS if way != "suspended" or name in PENDULUM]
+def every() -> list[tuple[str, str]]:
+    """Command and way to die; one that is only suspended is to be stopped where its motors run on."""
+    return [(name, way) for way in WAYS for name in CELLS if way != "suspended" or name in PENDULUM]
 
 
 def link_of(bench: Bench, windows: Windows, number: int) -> str:
@@ -74,30 +74,25 @@ def driving(windows: Windows, words: list[str], way: str, folder: Path) -> Itera
             os.killpg(console.pid, 9)
 
 
-def survived(windows: Windows, linux: System, name: str, folder: Path, number: int) -> tuple[str, str]:
-    """How long after each death the stop came, and what is wrong, "" for nothing."""
+def survived(windows: Windows, linux: System, name: str, way: str, folder: Path, number: int) -> tuple[str, str]:
+    """How long after the death the stop was out, and what is wrong, "" for nothing."""
     folder.mkdir()
-    seen, drive = [], CELLS[name]
+    drive = CELLS[name]
     bench = Bench(folder, *BENCHES[drive.bench])
     try:
         link = link_of(bench, windows, number)
-        for way in ways(name):
-            own = folder / way.replace(" ", "-")
-            own.mkdir()
-            for command in drive.before:
-                done = linux.run([*bench.words(command), "--yes"], own)
-                if done.code:
-                    return "; ".join(seen), f"`{command}` before it ended with {done.code}: {done.err!r:.300}"
-            try:
-                seen.append(f"{way} {stopped(windows, bench, drive, way, link, own):.0f} ms")
-            except (AssertionError, IndexError) as exc:
-                return "; ".join(seen), f"{way}: {exc}: {[data.hex(' ') for _, data in bench.heard()[-5:]]}"
-            following = windows.run([bench.family, "status", "-p", link], own)
-            if following.code:
-                return "; ".join(seen), f"{way}: who comes next ends with {following.code}: {following.err!r:.300}"
+        for command in drive.before:
+            done = linux.run([*bench.words(command), "--yes"], folder)
+            if done.code:
+                return "", f"`{command}` before it ended with {done.code}: {done.err!r:.300}"
+        try:
+            seen = f"stopped within {stopped(windows, bench, drive, way, link, folder):.0f} ms"
+        except AssertionError as exc:
+            return "", f"{exc}: {[data.hex(' ') for _, data in bench.heard()[-5:]]}"
+        following = windows.run([bench.family, "status", "-p", link], folder)
+        return seen, f"who comes next ends with {following.code}: {following.err!r:.300}" if following.code else ""
     finally:
         bench.simulator.stop()
-    return "; ".join(seen), ""
 
 
 def stopped(windows: Windows, bench: Bench, drive: Drive, way: str, link: str, folder: Path) -> float:
