@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pexpect
 
-from tests.stop.test_deadman import BENCHES, DRIVEN, FURTHER, Bench, Drive, first_of, standing
+from tests.stop.drives import BENCHES, DRIVEN, FURTHER, Bench, Drive, first_of, standing
 from tests.support.cli import wait_until
 from tests.windows.systems import System, Windows, end
 
