@@ -26,7 +26,7 @@ BUILDERS = (
 MAIN = """
 import sys
 
-if sys.argv[1:] == ["--deadman"]:  # as handctl.system.child starts it
+if sys.argv[1:] == ["deadman", "inherited"]:  # as handctl.system.child starts it
     from handctl.system.child import live
 
     live()

@@ -95,8 +95,8 @@ if sys.platform == "win32":
 
     START_SECONDS = 20.0
     """For the child to be ready: a busy machine, and a scanner of viruses that looks at each file."""
-    BY_NAME = "--deadman"
-    """The argument with which a handctl.exe without a Python beside it becomes the child."""
+    BY_NAME = ("deadman", "inherited")
+    """The arguments with which a handctl.exe without a Python beside it becomes the child."""
     BY_PATH = "import sys; sys.path[:] = sys.argv[1:]; from handctl.system.child import live; live()"
     PIPE_NOWAIT = 1
 
@@ -135,7 +135,7 @@ if sys.platform == "win32":
         """
         from subprocess import list2cmdline
 
-        program, words = sys.executable, [BY_NAME]
+        program, words = sys.executable, [*BY_NAME]
         if not getattr(sys, "frozen", False):
             program = getattr(sys, "_base_executable", program)  # that of a virtual environment starts another one
             words = ["-I", "-S", "-c", BY_PATH, *(os.path.abspath(place) for place in sys.path)]
