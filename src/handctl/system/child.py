@@ -104,8 +104,9 @@ if sys.platform == "win32":
         """A child that is ready. Once this process is dead it acts. To be called `unsignalled`. Raises OSError, NotAlive."""
         import pickle
 
-        (orders, pipe), (back, told) = os.pipe(), os.pipe()
         locks = [msvcrt.get_osfhandle(lock) for lock in job.locks]
+        task = pickle.dumps(job._replace(locks=locks))
+        (orders, pipe), (back, told) = os.pipe(), os.pipe()
         ends = [msvcrt.get_osfhandle(end) for end in (orders, told)]
         try:
             process = _created(ends, [*ends, job.way, *locks])
@@ -118,7 +119,7 @@ if sys.platform == "win32":
             os.close(told)
         heir = Heir(process, pipe, back)
         with suppress(OSError):
-            os.write(pipe, pickle.dumps(job._replace(locks=locks)))
+            os.write(pipe, task)
             end = clock.now() + START_SECONDS
             while state(heir) == "lives" and clock.now() < end:
                 clock.sleep(0.001)
@@ -140,7 +141,7 @@ if sys.platform == "win32":
             program = getattr(sys, "_base_executable", program)  # that of a virtual environment starts another one
             words = ["-I", "-S", "-c", BY_PATH, *(os.path.abspath(place) for place in sys.path)]
         startup = SimpleNamespace(
-            dwFlags=0x100, wShowWindow=0, hStdInput=ends[0], hStdOutput=ends[1], hStdError=ends[1], lpAttributeList={"handle_list": handles}
+            dwFlags=0x100, wShowWindow=0, hStdInput=ends[0], hStdOutput=ends[1], hStdError=0, lpAttributeList={"handle_list": handles}
         )  # fmt: skip
         alone = _winapi.DETACHED_PROCESS | _winapi.CREATE_NEW_PROCESS_GROUP
         for handle in handles:

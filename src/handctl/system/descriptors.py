@@ -9,6 +9,7 @@ import sys
 
 if sys.platform == "win32":
     import _winapi
+    import ctypes
 
     from handctl.system import clock
 
@@ -43,21 +44,19 @@ if sys.platform == "win32":
             return count
         return operation.GetOverlappedResult(True)[0]
 
+    class _State(ctypes.Structure):
+        """COMSTAT."""
+
+        _fields_ = (("flags", ctypes.c_ulong), ("received", ctypes.c_ulong), ("waiting", ctypes.c_ulong))
+
     class _NoPort(Exception):
         """The descriptor is that of a connection."""
 
     def _arrived(descriptor: int) -> int:
         """How many bytes a serial port has received. Raises _NoPort, OSError."""
-        import ctypes
-
-        class State(ctypes.Structure):
-            """COMSTAT."""
-
-            _fields_ = (("flags", ctypes.c_ulong), ("received", ctypes.c_ulong), ("waiting", ctypes.c_ulong))
-
         if _winapi.GetFileType(descriptor) != _winapi.FILE_TYPE_CHAR:
             raise _NoPort
-        errors, state = ctypes.c_ulong(), State()
+        errors, state = ctypes.c_ulong(), _State()
         kernel32 = ctypes.WinDLL("kernel32", use_last_error=True)
         if not kernel32.ClearCommError(ctypes.c_void_p(descriptor), ctypes.byref(errors), ctypes.byref(state)):
             raise ctypes.WinError(ctypes.get_last_error())
