@@ -31,10 +31,10 @@ from handctl.model.stop_sequence import (
     Options,
     StopContext,
     Stopped,
+    StopPlan,
     StopSequence,
     aimed,
     carry_out,
-    drive,
     stop_sequence_of,
     stopped_by_ctrl_c,
 )
@@ -292,9 +292,9 @@ class Device(ABC):
         """
         from handctl.link.deadman import guarding
 
-        said, context = sequence or partial(stop_sequence_of, self.kind), self.stop_context()._replace(powered=powered)
-        said(context)  # so that the child finds it imported
-        return guarding(self.link, lambda link: drive(link, said(context), []), self.journal.warn, beat=beat)
+        context = self.stop_context()._replace(powered=powered)
+        stop = StopPlan(sequence or partial(stop_sequence_of, self.kind), context)
+        return guarding(self.link, stop, self.journal.warn, beat=beat)
 
     @contextmanager
     def driven(self, prompts: Prompts, *, beat: float = 0.0, powered: bool = False, what: str = "") -> Iterator[Guard]:

@@ -227,6 +227,20 @@ def stop_sequence_of(kind: str, context: StopContext) -> StopSequence:
     return sequence
 
 
+class StopPlan:
+    """A stop for a process that outlives this one, with all that it needs to know: it can be called, and pickled."""
+
+    def __init__(self, sequence: Callable[[StopContext], StopSequence], context: StopContext) -> None:
+        self._sequence, self._context = sequence, context
+        sequence(context)  # imports the family's stopper now: later there may be no time, or no disk
+
+    def __call__(self, link: Link) -> Stopped:
+        return drive(link, self._sequence(self._context), [])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return StopPlan, (self._sequence, self._context)
+
+
 def unheard(sequence: StopSequence, *, reads: bool = False) -> list[Step]:
     """The writes of a stop without any reply, each once: for a link that cannot receive.
 
