@@ -162,7 +162,7 @@ def _integers(texts: Sequence[str]) -> list[int]:
 
 def damaged(path: str, line: int, what: str) -> UsageError:
     """The error for a file that is not a whole log."""
-    return UsageError(f"{path} line {line}: {what}", hint=f"not a log, or damaged. {UNTOUCHED}", code="damaged-log")
+    return UsageError(f"{path} line {line}: {what}", hint=f"not a log, or corrupted. {UNTOUCHED}", code="damaged-log")
 
 
 class LogFile:

@@ -25,7 +25,7 @@ EXAMPLES = (
         "Change one setting, with every check and confirmation.",
     ),
     ("handctl ekso set step_length=14 -n --fake", "Show the bytes that would be sent."),
-    ("handctl ekso cancel --operator Ada -p /dev/ttyACM0", "Cancel the running action."),
+    ("handctl ekso cancel --operator Ada -p /dev/ttyACM0", "Send CancelAction. This may not stop the device."),
     (
         "handctl ekso restore ekso-before.json --operator Ada -p /dev/ttyACM0",
         "Write the settings that differ, one by one.",
@@ -33,7 +33,7 @@ EXAMPLES = (
     ("handctl ekso log gait.csv --duration 60 -p /dev/ttyACM0", "Record one minute of data to a file."),
     ("handctl ekso export gait.csv --to mot -o gait.mot", "Turn a log into an OpenSim motion file."),
     ("handctl ekso gait gait.csv --steps steps.csv", "Find the strides in a log, and list each of them."),
-    ("handctl ekso gait before.csv after.csv", "Compare two logs, with the settings that differ."),
+    ("handctl ekso gait before.csv after.csv", "Compare two logs, and list the settings that differ."),
     ("handctl ekso export gait.csv --to csv --si -o gait-si.csv", "Turn a log into metres and radians."),
 )
 
