@@ -80,7 +80,7 @@ def snapshot(run: Run, path: str) -> Table:
         except UsageError as exc:
             run.journal.warn(
                 "out-of-range",
-                f"the device holds {exc.text}: `restore` will refuse this file",
+                f"the device has {exc.text}: `restore` will refuse this file",
                 hint=f"`handctl {device.kind} set {name}=…`, then take the snapshot again",
             )
     run.journal.info("written", f"{path}: {counted(device.map, list(values))} of {device.kind}")

@@ -47,8 +47,8 @@ SAFETY = (
     "first; without a terminal it needs `--yes`. `--dry-run` prints the exact bytes and sends nothing. Values outside the "
     "documented range are refused, never clamped. Writes are read back and never retried. Ctrl-C stops a movement as far as "
     "the device's protocol allows.",
-    "While a command drives a device, a second process keeps the link open. If handctl is killed, that process sends the "
-    "device's stop three times. It cannot help if everything dies at once: the container, the service, the computer, its "
+    "While a command drives a device, a second process keeps the link open. If handctl is killed, that process stops the "
+    "device as `stop` does. It cannot help if everything dies at once: the container, the service, the computer, its "
     "power. On Windows, and on CAN adapters that use a vendor's library, there is no second process, and handctl warns you. "
     "A command that is only suspended is still alive: run `stop`.",
 )

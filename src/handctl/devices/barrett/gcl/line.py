@@ -170,7 +170,7 @@ class GclLine(Line):
         except LinkError as exc:
             if kind.moves:
                 exc.add_aftermath(
-                    Aftermath(hint=f"{command} may go on to its end. To prevent that, switch the hand's power off")
+                    Aftermath(hint=f"{command} may continue to its end. To prevent that, switch the hand's power off")
                 )
             raise
         except Restarted:
