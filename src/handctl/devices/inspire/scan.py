@@ -341,7 +341,9 @@ class Sweep:
             task.failure = failure
             task.tried[None] = failure.code
             if not task.ids:
-                task.left.append(f"ids above {USUAL[-1]} of {can_frames.MAX_ID}: `--ids {USUAL.stop}-4350` continues there")
+                task.left.append(
+                    f"ids above {USUAL[-1]} of {can_frames.MAX_ID}: `--ids {USUAL.stop}-4350` continues there"
+                )
 
     @property
     def _seconds(self) -> float:
