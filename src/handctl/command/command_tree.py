@@ -288,7 +288,7 @@ LIMIT = click.option(
     "limits",
     multiple=True,
     metavar="NAME=VALUE",
-    help="Exit with code 7 if NAME has risen above VALUE or left LOWEST..HIGHEST. A stream continues to its end first. Can be repeated.",
+    help="At the end, exit with code 7 if NAME rose above VALUE or left LOWEST..HIGHEST. Can be repeated.",
 )
 UNTIL = click.option(
     "--until",

@@ -216,7 +216,7 @@ def tell_all_listed(run: Run) -> None:
     """Of a dry run of what leaves out what the device has."""
     run.journal.info(
         "plan",
-        "all values are listed, because without reading the device handctl cannot tell which ones it already has set",
+        "all values are listed: without reading the device, handctl cannot tell which are already set",
     )
 
 

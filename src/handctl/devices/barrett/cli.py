@@ -52,7 +52,7 @@ FORCE = click.option("--force", is_flag=True, help="Write a value the manual war
 HARM = click.option(
     "--force",
     is_flag=True,
-    help="Move even if this opens faster than IVEL allows, or if the limits OT and CT leave no room or reverse the movement.",
+    help="Move even if faster than IVEL allows, or if the limits OT and CT block or reverse it.",
 )
 
 
@@ -242,9 +242,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table | Act:
 
     if rate is None:
         if run.settings.dry_run:
-            raise UsageError(
-                "`handctl barrett baud` only reads unless you add a baud rate", hint="leave -n out, or add a baud rate"
-            )
+            raise UsageError("`handctl barrett baud` only reads unless you add a baud rate", hint="leave -n out")
         run.only_reads()
         return get_set_watch.get(run, BARRETT, ["BAUD"])
     code, odd = divmod(rate, 100)

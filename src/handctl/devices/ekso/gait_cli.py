@@ -54,7 +54,7 @@ def add_gait(group: Group) -> None:
         "--page",
         metavar="FILE",
         type=OutFile(),
-        help="Write the curves, the figures and the strides that were not counted to FILE (HTML).",
+        help="Write the curves, figures and strides not counted to FILE (HTML).",
     )
     def gait(run: Run, log: str, later: str | None, steps: str | None, page: str | None) -> Table:
         """Find the strides in a log: cadence, stance, symmetry, variability. Needs no device.

@@ -67,7 +67,7 @@ def looks_only(run: Run) -> None:
     if run.settings.dry_run:
         raise UsageError(
             f"`handctl {run.command}` only reads unless you add a value",
-            hint="leave -n out, or add a value",
+            hint="leave -n out",
         )
     run.only_reads()
 

@@ -341,9 +341,7 @@ class Sweep:
             task.failure = failure
             task.tried[None] = failure.code
             if not task.ids:
-                task.left.append(
-                    f"ids above {USUAL[-1]} of {can_frames.MAX_ID}: `--ids {USUAL.stop}-4350` continues there"
-                )
+                task.left.append(f"ids above {USUAL[-1]} of {can_frames.MAX_ID}: try --ids {USUAL.stop}-4350")
 
     @property
     def _seconds(self) -> float:
@@ -458,7 +456,7 @@ def nothing(
         text = f"{ids_text(sorted(found.headless))} replied, but the first byte of each reply is missing"
     elif found.foreign:
         code = "wrong-id"
-        text = f"{ids_text([device_id for _, device_id in found.unconfirmed])} replied, but at the wrong time: not to the request with its own id"
+        text = f"{ids_text([device_id for _, device_id in found.unconfirmed])} replied, but to a request for another id"
     elif found.echo:
         code, text = "echo", f"no {what}, only our own bytes came back"
     elif found.garbage:

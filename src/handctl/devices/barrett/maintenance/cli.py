@@ -35,9 +35,7 @@ def add_care_commands(group: Group) -> None:
 def looks_only(run: Run, option: str) -> None:
     """A command without the option by which it moves the hand. Raises UsageError in a dry run."""
     if run.settings.dry_run:
-        raise UsageError(
-            f"`handctl {run.command}` only reads unless you add {option}", hint=f"leave -n out, or add {option}"
-        )
+        raise UsageError(f"`handctl {run.command}` only reads unless you add {option}", hint="leave -n out")
     run.only_reads()
 
 

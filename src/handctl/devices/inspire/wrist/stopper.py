@@ -57,7 +57,7 @@ def stop_steps(context: StopContext) -> StopSequence:
         if taken == REFUSED:
             return Stopped(f"the wrist rejected the command to {meaning}", POWER, DeviceRefused)
         if taken == TAKEN:
-            done = f"the wrist was commanded to {meaning} and acknowledged it. The manual documents no stop command"
+            done = f"the wrist was commanded to {meaning} and acknowledged it. The manual documents no stop"
             against = yield from seen_since(
                 lambda: wire.values(ANGLES, 2), lambda: wire.values(ANGLES_SET, 2), [yaw, pitch], STILL, here
             )
