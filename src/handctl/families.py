@@ -96,7 +96,7 @@ FAMILIES: dict[str, FamilyRow] = {
         tell=1,
     ),
     "wrist": FamilyRow(
-        "Inspire wrist module of the dexterous hand (RS-232, RS-485, CAN)",
+        "Inspire wrist module for dexterous hands (RS-232, RS-485, CAN)",
         "handctl.devices.inspire.wrist",
         codec="handctl.devices.inspire.eb90",
         scan=2,
@@ -111,7 +111,7 @@ FAMILIES: dict[str, FamilyRow] = {
         options=(
             OwnOption(
                 "interrupt",
-                "Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.",
+                "Allow a read-only command to interrupt a movement in progress (it sends ^C). Without it the hand keeps moving.",
                 flag=True,
                 implied=True,
             ),
@@ -129,7 +129,7 @@ FAMILIES: dict[str, FamilyRow] = {
             OwnOption("operator", "Your name, for the audit log. Required with --yes.", metavar="NAME", asked=True),
             OwnOption(
                 "length-mode",
-                "How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.",
+                "Which bytes the length byte of a request covers: body (default), n-4, n-2 or frame. auto tries each.",
                 metavar="MODE",
                 asked=True,
             ),
@@ -144,7 +144,7 @@ FAMILIES: dict[str, FamilyRow] = {
         options=(
             OwnOption(
                 "exchange",
-                "When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.",
+                "When the hand sends feedback: unprompted (stream), on request (poll), or only after a command (command). auto (default) detects it.",
                 choices=("auto", "stream", "poll", "command"),
                 named=True,
             ),

@@ -43,7 +43,7 @@ GIVEN = {
     "firmware.S19": "S10B2000112233445566FF0070\nS9030000FC\n",
 }
 """Files that a reader brings along, or copies from the guide."""
-GIVEN["morning.txt"] = PAGES["library"].partition("# morning.txt\n")[2].partition("```")[0]
+GIVEN["morning.txt"] = PAGES["scripts"].partition("# morning.txt\n")[2].partition("```")[0]
 GIVEN["line.toml"] = PAGES["simulators"].partition("```toml\n")[2].partition("```")[0]
 FINDS = {"gait", "diagnose", "doctor"}
 """Commands whose exit code 7 is a finding, not a failure of the example."""

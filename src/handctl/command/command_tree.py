@@ -154,7 +154,7 @@ class Group(Described, click.Group):
         """List the family's own options in full, and say where the others are explained."""
         mine = [option for option in options if option.family]
         if mine:
-            with formatter.section(f"Options of each {self.name} command"):
+            with formatter.section(f"Options accepted by every {self.name} command"):
                 formatter.write_dl([record for option in mine if (record := option.get_help_record(ctx)) is not None])
         formatter.write_paragraph()
         formatter.write_text(
@@ -268,13 +268,15 @@ reads_option = click.option(
 """Of `handctl doctor`, and of a family's."""
 scan_options = together(
     click.option(
-        "--ids", metavar="FROM-TO", help="Ids to try, such as 1-20 (default: --id, or all, the usual one first)."
+        "--ids",
+        metavar="FROM-TO",
+        help="Ids to try, such as 1-20. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.",
     ),
     click.option(
         "--all",
         "find_all",
         is_flag=True,
-        help="Keep searching after the first device, and search a silent line again with longer timeouts.",
+        help="Keep searching after the first device, without a time limit, and search a silent line again with longer timeouts.",
     ),
 )
 """How far a search goes."""
@@ -286,7 +288,7 @@ LIMIT = click.option(
     "limits",
     multiple=True,
     metavar="NAME=VALUE",
-    help="Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.",
+    help="At the end, exit with code 7 if NAME rose above VALUE or left LOWEST..HIGHEST. Can be repeated.",
 )
 UNTIL = click.option(
     "--until",
@@ -311,7 +313,7 @@ log_options = together(
     click.option(
         "--lsl",
         is_flag=True,
-        help="Send rows and marks on the Lab Streaming Layer, and record the marks that it has. Needs handctl[lsl].",
+        help="Send rows and marks on the Lab Streaming Layer, and record the marks that other programs send there. Needs handctl[lsl].",
     ),
     click.option("--mark-stdin", is_flag=True, help="Each line on standard input sets a mark with its text."),
     click.option(

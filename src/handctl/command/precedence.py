@@ -74,7 +74,7 @@ def _no_catch(chosen: _Chosen, passed: list[UsageError]) -> None:
     if source != COMMAND_LINE:
         del chosen.values["dry_run"], chosen.sources["dry_run"]
         hint = "give -n on the command line to see the bytes and send nothing"
-        passed.append(UsageError(f"dry_run, set in {source.where}, does not apply to a stop", hint=hint))
+        passed.append(UsageError(f"dry_run, set in {source.where}, is ignored: a stop is always sent", hint=hint))
 
 
 def _take_environment(

@@ -80,7 +80,7 @@ def snapshot(run: Run, path: str) -> Table:
         except UsageError as exc:
             run.journal.warn(
                 "out-of-range",
-                f"the device holds {exc.text}: `restore` will refuse this file",
+                f"the device has {exc.text}: `restore` will refuse this file",
                 hint=f"`handctl {device.kind} set {name}=…`, then take the snapshot again",
             )
     run.journal.info("written", f"{path}: {counted(device.map, list(values))} of {device.kind}")
@@ -195,7 +195,9 @@ def restore(
         run.journal.info("not-covered", f"not covered by a snapshot: {text}")
     absent = [element.full_name for element in params.kept(setpoints=setpoints) if element.full_name not in values]
     if absent:
-        run.journal.warn("absent", f"{path} does not hold {', '.join(absent)}. The device keeps its own values")
+        run.journal.warn(
+            "absent", f"{path} does not contain {', '.join(absent)}. The device keeps its own values for these"
+        )
     if not differing:
         what = counted(params, [element.full_name for element, _ in changes])
         text = f"the device already has {what} from the snapshot" if changes else "nothing to write"
@@ -213,7 +215,8 @@ def restore(
 def tell_all_listed(run: Run) -> None:
     """Of a dry run of what leaves out what the device has."""
     run.journal.info(
-        "plan", "all values are listed: without reading the device, handctl cannot skip those it already has"
+        "plan",
+        "all values are listed: without reading the device, handctl cannot tell which are already set",
     )
 
 
@@ -439,12 +442,12 @@ def load(path: str, kind: str) -> dict[str, Any]:
             hint=f"use the handctl that wrote it ({content.get('tool')}). {UNTOUCHED}",
         )
     if content.get("checksum") != _checksum(content):
-        raise UsageError(f"{path}: damaged: its checksum is wrong", hint=f"take a new snapshot. {UNTOUCHED}")
+        raise UsageError(f"{path}: corrupted: its checksum is wrong", hint=f"take a new snapshot. {UNTOUCHED}")
     if content.get("kind") != kind:
         raise UsageError(f"{path}: a snapshot of {content.get('kind')}, not of {kind}", hint=UNTOUCHED)
     values = content.get("values")
     if not isinstance(values, dict) or not all(
         isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < float("inf") for v in values.values()
     ):
-        raise UsageError(f"{path}: damaged: its values are not pairs of name and number", hint=UNTOUCHED)
+        raise UsageError(f"{path}: corrupted: its values are not pairs of name and number", hint=UNTOUCHED)
     return content

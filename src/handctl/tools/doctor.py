@@ -45,7 +45,7 @@ CAUSES = ("speed", "same_id", "same_address", "protocol", "subnet")
 )
 @reads_option
 def cli(run: Run, family: str | None, count: int) -> Table:
-    """Check this computer, and with -p LINK that link and its device.
+    """Check this computer and, with -p LINK, the link and its device.
 
     Checks permissions, other programs, delays, baud rate, echo and error rate. Each row shows the evidence and a remedy.
     Without --family it detects the device first, as `handctl scan` does. Read-only.

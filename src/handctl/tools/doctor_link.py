@@ -230,7 +230,7 @@ def _traffic(it: LinkChecks) -> Verdict:
         return "warning", f"{plural(link.error_frames, 'error frame')} on the bus", remedy
     if link.damaged:
         remedy = "check the adapter's cable and hub, and that no other program reads its port"
-        return "warning", f"{plural(link.damaged, 'damaged line')} of the adapter, such as {link.damage}", remedy
+        return "warning", f"{plural(link.damaged, 'corrupted line')} of the adapter, such as {link.damage}", remedy
     return "ok", f"{plural(len(frames), 'frame')} of others within {LISTEN:g} s"
 
 

@@ -35,14 +35,14 @@ LETTERS = 150
 @click.command("plot", cls=Command, offline=True)
 @click.argument("files", type=InFile(additional=(".json",)), nargs=-1, required=True, metavar="FILE...")
 @click.option(
-    "--only", "names", multiple=True, metavar="NAME", help="Draw only this quantity or element, such as temperature.index. Several: A,B, or repeat it."
+    "--only", "names", multiple=True, metavar="NAME", help="Plot only this quantity or element, such as temperature.index. Several: A,B, or repeat it."
 )  # fmt: skip
-@click.option("--open", "opens", is_flag=True, help="Open the picture in the browser.")
+@click.option("--open", "opens", is_flag=True, help="Open the plot in the browser.")
 def cli(run: Run, files: Sequence[str], names: Sequence[str], opens: bool) -> Table | None:
-    """Draw the curves of recordings: -o FILE.svg, or -o FILE.html for a page.
+    """Plot recordings, as -o FILE.svg or as an HTML page with -o FILE.html.
 
-    FILE is a CSV file that `watch`, `log` or `realtime` wrote. The pictures of several files are stacked and have the
-    same axes. Values that never changed are listed, not drawn. --json prints the lowest and highest values instead.
+    FILE is a CSV file that `watch`, `log` or `realtime` wrote. The plots of several files are stacked and share their
+    axes. Values that never changed are listed, not drawn. --json prints the lowest and highest values instead.
     """
     from handctl.tools.plot_read import read
 

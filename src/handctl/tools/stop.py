@@ -30,9 +30,11 @@ if TYPE_CHECKING:
 def cli(run: Run) -> Table:
     """Stop a device at once, even while another handctl command is using it.
 
-    handctl takes the family from the device's name, or from the handctl command that is using the device or used it last.
+    handctl takes the family from the entry of the named device (-d), or from the handctl command that is using the device or
+    used it last.
     Otherwise it looks for a named device on this port, then tries for 0.5 s to detect the device.
-    If that fails, use `handctl FAMILY stop`. The other handctl command ends with exit code 130.
+    If that fails, use `handctl FAMILY stop`. A handctl command that was using the device ends with exit code 130 if the stop
+    was acknowledged. An EksoNR has no stop command and only gets a CancelAction, which may not stop it.
     """
     from handctl.stop import command
 

@@ -163,7 +163,7 @@ class _Telling:
         with opened(self.path) as source:
             self.family, by_bytes, lines = chosen(lines_of(source, self.path), self.family, self.path)
             if by_bytes:
-                text = f"{self.path}: recognized as {self.family} by its bytes"
+                text = f"{self.path}: recognized as {self.family} from its contents"
                 run.journal.info("family", text, hint="choose another with --family")
             teller = TranscriptReader(self.family)
             self.statistics = teller.statistics

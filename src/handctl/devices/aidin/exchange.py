@@ -410,7 +410,7 @@ class Conversation(Line):
         self._bad_in_a_row += 1
         if self._bad_in_a_row >= BAD_IN_A_ROW:
             raise ProtocolError(
-                f"{self.link.name}: {BAD_IN_A_ROW} damaged objects in a row, the last one: {exc.text}; "
+                f"{self.link.name}: {BAD_IN_A_ROW} corrupted objects in a row, the last one: {exc.text}; "
                 f"its bytes begin {hex_bytes(exc.data[:16])}",
                 hint="check the connection with --trace FILE",
                 code="bad-json",

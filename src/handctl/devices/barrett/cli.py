@@ -50,7 +50,9 @@ MOTORS_OPTION = click.option(
 )
 FORCE = click.option("--force", is_flag=True, help="Write a value the manual warns about, or save unchanged values.")
 HARM = click.option(
-    "--force", is_flag=True, help="Open even if faster than IVEL allows, or if OT and CT reverse the movement."
+    "--force",
+    is_flag=True,
+    help="Move even if faster than IVEL allows, or if the limits OT and CT block or reverse it.",
 )
 
 
@@ -131,7 +133,7 @@ def _sends(texts: Sequence[str], do: Callable[[BarrettHand], Table], question: s
 # -- reading ------------------------------------------------------------------------------------------------------
 
 
-@cli.verb("describe", "Look", offline=True)
+@cli.verb("describe", "Inspect", offline=True)
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 def describe(run: Run, names: tuple[str, ...]) -> Table:
     """List all parameters with range, defaults, access and manual section.
@@ -157,7 +159,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
     return Table(rows=table.rows, columns=columns)
 
 
-@cli.verb("version", "Look")
+@cli.verb("version", "Inspect")
 def version(run: Run) -> Table:
     """Show the firmware version."""
     table = get_set_watch.get(run, BARRETT, ["VERS"])
@@ -165,7 +167,7 @@ def version(run: Run) -> Table:
     return table
 
 
-@cli.verb("errors", "Look", offline=True)
+@cli.verb("errors", "Inspect", offline=True)
 @click.argument("code", required=False, type=WholeRange(0, 1 << 32))
 def errors(run: Run, code: int | None) -> Table:
     """Explain status codes as the manual does. CODE can be a sum. Needs no device."""
@@ -175,7 +177,7 @@ def errors(run: Run, code: int | None) -> Table:
     return Table(rows=rows, columns=columns)
 
 
-@cli.verb("help", "Look")
+@cli.verb("help", "Inspect")
 @click.argument("command", required=False)
 def help_(run: Run, command: str | None) -> Table:
     """Show what the hand and the manual say about COMMAND or a parameter."""
@@ -240,7 +242,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table | Act:
 
     if rate is None:
         if run.settings.dry_run:
-            raise UsageError("`handctl barrett baud` without a baud rate only reads", hint="run it without -n")
+            raise UsageError("`handctl barrett baud` only reads unless you add a baud rate", hint="leave -n out")
         run.only_reads()
         return get_set_watch.get(run, BARRETT, ["BAUD"])
     code, odd = divmod(rate, 100)
@@ -350,7 +352,7 @@ MOVEMENTS = (
     (
         "move",
         "M",
-        "Move to POSITION in counts (default: the parameter DP), or to one for each motor: F1=9000 F2=9000.",
+        "Move all motors to POSITION in counts (default: the parameter DP), or each to its own: F1=9000 F2=9000.",
         "POSITION",
     ),
     ("step-open", "IO", "Open by COUNTS (default: the parameter DS).", "COUNTS"),
@@ -389,7 +391,7 @@ for _row in MOVEMENTS:
 @cli.verb("stop", "Move", writes=True, stops=True)
 @MOTORS_OPTION
 def stop(run: Run, motors: str | None) -> Table:
-    """Stop the hand immediately, even while another handctl is using it.
+    """Stop the hand at once, even while another handctl command is using it.
 
     Sends ^C, which ends the movement of all motors, then T, which switches off all motors or those in --motors.
     Never asks.
@@ -454,7 +456,7 @@ def save(run: Run, motors: str | None, force: bool) -> Act:
 @click.option("--save", "save_too", is_flag=True, help="Then save to EEPROM.")
 @FORCE
 def restore(run: Run, file: str, save_too: bool, force: bool) -> Table:
-    """Write the values that differ from a snapshot to RAM and read them back.
+    """Restore to RAM the values that differ from a snapshot, and read them back.
 
     The baud rate is written last.
     """

@@ -55,11 +55,20 @@ def open_ekso(link: ByteLink, settings: Settings, journal: Journal) -> Ekso:
 cli = Group(
     "ekso",
     family=Family("ekso", open_ekso, 115200, speeds=(115200,)),
-    help="Read, set and record an EksoNR through its DataPort (serial over USB). A person may be standing in it. "
-    f"Reading changes nothing. Every write of a setting is checked, asks first, is read back and logged. {NOT_MEDICAL}.",
+    help="Read, configure and log an EksoNR through its DataPort (serial over USB). A person may be standing in it. Reading changes "
+    f"nothing. Before handctl writes a setting, it checks it and asks; afterwards it reads it back and logs it. {NOT_MEDICAL}.",
 )
 add_map_verbs(
-    cli, EKSO, example="step_length left_knee_angle 216", without=("set", "describe", "export", "log", "restore")
+    cli,
+    EKSO,
+    example="step_length left_knee_angle 216",
+    without=("set", "describe", "export", "log", "restore"),
+    helps={
+        "status": "Show a health summary: posture, joints, feet and unusual settings.",
+        "stop": "Send CancelAction, which MAY NOT STOP THE DEVICE: use its own controls.\n\n"
+        "The DataPort has no stop, and the effect of CancelAction is not documented. The motors keep their power. Works even "
+        "while another handctl command is using the device. Never asks. Shows the bytes sent and the reply.",
+    },
 )
 
 
@@ -73,7 +82,7 @@ add_map_verbs(
 def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -> Table:
     """Record GetData to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.
 
-    FILE can be a directory. On a terminal, press any letter or space to set a mark.
+    If FILE is a directory, handctl creates a new file in it. On a terminal, press any letter or space to set a mark.
     """
     from handctl.command import log_command
 
@@ -174,7 +183,7 @@ LOOKS = {
 
     Trunk, soles, hips, motor currents, joint angles, state and boot time.
     """,
-    "feedback": "Show steps, times and assistance (GetFeedback, 17 words).",
+    "feedback": "Show step counts, times and assistance (GetFeedback, 17 words).",
 }
 """A command for each message that is read, and what it shows."""
 
@@ -188,15 +197,15 @@ def _look(message: str) -> Callable[[Run], Table]:
 
 
 for _message in LOOKS:
-    cli.verb(_message, "Look")(_look(_message))
+    cli.verb(_message, "Inspect")(_look(_message))
 
 
-@cli.verb("describe", "Look", offline=True)
+@cli.verb("describe", "Inspect", offline=True)
 @click.argument("names", nargs=-1, metavar=NAMES)
 def describe(run: Run, names: tuple[str, ...]) -> Table:
     """List all words with message, ParameterID, type, codes and aliases.
 
-    Also shows the largest step that handctl writes at once. Needs no device.
+    Also shows the largest change that handctl writes at once. Needs no device.
     """
     table = get_set_watch.describe(EKSO, names)
     for row in table.rows:
@@ -223,7 +232,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
     return Table(rows=table.rows, columns=columns)
 
 
-@cli.verb("policy", "Look", offline=True)
+@cli.verb("policy", "Inspect", offline=True)
 @click.option(
     "--audit",
     envvar="HANDCTL_AUDIT",
@@ -234,7 +243,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
 def policy(run: Run, audit: str | None) -> Table:
     """Show the checks and confirmations before a write. Needs no device.
 
-    Lists step limits, postures, the settings that need a second confirmation, and how still the device must be. Also
+    Lists the largest change per write, postures, the settings that need a second confirmation, and how still the device must be. Also
     checks the audit log: the exit code is 7 if an entry was edited, removed or moved. The device's own limits are not
     documented.
     """
@@ -269,7 +278,7 @@ OVERRIDE = click.option(
     "--override-step-limit",
     "override",
     is_flag=True,
-    help="Allow a larger step than this tool's policy, except for leg lengths.",
+    help="Allow a larger change than this tool's policy does, except for leg lengths.",
 )
 
 
@@ -433,9 +442,9 @@ class _WordRange(click.IntRange):
 )
 @_audit_options
 def cancel(run: Run, word: int, audit: str | None) -> Act:
-    """Cancel the running action (CancelAction).
+    """Send CancelAction once. This MAY NOT STOP THE DEVICE.
 
-    Sends it once, without asking, and logs it. It is sent even if the log cannot be written.
+    Never asks, and logs it. It is sent even if the log cannot be written.
     The manual does not say which actions it cancels.
     """
 
@@ -463,7 +472,7 @@ def cancel(run: Run, word: int, audit: str | None) -> Act:
 def _check_mode(text: str) -> str:
     """A length convention or "auto". Raises UsageError."""
     if text not in (*LENGTH_MODES, "auto"):
-        raise UsageError(f"length convention {text!r} does not exist", hint=f"auto, {', '.join(LENGTH_MODES)}")
+        raise UsageError(f"unknown --length-mode {text!r}", hint=f"auto, {', '.join(LENGTH_MODES)}")
     return text
 
 

@@ -51,13 +51,16 @@ def add_gait(group: Group) -> None:
     @click.argument("later", metavar="[LATER]", required=False, type=InFile(additional=(".json",)))
     @click.option("--steps", metavar="FILE", type=OutFile(), help="Write every stride, counted or not, to FILE (CSV).")
     @click.option(
-        "--page", metavar="FILE", type=OutFile(), help="Write the curves, figures and refused strides to FILE (HTML)."
+        "--page",
+        metavar="FILE",
+        type=OutFile(),
+        help="Write the curves, figures and strides not counted to FILE (HTML).",
     )
     def gait(run: Run, log: str, later: str | None, steps: str | None, page: str | None) -> Table:
         """Find the strides in a log: cadence, stance, symmetry, variability. Needs no device.
 
         With LATER, compares two logs and lists the settings that differ. The thresholds come from the
-        recording itself. A stride that is not counted is listed with its reason. Not a diagnosis.
+        recording itself. Strides that are not counted are listed with the reason. Not a diagnosis.
         """
         from handctl.devices.ekso.gait import compared, walk_of
         from handctl.devices.ekso.log_file import LogFile

@@ -66,8 +66,8 @@ def looks_only(run: Run) -> None:
     """A command without the value that it could write. Raises UsageError in a dry run."""
     if run.settings.dry_run:
         raise UsageError(
-            f"`handctl {run.command}` without a value only reads",
-            hint="run it without -n: it does not change anything",
+            f"`handctl {run.command}` only reads unless you add a value",
+            hint="leave -n out",
         )
     run.only_reads()
 
@@ -146,7 +146,7 @@ def _change_speed(run: Run, device: RegisterDevice, rate: int, *, save: bool, ve
         already = any(message.code == "already" for message in run.journal.messages)
         run.journal.warn(
             "not-saved",
-            f"{rate} bit/s may not be saved. In that case the hand keeps its old baud rate"
+            f"{rate} bit/s was perhaps not saved. If so, the hand keeps its old baud rate"
             if already
             else f"{rate} bit/s is not saved, so the hand keeps its old baud rate",
             hint=f"run `handctl {device.kind} save --id {device.bus.id}`, then power-cycle the hand",

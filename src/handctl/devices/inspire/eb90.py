@@ -83,7 +83,7 @@ def checksum(body: bytes) -> int:
 def check_id(device_id: int) -> None:
     """Refuse ids that the manual does not define: 1..254 (exo §2.3.1). Raises UsageError."""
     if not 1 <= device_id <= 254:
-        raise UsageError(f"id {device_id} does not exist", hint="use an id from 1 to 254. Nothing was sent.")
+        raise UsageError(f"id {device_id} is not valid", hint="use an id from 1 to 254. Nothing was sent.")
 
 
 def check_span(address: int, count: int) -> None:

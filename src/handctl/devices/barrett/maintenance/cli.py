@@ -35,7 +35,7 @@ def add_care_commands(group: Group) -> None:
 def looks_only(run: Run, option: str) -> None:
     """A command without the option by which it moves the hand. Raises UsageError in a dry run."""
     if run.settings.dry_run:
-        raise UsageError(f"`handctl {run.command}` without {option} only reads", hint="run it without -n")
+        raise UsageError(f"`handctl {run.command}` only reads unless you add {option}", hint="leave -n out")
     run.only_reads()
 
 
@@ -148,7 +148,7 @@ def _add_strain(group: Group) -> None:
 
 
 def _add_fingertips(group: Group) -> None:
-    @group.verb("fingertips", "Look")
+    @group.verb("fingertips", "Inspect")
     @click.option(
         "--positions",
         nargs=4,

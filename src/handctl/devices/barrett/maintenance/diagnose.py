@@ -104,7 +104,7 @@ def said(error: HandctlError) -> str:
 
 def doubtful(check: str, evidence: str) -> Finding:
     """A sign of decayed RAM."""
-    remedy = "load the firmware again with `handctl barrett firmware download FILE`: the RAM contents may be damaged"
+    remedy = "load the firmware again with `handctl barrett firmware download FILE`: the RAM contents may be corrupt"
     return Finding(check, FAIL, evidence, remedy, "barrett §3.7, §8")
 
 
