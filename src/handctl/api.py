@@ -213,7 +213,7 @@ class Device:
         """The JSON of the last call without its rows: device, line, messages, counters, writes."""
         call = self._line.last
         assert call is not None
-        return call.envelope(call.failure, call.extra)
+        return call.envelope(call.outcome.failure, call.outcome.extra)
 
     @property
     def messages(self) -> list[Row]:

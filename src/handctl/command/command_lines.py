@@ -26,7 +26,7 @@ from handctl.command.invocation import check_before, shown_steps, told, unsent
 from handctl.command.option_types import Seconds
 from handctl.command.options import COMMAND_LINE, said, words_of
 from handctl.command.precedence import resolve
-from handctl.command.run import NO_TERMINAL, UNANSWERED, Act, Run
+from handctl.command.run import Act, Run
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError, joined
 from handctl.families import COMMANDS, FAMILIES
 from handctl.files import atomic_write, read_text, state_path
@@ -85,21 +85,14 @@ class Line(NamedTuple):
         if not self.shared:
             session.release(journal)  # it may want the port for itself
         told = said(self.context)
-        told.session = session
         run, told.run = told.run, None
         if run is None:
-            run = Run(self.context, self.settings, self.leaf.family)
+            run = Run(self.context, self.settings, self.leaf.family, session=session)
         else:
             run.begin(run.journal.line)
-        told.run = run
-        try:
-            self.leaf.invoke(self.context)
-        except BaseException:
-            told.run = None
-            raise
-        run.checked = self.leaf.only_reads and not run.settings.output  # the same line again asks the same
-        if not run.checked:
-            told.run = None
+        run.execute(self.leaf.body(run))
+        if self.leaf.only_reads and not run.settings.output:  # the same line again asks the same
+            told.run, run.checked = run, True
 
 
 @click.command("sleep", cls=Command)
@@ -219,9 +212,6 @@ class Planning(Run):
 
     def need_answer(self, question: str) -> None:
         self._plan = self._plan._replace(question=question)
-
-    def offer(self, question: str) -> bool:
-        return False
 
 
 # -- a script of them, on one open link -----------------------------------------------------------------------------
@@ -345,7 +335,7 @@ def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Plan]) -> list[L
     first, plan = open_[0]
     if not run.prompts.interactive:
         where = f"line {first.number} ({first.command}): {plan.question}"
-        raise NotConfirmed(f"{where}. {NO_TERMINAL}", hint=joined(UNANSWERED, unsent(run.journal)))
+        raise NotConfirmed(f"{where}. {run.prompts.nobody}", hint=joined(run.prompts.otherwise, unsent(run.journal)))
     words = dict.fromkeys(plan.word for _, plan in open_ if plan.word)
     count = f"{len(open_)} of {len(lines)} lines ask" if len(open_) > 1 else "One line asks"
     if not run.prompts.ask(f"{count} for confirmation", " ".join(words)):

@@ -28,8 +28,8 @@ from handctl.command.help_text import (
     write_examples,
 )
 from handctl.command.option_types import Hertz, InFile, OutFile, Seconds, WholeRange
-from handctl.command.options import COMMAND_LINE, SharedOption, config_path, read_config, said, words_of
-from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
+from handctl.command.options import SharedOption, config_path, read_config, said, words_of
+from handctl.errors import HandctlError, Interrupted, OutputError
 from handctl.families import COMMANDS, LISTED
 
 if TYPE_CHECKING:
@@ -98,18 +98,7 @@ class Command(Described):
         from handctl.command.precedence import resolve
         from handctl.command.run import Run
 
-        run = said(ctx).run or Run(ctx, resolve(ctx, self.wires, urgent=self.stops), self.family)
-        # Said for good in the environment or the file it is a safety catch, and what only reads does not need it.
-        if run.settings.dry_run and not self.writes and run.sources["dry_run"] == COMMAND_LINE:
-            raise run.failed(UsageError(
-                f"`handctl {run.command}` only reads. --dry-run is for commands that write or move",
-                hint="run it without -n, it changes nothing",
-            ))  # fmt: skip
-        if run.settings.assume_identity and "assume_identity" in self.refused():
-            raise run.failed(UsageError(
-                f"`handctl {run.command}` does not check which device answers",
-                hint="run it without --assume-identity",
-            ))  # fmt: skip
+        run = Run(ctx, resolve(ctx, self.wires, urgent=self.stops), self.family)
         if not gc.isenabled():  # see `cli.main`; no loop is held up by a look through what was imported
             gc.freeze()
             gc.enable()

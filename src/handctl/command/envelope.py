@@ -28,12 +28,28 @@ if TYPE_CHECKING:
 
 
 class Outcome:
-    """Messages and result of one command: messages are shown after the result, or as they arrive once a stream has begun."""
+    """What comes of one command. Messages are shown after the result, or as they arrive once a stream has begun.
+
+    table    what its body returned, or what was read before it failed
+    failure  what went wrong
+    """
 
     def __init__(self, asked: Invocation) -> None:
+        self.table: Table | None = None
+        self.failure: HandctlError | None = None
         self._asked = asked
         self._held: list[Message] = []
         self._live = False
+
+    @property
+    def streams(self) -> bool:
+        """Whether the table is a stream."""
+        return self.table is not None and self.table.samples is not None
+
+    @property
+    def extra(self) -> dict[str, Any]:
+        """Further keys of the envelope."""
+        return self.table.extra if self.table is not None else {}
 
     def heard(self, message: Message) -> None:
         """A message of the device or of a check."""
@@ -61,10 +77,12 @@ class Outcome:
             self._live = before
             self.tell()
 
-    def stream(self, table: Table, context: Context) -> HandctlError | None:
+    def stream(self, context: Context) -> HandctlError | None:
         """Show a stream to its end; what went wrong."""
         from handctl.screen import output, render
 
+        table = self.table
+        assert table is not None
         self.tell()  # of what was met before the first row
         self._live = True
         try:
@@ -73,21 +91,21 @@ class Outcome:
         except OutputError as exc:
             return weightier(table.failure, exc)
 
-    def show(self, table: Table | None, failure: HandctlError | None, context: Context) -> None:
+    def show(self, context: Context) -> None:
         """Show a finished result, or the error in formats that include it. Raises OutputError."""
         from handctl.screen import output, render
 
-        if table is not None or render.speaks(self._asked.settings.format, failure):
+        if self.table is not None or render.speaks(self._asked.settings.format, self.failure):
             with output.Sink(self._asked.settings) as place:
-                render.show(table, failure, place, context)
+                render.show(self.table, self.failure, place, context)
         self.tell()
 
-    def lost(self, exc: OutputError, failure: HandctlError | None) -> HandctlError:
+    def lost(self, exc: OutputError) -> HandctlError:
         """No result can be shown: what is known of the device goes to stderr, as JSON too, and its own error weighs more."""
         for message in () if self._asked.settings.quiet else self._held:
             _print(message)
         self._held.clear()
-        return weightier(failure, exc)
+        return weightier(self.failure, exc)
 
 
 def _print(message: Message) -> None:

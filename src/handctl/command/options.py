@@ -78,7 +78,6 @@ class Said:
     bare         no word that is parsed is an option, so that none need be looked for
     include_ids  the result may hold what tells one device from another
     taken        who takes a line that is parsed and not run
-    session      the `connection.Session` that a command belongs to, None for one that stands alone
     run          the `Run` of this line where it was read before, in a script or a session
     """
 
@@ -92,7 +91,6 @@ class Said:
         self.bare = False
         self.include_ids = False
         self.taken: Callable[[click.Context], object] | None = None
-        self.session: Any = None
         self.run: Any = None
 
 

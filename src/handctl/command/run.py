@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from handctl.command.connection import Connection
+from handctl.command.connection import Connection, Session
 from handctl.command.console import print_writes
 from handctl.command.envelope import (
     Outcome,
@@ -31,7 +31,7 @@ from handctl.command.invocation import Invocation, check_before, shown_steps, te
 from handctl.command.options import Settings
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
 from handctl.interrupts import device_done, end_on_signals, finish_on_signals, output_abandoned
-from handctl.model.result import Column, Table
+from handctl.model.result import Column, Journal, Table
 from handctl.screen.sanitize import text_shown
 from handctl.wording import honest
 
@@ -43,9 +43,6 @@ if TYPE_CHECKING:
     from handctl.model.param import Changes, Step
     from handctl.model.prompts import Prompts
     from handctl.stop.device_access import DeviceAccess
-
-NO_TERMINAL = "Confirmation needed, but this is not an interactive terminal"
-UNANSWERED = "add --yes to confirm, or --dry-run to see the bytes"
 
 
 class Asked(NamedTuple):
@@ -81,27 +78,29 @@ class Act(NamedTuple):
 
 
 class Run(Invocation):
-    """One run of one command."""
-
-    tells = Outcome
-    """Who tells what comes of it."""
-    device_done = staticmethod(device_done)
-    """All that is done to the device is done: from now on Ctrl-C changes neither the result nor the exit code."""
+    """One run of one command: what was asked (`Invocation`), the `connection` to a device, and the `outcome`."""
 
     def __init__(
-        self, ctx: click.Context, settings: Settings, family: Family | None, prompts: Prompts | None = None
+        self,
+        ctx: click.Context,
+        settings: Settings,
+        family: Family | None,
+        prompts: Prompts | None = None,
+        session: Session | None = None,
     ) -> None:
-        self.outcome = self.tells(self)
-        super().__init__(ctx, settings, family, prompts)
+        super().__init__(ctx, settings, family, prompts, session)
         self.connection = Connection()
         self.checked = False
         """Its words were understood and carried out before: `begin` starts it once more."""
         self.outlet = ExitStack()
         """What is closed behind the last byte of output: the file of a command that runs others."""
+        self.begin()
 
     def begin(self, line: LineQuality | None = None) -> None:
-        super().begin(line)
-        self.journal.on_message = self.outcome.heard
+        """Nothing of it has happened yet; `line` is what is known of its line."""
+        self.outcome = Outcome(self)
+        self.journal = Journal(self.outcome.heard if self.shows else None, self.prompts.progress, line)
+        self.link = self.opened = self.end = None
         self.others: list[Run] = []
         """The same command at further LINKs, see `device_at`."""
 
@@ -211,13 +210,15 @@ class Run(Invocation):
         self.outcome.tell()  # who is asked must know of it before answering
         for line in (*shown_steps(steps, self.settings, changes), *(changes.lines() if changes else ())):
             self.prompts.say(line)
-        if not self.prompts.ask(question, word):
-            raise NotConfirmed(f"not confirmed: {unsent(self.journal)}", hint="run the command again to confirm it")
+        if not self.prompts.confirm(question, word, steps, changes):
+            raise NotConfirmed(f"not confirmed: {unsent(self.journal)}", hint=self.prompts.refused)
 
     def need_answer(self, question: str) -> None:
         """Raise NotConfirmed where nobody could answer a question that only reading the device can put: not a byte is sent."""
         if not (self.settings.yes or self.settings.dry_run or self.prompts.interactive):
-            raise NotConfirmed(f"{question}. {NO_TERMINAL}", hint=joined(UNANSWERED, unsent(self.journal)))
+            raise NotConfirmed(
+                f"{question}. {self.prompts.nobody}", hint=joined(self.prompts.otherwise, unsent(self.journal))
+            )
 
     @property
     def asks(self) -> bool:
@@ -245,70 +246,69 @@ class Run(Invocation):
         end_on_signals(suspend=self.writes)
         with self.outlet:
             try:
-                table, failure = self.carried_out(body)
+                self.carry_out(body)
             except BaseException:  # a bug of ours: the link and its lock are let go all the same
                 finish_on_signals()
                 self.close(None)
                 print_writes(self.journal.ledger, self.settings, None)
                 raise
-            failure = self._wind_up(table, failure)
+            failure = self._wind_up()
         if failure is not None:
             failure.shown = True
             raise failure
 
-    def carried_out(self, body: Callable[[], Table | Act | None]) -> tuple[Table | None, HandctlError | None]:
-        """What the body returns, a stream shown to its end, and what went wrong."""
-        failure: HandctlError | None = None
-        table: Table | None = None
+    def carry_out(self, body: Callable[[], Table | Act | None]) -> Outcome:
+        """Run the body, and show a stream to its end; the outcome has what it returned, and what went wrong."""
+        outcome = self.outcome
         try:
             try:
                 if not self.checked:
                     check_before(self)
                 made = body()
-                table = self.act(made) if isinstance(made, Act) else made
-                if table is not None and table.samples is not None:
-                    failure = self.outcome.stream(table, self)
+                outcome.table = self.act(made) if isinstance(made, Act) else made
+                if outcome.streams and self.shows:
+                    outcome.failure = outcome.stream(self)
             except HandctlError as exc:
-                failure = exc  # stands, should Ctrl-C come while its cause is looked for
-                failure = explained_error(self, exc)
+                outcome.failure = exc  # stands, should Ctrl-C come while its cause is looked for
+                outcome.failure = explained_error(self, exc)
             except click.UsageError as exc:
-                failure = from_click(exc)
-            self.device_done()
+                outcome.failure = from_click(exc)
+            if self.shows:
+                device_done()
         except KeyboardInterrupt:
-            self.device_done()
-            failure = failure or interrupted(self)
-            if table is not None and table.samples is not None:
-                table = None  # its stream has not begun: whoever writes it answers to Ctrl-C
-        if failure is not None and table is None and not self.writes:
-            table = self.journal.kept  # what was read before it went wrong
-        return table, failure
+            if self.shows:
+                device_done()
+            outcome.failure = outcome.failure or interrupted(self)
+            if outcome.streams:
+                outcome.table = None  # its stream has not begun: whoever writes it answers to Ctrl-C
+        if outcome.failure is not None and outcome.table is None and not self.writes:
+            outcome.table = self.journal.kept  # what was read before it went wrong
+        return outcome
 
     def judged(self, error: HandctlError | None) -> HandctlError | None:
         """What is shown of an error: whose bytes came, and what held a command up that --deadline ended."""
         return None if error is None else renamed(self, with_cause(self, error))
 
-    def _wind_up(self, table: Table | None, failure: HandctlError | None) -> HandctlError | None:
+    def _wind_up(self) -> HandctlError | None:
         """Close, then show; a Ctrl-C meanwhile changes neither the result nor the exit code, unless its reader sleeps."""
         finish_on_signals()
-        failure, told = self.ended(table, failure)
-        if table is None or table.samples is None:
+        failure = self.end_device()
+        if not self.outcome.streams:
             try:
-                self.outcome.show(table, failure, self)
-                failure = told
+                self.outcome.show(self)
             except OutputError as exc:
-                if told is None and not self.journal.ledger.began:
+                if failure is None and not self.journal.ledger.began:
                     raise
-                failure = self.outcome.lost(exc, told)
+                failure = self.outcome.lost(exc)
         print_writes(self.journal.ledger, self.settings, failure)
         if output_abandoned():
             failure = failure or Interrupted("interrupted while writing the result: the reader had stopped reading")
         return failure
 
-    def ended(
-        self, table: Table | None, failure: HandctlError | None
-    ) -> tuple[HandctlError | None, HandctlError | None]:
-        """Let go of the link; what went wrong with the command, and the same or else what is wrong with its table."""
-        failure = self.judged(failure)
+    def end_device(self) -> HandctlError | None:
+        """Let go of the link; what went wrong with the command, or else what is wrong with its table."""
+        outcome, table = self.outcome, self.outcome.table
+        failure = self.judged(outcome.failure)
         if table is not None:
             table.failure = self.judged(table.failure)
         if self.session is None:
@@ -320,16 +320,10 @@ class Run(Invocation):
             failure = self.close(failure)
         except KeyboardInterrupt:
             failure = self.close(failure or Interrupted("interrupted"))
-        told = failure or (table.failure if table is not None else None)
-        if told is not None and self.journal.ledger.began:
-            told.text, told.hint = honest(told.text), honest(told.hint)
-        return failure, told
-
-    def failed(self, error: HandctlError) -> HandctlError:
-        """Show an error that arose before the body could run (as JSON too); returns it to be raised."""
-        self.outcome.show(None, error, self)
-        error.shown = True
-        return error
+        outcome.failure = failure = failure or (table.failure if table is not None else None)
+        if failure is not None and self.journal.ledger.began:
+            failure.text, failure.hint = honest(failure.text), honest(failure.hint)
+        return failure
 
     def close(self, failure: HandctlError | None) -> HandctlError | None:
         """Let go of the link, unless the next command of a session can use it."""

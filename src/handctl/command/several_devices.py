@@ -23,7 +23,6 @@ from handctl.command.run import Act, Run
 from handctl.errors import HandctlError, Interrupted, UsageError, joined
 from handctl.model.result import Column, Grid, Row, Sample, Table
 from handctl.screen.render import default_view
-from handctl.system import clock
 from handctl.wording import plural
 
 TAKES = ("status", "dump", "get", "watch", "snapshot", "diff", "report", "stop")
@@ -35,7 +34,6 @@ NAME = "{name}"
 DEVICE = Column("device", "Device")
 LEAVE_SECONDS = 3.0
 """How long a device that was interrupted is waited for."""
-OPENING_SECONDS = 0.01
 POLL_SECONDS = 0.1
 """How often it is looked whether a Ctrl-C has come while the devices are waited for."""
 
@@ -77,9 +75,13 @@ class Each:
         self.name = name
         self.line = one
         self.run = Call(one.context, one.settings, one.leaf.family)
-        self.table = Table()
+        self.known = threading.Event()
+        """Its columns are known, or it has ended."""
+
+    @property
+    def table(self) -> Table:
         """Without columns until its body has returned one."""
-        self.failure: HandctlError | None = None
+        return self.run.outcome.table or Table()
 
     @property
     def body(self) -> Callable[[], Table | Act | None]:
@@ -93,21 +95,19 @@ class Each:
         """Carry it out, in a thread; samples of a stream are taken as they come. Never raises."""
         run = self.run
         try:
-            table, failure = run.carried_out(self.body)
-            self.table = table or self.table
-            if failure is None and self.table.samples is not None:
-                for rows in run.samples(self.table):
+            outcome = run.carry_out(self.body)
+            self.known.set()
+            if outcome.streams and outcome.failure is None:
+                for rows in run.samples():
                     take(self.name, rows)
-                self.failure = run.failure
             else:
-                _, self.failure = run.ended(table, failure)
-        except HandctlError as exc:
-            self.failure = exc
-        except KeyboardInterrupt:
-            self.failure = Interrupted("interrupted")
+                run.end_device()
+        except (HandctlError, KeyboardInterrupt) as exc:
+            run.outcome.failure = exc if isinstance(exc, HandctlError) else Interrupted("interrupted")
         except Exception as exc:  # noqa: BLE001 - a bug of ours must not hide the other devices
-            self.failure = HandctlError(f"internal error: {type(exc).__name__}: {exc}", code="internal")
+            run.outcome.failure = HandctlError(f"internal error: {type(exc).__name__}: {exc}", code="internal")
             run.close(None)
+        self.known.set()
 
     def silence(self) -> None:
         """Its link sends nothing more: what reads ends soon. A stop goes on."""
@@ -121,7 +121,7 @@ class Each:
 
     def result(self, *, with_rows: bool) -> dict[str, Any]:
         """Its envelope."""
-        envelope = {"name": self.name, **self.run.envelope(self.failure, self.run.extra or self.table.extra)}
+        envelope = {"name": self.name, **self.run.envelope(self.run.outcome.failure, self.run.outcome.extra)}
         return {**envelope, "rows": self.table.rows} if with_rows else envelope
 
 
@@ -206,8 +206,8 @@ def _together(whole: Several, every: Sequence[Each]) -> Table:
     for thread in threads:
         thread.start()
     if whole.streams:
-        while any(not each.table.columns and thread.is_alive() for each, thread in zip(every, threads, strict=True)):
-            clock.sleep(OPENING_SECONDS)
+        while not all(each.known.wait(POLL_SECONDS) for each in every):
+            pass
         columns = (DEVICE, *_columns(every))
         table = Table(columns=columns, cards={each.name: partial(getattr, each, "table") for each in every})
         table.samples = _samples(whole, table, every, _arrivals(every, threads, came))
@@ -319,7 +319,7 @@ def _grids(every: Sequence[Each]) -> list[Grid]:
 
 def _failure(every: Sequence[Each]) -> HandctlError | None:
     """What went wrong, device by device; its exit code is the highest."""
-    failed = [(each.name, error) for each in every if (error := each.failure) is not None]
+    failed = [(each.name, error) for each in every if (error := each.run.outcome.failure) is not None]
     if not failed:
         return None
     told = joined(*(f"{name}: {error.text}" for name, error in failed))

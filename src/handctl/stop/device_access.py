@@ -82,7 +82,7 @@ class DeviceAccess:
         run = self._run
         self._lock = lock
         troubles = [lock.unrecorded] if lock is not None and lock.unrecorded else []
-        if lock is not None and run.listens and not run.stops:
+        if lock is not None and run.shows and not run.stops:
             from handctl.stop.stop_listener import StopListener
 
             try:
