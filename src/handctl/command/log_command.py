@@ -139,7 +139,8 @@ def of_map(run: Run, names: Sequence[str], again: Callable[[], bool]) -> Source:
 
 def _reopen(run: Run) -> bool:
     """Try once to reopen the lost port. If only its path is known, warn that another device can get it."""
-    again = run.device_access is not None and run.device_access.reopen()
+    access = run.connection.device_access
+    again = access is not None and access.reopen()
     link = run.open_link()
     if again and not link.name.startswith(OWN_NAMES):
         run.journal.info(

@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from handctl.model.line_quality import LineQuality
     from handctl.model.param import Changes, Step
     from handctl.model.prompts import Prompts
-    from handctl.stop.device_access import DeviceAccess
 
 
 class Asked(NamedTuple):
@@ -142,39 +141,30 @@ class Run(Invocation):
         if self.link is None:
             if self.session is not None:
                 self.connection = self.session.connection(self, self.connection)
-            link = self.connection.opened(self, baud)
+            self.link = link = self.connection.opened(self, baud)
             if self.writes:
                 from handctl.link.transcript import observed
 
                 observed(link, self.ledger)
-            assert self.device_access is not None
-            self.link = self.device_access.around(link)
             self.end = link.now() + settings.deadline if (settings := self.settings).deadline is not None else None
         return self.link
 
     @property
-    def device_access(self) -> DeviceAccess | None:
-        """What this command has of a device that others could reach too; None before the link is opened."""
-        return self.connection.device_access
-
-    @property
     def stopped(self) -> HandctlError | None:
         """How a device of this command was stopped on the wish of another process; None where none was."""
-        for run in (self, *self.others):
-            if (device_access := run.connection.device_access) is not None and device_access.stopped is not None:
-                return device_access.stopped
-        return None
+        return next(filter(None, (run.connection.stopped for run in (self, *self.others))), None)
 
     def keyboard(self, pressed: Callable[[str], bool]) -> AbstractContextManager[bool]:
         """While it lasts each key on the terminal goes to `pressed`, which says whether the command ends; whether there are keys."""
         from handctl.stop.device_access import keyboard
 
-        return keyboard(self.device_access, pressed)
+        return keyboard(self.connection.device_access, pressed)
 
     @property
     def stop_key(self) -> str:
         """The key of a live view that stops the device; "" without a device to stop."""
-        return self.device_access.stop_key if self.device_access is not None else ""
+        access = self.connection.device_access
+        return access.stop_key if access is not None else ""
 
     def behind_view(self) -> AbstractContextManager[None]:
         """While it lasts messages wait: a view has the terminal."""
@@ -252,7 +242,19 @@ class Run(Invocation):
                 self.close(None)
                 print_writes(self.journal.ledger, self.settings, None)
                 raise
-            failure = self._wind_up()
+            finish_on_signals()  # from now on a Ctrl-C changes neither the result nor the exit code, unless its reader sleeps
+            failure = self.end_device()
+            if not self.outcome.streams:
+                try:
+                    self.outcome.show(self)
+                except OutputError as exc:
+                    if failure is None and not self.journal.ledger.began:
+                        raise
+                    failure = self.outcome.lost(exc)
+            print_writes(self.journal.ledger, self.settings, failure)
+            if output_abandoned():
+                text = "interrupted while writing the result: the reader had stopped reading"
+                failure = failure or Interrupted(text)
         if failure is not None:
             failure.shown = True
             raise failure
@@ -289,32 +291,12 @@ class Run(Invocation):
         """What is shown of an error: whose bytes came, and what held a command up that --deadline ended."""
         return None if error is None else renamed(self, with_cause(self, error))
 
-    def _wind_up(self) -> HandctlError | None:
-        """Close, then show; a Ctrl-C meanwhile changes neither the result nor the exit code, unless its reader sleeps."""
-        finish_on_signals()
-        failure = self.end_device()
-        if not self.outcome.streams:
-            try:
-                self.outcome.show(self)
-            except OutputError as exc:
-                if failure is None and not self.journal.ledger.began:
-                    raise
-                failure = self.outcome.lost(exc)
-        print_writes(self.journal.ledger, self.settings, failure)
-        if output_abandoned():
-            failure = failure or Interrupted("interrupted while writing the result: the reader had stopped reading")
-        return failure
-
     def end_device(self) -> HandctlError | None:
         """Let go of the link; what went wrong with the command, or else what is wrong with its table."""
         outcome, table = self.outcome, self.outcome.table
         failure = self.judged(outcome.failure)
         if table is not None:
             table.failure = self.judged(table.failure)
-        if self.session is None:
-            for run in (self, *self.others):
-                if run.device_access is not None:
-                    run.device_access.finish()
         failure = self.stopped or failure
         try:
             failure = self.close(failure)

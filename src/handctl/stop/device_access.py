@@ -70,7 +70,7 @@ class DeviceAccess:
         """Others are heard from now on, but by a command that stops itself."""
         self.stopped: HandctlError | None = None
         self.link: Link | None = None
-        self._report = report(None, ())
+        self._report: dict[str, Any] | None = None
         self._run = run
         self._lock: Lock | None = None
         self._ear: StopListener | None = None
@@ -99,12 +99,11 @@ class DeviceAccess:
                 hint,
             )
 
-    def around(self, link: Link) -> Link:
+    def around(self, link: Link) -> None:
         """The link that is used from now on."""
         for descriptor in self._lock.descriptors if self._lock is not None else ():
             link.held = (*(other for other in link.held if other != descriptor), descriptor)
         self.link = link
-        return link
 
     def serve(self, run: Invocation) -> None:
         """The next command of a session has the device from now on."""
@@ -127,10 +126,6 @@ class DeviceAccess:
                 self.link.held = lock.descriptors
         return self.link is not None and self.link.reopen()
 
-    def finish(self) -> None:
-        """Call before the link is closed: a stop request from now on is told that this command is ending."""
-        self.link = None
-
     def release(self) -> None:
         """Let others in. May be called twice."""
         if self._ear is not None:
@@ -145,7 +140,7 @@ class DeviceAccess:
         if self._run.prompts.unstoppable:
             return report(Stopped(self._run.prompts.unstoppable), (), refused=True)
         if self.link is None or self.stopped is not None:
-            return self._report
+            return self._report or report(None, ())
         sent: list[Sent] = []
         stopped = stopped_at(self._run, self.link, sent)
         if stopped.error is LinkError:
