@@ -23,10 +23,11 @@ from handctl.command.command_tree import Command
 from handctl.command.connection import Session
 from handctl.command.family import Family, load
 from handctl.command.library_call import Confirm, Line
-from handctl.command.options import Settings, config_path, read_config
+from handctl.command.options import config_path, read_config
 from handctl.errors import HandctlError, UsageError
 from handctl.families import FAMILIES
 from handctl.model.result import Row
+from handctl.model.settings import Settings
 from handctl.wording import sentence
 
 HOST = ("timeout", "deadline", "retries", "trace", "assume_identity")

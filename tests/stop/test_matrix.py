@@ -18,13 +18,13 @@ from unittest import mock
 
 import pytest
 
-from handctl.command.options import Settings
 from handctl.devices.inspire import eb90
 from handctl.families import FAMILIES
 from handctl.link import Outlet, deadman
 from handctl.model.param import elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
+from handctl.model.settings import Settings
 from handctl.model.stop_sequence import Stopped, aimed, carry_out, interrupted, stop_sequence_of
 from handctl.stop.device_access import DeviceAccess
 from tests.stop.far import Far, Weather

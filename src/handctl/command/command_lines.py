@@ -23,8 +23,7 @@ from handctl.command.envelope import from_click
 from handctl.command.family import load, map_of
 from handctl.command.help_text import NoCommand
 from handctl.command.invocation import check_before, shown_steps, told, unsent
-from handctl.command.option_types import Seconds
-from handctl.command.options import COMMAND_LINE, said, words_of
+from handctl.command.options import COMMAND_LINE, Seconds, said, words_of
 from handctl.command.precedence import resolve
 from handctl.command.run import Act, Run
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError, joined
@@ -38,10 +37,10 @@ from handctl.wording import plural
 
 if TYPE_CHECKING:
     from handctl.command.family import Family
-    from handctl.command.options import Settings
     from handctl.link import Link
     from handctl.model.param import Changes, Step
     from handctl.model.result import Journal
+    from handctl.model.settings import Settings
 
 HERE = ("stop", "sleep")
 """Commands without a family that use the links of a session."""

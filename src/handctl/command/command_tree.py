@@ -27,8 +27,18 @@ from handctl.command.help_text import (
     plain_help,
     write_examples,
 )
-from handctl.command.option_types import Hertz, InFile, OutFile, Seconds, WholeRange
-from handctl.command.options import SharedOption, config_path, read_config, said, words_of
+from handctl.command.options import (
+    Hertz,
+    InFile,
+    OutFile,
+    Seconds,
+    SharedOption,
+    WholeRange,
+    config_path,
+    read_config,
+    said,
+    words_of,
+)
 from handctl.errors import HandctlError, Interrupted, OutputError
 from handctl.families import COMMANDS, LISTED
 

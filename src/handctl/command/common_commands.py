@@ -28,7 +28,7 @@ from handctl.command.command_tree import (
 )
 from handctl.command.console import is_terminal
 from handctl.command.help_text import columns
-from handctl.command.option_types import FiniteRange, InFile, OutFile
+from handctl.command.options import FiniteRange, InFile, OutFile
 from handctl.command.run import Act, Run
 from handctl.families import COMMANDS
 from handctl.model.param import COMMAND, ParamMap

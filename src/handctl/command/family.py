@@ -11,10 +11,10 @@ from handctl.families import FAMILIES
 from handctl.light import NamedTuple
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
     from handctl.errors import HandctlError
     from handctl.model.param import ParamMap
     from handctl.model.result import Journal
+    from handctl.model.settings import Settings
 
 
 class Family(NamedTuple):

@@ -12,11 +12,21 @@ import click
 
 from handctl.command.console import TerminalPrompts, print_message
 from handctl.command.family import Family, in_words, load, refuse_missing, refuse_serial, wire_in
-from handctl.command.option_types import Named, files_of, refuse_clashes
-from handctl.command.options import COMMAND_LINE, ENVIRONMENT, FILE, Settings, config_path, said, words_of
+from handctl.command.options import (
+    COMMAND_LINE,
+    ENVIRONMENT,
+    FILE,
+    Named,
+    config_path,
+    files_of,
+    refuse_clashes,
+    said,
+    words_of,
+)
 from handctl.errors import OutputError, UsageError
 from handctl.files import why_unwritable
 from handctl.model.result import Journal
+from handctl.model.settings import Settings
 
 if TYPE_CHECKING:
     from handctl.link import Link

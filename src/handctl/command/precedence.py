@@ -18,7 +18,6 @@ from handctl.command.options import (
     NAMED,
     WITHOUT_DEVICE,
     WITHOUT_FILE,
-    Settings,
     SharedOption,
     Source,
     config_path,
@@ -29,6 +28,7 @@ from handctl.command.options import (
     words_of,
 )
 from handctl.errors import UsageError
+from handctl.model.settings import Settings
 
 
 def resolve(ctx: click.Context, wires: tuple[str, ...] = (), device: str = "", *, urgent: bool = False) -> Settings:

@@ -28,10 +28,10 @@ from handctl.command.envelope import (
 )
 from handctl.command.family import Family, implied
 from handctl.command.invocation import Invocation, check_before, shown_steps, tell_unasked, told, unsent
-from handctl.command.options import Settings
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
 from handctl.interrupts import device_done, end_on_signals, finish_on_signals, output_abandoned
 from handctl.model.result import Column, Journal, Table
+from handctl.model.settings import Settings
 from handctl.screen.sanitize import text_shown
 from handctl.wording import honest
 

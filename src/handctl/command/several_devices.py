@@ -17,8 +17,7 @@ import click
 from handctl.command import snapshots
 from handctl.command.command_lines import Line, line
 from handctl.command.library_call import Call
-from handctl.command.option_types import OutFile
-from handctl.command.options import config_path, read_config
+from handctl.command.options import OutFile, config_path, read_config
 from handctl.command.run import Act, Run
 from handctl.errors import HandctlError, Interrupted, UsageError, joined
 from handctl.model.result import Column, Grid, Row, Sample, Table

@@ -15,7 +15,7 @@ from handctl.files import appended, atomic_write
 from handctl.screen.sanitize import no_formula, utf8_stdout
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
+    from handctl.model.settings import Settings
 
 PIECE = 1024
 """Characters that a pipe with room takes without waiting, at up to 4 bytes each."""

@@ -23,7 +23,7 @@ from handctl.screen.sanitize import shown, text_shown, value_shown
 from handctl.wording import plural
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
+    from handctl.model.settings import Settings
 
     class Context(Protocol):
         """What rendering needs to know of the running command."""

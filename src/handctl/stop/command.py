@@ -20,9 +20,9 @@ from handctl.stop.device_access import DeviceAccess, lock_for, report, stopped_a
 from handctl.system import clock, processes
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
     from handctl.command.run import Run
     from handctl.model.param import Step
+    from handctl.model.settings import Settings
     from handctl.model.stop_sequence import Sent, StopContext, StopSequence
 
 GONE_SECONDS = 0.2
@@ -289,7 +289,7 @@ def _trouble(run: Run, settings: Settings) -> HandctlError | None:
 
 
 def _without(settings: Settings, keys: list[str]) -> Settings:
-    from handctl.command.options import Settings as Default
+    from handctl.model.settings import Settings as Default
 
     shared = {key: value for key, value in Default()._asdict().items() if key in keys}
     return settings._replace(**shared, own={key: value for key, value in settings.own.items() if key not in keys})

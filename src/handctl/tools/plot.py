@@ -12,7 +12,7 @@ import click
 
 from handctl import __version__
 from handctl.command.command_tree import Command
-from handctl.command.option_types import InFile
+from handctl.command.options import InFile
 from handctl.command.run import Run
 from handctl.errors import OutputError, UsageError
 from handctl.model.result import Column, Row, Table

@@ -13,7 +13,7 @@ from handctl.command.command_tree import ALWAYS, Group
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
-from handctl.command.option_types import InFile, WholeRange
+from handctl.command.options import InFile, WholeRange
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.firmware.cli import add_firmware
@@ -41,9 +41,9 @@ from handctl.model.param import Element, Number, Step
 from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
     from handctl.link import ByteLink
     from handctl.model.result import Journal
+    from handctl.model.settings import Settings
 
 MOTORS_OPTION = click.option(
     "--motors", metavar="12S", help="Motors: digits 1 to 4, G for the fingers, S for the spread (default: all)."

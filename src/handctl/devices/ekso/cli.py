@@ -14,8 +14,7 @@ from handctl.command import get_set_watch, snapshots
 from handctl.command.command_tree import Command, Group, log_options
 from handctl.command.common_commands import NAMES, add_map_verbs
 from handctl.command.family import Family
-from handctl.command.option_types import FiniteRange, InFile, OutFile, WholeRange
-from handctl.command.options import Own
+from handctl.command.options import FiniteRange, InFile, OutFile, Own, WholeRange
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.dataport import DataPort
@@ -28,13 +27,13 @@ from handctl.model.device import Gate, limits_of
 from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
     from handctl.devices.ekso.audit import AuditLog
     from handctl.devices.ekso.export import Exported
     from handctl.devices.ekso.log_file import LogFile
     from handctl.link import ByteLink
     from handctl.model.param import Step
     from handctl.model.result import Journal
+    from handctl.model.settings import Settings
     from handctl.record.source import Source
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.command import get_set_watch
-from handctl.command.option_types import OutFile, Seconds
+from handctl.command.options import OutFile, Seconds
 from handctl.command.run import Act, Run
 from handctl.devices.inspire.map import address_in
 from handctl.errors import HandctlError, UsageError

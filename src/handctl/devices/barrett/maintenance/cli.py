@@ -8,7 +8,7 @@ import click
 
 from handctl.command import get_set_watch
 from handctl.command.command_tree import BOUNDS, Group, stream_options
-from handctl.command.option_types import WholeRange
+from handctl.command.options import WholeRange
 from handctl.command.run import Act, Run
 from handctl.devices.barrett.gcl.codec import motor_prefix
 from handctl.devices.barrett.map import BARRETT
