@@ -68,7 +68,7 @@ class Command(Described):
     asks: bool | str = False
 
     def __init__(self, *args: Any, **more: Any) -> None:
-        vars(self).update((trait, more.pop(trait)) for trait in TRAITS if trait in more)
+        vars(self).update({trait: more.pop(trait) for trait in TRAITS if trait in more})
         super().__init__(*args, **more)
         self.wires = self.family.wires if self.family is not None else ()
 
