@@ -22,10 +22,10 @@ from handctl.command.console import print_message
 from handctl.command.envelope import from_click
 from handctl.command.family import load, map_of
 from handctl.command.help_text import NoCommand
-from handctl.command.invocation import check_before, shown_steps, told, unsent
+from handctl.command.invocation import check_before, shown_steps, unsent
 from handctl.command.options import COMMAND_LINE, Seconds, said, words_of
 from handctl.command.precedence import resolve
-from handctl.command.run import Act, Run
+from handctl.command.run import Act, Asked, Run
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError, joined
 from handctl.families import COMMANDS, FAMILIES
 from handctl.files import atomic_write, read_text, state_path
@@ -36,9 +36,7 @@ from handctl.system import terminal
 from handctl.wording import plural
 
 if TYPE_CHECKING:
-    from handctl.command.family import Family
     from handctl.link import Link
-    from handctl.model.param import Changes, Step
     from handctl.model.result import Journal
     from handctl.model.settings import Settings
 
@@ -64,14 +62,18 @@ class Line(NamedTuple):
         """Whether it uses the links of its session."""
         return self.leaf.family is not None or self.leaf.offline or self.command in HERE
 
-    def plan(self) -> Plan:
-        """What it means to do. Raises UsageError."""
-        run = Planning(self.context, self.settings, self.leaf.family)
+    def plan(self) -> Asked:
+        """What it asks. Raises UsageError and what else it finds wrong without the device."""
+        run = Planning(self.context, self.settings, self.leaf.family, Prompts())
         if "-" in self.context.params.values():
             raise UsageError("standard input cannot be read here", hint="give a file instead of -")
         if self.leaf.offline and run.outputs:
-            return Plan()  # it writes its files where it stands
-        return run.plan(self.leaf.body(run))
+            return Asked()  # it writes its files where it stands
+        check_before(run)
+        with suppress(_UsesDeviceError):
+            if isinstance(made := self.leaf.body(run)(), Act):
+                return made.asked
+        return Asked()
 
     def confirmed(self) -> Line:
         """The same line with a yes."""
@@ -159,19 +161,6 @@ def placed(error: HandctlError, one: Line) -> HandctlError:
 # -- what a line means to do ----------------------------------------------------------------------------------------
 
 
-class Plan(NamedTuple):
-    """What a command would do.
-
-    question  what it asks before, "" = nothing
-    word      that must be typed for a yes, "" = none
-    steps     what it writes, as far as that is known without the device
-    """
-
-    question: str = ""
-    word: str = ""
-    steps: tuple[Step, ...] = ()
-
-
 class _UsesDeviceError(BaseException):
     """From here on the body would need the device. No Exception: no body may take it for a failure."""
 
@@ -179,38 +168,12 @@ class _UsesDeviceError(BaseException):
 class Planning(Run):
     """A run that ends where the device would be used. Sends nothing, shows nothing, asks nothing."""
 
-    def __init__(self, ctx: click.Context, settings: Settings, family: Family | None) -> None:
-        super().__init__(ctx, settings, family, Prompts())
-        self._plan = Plan()
-
-    def plan(self, body: Callable[[], Any]) -> Plan:
-        """What the body means to do. Raises UsageError and what else it finds wrong without the device."""
-        check_before(self)
-        with suppress(_UsesDeviceError):
-            if isinstance(made := body(), Act):
-                asks = made.known if made.asks is None else made.asks
-                return (
-                    Plan(made.question, made.word, tuple(asks))
-                    if not self.settings.dry_run
-                    else Plan(steps=tuple(made.known))
-                )
-        return self._plan
-
     def device(self) -> NoReturn:
         self.link_name()
         raise _UsesDeviceError
 
     def open_link(self, *, again: bool = False, baud: int | None = None) -> Link:
         return self.device()
-
-    def confirm(
-        self, question: str, steps: Sequence[Step] = (), *, word: str = "", changes: Changes | None = None
-    ) -> None:
-        self._plan = Plan(told(question, changes), word, tuple(steps) or self._plan.steps)
-        raise _UsesDeviceError
-
-    def need_answer(self, question: str) -> None:
-        self._plan = self._plan._replace(question=question)
 
 
 # -- a script of them, on one open link -----------------------------------------------------------------------------
@@ -297,9 +260,9 @@ def _lines(text: str, context: click.Context) -> Iterator[Line]:
             raise exc.reworded(f"line {number} ({typed}): {exc.text}") from exc
 
 
-def _plans(lines: Sequence[Line]) -> Iterator[Plan]:
+def _plans(lines: Sequence[Line]) -> Iterator[Asked]:
     """The plan of each. Raises UsageError."""
-    known: dict[int, Plan] = {}
+    known: dict[int, Asked] = {}
     for one in lines:
         key = id(one.context)
         if key not in known:
@@ -307,7 +270,7 @@ def _plans(lines: Sequence[Line]) -> Iterator[Plan]:
         yield known[key]
 
 
-def _planned(one: Line) -> Plan:
+def _planned(one: Line) -> Asked:
     try:
         return one.plan()
     except click.UsageError as exc:
@@ -316,7 +279,7 @@ def _planned(one: Line) -> Plan:
         raise placed(exc, one) from exc
 
 
-def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Plan]) -> list[Line]:
+def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Asked]) -> list[Line]:
     """The lines, confirmed where needed: one question for all, after showing the plan. Raises NotConfirmed."""
     open_ = [
         (one, plan)

@@ -185,7 +185,7 @@ def add_map_verbs(
 
     @click.argument("file", type=InFile())
     @with_setpoints
-    def restore(run: Run, file: str, setpoints: bool = False) -> Table:
+    def restore(run: Run, file: str, setpoints: bool = False) -> Act:
         """Write the settings that differ from a snapshot, and read them back.
 
         Shows the plan first. If it is interrupted, you can safely run it again.

@@ -45,11 +45,12 @@ if TYPE_CHECKING:
 
 
 class Asked(NamedTuple):
-    """A question that a look at the device has made: "" = none, the steps that it shows, and its table."""
+    """A question: "" = none, the steps that it shows, its table, and the word that must be typed for a yes."""
 
     question: str = ""
     steps: Sequence[Step] = ()
     changes: Changes | None = None
+    word: str = ""
 
 
 class Act(NamedTuple):
@@ -74,6 +75,19 @@ class Act(NamedTuple):
     def known(self) -> Sequence[Step]:
         """The steps that are known before the device is."""
         return () if callable(self.steps) else self.steps
+
+    @property
+    def asked(self) -> Asked:
+        """What is asked before the device is known."""
+        return Asked(self.question, self.known if self.asks is None else self.asks, word=self.word)
+
+    def every(self) -> Sequence[Step]:
+        """All steps, for a dry run."""
+        return self.steps() if callable(self.steps) else self.steps
+
+    def looked(self, device: Any) -> Asked:
+        """What is asked once the device is known."""
+        return self.look(device) if self.look is not None else self.asked
 
 
 class Run(Invocation):
@@ -173,9 +187,9 @@ class Run(Invocation):
     def act(self, act: Act) -> Table:
         """Carry it out, or show its plan for --dry-run. Raises NotConfirmed."""
         if self.settings.dry_run:
-            return self.dry_run(act.steps() if callable(act.steps) else act.steps)
+            return self.dry_run(act.every())
         self.ledger.plan(act.known)
-        asked = Asked(act.question, act.known if act.asks is None else act.asks)
+        asked = act.asked
         if act.look is not None:
             if act.question:
                 self.need_answer(act.question)

@@ -453,7 +453,7 @@ def save(run: Run, motors: str | None, force: bool) -> Act:
 @click.argument("file", type=InFile())
 @click.option("--save", "save_too", is_flag=True, help="Then save to EEPROM.")
 @FORCE
-def restore(run: Run, file: str, save_too: bool, force: bool) -> Table:
+def restore(run: Run, file: str, save_too: bool, force: bool) -> Act:
     """Write the values that differ from a snapshot to RAM and read them back.
 
     The baud rate is written last.
@@ -467,18 +467,24 @@ def restore(run: Run, file: str, save_too: bool, force: bool) -> Table:
             for element, value in changes:
                 if element.full_name == "baud_rate":
                     _refuse_to_keep(int(value), force)
-            if not run.settings.dry_run:  # also when nothing differs: the EEPROM is written all the same
-                ask(run, _saves(None))
 
-    table = snapshots.restore(run, BARRETT, file, check=check)
-    if save_too and run.settings.dry_run:
-        table.rows += [
-            {"step": number, "bytes": step.wire, "meaning": step.meaning, "moves": False, "strands": False}
-            for number, step in enumerate(map(step_of, _saves(None)), len(table.rows) + 1)
-        ]
-    elif save_too:
-        eeprom.save(run.device(), force=True, simulated=run.simulated)
-    return table
+    act = snapshots.restore(run, BARRETT, file, check=check)
+    if not save_too:
+        return act
+    saves = [step_of(text) for text in _saves(None)]
+    asks, question = asked_before(saves)
+
+    def look(hand: BarrettHand) -> Asked:
+        run.confirm(question, asks)  # also when nothing differs: the EEPROM is written all the same
+        return act.looked(hand)
+
+    def write(hand: BarrettHand) -> Table:
+        table = act.do(hand)
+        eeprom.save(hand, force=True, simulated=run.simulated)
+        return table
+
+    steps = lambda: [*act.every(), *(step._replace(strands=False) for step in saves)]  # noqa: E731
+    return Act(steps, write, question, asks=asks, look=look)
 
 
 def _motors_first(motors: str | None, of_motors: str, of_hand: str) -> list[str]:

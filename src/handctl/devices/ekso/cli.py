@@ -412,25 +412,25 @@ def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bo
 @click.argument("file", type=InFile())
 @_audit_options
 @OVERRIDE
-def restore(run: Run, file: str, audit: str | None, override: bool) -> Table:
+def restore(run: Run, file: str, audit: str | None, override: bool) -> Act:
     """Write the settings that differ from a snapshot, one by one.
 
     Uses the same checks and confirmations as `set`. Reaches a distant value in permitted steps, one every 10 s, and
     reads each one back. If it is interrupted, run it again: it continues from the current settings.
     """
     _need_operator(run)
-    if not run.settings.dry_run:
+    if run.settings.dry_run:
+        run.journal.info(
+            "steps",
+            "a distant value is reached in permitted steps, one every 10 s. How many it takes depends on the device's current values",
+        )
+    act = snapshots.restore(run, EKSO, file)
 
-        def check(_changes: object) -> None:
-            run.need_answer(CHANGES)
-            _give_writer(run, run.device(), audit, override=override, stepwise=True)
+    def look(ekso: Ekso) -> Asked:
+        _give_writer(run, ekso, audit, override=override, stepwise=True)
+        return act.looked(ekso)
 
-        return snapshots.restore(run, EKSO, file, check=check)
-    run.journal.info(
-        "steps",
-        "a distant value is reached in permitted steps, one every 10 s. How many it takes depends on the device's current values",
-    )
-    return snapshots.restore(run, EKSO, file)
+    return act._replace(question=CHANGES, look=look)
 
 
 class _WordRange(click.IntRange):
