@@ -6,10 +6,10 @@ A family whose rows are the values of its map gets the command with its map verb
 from __future__ import annotations
 
 import sys
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
@@ -32,7 +32,6 @@ from handctl.record.recording import (
 )
 from handctl.record.source import RowsLayout, Sample, Source
 from handctl.screen.csv_output import column_of, in_persons_unit, name_of, text_of
-from handctl.system import terminal
 from handctl.wording import plural
 
 if TYPE_CHECKING:
@@ -103,7 +102,7 @@ def log(
     over = bounds.over if bounds is not None else None
     try:
         with (
-            Keys(run.prompts.interactive) as keys,
+            closing(Keys(run.prompts.interactive)) as keys,
             closing(Marks(keys.pressed, port=wishes.mark_udp, lines=sys.stdin if wishes.mark_stdin else None)) as marks,
             ExitStack() as cleanup,
         ):
@@ -287,36 +286,29 @@ class MapSource(Source):
 
 
 class Keys:
-    """Keys pressed on the terminal, without waiting for one. Only while this process is in the foreground."""
+    """Keys pressed on the terminal, if `wanted`, as the texts of marks."""
 
     def __init__(self, wanted: bool) -> None:
-        self._wanted = wanted
-        self._terminal: terminal.Keys | None = None
-        self._descriptor = -1
+        from handctl.stop.stop_listener import Keyboard
+
+        self._waiting: deque[str] = deque()
         self._count = 0
+        self._keyboard = Keyboard.on_terminal(lambda key, _frame: self._waiting.append(key)) if wanted else None
 
     @property
     def heard(self) -> bool:
         """Whether a key sets a mark."""
-        return self._terminal is not None
-
-    def __enter__(self) -> Keys:
-        if self._wanted:
-            self._descriptor = sys.stdin.fileno()
-            if terminal.in_front(self._descriptor):
-                self._terminal = terminal.Keys(self._descriptor)
-        return self
+        return self._keyboard is not None
 
     def pressed(self) -> str:
         """The text of a mark: the keys since the last call, a numbered word for space; "" for none."""
-        if self._terminal is None or not terminal.in_front(self._descriptor):
-            return ""
-        text = self._terminal.pressed()
+        text = "".join(self._waiting.popleft() for _ in range(len(self._waiting)))
         if not text.isprintable() or not text:
             return ""
         self._count += 1
         return text.strip() or f"mark {self._count}"
 
-    def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, tb: TracebackType | None) -> None:
-        if self._terminal is not None and terminal.in_front(self._descriptor):
-            self._terminal.close()
+    def close(self) -> None:
+        """No keys any more."""
+        if self._keyboard is not None:
+            self._keyboard.close()
