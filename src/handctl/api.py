@@ -282,20 +282,14 @@ def _opened(family: str, link: str, settings: Mapping[str, Any]) -> Device:
     if family not in FAMILIES:
         raise UsageError(f"no device family {family!r}", hint=f"use one of {', '.join(FAMILIES)}")
     options = {option.key: option for option in FAMILIES[family].options}
-    shared, own = {}, {}
+    known = (*SHARED, *HOST, *options)
     for name, value in settings.items():
-        if name in options:
-            choices = options[name].choices
-            if choices and value not in choices:
-                raise UsageError(f"{name} = {value!r} is not a valid value", hint=f"use one of {', '.join(choices)}")
-            own[name] = value
-        elif name in (*HOST, *SHARED):
-            shared[name] = value
-        else:
-            known = ", ".join((*SHARED, *HOST, *options))
-            raise UsageError(f"{name}: no such setting of {family}", hint=f"use one of {known}")
+        if name not in known:
+            raise UsageError(f"{name}: no such setting of {family}", hint=f"use one of {', '.join(known)}")
+        if name in options and (choices := options[name].choices) and value not in choices:
+            raise UsageError(f"{name} = {value!r} is not a valid value", hint=f"use one of {', '.join(choices)}")
     known_family: Family = load(family, "cli").cli.family
-    chosen = Settings(kind=family, port=link, format="json", quiet=True, time=True, own=own, **shared)
+    chosen = Settings(kind=family, port=link, format="json", quiet=True, time=True).having(settings)
     line = Line(known_family, chosen, Session("library", writes=True))
     try:
         line.open()

@@ -230,9 +230,10 @@ def renamed(run: Invocation, error: HandctlError) -> HandctlError:
     error = other_devices.renamed(error, run.family.kind)
     nobody = error.code in ("no-answer", "garbage") and not run.journal.counters.received and run.family.baud
     port = run.settings.port or ""
-    return (
-        other_devices.pointed(error, port) if nobody and port and not port.startswith(("fake:", "replay:")) else error
-    )
+    advice = f"`handctl scan -p {port}` shows which device is there"
+    if nobody and port and not port.startswith(("fake:", "replay:")) and advice not in error.hint:
+        error.hint = joined(error.hint, advice)
+    return error
 
 
 def interrupted(run: Invocation) -> HandctlError:

@@ -165,7 +165,7 @@ def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOp
         SharedOption(["--fake"], connect, is_flag=True, help="Use the built-in simulator of this device."),
         *(SharedOption([f"--{wire}"], connect, key="wire", fixed=wire, family=True, is_flag=True, help=f"Simulate the {wire} wire, with --fake or --dry-run (default: {wires[0]}).") for wire in wires),
         SharedOption(["-d", "--device"], connect, metavar="NAME", help="A named device from the configuration file (see `handctl devices`). A,B or '*' selects several."),
-        *(_own_option(option, connect) for option in own),
+        *(SharedOption([f"--{option.name}"], connect, family=True, is_flag=option.flag, type=click.Choice(option.choices) if option.choices else None, metavar=option.metavar or None, help=option.help) for option in own),
         SharedOption(["--id"], connect, type=int, metavar="N", help="Device id."),
         SharedOption(["--baud"], connect, type=WholeRange(min=1), metavar="N", help="Baud rate of the serial port in bit/s."),
         SharedOption(["--timeout"], connect, type=number, metavar="S", help="Seconds to wait for a reply."),
@@ -189,15 +189,6 @@ def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOp
         SharedOption(["-y", "--yes"], safety, is_flag=True, help="Answer yes to all confirmations."),
         SharedOption(["--assume-identity"], safety, typed=True, is_flag=True, help="Skip the check of the device's identity. Only accepted on the command line."),
     ]  # fmt: skip
-
-
-def _own_option(option: OwnOption, section: str) -> SharedOption:
-    if option.flag:
-        return SharedOption([f"--{option.name}"], section, family=True, is_flag=True, help=option.help)
-    takes = click.Choice(option.choices) if option.choices else None
-    return SharedOption(
-        [f"--{option.name}"], section, family=True, type=takes, metavar=option.metavar or None, help=option.help
-    )
 
 
 def own_options(kind: str = "") -> tuple[OwnOption, ...]:
@@ -422,15 +413,9 @@ def refuse_clashes(inputs: list[Named], outputs: list[Named]) -> None:
                     hint="name another file. Nothing was opened, and nothing was sent.",
                     code="same-file",
                 )
-        if not output.grows and _inside(output.path, kept):
+        if not output.grows and os.path.realpath(output.path).startswith(os.path.join(os.path.realpath(kept), "")):
             raise UsageError(
                 f"{output.label} {output.path}: handctl keeps its own records in {kept}",
                 hint="name a file in another folder. Nothing was opened, and nothing was sent.",
                 code="same-file",
             )
-
-
-def _inside(path: str, folder: str) -> bool:
-    import os
-
-    return os.path.realpath(path).startswith(os.path.join(os.path.realpath(folder), ""))

@@ -63,9 +63,7 @@ def resolve(ctx: click.Context, wires: tuple[str, ...] = (), device: str = "", *
     if urgent:
         _no_catch(chosen, passed)
     told.sources = chosen.sources
-    shared = {key: value for key, value in chosen.values.items() if key in Settings._fields}
-    own = {key: value for key, value in chosen.values.items() if key not in shared}
-    return Settings(**shared, own={**own, **told.own})
+    return Settings().having({**chosen.values, "own": told.own})
 
 
 def _no_catch(chosen: _Chosen, passed: list[UsageError]) -> None:

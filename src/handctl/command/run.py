@@ -7,8 +7,8 @@ decides where output goes. What a run does not need is not imported.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from copy import copy
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -36,8 +36,6 @@ from handctl.screen.sanitize import text_shown
 from handctl.wording import honest
 
 if TYPE_CHECKING:
-    from contextlib import AbstractContextManager
-
     from handctl.link import Link
     from handctl.model.line_quality import LineQuality
     from handctl.model.param import Changes, Step
@@ -133,12 +131,10 @@ class Run(Invocation):
         from handctl.model.line_quality import LineQuality
 
         other = copy(self)  # it says, counts and writes in the same place, but has a link, a lock and a line of its own
-        own = {**self.settings.own, **settings.pop("own", {})}
         if self.end is not None and self.link is not None:
             settings["deadline"] = max(self.end - self.link.now(), 0.001)
-        other.settings = self.settings._replace(
-            port=link, fake=False, wire=None, device=None, kind=None, own=own, **settings
-        )
+        given = {"port": link, "fake": False, "wire": None, "device": None, "kind": None, **settings}
+        other.settings = self.settings.having(given)
         other.connection = Connection(self.connection.trace)
         other.link = other.opened = other.end = None
         other.others = []
@@ -168,21 +164,19 @@ class Run(Invocation):
         """How a device of this command was stopped on the wish of another process; None where none was."""
         return next(filter(None, (run.connection.stopped for run in (self, *self.others))), None)
 
-    def keyboard(self, pressed: Callable[[str], bool]) -> AbstractContextManager[bool]:
-        """While it lasts each key on the terminal goes to `pressed`, which says whether the command ends; whether there are keys."""
+    @contextmanager
+    def viewed(self, pressed: Callable[[str], bool]) -> Iterator[bool]:
+        """While a view has the terminal messages wait, and each key goes to `pressed`, which says whether the command ends; whether there are keys."""
         from handctl.stop.device_access import keyboard
 
-        return keyboard(self.connection.device_access, pressed)
+        with self.outcome.held_back(), keyboard(self.connection.device_access, pressed) as keyed:
+            yield keyed
 
     @property
     def stop_key(self) -> str:
         """The key of a live view that stops the device; "" without a device to stop."""
         access = self.connection.device_access
         return access.stop_key if access is not None else ""
-
-    def behind_view(self) -> AbstractContextManager[None]:
-        """While it lasts messages wait: a view has the terminal."""
-        return self.outcome.held_back()
 
     def act(self, act: Act) -> Table:
         """Carry it out, or show its plan for --dry-run. Raises NotConfirmed."""

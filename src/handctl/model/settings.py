@@ -39,3 +39,9 @@ class Settings(NamedTuple):
     color: str = "auto"
     debug: bool = False
     own: Mapping[str, Any] = {}
+
+    def having(self, values: Mapping[str, Any]) -> Settings:
+        """With these values, by key; a key that is not shared is one of the family's own."""
+        shared = {key: value for key, value in values.items() if key in self._fields and key != "own"}
+        own = {key: value for key, value in values.items() if key not in self._fields}
+        return self._replace(**shared, own={**self.own, **own, **values.get("own", {})})

@@ -86,7 +86,9 @@ class DeviceAccess:
             from handctl.stop.stop_listener import StopListener
 
             try:
-                self._ear = StopListener(lock.path, self._answer, self.end)
+                self._ear = StopListener(
+                    lock.path, lambda: self.stop("stopped at the request of another handctl command"), self.end
+                )
             except ValueError:
                 pass  # this is not the main thread
             except OSError as exc:
@@ -155,9 +157,6 @@ class DeviceAccess:
         self.stopped = kind(text, hint=stopped.hint, code=NOT_STOPPED if stopped.error else STOPPED)
         self._report = report(stopped, sent)
         return self._report
-
-    def _answer(self) -> dict[str, Any]:
-        return self.stop("stopped at the request of another handctl command")
 
     def pressed(self, frame: Any) -> None:
         """The stop key of a live view."""

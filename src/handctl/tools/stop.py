@@ -6,7 +6,7 @@ Nothing that is asked to find that out writes to a device or moves it: they are 
 from __future__ import annotations
 
 from contextlib import ExitStack, closing
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -20,7 +20,6 @@ from handctl.families import FAMILIES, SCANNED
 from handctl.link import ByteLink, open_link
 from handctl.link.lock import canonical, hold, last_family
 from handctl.model.result import Journal, Row, Table
-from handctl.model.settings import Settings
 from handctl.tools.probes import family_of, has_speed, probe_of, usual_ports, wire_of
 
 if TYPE_CHECKING:
@@ -116,9 +115,7 @@ def _as_named(run: Run, named: list[Device]) -> None:
     (device,) = named
     said = {key: entry for key, entry in device.entries.items() if key not in ("port", *run.sources)}
     sources = {key: Source(NAMED, f"{config_path()}:{entry.line}") for key, entry in said.items()}
-    shared: dict[str, Any] = {key: entry.value for key, entry in said.items() if key in Settings._fields}
-    own = {key: entry.value for key, entry in said.items() if key not in shared}
-    run.settings = run.settings._replace(**shared, own={**run.settings.own, **own})
+    run.settings = run.settings.having({key: entry.value for key, entry in said.items()})
     run.sources = {**run.sources, **sources}
 
 
