@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 
 from handctl.command.console import TerminalPrompts, print_message
-from handctl.command.family import Family, in_words, load, refuse_missing, refuse_serial, wire_in
+from handctl.command.family import Family, in_words, load, on_can, refuse_missing, refuse_serial, wire_in
 from handctl.command.options import (
     COMMAND_LINE,
     ENVIRONMENT,
@@ -86,13 +86,12 @@ class Invocation:
 
     def planner(self) -> Any:
         """The device without a link: can check and plan writes, cannot send."""
-        from handctl.link import NoFrames, NoLink, is_can
+        from handctl.link import NoFrames, NoLink
 
         assert self.family is not None
         refuse_other_family(self)
-        port = self.settings.port
-        can = self.settings.wire == "can" if port is None else is_can(port)
-        return self.family.open(NoFrames() if can else NoLink(), self.settings, self.journal)
+        link = NoFrames() if on_can(self.settings) else NoLink()
+        return self.family.open(link, self.settings, self.journal)
 
     def link_name(self) -> str:
         """The LINK: --port, or the simulator for --fake. Raises UsageError when neither is given; never picks one."""
