@@ -80,8 +80,11 @@ class Invocation:
         self.typed: TextIO = sys.stdin
         """A source of lines that a body reads in addition to its arguments."""
 
-    def only_reads(self) -> None:
-        """This form of a command that may write or move does neither: it may do what reading commands may."""
+    def only_reads(self, without: str) -> None:
+        """This form of a command, `without` what makes it write or move, does neither. Raises UsageError in a dry run."""
+        if self.settings.dry_run:
+            text = f"`handctl {self.command}` without {without} only reads"
+            raise UsageError(text, hint="run it without -n, it changes nothing")
         self.writes = False
 
     def planner(self) -> Any:

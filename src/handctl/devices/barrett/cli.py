@@ -239,9 +239,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table | Act:
     from handctl.devices.barrett import eeprom
 
     if rate is None:
-        if run.settings.dry_run:
-            raise UsageError("`handctl barrett baud` without a baud rate only reads", hint="run it without -n")
-        run.only_reads()
+        run.only_reads("a baud rate")
         return get_set_watch.get(run, BARRETT, ["BAUD"])
     code, odd = divmod(rate, 100)
     if odd or code not in BAUD_CODES:

@@ -62,16 +62,6 @@ def explain_silence(device: RegisterDevice, error: HandctlError) -> HandctlError
     return procedures.explain_silence(device, error)
 
 
-def looks_only(run: Run) -> None:
-    """A command without the value that it could write. Raises UsageError in a dry run."""
-    if run.settings.dry_run:
-        raise UsageError(
-            f"`handctl {run.command}` without a value only reads",
-            hint="run it without -n: it does not change anything",
-        )
-    run.only_reads()
-
-
 def read(run: Run, address: str, count: int) -> Table:
     """Bytes from any address."""
     from handctl.devices.inspire import eb90, raw
@@ -98,7 +88,7 @@ def send_raw(step: Step, question: str, exchange: Callable[[Any], Table]) -> Act
 def change_id(run: Run, params: ParamMap[Any], new: int | None) -> Table | Act:
     """Show the id, or give the hand a new one."""
     if new is None:
-        looks_only(run)
+        run.only_reads("a value")
         return get_set_watch.get(run, params, ["id"])
     params["id"].check(new, "id")
     steps = run.planner().plan([(Element(params["id"], 0), new)])
@@ -109,7 +99,7 @@ def change_id(run: Run, params: ParamMap[Any], new: int | None) -> Table | Act:
 def change_baud(run: Run, rate: int | None, question: str, *, save: bool, verify: bool) -> Table | Act:
     """Show the speed code, or write the one that counts after a save and a power cycle, and see to both where that is wanted."""
     if rate is None:
-        looks_only(run)
+        run.only_reads("a value")
         device: RegisterDevice = run.device()
         device.know()
         return device.show_speed()

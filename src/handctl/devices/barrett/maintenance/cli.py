@@ -32,13 +32,6 @@ def add_care_commands(group: Group) -> None:
     _add_diagnose(group)
 
 
-def looks_only(run: Run, option: str) -> None:
-    """A command without the option by which it moves the hand. Raises UsageError in a dry run."""
-    if run.settings.dry_run:
-        raise UsageError(f"`handctl {run.command}` without {option} only reads", hint="run it without -n")
-    run.only_reads()
-
-
 def _live(run: Run, live: bool, **only: Any) -> None:
     """Make this run a stream, or refuse what `only` a stream has without --live. Raises UsageError."""
     given = [f"--{name}" for name, value in only.items() if value]
@@ -141,7 +134,7 @@ def _add_strain(group: Group) -> None:
             return get_set_watch.within(bounds, gauges.stream(hand, **timing))
 
         if not open_first:
-            looks_only(run, "--open")
+            run.only_reads("--open")
             return measure(run.device())
         run.streams = live and not run.settings.dry_run
         return Act(gauges.preparation_steps, measure)
@@ -237,7 +230,7 @@ def _add_diagnose(group: Group) -> None:
             return doctor.table_of(hand, findings, symptom, failure)
 
         if not move:
-            looks_only(run, "--move")
+            run.only_reads("--move")
             return examine(run.device())
         return Act(
             movement_checks.steps(names, digits),

@@ -417,7 +417,7 @@ def network(run: Run, address: str | None) -> Table | Act:
     from handctl.devices.inspire.hand import baud_and_network as place
 
     if address is None:
-        verbs.looks_only(run)
+        run.only_reads("a value")
         return place.show_network(run.device())
     octets = place.octets_of(address)
     planner = run.planner()
