@@ -203,3 +203,26 @@ def factory_reset(run: Run, meaning: str, question: str, backup: str | None, *, 
         return procedures.factory_reset(device)
 
     return Act(steps, reset, question, word="reset")
+
+
+# -- for the manual pages -------------------------------------------------------------------------------------------
+
+
+def settings_examples(kind: str, rate: int) -> list[tuple[str, str]]:
+    """Of the commands that change what a hand keeps, with a baud `rate` that this one has."""
+    port, dry = "-p /dev/ttyUSB0", "-n --fake"
+    rows = (
+        ("id --fake", "Show the id of the hand."),
+        (f"id 2 {port}", "Give the hand another id. Asks first."),
+        ("baud --fake", "Show the baud rate code of the hand."),
+        (
+            f"baud {rate} --save --verify {port}",
+            "Change the baud rate, save it, and check the hand after a power-cycle.",
+        ),
+        (f"save {port}", "Save the present settings. Asks first."),
+        (f"save {dry}", "Show the bytes and send nothing."),
+        (f"factory-reset --backup before-reset.json {port}", "Write a snapshot, then reset. Asks first."),
+        (f"clear-errors {port}", "Clear the errors and show which remain."),
+        (f"clear-errors {dry}", "Show the bytes and send nothing."),
+    )
+    return [(f"handctl {kind} {words}", does) for words, does in rows]
