@@ -26,9 +26,9 @@ from handctl.command.invocation import check_before, shown_steps, unsent
 from handctl.command.options import COMMAND_LINE, Seconds, said, words_of
 from handctl.command.precedence import resolve
 from handctl.command.run import Act, Asked, Run
-from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError, joined
+from handctl.errors import HandctlError, Interrupted, NotConfirmed, UsageError, joined
 from handctl.families import COMMANDS, FAMILIES
-from handctl.files import atomic_write, read_text, state_path
+from handctl.files import atomic_write, read_text, state_path, writing
 from handctl.interrupts import asked, end_on_signals
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table
@@ -313,11 +313,8 @@ def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Asked]) -> list[
 @contextlib.contextmanager
 def _one_file(path: str) -> Iterator[None]:
     """What would go to stdout goes to a file, which appears whole. Raises OutputError."""
-    try:
-        with atomic_write(path) as file, contextlib.redirect_stdout(file):
-            yield
-    except OSError as exc:
-        raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}") from exc
+    with writing(path), atomic_write(path) as file, contextlib.redirect_stdout(file):
+        yield
 
 
 def _run(run: Run, lines: Sequence[Line], *, keep_going: bool) -> Table | None:

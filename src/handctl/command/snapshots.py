@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from handctl import __version__
 from handctl.command.run import Act, Asked
 from handctl.errors import CheckFailed, OutputError, UsageError, joined
-from handctl.files import atomic_write, read_text, why_unwritable
+from handctl.files import atomic_write, read_text, why_unwritable, writing
 from handctl.model.device import question, released
 from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Changes, Element, FromTo, Number, ParamMap, Step
 from handctl.model.result import Column, Row, Table
@@ -375,12 +375,9 @@ def write(path: str, content: Mapping[str, Any]) -> None:
     """Write a snapshot, whole or not at all. Raises OutputError."""
     import json
 
-    try:
-        with atomic_write(path) as file:
-            json.dump(content, file, indent=2, ensure_ascii=False)
-            file.write("\n")
-    except OSError as exc:
-        raise OutputError(f"{path}: the snapshot cannot be written: {exc.strerror or exc}") from exc
+    with writing(path, "the snapshot "), atomic_write(path) as file:
+        json.dump(content, file, indent=2, ensure_ascii=False)
+        file.write("\n")
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from math import ceil, inf
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
-from handctl.files import atomic_write
+from handctl.files import atomic_write, writing
 from handctl.model.prompts import Prompts
 from handctl.record.marks import Heard
 from handctl.record.source import Stamp, clean
@@ -216,7 +216,9 @@ class Recording:
             **self.source.sidecar(),
             **more,
         }
-        write_whole(self.sidecar, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+        text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        with writing(self.sidecar, code="log-file"), atomic_write(self.sidecar) as file:
+            file.write(text)
 
     def as_row(self) -> dict[str, Any]:
         line = self.timeline
@@ -293,15 +295,6 @@ def open_new(path: str, force: bool) -> int:
         raise OutputError(
             f"{path}: cannot be written: {exc.strerror or exc}", hint="choose another file", code="log-file"
         ) from exc
-
-
-def write_whole(path: str, text: str) -> None:
-    """Write a file so that it is there whole or not at all. Raises OutputError."""
-    try:
-        with atomic_write(path) as file:
-            file.write(text)
-    except OSError as exc:
-        raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}", code="log-file") from exc
 
 
 def in_words(setting: Mapping[str, Any]) -> str:

@@ -13,8 +13,8 @@ import click
 from handctl.command.command_tree import Group
 from handctl.command.options import InFile, OutFile
 from handctl.command.run import Run
-from handctl.errors import CheckFailed, OutputError
-from handctl.files import atomic_write
+from handctl.errors import CheckFailed
+from handctl.files import atomic_write, writing
 from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:
@@ -156,8 +156,5 @@ def _list_of(walk: Walk) -> str:
 
 def _write(path: str, text: str) -> None:
     """A file. Raises OutputError."""
-    try:
-        with atomic_write(path) as file:
-            file.write(text)
-    except OSError as exc:
-        raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}") from exc
+    with writing(path), atomic_write(path) as file:
+        file.write(text)

@@ -9,8 +9,8 @@ from typing import Any
 from handctl.devices.ekso.export import remarks_of, without
 from handctl.devices.ekso.log import LEAD, NAMED
 from handctl.devices.ekso.log_file import LogFile
-from handctl.errors import OutputError, UsageError
-from handctl.files import atomic_write
+from handctl.errors import UsageError
+from handctl.files import atomic_write, writing
 from handctl.record.source import MARK
 
 GROUP = 20_000
@@ -37,26 +37,27 @@ def write(log: LogFile, path: str, *, segment: int | None, tool: str) -> tuple[i
     said = {"handctl": json.dumps({"tool": tool, "log": log.sidecar}, ensure_ascii=False)}
     schema = pyarrow.schema(fields, metadata=said)
     count, first, last = 0, None, 0
-    try:
-        with atomic_write(path, "wb") as file, parquet.ParquetWriter(file, schema, compression="snappy") as writer:
-            waiting: list[Any] = []
-            for whole in log.blocks():
-                block = whole.of(segment)
-                if not block.t_ms:
-                    continue
-                first, last = block.t_ms[0] if first is None else first, block.t_ms[-1]
-                count += len(block.t_ms)
-                columns = [_values(block.columns[field.name], str(field.type)) for field in fields]
-                waiting.append(pyarrow.record_batch(columns, schema=schema))
-                if sum(batch.num_rows for batch in waiting) >= GROUP:
-                    writer.write_table(pyarrow.Table.from_batches(waiting))
-                    waiting = []
-            if waiting:
+    with (
+        writing(path),
+        atomic_write(path, "wb") as file,
+        parquet.ParquetWriter(file, schema, compression="snappy") as writer,
+    ):
+        waiting: list[Any] = []
+        for whole in log.blocks():
+            block = whole.of(segment)
+            if not block.t_ms:
+                continue
+            first, last = block.t_ms[0] if first is None else first, block.t_ms[-1]
+            count += len(block.t_ms)
+            columns = [_values(block.columns[field.name], str(field.type)) for field in fields]
+            waiting.append(pyarrow.record_batch(columns, schema=schema))
+            if sum(batch.num_rows for batch in waiting) >= GROUP:
                 writer.write_table(pyarrow.Table.from_batches(waiting))
-            if first is None:
-                raise without(log, segment)
-    except OSError as exc:
-        raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}") from exc
+                waiting = []
+        if waiting:
+            writer.write_table(pyarrow.Table.from_batches(waiting))
+        if first is None:
+            raise without(log, segment)
     return count, (last - first) / 1000, remarks_of(log)
 
 
