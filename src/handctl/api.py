@@ -235,15 +235,10 @@ class Device:
 
         def call(*args: Any, confirm: Confirm = False, dry_run: bool = False, **named: Any) -> Any:
             key = (name, args) if not (named or confirm or dry_run) else None
-            if key is not None:
-                try:
-                    again = line.again(key)
-                except HandctlError as exc:
-                    raise told(exc, self.kind) from None
-                if again is not None:
-                    return Rows(again)
-            values = method.values(args, named)
             try:
+                if key is not None and (again := line.again(key)) is not None:
+                    return Rows(again)
+                values = method.values(args, named)
                 found = line.call(method.command, method.words, values, confirm=confirm, dry_run=dry_run, key=key)
             except HandctlError as exc:
                 raise told(exc, self.kind) from None

@@ -22,11 +22,11 @@ from handctl.model.result import Column, Table
 from handctl.record.marks import Heard, Marks
 from handctl.record.recording import (
     Limits,
+    Loop,
     Recording,
     changed,
     file_name,
     in_words,
-    record,
     refuse_existing,
     undisturbed,
 )
@@ -114,13 +114,8 @@ def log(
                 recording.on_row, take = streams.row, lambda: streams.marks(marks.take())
                 by.append(f"rows and marks are sent on LSL as {streams.name!r}")
             run.prompts.say(f"recording into {path}. {''.join(f'{one}, ' for one in by)}Ctrl-C ends")
-            failure = record(
-                recording,
-                Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end, over),
-                mark=_first(wishes.mark, take),
-                prompts=run.prompts,
-                before=before,
-            )
+            limits = Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end, over)
+            failure = Loop(recording, limits, _first(wishes.mark, take), run.prompts, before).run()
         failure = _finish(run, recording, before, failure) or (bounds.failure() if bounds is not None else None)
     finally:
         recording.close()

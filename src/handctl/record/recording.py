@@ -383,8 +383,12 @@ class Pace:
         self._next += 1
 
 
-class _Loop:
-    """What stays between two polls."""
+class Loop:
+    """One recording until a limit is reached, and what stays between two of its polls.
+
+    mark     asked before each request for the marks that have come
+    before   the settings at the start: those at the first row of a segment are compared with them
+    """
 
     def __init__(
         self,
@@ -394,7 +398,7 @@ class _Loop:
         prompts: Prompts,
         before: dict[str, Any],
     ) -> None:
-        self._recording, self._limits, self._mark, self._guide = recording, limits, mark, prompts
+        self._recording, self._limits, self._mark, self._prompts = recording, limits, mark, prompts
         self._source, self._clock, self._before = recording.source, recording.clock, before
         clock = self._clock
         self.pace = Pace(clock, limits.rate)
@@ -404,6 +408,27 @@ class _Loop:
         self._over = False
         self._asked = False
         """Whether a request is without its answer."""
+
+    def run(self) -> HandctlError | None:
+        """Record; what ended it before a limit, if anything. Never raises."""
+        recording = self._recording
+        try:
+            while self.wanted:
+                try:
+                    self.step()
+                except LinkError as exc:
+                    if exc.code != "lost" or not self.wait_for_port(exc):
+                        raise
+        except KeyboardInterrupt:
+            return Interrupted("interrupted")
+        except HandctlError as exc:
+            return exc
+        finally:
+            recording.skipped = self.pace.skipped
+            with contextlib.suppress(OSError):
+                self._prompts.done()
+            recording.end()
+        return None
 
     @property
     def wanted(self) -> bool:
@@ -446,7 +471,7 @@ class _Loop:
         if self._heard - self._shown >= PROGRESS_S:
             self._shown = self._heard
             with contextlib.suppress(OSError):  # a terminal that went away
-                self._guide.progress(_progress(recording, self._heard - self._start), ENDS)
+                self._prompts.progress(_progress(recording, self._heard - self._start), ENDS)
         if self._source.looks and self._heard >= self._look_due:
             self._look()
 
@@ -454,7 +479,7 @@ class _Loop:
         """Report a restart. After one, or a possible one, read again what it may have changed."""
         segment = self._recording.timeline.segments[-1]
         if segment.rebooted:
-            self._guide.say(f"The device restarted: its clock started at 0. Segment {segment.number} starts")
+            self._prompts.say(f"The device restarted: its clock started at 0. Segment {segment.number} starts")
         if segment.rebooted is False and not segment.first.reopened:
             return
         self._look_due = self._heard
@@ -493,14 +518,14 @@ class _Loop:
                     raise self._gone(lost, exc) from exc
             if not told:
                 told = True
-                self._guide.say(f"{lost.text}. Waiting up to {left:.0f} s for the same port")
+                self._prompts.say(f"{lost.text}. Waiting up to {left:.0f} s for the same port")
             with contextlib.suppress(OSError):
-                self._guide.progress(f"the port is gone, {left:.0f} s left for its return", ENDS)
+                self._prompts.progress(f"the port is gone, {left:.0f} s left for its return", ENDS)
             self._clock.sleep(min(RETRY_S, left))
         self._recording.port_lost()
         self._recording.lost += self._asked
         self._asked = False
-        self._guide.say("The port is open again. The next row starts a segment")
+        self._prompts.say("The port is open again. The next row starts a segment")
         return True
 
     def _gone(self, lost: LinkError, last: LinkError) -> LinkError:
@@ -520,36 +545,3 @@ def _progress(recording: Recording, seconds: float) -> str:
     for name, count in (("gaps", len(line.gaps)), ("lost", recording.lost), ("marks", len(recording.marks))):
         text += f"  {count} {name}" if count else ""
     return text
-
-
-def record(
-    recording: Recording,
-    limits: Limits,
-    *,
-    mark: Callable[[], Sequence[Heard]],
-    prompts: Prompts,
-    before: dict[str, Any] | None = None,
-) -> HandctlError | None:
-    """Record until a limit is reached; returns what ended it earlier, if anything. Never raises.
-
-    mark     asked before each request for the marks that have come
-    before   the settings at the start: those at the first row of a segment are compared with them
-    """
-    loop = _Loop(recording, limits, mark, prompts, before or {})
-    try:
-        while loop.wanted:
-            try:
-                loop.step()
-            except LinkError as exc:
-                if exc.code != "lost" or not loop.wait_for_port(exc):
-                    raise
-    except KeyboardInterrupt:
-        return Interrupted("interrupted")
-    except HandctlError as exc:
-        return exc
-    finally:
-        recording.skipped = loop.pace.skipped
-        with contextlib.suppress(OSError):
-            prompts.done()
-        recording.end()
-    return None
