@@ -295,40 +295,32 @@ def in_words(kind: click.IntRange | click.FloatRange) -> str:
     return f"{low if kind.min_open else f'{low} or more'}" if low else f"{high} or less"
 
 
+def _convert(self: Any, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    """As the range of click that this is one of, in our words."""
+    try:
+        number = self.number(value)
+    except ValueError:
+        self.fail(f"{value} is not a {self.noun}.", param, ctx)
+    if not float("-inf") < number < float("inf"):
+        self.fail(f"{value} is not a finite number.", param, ctx)
+    try:
+        return self.range.convert(self, value, param, ctx)
+    except click.BadParameter:
+        self.fail(f"{value} is out of range: {in_words(self)}.", param, ctx)
+
+
 class FiniteRange(click.FloatRange):
     """A finite number in a range."""
 
-    def _describe_range(self) -> str:
-        return in_words(self)
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        try:
-            number = float(value)
-        except ValueError:
-            self.fail(f"{value} is not a number.", param, ctx)
-        if not float("-inf") < number < float("inf"):
-            self.fail(f"{value} is not a finite number.", param, ctx)
-        try:
-            return super().convert(value, param, ctx)
-        except click.BadParameter:
-            self.fail(f"{value} is out of range: {in_words(self)}.", param, ctx)
+    number, noun, range = float, "number", click.FloatRange
+    _describe_range, convert = in_words, _convert
 
 
 class WholeRange(click.IntRange):
     """A whole number in a range."""
 
-    def _describe_range(self) -> str:
-        return in_words(self)
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        try:
-            int(value)
-        except ValueError:
-            self.fail(f"{value} is not a whole number.", param, ctx)
-        try:
-            return super().convert(value, param, ctx)
-        except click.BadParameter:
-            self.fail(f"{value} is out of range: {in_words(self)}.", param, ctx)
+    number, noun, range = int, "whole number", click.IntRange
+    _describe_range, convert = in_words, _convert
 
 
 class Seconds(FiniteRange):
