@@ -23,7 +23,7 @@ from handctl.wording import sentence, utc
 if TYPE_CHECKING:
     from handctl.command.invocation import Invocation
     from handctl.link import Link
-    from handctl.model.result import Message, Table
+    from handctl.model.result import Journal, Message, Table
     from handctl.screen.render import Context
 
 
@@ -137,16 +137,14 @@ def make_envelope(
     command: str,
     failure: HandctlError | None,
     device: dict[str, Any] | None,
-    messages: Sequence[Message],
-    counters: dict[str, Any] | None,
-    extra: dict[str, Any] | None,
+    journal: Journal,
+    extra: dict[str, Any],
     link: Link | None = None,
 ) -> dict[str, Any]:
     """The JSON envelope without rows. The `link`, where there is one, has the clock."""
-    from handctl.model.line_quality import LineQuality
-    from handctl.model.result import SCHEMA, Counters
+    from handctl.model.result import SCHEMA
 
-    rows = [message.as_row() for message in messages]
+    rows = [message.as_row() for message in journal.messages]
     if failure is not None:
         rows.append({"level": "error", "code": failure.code, "text": failure.text, "hint": failure.hint})
     return {
@@ -157,10 +155,10 @@ def make_envelope(
         "device": device,
         "ok": failure is None,
         "exit_code": failure.exit_code if failure is not None else 0,
-        "line": None if extra and "line" in extra else LineQuality().as_row(),
-        **(extra or {}),
+        "line": journal.line.as_row(),
+        **extra,
         "messages": [{**row, "text": sentence(row["text"]), "hint": sentence(row["hint"])} for row in rows],
-        "counters": counters if counters is not None else Counters().as_row(),
+        "counters": journal.counters.as_row(),
     }
 
 
@@ -194,7 +192,9 @@ def late_envelope(args: Sequence[str], error: HandctlError, streams: bool, comma
         names = [word for word in words if not word.startswith("-")]
         start = next((position for position, word in enumerate(names) if word in COMMANDS), len(names))
         command = " ".join(names[start : start + 2])
-    envelope = make_envelope(command, error, None, (), None, extra)
+    from handctl.model.result import Journal
+
+    envelope = make_envelope(command, error, None, Journal(), extra)
     utf8_stdout()
     try:
         sys.stdout.write(

@@ -164,10 +164,8 @@ def _missing(path: str) -> bool:
     """Whether there is no such file; one that may not be looked at is there, and reading it will say so."""
     try:
         os.stat(path)
-    except (FileNotFoundError, NotADirectoryError):
-        return True
-    except OSError:
-        return False
+    except OSError as exc:
+        return isinstance(exc, FileNotFoundError | NotADirectoryError)
     return False
 
 

@@ -332,9 +332,8 @@ class Run(Invocation):
         """The JSON envelope without rows (cli contract, section 4)."""
         failure = self.stopped or failure or self.connection.trace.failure
         writes = {"writes": self.ledger.rows()} if self.writes and self.family is not None else {}
-        more = {**(extra or {}), **writes, "line": self.journal.line.as_row()}
-        counters = self.journal.counters.as_row()
-        return make_envelope(self.command, failure, device_row(self), self.journal.messages, counters, more, self.link)
+        more = {**(extra or {}), **writes}
+        return make_envelope(self.command, failure, device_row(self), self.journal, more, self.link)
 
     @property
     def simulated(self) -> bool:
