@@ -296,8 +296,6 @@ def by_ctrl_c(error: HandctlError) -> bool:
 
 def interrupted(stopped: Stopped, what: str = "") -> HandctlError:
     """The end of a command that Ctrl-C has ended: exit code 130 only where the stop was acknowledged."""
-    from handctl.errors import Interrupted
-
     text = f"{what}{stopped.text}"
     if stopped.error is None:
         return Interrupted("interrupted", left=Aftermath(text, stopped.hint))

@@ -36,7 +36,6 @@ from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.device import Course, Release
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
 from handctl.model.result import Cell, Finding, Grid, Row, Table
-from handctl.model.settings import Settings
 from handctl.model.stop_sequence import StopContext
 
 LIVE = ("stroke_actual", "angle_actual", "force_actual", "current", "error", "status", "temperature")
@@ -331,9 +330,8 @@ class Hand(RegisterDevice):
         own = {**context.settings.own, "protocol": "modbus" if wire in ("rtu", "tcp") else "eb90"}
         own |= {"model": self._known} if self._known else {}
         spoken = "modbus-tcp" if wire == "tcp" else None
-        return context._replace(
-            settings=Settings(id=self.bus.id, timeout=context.settings.timeout, wire=spoken, own=own)
-        )
+        known = context.settings._replace(id=self.bus.id, port=None, wire=spoken, own=own)
+        return context._replace(settings=known)
 
 
 # -- findings and views -------------------------------------------------------------------------------------------
