@@ -23,7 +23,7 @@ from handctl.devices.ekso.map import DATA, SETTINGS
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.model.clock_comparison import WITHIN_MS, Moment
 from handctl.model.prompts import Prompts
-from handctl.record.recording import Limits, changed, file_name, record, undisturbed
+from handctl.record.recording import Limits, Loop, changed, file_name, undisturbed
 from handctl.record.source import Sample, clean
 from handctl.record.timeline import LEARNED, MOST_PARTED, ClockFit, Timeline
 from tests.ekso.recordings import STANDING, Device, opened, recorded, run, steady, words_at
@@ -382,7 +382,7 @@ def test_what_is_not_on_the_disk_is_not_complete(
     """A disk that fails, or a file system that cannot tell; the sidecar is written all the same."""
     path, fsync, failed = tmp_path / "a.csv", os.fsync, list[int]()
     recording = opened(path, Device(steady(3)))
-    assert record(recording, Limits(rows=3), mark=list, prompts=Prompts()) is None
+    assert Loop(recording, Limits(rows=3), list, Prompts(), {}).run() is None
 
     def fails(file: int) -> None:
         if not failed:

@@ -48,7 +48,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("model*", (*GROUND, "model.*")),
     ("link.fake", ("number_parsing", "errors", "link.base", "sim", "system.*")),
     ("link*", (*GROUND, "link*")),
-    ("screen*", (*GROUND, "command.options", "model.result", "model.param", "screen.*")),
+    ("screen*", (*GROUND, "model.settings", "model.result", "model.param", "screen.*")),
     (
         "stop*",
         (*GROUND, "command.console", "command.family", "command.options", "command.run", "link*", "model.*", "stop.*"),
@@ -61,7 +61,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ),
     ("report.computer", ("link.base", "system.*", "tools.port_inventory")),
     ("report*", (*GROUND, "command.*", "link.transcript", "model.*", "report.*", "screen.render")),
-    ("api", (*GROUND, "command.*", "model.result")),
+    ("api", (*GROUND, "command.*", "model.result", "model.settings")),
     ("hands", ("api", "families", "command.library_call", "model.result")),
     ("docgen.library", ("api", "families")),
     (

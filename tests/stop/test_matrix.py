@@ -21,7 +21,6 @@ from unittest import mock
 import pytest
 
 from handctl.command.console import TerminalPrompts
-from handctl.command.options import Settings
 from handctl.devices.inspire import eb90
 from handctl.errors import OutputError
 from handctl.families import FAMILIES
@@ -29,6 +28,7 @@ from handctl.link import Outlet, deadman
 from handctl.model.param import elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
+from handctl.model.settings import Settings
 from handctl.model.stop_sequence import Stopped, aimed, carry_out, interrupted, stop_sequence_of
 from handctl.stop.device_access import DeviceAccess
 from tests.stop.far import Far, Weather
@@ -138,7 +138,7 @@ def by_holder(device: Any, far: Far) -> Stopped:
     journal.counters.writes = 1
     run = SimpleNamespace(
         family=SimpleNamespace(kind=device.kind), opened=device, journal=journal, ledger=journal.ledger, writes=False,
-        settings=Settings(), prompts=Prompts(), listens=False, stops=False, place="",
+        settings=Settings(), prompts=Prompts(), shows=False, stops=False, place="",
     )  # fmt: skip
     hold = DeviceAccess(run, None)  # type: ignore[arg-type]
     hold.around(far)

@@ -27,9 +27,19 @@ from handctl.command.help_text import (
     plain_help,
     write_examples,
 )
-from handctl.command.option_types import Hertz, InFile, OutFile, Seconds, WholeRange
-from handctl.command.options import COMMAND_LINE, SharedOption, config_path, read_config, said, words_of
-from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
+from handctl.command.options import (
+    Hertz,
+    InFile,
+    OutFile,
+    Seconds,
+    SharedOption,
+    WholeRange,
+    config_path,
+    read_config,
+    said,
+    words_of,
+)
+from handctl.errors import HandctlError, Interrupted, OutputError
 from handctl.families import COMMANDS, LISTED
 
 if TYPE_CHECKING:
@@ -37,39 +47,30 @@ if TYPE_CHECKING:
     from handctl.model.result import Table
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+TRAITS = ("heading", "writes", "streams", "stops", "offline", "asks", "family")
 ALONE = ("sim", "completion", "batch", "shell")
 """Commands that are no line of a batch."""
 
 
 class Command(Described):
-    """A leaf command with the shared options.
+    """A leaf command with the shared options. Its traits are given by their names:
 
-    `heading`: one of HEADINGS; `writes`: --dry-run makes sense for it; `streams`: --json means NDJSON; `stops`: an
-    emergency, which nothing holds up; `offline`: it never opens a link; `asks`: it asks first, always or in these words,
-    behind a ";" those of when it does not.
+    heading  one of HEADINGS
+    writes   --dry-run makes sense for it
+    streams  --json means NDJSON
+    stops    an emergency, which nothing holds up
+    offline  it never opens a link
+    asks     it asks first, always or in these words, behind a ";" those of when it does not
     """
 
-    def __init__(
-        self,
-        *args: Any,
-        writes: bool = False,
-        streams: bool = False,
-        stops: bool = False,
-        offline: bool = False,
-        asks: bool | str = False,
-        heading: str = "",
-        family: Family | None = None,
-        **more: Any,
-    ) -> None:
+    streams = False
+    stops = False
+    asks: bool | str = False
+
+    def __init__(self, *args: Any, **more: Any) -> None:
+        vars(self).update({trait: more.pop(trait) for trait in TRAITS if trait in more})
         super().__init__(*args, **more)
-        self.heading = heading
-        self.asks = asks
-        self.writes = writes
-        self.stops = stops
-        self.offline = offline
-        self.streams = streams
-        self.family = family
-        self.wires = family.wires if family is not None else ()
+        self.wires = self.family.wires if self.family is not None else ()
 
     @property
     def only_reads(self) -> bool:
@@ -98,18 +99,7 @@ class Command(Described):
         from handctl.command.precedence import resolve
         from handctl.command.run import Run
 
-        run = said(ctx).run or Run(ctx, resolve(ctx, self.wires, urgent=self.stops), self.family)
-        # Said for good in the environment or the file it is a safety catch, and what only reads does not need it.
-        if run.settings.dry_run and not self.writes and run.sources["dry_run"] == COMMAND_LINE:
-            raise run.failed(UsageError(
-                f"`handctl {run.command}` only reads. --dry-run is for commands that write or move",
-                hint="run it without -n, it changes nothing",
-            ))  # fmt: skip
-        if run.settings.assume_identity and "assume_identity" in self.refused():
-            raise run.failed(UsageError(
-                f"`handctl {run.command}` does not check which device replies",
-                hint="run it without --assume-identity",
-            ))  # fmt: skip
+        run = Run(ctx, resolve(ctx, self.wires, urgent=self.stops), self.family)
         if not gc.isenabled():  # see `cli.main`; no loop is held up by a look through what was imported
             gc.freeze()
             gc.enable()
@@ -201,38 +191,12 @@ class Group(Described, click.Group):
             if one is not None and not one.hidden
         ]
 
-    def verb(
-        self,
-        name: str,
-        heading: str = "",
-        *,
-        writes: bool = False,
-        streams: bool = False,
-        stops: bool = False,
-        offline: bool = False,
-        asks: bool | str = False,
-    ) -> Callable[[Callable[..., Any]], Command]:
+    def verb(self, name: str, heading: str = "", **traits: bool | str) -> Callable[[Callable[..., Any]], Command]:
         """Decorator: add a leaf command whose body gets the Run first and returns a Table (or None).
 
-        A family's command needs a `heading` of HEADINGS, below which the help lists it.
+        A family's command needs a `heading` of HEADINGS, below which the help lists it; `traits` as in `Command`.
         """
-
-        def decorate(body: Callable[..., Any]) -> Command:
-            made: Command = click.command(
-                name,
-                cls=Command,
-                heading=heading,
-                writes=writes,
-                streams=streams,
-                stops=stops,
-                offline=offline,
-                asks=asks,
-                family=self.family,
-            )(body)
-            self.add_command(made)
-            return made
-
-        return decorate
+        return self.command(name, heading=heading, family=self.family, **traits)  # type: ignore[return-value]
 
 
 def together(*options: Decorator) -> Decorator:

@@ -28,7 +28,7 @@ from handctl.command.command_tree import (
 )
 from handctl.command.console import is_terminal
 from handctl.command.help_text import columns
-from handctl.command.option_types import FiniteRange, InFile, OutFile
+from handctl.command.options import FiniteRange, InFile, OutFile
 from handctl.command.run import Act, Run
 from handctl.families import COMMANDS
 from handctl.model.param import COMMAND, ParamMap
@@ -198,7 +198,7 @@ def add_map_verbs(
 
     @click.argument("file", type=InFile())
     @with_setpoints
-    def restore(run: Run, file: str, setpoints: bool = False) -> Table:
+    def restore(run: Run, file: str, setpoints: bool = False) -> Act:
         """Write the settings that differ from a snapshot, and read them back.
 
         Shows the plan first. If it is interrupted, you can safely run it again.

@@ -9,7 +9,7 @@ import click
 
 from handctl import __version__
 from handctl.command.command_tree import together
-from handctl.command.option_types import FiniteRange, InFile, WholeRange
+from handctl.command.options import FiniteRange, InFile, WholeRange
 from handctl.command.run import Run
 from handctl.errors import CheckFailed, UsageError
 from handctl.model.result import Column, Row, Table

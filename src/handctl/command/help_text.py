@@ -136,8 +136,7 @@ class Described(click.Command):
         if self.offline:
             keys |= {"", "assume_identity"}
         if self.family is not None:
-            keys |= {"id"} if not self.family.ids else set()
-            keys |= {"baud"} if self.family.baud is None else set()
+            keys |= {*self.family.lacks}
         return frozenset(keys)
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:

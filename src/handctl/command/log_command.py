@@ -6,11 +6,11 @@ A family whose rows are the values of its map gets the command with its map verb
 from __future__ import annotations
 
 import sys
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import cache
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
@@ -23,18 +23,17 @@ from handctl.model.result import Column, Table
 from handctl.record.marks import Heard, Marks
 from handctl.record.recording import (
     Limits,
+    Loop,
     Recording,
     changed,
     file_name,
     in_words,
     next_trial,
-    record,
     refuse_existing,
     undisturbed,
 )
 from handctl.record.source import RowsLayout, Sample, Source
 from handctl.screen.csv_output import column_of, in_persons_unit, name_of, text_of
-from handctl.system import terminal
 from handctl.wording import plural
 
 if TYPE_CHECKING:
@@ -122,7 +121,7 @@ def log(
     over = bounds.over if bounds is not None else None
     try:
         with (
-            Keys(run.prompts.interactive) as keys,
+            closing(Keys(run.prompts.interactive)) as keys,
             closing(Marks(keys.pressed, port=wishes.mark_udp, lines=sys.stdin if wishes.mark_stdin else None)) as marks,
             ExitStack() as cleanup,
         ):
@@ -135,13 +134,8 @@ def log(
                 by.append(f"Rows and marks are sent on LSL as {streams.name!r}")
             where = f"{path}, trial {trial}" if trial else path
             run.prompts.say(". ".join((f"recording into {where}", *by, "Ctrl-C ends")))
-            failure = record(
-                recording,
-                Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end, over),
-                mark=_first(wishes.mark, take),
-                prompts=run.prompts,
-                before=before,
-            )
+            limits = Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end, over)
+            failure = Loop(recording, limits, _first(wishes.mark, take), run.prompts, before).run()
         failure = _finish(run, recording, before, failure) or (bounds.failure() if bounds is not None else None)
     finally:
         recording.close()
@@ -165,7 +159,8 @@ def of_map(run: Run, names: Sequence[str], again: Callable[[], bool], *, every: 
 
 def _reopen(run: Run) -> bool:
     """Try once to reopen the lost port. If only its path is known, warn that another device can get it."""
-    again = run.device_access is not None and run.device_access.reopen()
+    access = run.connection.device_access
+    again = access is not None and access.reopen()
     link = run.open_link()
     if again and not link.name.startswith(OWN_NAMES):
         run.journal.info(
@@ -332,36 +327,29 @@ class MapSource(Source):
 
 
 class Keys:
-    """Keys pressed on the terminal, without waiting for one. Only while this process is in the foreground."""
+    """Keys pressed on the terminal, if `wanted`, as the texts of marks."""
 
     def __init__(self, wanted: bool) -> None:
-        self._wanted = wanted
-        self._terminal: terminal.Keys | None = None
-        self._descriptor = -1
+        from handctl.stop.stop_listener import Keyboard
+
+        self._waiting: deque[str] = deque()
         self._count = 0
+        self._keyboard = Keyboard.on_terminal(lambda key, _frame: self._waiting.append(key)) if wanted else None
 
     @property
     def heard(self) -> bool:
         """Whether a key sets a mark."""
-        return self._terminal is not None
-
-    def __enter__(self) -> Keys:
-        if self._wanted:
-            self._descriptor = sys.stdin.fileno()
-            if terminal.in_front(self._descriptor):
-                self._terminal = terminal.Keys(self._descriptor)
-        return self
+        return self._keyboard is not None
 
     def pressed(self) -> str:
         """The text of a mark: the keys since the last call, a numbered word for space; "" for none."""
-        if self._terminal is None or not terminal.in_front(self._descriptor):
-            return ""
-        text = self._terminal.pressed()
+        text = "".join(self._waiting.popleft() for _ in range(len(self._waiting)))
         if not text.isprintable() or not text:
             return ""
         self._count += 1
         return text.strip() or f"mark {self._count}"
 
-    def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, tb: TracebackType | None) -> None:
-        if self._terminal is not None and terminal.in_front(self._descriptor):
-            self._terminal.close()
+    def close(self) -> None:
+        """No keys any more."""
+        if self._keyboard is not None:
+            self._keyboard.close()

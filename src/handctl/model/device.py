@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypedDict, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypedDict, TypeVar
 
 from handctl.errors import (
     CheckFailed,
@@ -26,9 +26,8 @@ from handctl.errors import (
 from handctl.light import NamedTuple
 from handctl.model.param import Changes, Element, FromTo, Number, ParamMap, Reading, elements_of
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table
+from handctl.model.settings import Settings
 from handctl.model.stop_sequence import (
-    Known,
-    Options,
     StopContext,
     Stopped,
     StopPlan,
@@ -63,18 +62,7 @@ class Limits(TypedDict):
     bound: Deadline | None
 
 
-class Allowed(Protocol):
-    """The options that limit: `options.Settings`."""
-
-    @property
-    def timeout(self) -> float | None: ...
-    @property
-    def retries(self) -> int | None: ...
-    @property
-    def deadline(self) -> float | None: ...
-
-
-def limits_of(settings: Allowed, link: Link) -> Limits:
+def limits_of(settings: Settings, link: Link) -> Limits:
     """--timeout, --retries and --deadline, this one from now on by the clock of the link."""
     end = link.deadline(settings.deadline) if settings.deadline is not None else None
     return {"timeout": settings.timeout, "retries": settings.retries, "bound": end}
@@ -219,7 +207,7 @@ class Device(ABC):
 
     def __init__(self, line: Line) -> None:
         self._line = line
-        self.options: Options = Known()
+        self.options = Settings()
         """What the user said of it."""
         self.about: dict[str, str] = {}
         """Model, firmware and serial number as far as they were read, whatever for."""
@@ -273,9 +261,8 @@ class Device(ABC):
 
     def stop_context(self) -> StopContext:
         """The context of its stop sequence: everything this program knows about it."""
-        options = self.options
-        known = Known(getattr(self._line, "id", options.id), options.timeout, options.port, options.wire, options.own)
-        return aimed(self.link, known)._replace(fixed=True, proven=True)
+        settings = self.options._replace(id=getattr(self._line, "id", self.options.id))
+        return aimed(self.link, settings)._replace(fixed=True, proven=True)
 
     def stop(self, *, powered: bool = False) -> Stopped:
         """Stop it by its family's plan, after --deadline too; `powered` as in `StopContext`. Never raises."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
+    from handctl.model.param import Changes, Step
 
 CTRL_C = "Ctrl-C stops."
 """Safety words of a movement that Ctrl-C stops."""
@@ -32,6 +33,11 @@ class Prompts:
     interactive = False
     present = False
     moving = False
+    nobody = "Confirmation needed, but this is not an interactive terminal"
+    otherwise = "add --yes to confirm, or --dry-run to see the bytes"
+    """What is said where nobody can answer, and what to do."""
+    refused = "run the command again to confirm it"
+    """What to do after a no."""
     unstoppable = ""
     """Why the wish of another process to stop the device is refused just now; "" where it is not."""
 
@@ -50,6 +56,10 @@ class Prompts:
     def ask(self, question: str, word: str) -> bool:
         """Ask yes or no, or for a word to type; without a person the answer is no."""
         return False
+
+    def confirm(self, question: str, word: str, steps: Sequence[Step], changes: Changes | None) -> bool:
+        """Ask about these steps, which were shown."""
+        return self.ask(question, word)
 
     def choose(self, question: str, words: Sequence[str]) -> str:
         """The answer if it is one of `words`; "" for any other, and without a person."""

@@ -18,7 +18,7 @@ from math import ceil, inf
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
-from handctl.files import atomic_write
+from handctl.files import atomic_write, writing
 from handctl.model.prompts import Prompts
 from handctl.record.marks import Heard
 from handctl.record.source import Stamp, clean
@@ -217,7 +217,9 @@ class Recording:
             **self.source.sidecar(),
             **more,
         }
-        write_whole(self.sidecar, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+        text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        with writing(self.sidecar, code="log-file"), atomic_write(self.sidecar) as file:
+            file.write(text)
 
     def as_row(self) -> dict[str, Any]:
         line = self.timeline
@@ -309,15 +311,6 @@ def open_new(path: str, force: bool) -> int:
         ) from exc
 
 
-def write_whole(path: str, text: str) -> None:
-    """Write a file so that it is there whole or not at all. Raises OutputError."""
-    try:
-        with atomic_write(path) as file:
-            file.write(text)
-    except OSError as exc:
-        raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}", code="log-file") from exc
-
-
 def in_words(setting: Mapping[str, Any]) -> str:
     """One value of `Source.settings` for people: ``Left Affected``, ``15.5 in``."""
     unit = f" {setting['unit']}" if setting["unit"] else ""
@@ -404,8 +397,12 @@ class Pace:
         self._next += 1
 
 
-class _Loop:
-    """What stays between two polls."""
+class Loop:
+    """One recording until a limit is reached, and what stays between two of its polls.
+
+    mark     asked before each request for the marks that have come
+    before   the settings at the start: those at the first row of a segment are compared with them
+    """
 
     def __init__(
         self,
@@ -415,7 +412,7 @@ class _Loop:
         prompts: Prompts,
         before: dict[str, Any],
     ) -> None:
-        self._recording, self._limits, self._mark, self._guide = recording, limits, mark, prompts
+        self._recording, self._limits, self._mark, self._prompts = recording, limits, mark, prompts
         self._source, self._clock, self._before = recording.source, recording.clock, before
         clock = self._clock
         self.pace = Pace(clock, limits.rate)
@@ -425,6 +422,27 @@ class _Loop:
         self._over = False
         self._asked = False
         """Whether a request is without its answer."""
+
+    def run(self) -> HandctlError | None:
+        """Record; what ended it before a limit, if anything. Never raises."""
+        recording = self._recording
+        try:
+            while self.wanted:
+                try:
+                    self.step()
+                except LinkError as exc:
+                    if exc.code != "lost" or not self.wait_for_port(exc):
+                        raise
+        except KeyboardInterrupt:
+            return Interrupted("interrupted")
+        except HandctlError as exc:
+            return exc
+        finally:
+            recording.skipped = self.pace.skipped
+            with contextlib.suppress(OSError):
+                self._prompts.done()
+            recording.end()
+        return None
 
     @property
     def wanted(self) -> bool:
@@ -470,7 +488,7 @@ class _Loop:
         if self._heard - self._shown >= PROGRESS_S:
             self._shown = self._heard
             with contextlib.suppress(OSError):  # a terminal that went away
-                self._guide.progress(_progress(recording, self._heard - self._start), ENDS)
+                self._prompts.progress(_progress(recording, self._heard - self._start), ENDS)
         if self._source.looks and self._heard >= self._look_due:
             self._look()
 
@@ -492,7 +510,7 @@ class _Loop:
         """Report a restart. After one, or a possible one, read again what it may have changed."""
         segment = self._recording.timeline.segments[-1]
         if segment.rebooted:
-            self._guide.say(f"The device restarted: its clock started at 0. Segment {segment.number} starts")
+            self._prompts.say(f"The device restarted: its clock started at 0. Segment {segment.number} starts")
         if segment.rebooted is False and not segment.first.reopened:
             return
         self._look_due = self._heard
@@ -531,14 +549,14 @@ class _Loop:
                     raise self._gone(lost, exc) from exc
             if not told:
                 told = True
-                self._guide.say(f"{lost.text}. Waiting up to {left:.0f} s for the same port")
+                self._prompts.say(f"{lost.text}. Waiting up to {left:.0f} s for the same port")
             with contextlib.suppress(OSError):
-                self._guide.progress(f"the port is gone, {left:.0f} s left for its return", ENDS)
+                self._prompts.progress(f"the port is gone, {left:.0f} s left for its return", ENDS)
             self._clock.sleep(min(RETRY_S, left))
         self._recording.port_lost()
         self._recording.lost += self._asked
         self._asked = False
-        self._guide.say("The port is open again. The next row starts a segment")
+        self._prompts.say("The port is open again. The next row starts a segment")
         return True
 
     def _gone(self, lost: LinkError, last: LinkError) -> LinkError:
@@ -558,36 +576,3 @@ def _progress(recording: Recording, seconds: float) -> str:
     for name, count in (("gaps", len(line.gaps)), ("lost", recording.lost), ("marks", len(recording.marks))):
         text += f"  {count} {name}" if count else ""
     return text
-
-
-def record(
-    recording: Recording,
-    limits: Limits,
-    *,
-    mark: Callable[[], Sequence[Heard]],
-    prompts: Prompts,
-    before: dict[str, Any] | None = None,
-) -> HandctlError | None:
-    """Record until a limit is reached; returns what ended it earlier, if anything. Never raises.
-
-    mark     asked before each request for the marks that have come
-    before   the settings at the start: those at the first row of a segment are compared with them
-    """
-    loop = _Loop(recording, limits, mark, prompts, before or {})
-    try:
-        while loop.wanted:
-            try:
-                loop.step()
-            except LinkError as exc:
-                if exc.code != "lost" or not loop.wait_for_port(exc):
-                    raise
-    except KeyboardInterrupt:
-        return Interrupted("interrupted")
-    except HandctlError as exc:
-        return exc
-    finally:
-        recording.skipped = loop.pace.skipped
-        with contextlib.suppress(OSError):
-            prompts.done()
-        recording.end()
-    return None

@@ -881,8 +881,7 @@ def watched(table: Table, samples: Generator[Sample, None, None], context: Conte
 
     try:
         with (
-            context.behind_view(),
-            context.keyboard(pressed) as view.keyed,
+            context.viewed(pressed) as view.keyed,
             live,
             contextlib.closing(samples),
         ):

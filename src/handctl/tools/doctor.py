@@ -26,7 +26,7 @@ from handctl.tools.scan_probing import LinkScan
 from handctl.tools.scan_report import Search, report
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
+    from handctl.model.settings import Settings
 
 
 LINK_SECONDS = 8.0

@@ -12,9 +12,9 @@ import click
 
 from handctl import __version__
 from handctl.command.command_tree import Command
-from handctl.command.option_types import InFile
+from handctl.command.options import InFile
 from handctl.command.run import Run
-from handctl.errors import OutputError, UsageError
+from handctl.errors import UsageError
 from handctl.model.result import Column, Row, Table
 from handctl.wording import near, plural
 
@@ -202,13 +202,10 @@ def _open(run: Run, text: str) -> None:
     import webbrowser
     from pathlib import Path
 
-    from handctl.files import atomic_write
+    from handctl.files import atomic_write, writing
 
     path = run.settings.output or os.path.join(tempfile.mkdtemp(prefix="handctl-"), "plot.html")
-    try:
-        with atomic_write(path) as file:
-            file.write(text)
-    except OSError as exc:
-        raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}", hint="choose another file") from exc
+    with writing(path, hint="choose another file"), atomic_write(path) as file:
+        file.write(text)
     if not webbrowser.open(Path(path).resolve().as_uri()):
         run.journal.warn("no-browser", "no browser could be started", hint=f"open {path} yourself")

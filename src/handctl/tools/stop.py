@@ -6,14 +6,14 @@ Nothing that is asked to find that out writes to a device or moves it: they are 
 from __future__ import annotations
 
 from contextlib import ExitStack, closing
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from handctl.command.command_tree import Command
 from handctl.command.config import Device
 from handctl.command.family import load
-from handctl.command.options import NAMED, Settings, Source, config_path, read_config
+from handctl.command.options import NAMED, Source, config_path, read_config
 from handctl.command.run import Run
 from handctl.errors import HandctlError, UsageError
 from handctl.families import FAMILIES, SCANNED
@@ -117,9 +117,7 @@ def _as_named(run: Run, named: list[Device]) -> None:
     (device,) = named
     said = {key: entry for key, entry in device.entries.items() if key not in ("port", *run.sources)}
     sources = {key: Source(NAMED, f"{config_path()}:{entry.line}") for key, entry in said.items()}
-    shared: dict[str, Any] = {key: entry.value for key, entry in said.items() if key in Settings._fields}
-    own = {key: entry.value for key, entry in said.items() if key not in shared}
-    run.settings = run.settings._replace(**shared, own={**run.settings.own, **own})
+    run.settings = run.settings.having({key: entry.value for key, entry in said.items()})
     run.sources = {**run.sources, **sources}
 
 

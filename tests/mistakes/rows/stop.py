@@ -204,8 +204,8 @@ ROWS = (
         "stop held up",
         "handctl.stop.command",
         "fall_back",
-        "elif settings.baud is not None and family.speeds and settings.baud not in family.speeds:",
-        "elif settings.baud is not None and not family.speeds:",
+        "if family.speeds and baud is not None and baud not in family.speeds:",
+        "if baud is not None and not family.speeds:",
         "tests/stop/test_settings.py::test_no_setting_refuses_or_delays_a_stop",
     ),
     mistake(

@@ -11,7 +11,7 @@ from handctl.command.command_tree import Group, suspendable
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
-from handctl.command.option_types import NEGATIVE_NUMBERS, FiniteRange
+from handctl.command.options import NEGATIVE_NUMBERS, FiniteRange
 from handctl.command.run import Act, Run
 from handctl.devices.aidin.device import AidinHand, object_of, step_of
 from handctl.devices.aidin.exchange import Conversation
@@ -23,9 +23,9 @@ from handctl.model.param import Step
 from handctl.model.stop_sequence import BEAT
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
     from handctl.link import ByteLink
     from handctl.model.result import Journal
+    from handctl.model.settings import Settings
 
 PORT = 8000
 RECOMMENDED = 700

@@ -19,7 +19,7 @@ from handctl.model.device import Device
 from handctl.model.param import Element, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Finding, Grid, Row, Table
-from handctl.model.stop_sequence import Known, StopContext, Stopped, interrupted, on_early_end
+from handctl.model.stop_sequence import StopContext, Stopped, interrupted, on_early_end
 
 SLACK = 0.01
 """Share of a range by which a value may be outside: encoders and angles jitter at the stops."""
@@ -55,7 +55,7 @@ class AidinHand(Device):
         """What ends an object is known."""
         context = super().stop_context()
         end = next(name for name, data in TERMINATORS.items() if data == self.conversation.way.end)
-        return context._replace(settings=Known(timeout=context.settings.timeout, own={"tx_terminator": end}))
+        return context._replace(settings=context.settings._replace(own={"tx_terminator": end}))
 
     # -- reading -------------------------------------------------------------------------------------------------
 

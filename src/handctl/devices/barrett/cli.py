@@ -13,7 +13,7 @@ from handctl.command.command_tree import ALWAYS, Group
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
-from handctl.command.option_types import InFile, WholeRange
+from handctl.command.options import InFile, WholeRange
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.firmware.cli import add_firmware
@@ -41,9 +41,9 @@ from handctl.model.param import Element, Number, Step
 from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
     from handctl.link import ByteLink
     from handctl.model.result import Journal
+    from handctl.model.settings import Settings
 
 MOTORS_OPTION = click.option(
     "--motors", metavar="12S", help="Motors: digits 1 to 4, G for the fingers, S for the spread (default: all)."
@@ -241,9 +241,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table | Act:
     from handctl.devices.barrett import eeprom
 
     if rate is None:
-        if run.settings.dry_run:
-            raise UsageError("`handctl barrett baud` only reads unless you add a baud rate", hint="leave -n out")
-        run.only_reads()
+        run.only_reads("a baud rate")
         return get_set_watch.get(run, BARRETT, ["BAUD"])
     code, odd = divmod(rate, 100)
     if odd or code not in BAUD_CODES:
@@ -455,7 +453,7 @@ def save(run: Run, motors: str | None, force: bool) -> Act:
 @click.argument("file", type=InFile())
 @click.option("--save", "save_too", is_flag=True, help="Then save to EEPROM.")
 @FORCE
-def restore(run: Run, file: str, save_too: bool, force: bool) -> Table:
+def restore(run: Run, file: str, save_too: bool, force: bool) -> Act:
     """Restore to RAM the values that differ from a snapshot, and read them back.
 
     The baud rate is written last.
@@ -469,18 +467,24 @@ def restore(run: Run, file: str, save_too: bool, force: bool) -> Table:
             for element, value in changes:
                 if element.full_name == "baud_rate":
                     _refuse_to_keep(int(value), force)
-            if not run.settings.dry_run:  # also when nothing differs: the EEPROM is written all the same
-                ask(run, _saves(None))
 
-    table = snapshots.restore(run, BARRETT, file, check=check)
-    if save_too and run.settings.dry_run:
-        table.rows += [
-            {"step": number, "bytes": step.wire, "meaning": step.meaning, "moves": False, "strands": False}
-            for number, step in enumerate(map(step_of, _saves(None)), len(table.rows) + 1)
-        ]
-    elif save_too:
-        eeprom.save(run.device(), force=True, simulated=run.simulated)
-    return table
+    act = snapshots.restore(run, BARRETT, file, check=check)
+    if not save_too:
+        return act
+    saves = [step_of(text) for text in _saves(None)]
+    asks, question = asked_before(saves)
+
+    def look(hand: BarrettHand) -> Asked:
+        run.confirm(question, asks)  # also when nothing differs: the EEPROM is written all the same
+        return act.looked(hand)
+
+    def write(hand: BarrettHand) -> Table:
+        table = act.do(hand)
+        eeprom.save(hand, force=True, simulated=run.simulated)
+        return table
+
+    steps = lambda: [*act.every(), *(step._replace(strands=False) for step in saves)]  # noqa: E731
+    return Act(steps, write, question, asks=asks, look=look)
 
 
 def _motors_first(motors: str | None, of_motors: str, of_hand: str) -> list[str]:

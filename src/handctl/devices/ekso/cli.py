@@ -13,8 +13,7 @@ from handctl.command import export_command, get_set_watch, snapshots
 from handctl.command.command_tree import Command, Group, log_options
 from handctl.command.common_commands import NAMES, add_map_verbs
 from handctl.command.family import Family
-from handctl.command.option_types import InFile, OutFile
-from handctl.command.options import Own
+from handctl.command.options import InFile, OutFile, Own
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.change import limit_of
@@ -29,13 +28,13 @@ from handctl.model.result import Column, Table
 from handctl.record.formats import FORMATS
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
     from handctl.devices.ekso.audit import AuditLog
     from handctl.devices.ekso.export import Exported
     from handctl.devices.ekso.log_file import LogFile
     from handctl.link import ByteLink
     from handctl.model.param import Step
     from handctl.model.result import Journal
+    from handctl.model.settings import Settings
     from handctl.record.source import Source
 
 
@@ -400,25 +399,25 @@ def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bo
 @click.argument("file", type=InFile())
 @_audit_options
 @OVERRIDE
-def restore(run: Run, file: str, audit: str | None, override: bool) -> Table:
+def restore(run: Run, file: str, audit: str | None, override: bool) -> Act:
     """Write the settings that differ from a snapshot, one by one.
 
     Uses the same checks and confirmations as `set`. Reaches a distant value in permitted steps, one every 10 s, and
     reads each one back. If it is interrupted, run it again: it continues from the current settings.
     """
     _need_operator(run)
-    if not run.settings.dry_run:
+    if run.settings.dry_run:
+        run.journal.info(
+            "steps",
+            "a distant value is reached in permitted steps, one every 10 s. How many it takes depends on the device's current values",
+        )
+    act = snapshots.restore(run, EKSO, file)
 
-        def check(_changes: object) -> None:
-            run.need_answer(CHANGES)
-            _give_writer(run, run.device(), audit, override=override, stepwise=True)
+    def look(ekso: Ekso) -> Asked:
+        _give_writer(run, ekso, audit, override=override, stepwise=True)
+        return act.looked(ekso)
 
-        return snapshots.restore(run, EKSO, file, check=check)
-    run.journal.info(
-        "steps",
-        "a distant value is reached in permitted steps, one every 10 s. How many it takes depends on the device's current values",
-    )
-    return snapshots.restore(run, EKSO, file)
+    return act._replace(question=CHANGES, look=look)
 
 
 class _WordRange(click.IntRange):

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.command.command_tree import Group
-from handctl.command.option_types import InFile, OutFile
+from handctl.command.options import InFile, OutFile
 from handctl.command.run import Run
-from handctl.errors import CheckFailed, OutputError
-from handctl.files import atomic_write
+from handctl.errors import CheckFailed
+from handctl.files import atomic_write, writing
 from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:
@@ -159,8 +159,5 @@ def _list_of(walk: Walk) -> str:
 
 def _write(path: str, text: str) -> None:
     """A file. Raises OutputError."""
-    try:
-        with atomic_write(path) as file:
-            file.write(text)
-    except OSError as exc:
-        raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}") from exc
+    with writing(path), atomic_write(path) as file:
+        file.write(text)

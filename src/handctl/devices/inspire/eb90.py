@@ -116,18 +116,13 @@ def only_reads(data: bytes) -> bool:
 
     What goes ahead of them and between them (`registers.question`) begins no frame.
     """
-    requests = []
+    found = False
     while data := data.lstrip(b"\0\xff"):
-        requests.append(data[:READ_SIZE])
-        data = data[READ_SIZE:]
-    return bool(requests) and all(
-        len(one) == READ_SIZE
-        and one[:2] == HOST
-        and one[3] == 4
-        and one[4] in (READ, WRIST_READ)
-        and one[-1] == checksum(one[2:-1])
-        for one in requests
-    )
+        one, data = data[:READ_SIZE], data[READ_SIZE:]
+        found = len(one) == READ_SIZE and one[:2] == HOST and one[3] == 4 and one[4] in (READ, WRIST_READ)
+        if not found or one[-1] != checksum(one[2:-1]):
+            return False
+    return found
 
 
 def write_request(device_id: int, address: int, data: bytes, flag: int = WRITE) -> bytes:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.command.command_tree import Group, streaming, suspendable
-from handctl.command.option_types import InFile, WholeRange
+from handctl.command.options import InFile, WholeRange
 from handctl.command.run import Act, Run
 from handctl.devices.barrett.gcl.codec import encode
 from handctl.devices.barrett.map import TRAVEL

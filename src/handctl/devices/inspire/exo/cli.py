@@ -11,7 +11,7 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.get_set_watch import going
-from handctl.command.option_types import NEGATIVE_NUMBERS, Seconds
+from handctl.command.options import NEGATIVE_NUMBERS, Seconds
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire import identity
@@ -24,9 +24,9 @@ from handctl.model.device import limits_of
 from handctl.model.result import Table
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
     from handctl.link import ByteLink
     from handctl.model.result import Journal
+    from handctl.model.settings import Settings
 
 
 def open_exo(link: ByteLink, settings: Settings, journal: Journal) -> ExoHand:

@@ -16,7 +16,7 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.get_set_watch import Unequal, ask_released, bounds_of, tell_listed, within
-from handctl.command.option_types import NEGATIVE_NUMBERS, Seconds
+from handctl.command.options import NEGATIVE_NUMBERS, Seconds
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire.hand.device import Hand
@@ -42,10 +42,10 @@ from handctl.model.param import COMMAND, Element, Number, Step, given
 from handctl.model.result import Table
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
     from handctl.devices.inspire.register_bus import RegisterBus
     from handctl.link import ByteLink
     from handctl.model.result import Journal
+    from handctl.model.settings import Settings
 
 
 def open_hand(link: ByteLink | FrameLink, settings: Settings, journal: Journal) -> Hand:
@@ -417,7 +417,7 @@ def network(run: Run, address: str | None) -> Table | Act:
     from handctl.devices.inspire.hand import baud_and_network as place
 
     if address is None:
-        verbs.looks_only(run)
+        run.only_reads("a value")
         return place.show_network(run.device())
     octets = place.octets_of(address)
     planner = run.planner()

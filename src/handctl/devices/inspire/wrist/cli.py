@@ -10,7 +10,7 @@ from handctl.command.command_tree import Group
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
-from handctl.command.option_types import Seconds
+from handctl.command.options import Seconds
 from handctl.command.run import Act, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire import identity
@@ -22,10 +22,10 @@ from handctl.model.device import limits_of
 from handctl.model.result import Table
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
     from handctl.devices.inspire.can_bus import CanBus
     from handctl.link import ByteLink
     from handctl.model.result import Journal
+    from handctl.model.settings import Settings
 
 
 def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal) -> Wrist:
