@@ -28,6 +28,7 @@ from handctl.command.help_text import (
     write_examples,
 )
 from handctl.command.options import (
+    FiniteRange,
     Hertz,
     InFile,
     OutFile,
@@ -41,6 +42,7 @@ from handctl.command.options import (
 )
 from handctl.errors import HandctlError, Interrupted, OutputError
 from handctl.families import COMMANDS, LISTED
+from handctl.model.export_formats import FORMATS
 
 if TYPE_CHECKING:
     from handctl.command.run import Act, Run
@@ -297,6 +299,28 @@ log_options = together(
     ),
     BOUNDS,
 )
+LOG = click.argument("log", metavar="LOG", type=InFile(additional=(".json",)))
+
+
+def formats_help(own: str = "") -> str:
+    """What --to offers."""
+    listed = [
+        f"{name} ({one.about}{', needs handctl[' + name + ']' if one.library else ''})" for name, one in FORMATS.items()
+    ]
+    return f"Output: {own}{', '.join(listed[:-1])} or {listed[-1]}."
+
+
+SEGMENT = click.option("--segment", type=WholeRange(min=1), metavar="N", help="Only segment N.")
+RESAMPLE = click.option(
+    "--rate",
+    type=FiniteRange(min=0, min_open=True, max=1000),
+    metavar="HZ",
+    help="Resample linearly, but never across a gap (c3d: default is the rate of the log).",
+)
+export_options = together(
+    LOG, click.option("--to", "kind", type=click.Choice(list(FORMATS)), help=formats_help()), SEGMENT, RESAMPLE
+)
+
 """FILE, and the options of `recorder.Wishes`."""
 suspendable = click.option(
     "--may-suspend", is_flag=True, help="Do not stop the motors when this command is suspended (SIGSTOP) for 0.5 s."

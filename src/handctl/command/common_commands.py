@@ -14,12 +14,13 @@ from typing import Any
 
 import click
 
-from handctl.command import export_command, get_set_watch
+from handctl.command import get_set_watch
 from handctl.command.command_tree import (
     ALWAYS,
     BOUNDS,
     LIMIT,
     Group,
+    export_options,
     log_options,
     reads_option,
     scan_options,
@@ -162,12 +163,13 @@ def add_map_verbs(
             lambda again: log_command.of_map(run, names, again, every=not wishes["rate"]),
         )
 
-    @export_command.export_options
+    @export_options
     def export(run: Run, log: str, kind: str | None, segment: int | None, rate: float | None) -> Table:
         """Turn a log into a file for pandas, BIDS, motion capture and other tools.
 
         Works without a device. -o names the file.
         """
+        from handctl.command import export_command
         from handctl.record.log_file import LogFile
 
         path = export_command.take_file(run)

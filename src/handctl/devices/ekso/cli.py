@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl import __version__
-from handctl.command import export_command, get_set_watch, snapshots
-from handctl.command.command_tree import Command, Group, log_options
+from handctl.command import get_set_watch, snapshots
+from handctl.command.command_tree import LOG, RESAMPLE, SEGMENT, Command, Group, formats_help, log_options
 from handctl.command.common_commands import NAMES, add_map_verbs
 from handctl.command.family import Family
 from handctl.command.options import InFile, OutFile, Own
@@ -24,8 +24,8 @@ from handctl.devices.ekso.gait_cli import add_gait
 from handctl.devices.ekso.map import EKSO
 from handctl.errors import OutputError, UsageError
 from handctl.model.device import Gate, limits_of
+from handctl.model.export_formats import FORMATS
 from handctl.model.result import Column, Table
-from handctl.record.formats import FORMATS
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.audit import AuditLog
@@ -99,23 +99,22 @@ def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -
 
 
 @cli.verb("export", "Files", offline=True)
-@export_command.LOG
+@LOG
 @click.option(
     "--to",
     "--format",
     "kind",
     type=click.Choice([*TEXTS, *FORMATS]),
-    help=export_command.formats_help("mot (OpenSim motion file), csv (the columns of the log), ")
-    + " --format is the older name.",
+    help=formats_help("mot (OpenSim motion file), csv (the columns of the log), ") + " --format is the older name.",
 )
 @click.option("--si", is_flag=True, help="With csv: metres and radians instead of inches and degrees.")
-@export_command.SEGMENT
+@SEGMENT
 @click.option(
     "--knee-sign",
     type=click.Choice(["1", "-1"]),
     help="With mot: sign of knee flexion in your model (default 1, as in the device; gait2392 needs -1).",
 )
-@export_command.RATE
+@RESAMPLE
 def export(
     run: Run, log: str, kind: str | None, si: bool, segment: int | None, knee_sign: str | None, rate: float | None
 ) -> Table:
@@ -123,6 +122,7 @@ def export(
 
     mot and csv go to stdout, or to FILE with -o. The others need -o. A motion file holds just one segment.
     """
+    from handctl.command import export_command
     from handctl.devices.ekso import export as exports
     from handctl.devices.ekso.log_file import LogFile
 
