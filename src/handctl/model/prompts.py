@@ -1,6 +1,6 @@
 """How a procedure talks to the person at the device: lines, progress, questions. The base class is silent, for tests and scripts.
 
-Procedures get one and never print; the terminal's own guide lives in `console`.
+Procedures get one and never print; those of a terminal are in `command.console`.
 """
 
 from __future__ import annotations
@@ -97,3 +97,16 @@ class Progress(Prompts):
     def progress(self, text: str, safety: str = "") -> None:
         """See Prompts."""
         self._show(text)
+
+
+def confirms(answer: str, word: str) -> bool:
+    """Whether the typed text is the requested word. A decimal may have fewer or more trailing zeros."""
+    if answer == word:
+        return True
+    import re
+
+    decimal = re.compile(r"([+-]?\d+)(?:\.(\d*))?")
+    typed, asked = decimal.fullmatch(answer), decimal.fullmatch(word)
+    if typed is None or asked is None or asked[2] is None:
+        return False
+    return typed[1] == asked[1] and (typed[2] or "").rstrip("0") == asked[2].rstrip("0")

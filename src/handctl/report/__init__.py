@@ -16,6 +16,8 @@ from itertools import accumulate, groupby
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from handctl import __version__
+from handctl.charts.curves import curves
+from handctl.charts.outline import outline_svg
 from handctl.command import get_set_watch
 from handctl.command.family import load
 from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
@@ -26,9 +28,7 @@ from handctl.model.outline import outline_of
 from handctl.model.param import ParamMap
 from handctl.model.result import Column, Grid, Message, Sample, Table
 from handctl.report.computer import environment, port
-from handctl.report.curves import curves
 from handctl.report.html import Report, page
-from handctl.report.outline import outline_svg
 from handctl.report.redaction import REDACTED, Privacy
 from handctl.screen.render import default_view
 from handctl.wording import plural

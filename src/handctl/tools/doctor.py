@@ -22,7 +22,7 @@ from handctl.tools.doctor_link import LinkChecks, failed_open, host_in, is_local
 from handctl.tools.doctor_machine import machine_checks, port_checks
 from handctl.tools.port_inventory import Machine
 from handctl.tools.probes import family_of, has_speed, listened, probe_of, usual_ports, wire_of
-from handctl.tools.scan_probing import LinkScan
+from handctl.tools.scan_order import LinkScan
 from handctl.tools.scan_report import Search, report
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from handctl.model.result import Column, Row, Table
 from handctl.wording import near, plural
 
 if TYPE_CHECKING:
-    from handctl.report.curves import Curve
+    from handctl.charts.curves import Curve
     from handctl.tools.plot_read import Plotted
 
 COLUMNS = (
@@ -98,7 +98,7 @@ def _keep(found: Sequence[Plotted], names: Sequence[str]) -> None:
 
 def drawn(found: Sequence[Plotted], *, whole: bool) -> str:
     """The SVG of all quantities that moved, or the page with it."""
-    from handctl.report.curves import SIDE, STYLE, Strip, escape, picture, unchanged
+    from handctl.charts.curves import SIDE, STYLE, Strip, escape, picture, unchanged
 
     seconds = max(one.seconds for one in found)
     named = [os.path.basename(one.path) for one in found]
@@ -144,8 +144,8 @@ def drawn(found: Sequence[Plotted], *, whole: bool) -> str:
 
 def _outlines(one: Plotted) -> str:
     """The device of a log with the highest values of each finger, in its last position; "" where none is known."""
+    from handctl.charts.outline import outline_svg
     from handctl.model.outline import outline_of
-    from handctl.report.outline import outline_svg
 
     outline = outline_of(one.kind) if one.kind else None
     if outline is None:

@@ -39,7 +39,7 @@ from handctl.model.result import Journal, Table
 from handctl.system import clock
 from handctl.tools.port_inventory import Machine
 from handctl.tools.probes import probe_of, usual_ports, wire_of
-from handctl.tools.scan_probing import LinkScan, plan
+from handctl.tools.scan_order import LinkScan, plan
 from handctl.tools.scan_report import Search, report
 
 LONG = 1800.0

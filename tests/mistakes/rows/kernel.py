@@ -323,7 +323,7 @@ ROWS = (
     mistake(
         "peak-lost-in-a-plot",
         "stale input believed",
-        "handctl.report.curves",
+        "handctl.charts.curves",
         "Curve.add",
         "self.low, self.high = (min(self.low, low), max(self.high, high)) if self.count else (low, high)",
         "self.low, self.high = (self.low, self.high) if self.count else (low, high)",

@@ -16,8 +16,9 @@ from handctl.devices.aidin.exchange import PERIOD
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.feedback import Wire, values_of
 from handctl.devices.aidin.map import ENCODERS
+from handctl.devices.aidin.motion import ramp
 from handctl.devices.aidin.procedures import AT_STOP, STILL, check_homed, moving, named, stroke
-from handctl.devices.aidin.targets import Goal, ramp
+from handctl.devices.aidin.targets import Goal
 from handctl.errors import CheckFailed, HandctlError
 from handctl.model.checks import table_of
 from handctl.model.param import Number, Step
