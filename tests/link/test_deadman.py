@@ -29,7 +29,8 @@ from handctl.errors import LinkError
 from handctl.link import CanFrame, NoLink, Outlet, can, deadman, open_link, serial
 from handctl.link.deadman import LARGEST, Shot, _pack, _unpack, act_for, guarding
 from handctl.link.lock import InUse, hold
-from handctl.model.stop_sequence import Known, StopContext, StopPlan, stop_sequence_of
+from handctl.model.settings import Settings
+from handctl.model.stop_sequence import StopContext, StopPlan, stop_sequence_of
 from handctl.system import child
 from tests.support.cli import PATIENCE, wait_until
 from tests.support.each_row import each_row
@@ -441,7 +442,7 @@ def test_a_job_is_the_same_in_another_process() -> None:
     """On Windows the child gets it by a pipe: the way out with its codec, and the plan with the device's own id."""
     frame = CanFrame(0x057C8001, bytes(8))
     ways = [serial.outlet_of(mock.Mock(_port_handle=7), "COM7"), Outlet(7, can._slcan_frame, can._slcan_frames)]
-    context = StopContext(Known(id=9), speed=115200, fixed=True)
+    context = StopContext(Settings(id=9), speed=115200, fixed=True)
     for way, power in product(ways, (False, True)):
         assert way is not None
         way.before, way.owes = (lambda: None), (lambda _rest: None)  # of a guard, which stays here

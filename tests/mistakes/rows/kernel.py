@@ -225,7 +225,7 @@ ROWS = (
         "JSON not UTF-8",
         RENDER,
         "dumps",
-        'return text if text.isascii() else _HALF.sub(lambda found: f"\\\\u{ord(found[0]):04x}", text)',
+        'return _HALF.sub(lambda found: f"\\\\u{ord(found[0]):04x}", text)',
         "return text",
         "tests/kernel/test_sanitize.py::test_json_is_utf8_and_lossless",
     ),

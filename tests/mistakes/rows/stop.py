@@ -67,7 +67,7 @@ ROWS = (
         "stop-cut-off-by-a-sleeping-reader",
         "stop not sent",
         "handctl.stop.device_access",
-        "DeviceAccess.stop",
+        "DeviceAccess._stop",
         "signals.alarm_is_over()",
         "pass",
         "tests/stop/test_matrix.py::test_a_reader_that_sleeps_does_not_cut_off_the_stop_of_a_holder",
