@@ -356,5 +356,4 @@ def _known(name: str) -> Examples:
     where = FAMILIES[name].module("manpage")
     page = importlib.import_module(where) if find_spec(where) else None
     own: Examples = getattr(page, "EXAMPLES", ())
-    needed = getattr(page, "SNAPSHOT_OPTION", "")
-    return [*own, *((line.format(name, needed), text) for line, text in SHARED)]
+    return [*own, *((line.format(name, getattr(page, "SNAPSHOT_OPTION", "")), text) for line, text in SHARED)]
