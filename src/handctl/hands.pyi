@@ -106,7 +106,7 @@ class Exo(Device):
     ) -> Rows:
         """Turn a log into a file for pandas, BIDS, motion capture and other tools."""
     def snapshot(self, file: Path) -> Rows:
-        """Save the settings and set points of the device to FILE."""
+        """Save the settings of the device, and the set points that it keeps, to FILE."""
     def diff(self, a: Path | None = None, b: Path | None = None, *, setpoints: bool = False) -> Rows:
         """Compare settings: two snapshots, a snapshot and the device, or two devices."""
     def restore(
@@ -252,9 +252,9 @@ class Wrist(Device):
     ) -> Rows:
         """Turn a log into a file for pandas, BIDS, motion capture and other tools."""
     def snapshot(self, file: Path) -> Rows:
-        """Save the settings and set points of the device to FILE."""
+        """Save the settings of the device, and the set points that it keeps, to FILE."""
     def diff(self, a: Path | None = None, b: Path | None = None, *, setpoints: bool = False) -> Rows:
-        """Compare settings: two snapshots, a snapshot and the device, or two devices."""
+        """Compare set points (needs --setpoints): two snapshots, a snapshot and the device, or two devices."""
     def restore(
         self,
         file: Path,
@@ -263,7 +263,7 @@ class Wrist(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> Rows:
-        """Write the settings that differ from a snapshot, and read them back."""
+        """Write the set points that differ from a snapshot (needs --setpoints)."""
     def report(self, file: Path, *, watch: Number = 3.0, include_ids: bool = False, force: bool = False) -> Rows:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""
     def doctor(self, *, count: int = 100) -> Rows:
@@ -373,7 +373,7 @@ class Barrett(Device):
     ) -> Rows:
         """Turn a log into a file for pandas, BIDS, motion capture and other tools."""
     def snapshot(self, file: Path) -> Rows:
-        """Save the settings and set points of the device to FILE."""
+        """Save the settings of the device, and the set points that it keeps, to FILE."""
     def diff(self, a: Path | None = None, b: Path | None = None) -> Rows:
         """Compare settings: two snapshots, a snapshot and the device, or two devices."""
     def report(self, file: Path, *, watch: Number = 3.0, include_ids: bool = False, force: bool = False) -> Rows:
@@ -458,8 +458,8 @@ class Barrett(Device):
         dry_run: bool = False,
         **named: Value,
     ) -> Rows:
-        """Move all motors to POSITION in counts (default: the parameter DP), or each to its own: F1=9000
-        F2=9000."""
+        """Move all motors to POSITION in counts (default: the parameter DP), or each motor to its own: F1=9000
+        F2=500."""
     def step_open(
         self,
         *values: Value | Mapping[str, Value],
@@ -653,7 +653,7 @@ class Ekso(Device):
     ) -> Stream:
         """Show values as they change."""
     def snapshot(self, file: Path, *, length_mode: str | None = None) -> Rows:
-        """Save the settings and set points of the device to FILE."""
+        """Save the settings of the device, and the set points that it keeps, to FILE."""
     def diff(self, a: Path | None = None, b: Path | None = None, *, length_mode: str | None = None) -> Rows:
         """Compare settings: two snapshots, a snapshot and the device, or two devices."""
     def report(
@@ -816,9 +816,9 @@ class Aidin(Device):
     def doctor(self, *, count: int = 100) -> Rows:
         """Check this computer, the link and the device."""
     def home(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
-        """OPEN ALL FINGERS for 3.5 s and set that position as the origin (homing)."""
+        """DRIVE ALL FINGERS OPEN for 3.5 s, then make that position the origin."""
     def initial(self, *, assume_homed: bool = False, confirm: Confirm = False, dry_run: bool = False) -> Rows:
-        """Open all fingers to the origin set by homing. Asks first. Ctrl-C stops."""
+        """Open all fingers to the origin set by homing. Asks first. Ctrl-C stops the hand."""
     def bias(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Set the sensors to 0. Touch nothing: any load is subtracted from all later values."""
     def max_torque(self, value: Value, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
@@ -922,7 +922,7 @@ class Hand(Device):
     ) -> Rows:
         """Turn a log into a file for pandas, BIDS, motion capture and other tools."""
     def snapshot(self, file: Path) -> Rows:
-        """Save the settings and set points of the device to FILE."""
+        """Save the settings of the device, and the set points that it keeps, to FILE."""
     def diff(self, a: Path | None = None, b: Path | None = None) -> Rows:
         """Compare settings: two snapshots, a snapshot and the device, or two devices."""
     def restore(self, file: Path, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:

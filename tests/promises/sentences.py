@@ -43,7 +43,7 @@ COVERED: Mapping[str, tuple[str, str]] = {
         "test_a_limit_that_nothing_was_compared_with",
     ),
     "If the device is still moving or has a new target": ("stop/test_stop_sequence.py", "test_"),
-    "If the device turns out to be a different one, nothing is written": ("stop/test_whose.py", "test_"),
+    "nothing is written (exit code 6)": ("stop/test_whose.py", "test_"),
     "That command does so ahead of everything else": ("stop/test_stop.py", "test_"),
     "Exit code 130 means that the stop was acknowledged": (
         "contract/test_contract.py",
@@ -60,7 +60,7 @@ COVERED: Mapping[str, tuple[str, str]] = {
     "If two devices reply": ("inspire/test_twins.py", "test_nothing_that_strands_reaches_two_devices_with_one_id"),
     "If another program has the port open, handctl refuses to use it": ("link/test_rivals.py", "test_"),
     "show no table": ("contract/test_strangers.py", "test_a_stranger_is_never_shown_as_a_table"),
-    "They end with exit code 4 or 5": ("contract/test_strangers.py", "test_"),
+    "The command then ends with exit code 4 or 5": ("contract/test_strangers.py", "test_"),
 }
 """Words of a sentence -> the test that holds it against the families: file, and how its function begins."""
 

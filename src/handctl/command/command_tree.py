@@ -315,7 +315,7 @@ RESAMPLE = click.option(
     "--rate",
     type=FiniteRange(min=0, min_open=True, max=1000),
     metavar="HZ",
-    help="Resample linearly, but never across a gap (c3d: default is the rate of the log).",
+    help="Only for c3d, and mot of an EksoNR: resample to this rate, never across a gap (c3d: default is the rate of the log).",
 )
 export_options = together(
     LOG, click.option("--to", "kind", type=click.Choice(list(FORMATS)), help=formats_help()), SEGMENT, RESAMPLE

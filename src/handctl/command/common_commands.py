@@ -62,7 +62,7 @@ def add_map_verbs(
     """Add the verbs for `params`. `part` names an element for help ("FINGER"), `example` and `setting` show how.
 
     `set_asks`: what `set` writes is asked for first. `checks` are further rows for a report's findings, from a family that can look deeper by reading alone.
-    `helps` has the help of `status` or `stop` where the usual one is not true of this family.
+    `helps` has the help of `status`, `stop`, `diff` or `restore` where the usual one is not true of this family.
     """
     named = f"NAME[.{part}]" if part else "NAME"
     shown = f", such as `{example}`" if example else ""
@@ -177,10 +177,10 @@ def add_map_verbs(
 
     @click.argument("file", type=OutFile())
     def snapshot(run: Run, file: str) -> Table:
-        """Save the settings and set points of the device to FILE.
+        """Save the settings of the device, and the set points that it keeps, to FILE.
 
         FILE also contains the device's identity, the handctl version, the time and a checksum. It replaces only another snapshot.
-        `diff` and `restore` use its settings, and with --setpoints its set points too.
+        `diff` and `restore` use the settings. The set points need --setpoints.
         """
         from handctl.command import snapshots
 
@@ -261,7 +261,7 @@ def add_map_verbs(
         found: Table = import_module(COMMANDS["scan"][0]).scan_family(run, ids, find_all)
         return found
 
-    for usual in (status, stop):
+    for usual in (status, stop, diff, restore):
         usual.__doc__ = (helps or {}).get(usual.__name__, usual.__doc__)
     group.verb("scan", "Service")(scan)
     if "stop" not in without:

@@ -249,7 +249,7 @@ EXAMPLES: dict[str, Examples] = {
     ),
     "batch": (
         ("handctl batch morning.txt -d left", "The lines of a file, on one device."),
-        ("handctl batch --json --keep-going -p /dev/ttyUSB0", "Run the commands on stdin, and print one JSON row per output line."),
+        ("handctl batch --json --keep-going -p /dev/ttyUSB0", "Run the commands from stdin, and print the results as JSON, one object per line."),
         ("handctl batch setup.txt --dry-run -d left", "The bytes that the file's commands would send."),
     ),
     "scan": (
@@ -332,11 +332,11 @@ SHARED: Examples = (
     ("handctl {0} stop -n --fake", "The bytes that would be sent."),
     ("handctl {0} report {0}.html --fake", "One page for a service ticket."),
     ("handctl {0} doctor -d left", "Check this computer, the link and the device."),
-    ("handctl {0} snapshot {0}-before.json --fake", "Save all settings to a file."),
-    ("handctl {0} diff {0}-before.json -d left", "The changes since then."),
-    ("handctl {0} diff {0}-before.json {0}-after.json", "The differences between two files, without a device."),
-    ("handctl {0} restore {0}-before.json --dry-run -d left", "The bytes that would be sent."),
-    ("handctl {0} restore {0}-before.json -d left", "Write the settings that differ, and read them back."),
+    ("handctl {0} snapshot {0}-before.json --fake", "Save the settings to a file."),
+    ("handctl {0} diff {0}-before.json{1} -d left", "The changes since then."),
+    ("handctl {0} diff {0}-before.json {0}-after.json{1}", "The differences between two files, without a device."),
+    ("handctl {0} restore {0}-before.json{1} --dry-run -d left", "The bytes that would be sent."),
+    ("handctl {0} restore {0}-before.json{1} -d left", "Write the values that differ, and read them back."),
 )
 
 
@@ -354,5 +354,6 @@ def _known(name: str) -> Examples:
     from importlib.util import find_spec
 
     where = FAMILIES[name].module("manpage")
-    own: Examples = getattr(importlib.import_module(where), "EXAMPLES", ()) if find_spec(where) else ()
-    return [*own, *((line.format(name), text) for line, text in SHARED)]
+    page = importlib.import_module(where) if find_spec(where) else None
+    own: Examples = getattr(page, "EXAMPLES", ())
+    return [*own, *((line.format(name, getattr(page, "SNAPSHOT_OPTION", "")), text) for line, text in SHARED)]

@@ -133,7 +133,7 @@ VERBS = (
     Verb("log", "log FILE", "Records samples with the time of this computer, and marks every gap."),
     Verb("scan", "scan", "Runs `handctl scan` for this family only. It tries each id (1 to 254) and baud rate that the family can have, within a time limit if the line is silent. `--all` has no time limit."),
     Verb("doctor", "doctor", "Runs `handctl doctor` for this family: checks this computer, the link, and the device."),
-    Verb("snapshot", "snapshot FILE", "Saves all settings to a file."),
+    Verb("snapshot", "snapshot FILE", "Saves the settings to a file, and the set points that the device keeps."),
     Verb("diff", "diff A [B]", "Compares two snapshots, a snapshot and the device, or two devices. The exit code is 7 if they differ."),
     Verb("restore", "restore FILE", "Writes the settings that differ from a snapshot, and reads them back."),
     Verb("report", "report FILE", "Writes one page for a service ticket."),

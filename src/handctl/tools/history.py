@@ -62,8 +62,8 @@ def _moment(text: str, now: datetime) -> datetime | None:
 def cli(run: Run, which: str | None, since: datetime | None, last: int | None) -> Table:
     """Show what handctl wrote to devices earlier, and when. The newest is last.
 
-    DEVICE: a family, a device name or a LINK; without it, all devices. Each row is one command of yours, a script's or a Python
-    program's under this user account; --json has every step with its bytes. Simulated devices are left out unless
+    DEVICE: a family, a device name or a LINK; without it, all devices. Each row is one command run under this user account, by
+    you, a script or a Python program; --json has every step with its bytes. Simulated devices are left out unless
     --history all was given.
     """
     typed = run.sources.get("device") == COMMAND_LINE

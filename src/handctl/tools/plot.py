@@ -39,7 +39,7 @@ LETTERS = 150
 )  # fmt: skip
 @click.option("--open", "opens", is_flag=True, help="Open the plot in the browser.")
 def cli(run: Run, files: Sequence[str], names: Sequence[str], opens: bool) -> Table | None:
-    """Plot recordings, as -o FILE.svg or as an HTML page with -o FILE.html.
+    """Plot recordings as a picture (-o FILE.svg) or an HTML page (-o FILE.html).
 
     FILE is a CSV file that `watch`, `log` or `realtime` wrote. The plots of several files are stacked and share their
     axes. Values that never changed are listed, not drawn. --json prints the lowest and highest values instead.

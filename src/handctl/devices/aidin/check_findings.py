@@ -236,7 +236,7 @@ def compared(trip: Trip, sound: Sequence[Trip]) -> tuple[str, str] | None:
         return None
     if 1 / UNEVEN <= trip.effort / usual <= UNEVEN:
         return None
-    evidence = f"current {trip.current:.0f}, {trip.effort / usual:.1f} times that of its neighbours for the same way"
+    evidence = f"current {trip.current:.0f}, {trip.effort / usual:.1f} times its neighbours' over the same distance"
     return "current-high" if trip.effort > usual else "current-low", evidence
 
 

@@ -64,9 +64,9 @@ ASSUME = click.option(
 
 @cli.verb("home", "Move", writes=True, asks=True)
 def home(run: Run) -> Act:
-    """OPEN ALL FINGERS for 3.5 s and set that position as the origin (homing).
+    """DRIVE ALL FINGERS OPEN for 3.5 s, then make that position the origin.
 
-    Asks first. Ctrl-C stops. Home the hand after every power-on, because its encoders are incremental.
+    Asks first. Ctrl-C stops the hand. Home the hand after every power-on, because its encoders are incremental.
     """
     from handctl.devices.aidin import procedures
 
@@ -80,7 +80,7 @@ def home(run: Run) -> Act:
 @cli.verb("initial", "Move", writes=True, asks=True)
 @ASSUME
 def initial(run: Run, assume_homed: bool) -> Act:
-    """Open all fingers to the origin set by homing. Asks first. Ctrl-C stops."""
+    """Open all fingers to the origin set by homing. Asks first. Ctrl-C stops the hand."""
     from handctl.devices.aidin import procedures
 
     return Act(
@@ -121,7 +121,7 @@ def max_torque(run: Run, value: str) -> Act:
 def check(run: Run) -> Act:
     """Move each motor a little and back, one after the other, and report findings.
 
-    Asks first. Ctrl-C stops. The hand must be homed, open and empty: `handctl aidin home` or `initial` opens it.
+    Asks first. Ctrl-C stops the hand. The hand must be homed, open and empty: `handctl aidin home` or `initial` opens it.
     Reads the sensors for 2 s at rest, then moves each motor by 4 % of its stroke. Rows are as in `doctor`.
     The exit code is 7 if a check warns or fails.
     """

@@ -350,7 +350,7 @@ MOVEMENTS = (
     (
         "move",
         "M",
-        "Move all motors to POSITION in counts (default: the parameter DP), or each to its own: F1=9000 F2=9000.",
+        "Move all motors to POSITION in counts (default: the parameter DP), or each motor to its own: F1=9000 F2=500.",
         "POSITION",
     ),
     ("step-open", "IO", "Open by COUNTS (default: the parameter DS).", "COUNTS"),

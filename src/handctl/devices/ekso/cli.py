@@ -55,7 +55,7 @@ cli = Group(
     "ekso",
     family=Family("ekso", open_ekso, 115200, speeds=(115200,)),
     help="Read, configure and log an EksoNR through its DataPort (serial over USB). A person may be standing in it. Reading changes "
-    f"nothing. Before handctl writes a setting, it checks it and asks; afterwards it reads it back and logs it. {NOT_MEDICAL}.",
+    f"nothing. handctl checks every change and asks before it writes, then reads the setting back. Every change is logged. {NOT_MEDICAL}.",
 )
 add_map_verbs(
     cli,

@@ -31,7 +31,7 @@ def add_firmware(group: Group) -> None:
         "firmware",
         heading="Service",
         family=group.family,
-        help="Check a firmware file, or load it into the hand (barrett §3.7).",
+        help="Check a firmware file, or load it into the hand (§3.7).",
     )
     group.add_command(firmware)
 

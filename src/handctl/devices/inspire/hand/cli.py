@@ -132,7 +132,10 @@ WAIT = click.option(
 def angle(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Act:
     """Command angles from 0 (closed) to 1000 (open). Asks first.
 
-    Give a value for every finger, where -1 leaves it as it is, or name individual fingers: `angle ring=500 index=300`.
+    An RH56F1 or RH5DG2 takes angles in 0.1 degrees instead.
+
+    Give a value for every finger (an RH5DG2 has 13, m1 to m13), where -1 leaves it as it is,
+    or name individual fingers: `angle ring=500 index=300`.
     The prompt shows the present speed and force limit. Change them with `speed` and `force`.
     """
     return write_asked(run, _changes(run, "angle_set", values), wait, expect)
@@ -145,7 +148,8 @@ def angle(run: Run, values: tuple[str, ...], wait: float | None, expect: str | N
 def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Act:
     """Command strokes from 0 (open) to 2000 (closed). Asks first.
 
-    Give a value for every finger, where -1 leaves it as it is, or name individual fingers: `position ring=900`.
+    Give a value for every finger (an RH5DG2 has 13, m1 to m13), where -1 leaves it as it is,
+    or name individual fingers: `position ring=900`.
     The manufacturer recommends `angle` instead.
     """
     return write_asked(run, _changes(run, "stroke_set", values), wait, expect)
@@ -156,7 +160,8 @@ def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str 
 def force(run: Run, values: tuple[str, ...]) -> Act:
     """Set the force limit in grams. Asks first if a finger may move.
 
-    Give a value for every finger, where -1 leaves it as it is, or name individual fingers: `force index=300`.
+    Give a value for every finger (an RH5DG2 has 13, m1 to m13), where -1 leaves it as it is,
+    or name individual fingers: `force index=300`.
     A closing finger stops when it reaches the limit. It does not hold that force.
     The limit applies from the next movement on. With a higher limit, a finger that stopped may continue to its target.
     """
@@ -170,7 +175,8 @@ def speed(run: Run, values: tuple[str, ...]) -> Act:
 
     The hand keeps it until you set another speed or switch the power off.
 
-    Give a value for every finger, where -1 leaves it as it is, or name individual fingers: `speed index=300`.
+    Give a value for every finger (an RH5DG2 has 13, m1 to m13), where -1 leaves it as it is,
+    or name individual fingers: `speed index=300`.
     At 1000 a finger closes in less than a second. Speed 0 stops a finger, which keeps moving a little before it stops.
     With a new speed, a finger that was stopped continues to its target.
     """

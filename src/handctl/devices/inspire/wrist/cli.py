@@ -52,7 +52,13 @@ cli = Group(
 
 FORCE = verbs.forced("Also send a frame that means something else to another device or to the hand's registers.")
 
-add_map_verbs(cli, WRIST, example="pitch_actual yaw_actual", setting="yaw_set=10 pitch_set=-10 move_time=1000")
+add_map_verbs(
+    cli, WRIST, example="pitch_actual yaw_actual", setting="yaw_set=10 pitch_set=-10 move_time=1000",
+    helps={
+        "diff": "Compare set points (needs --setpoints): two snapshots, a snapshot and the device, or two devices.\n\nExit code 7 means that they differ. With -d LEFT,RIGHT and no file, it compares the two devices.",
+        "restore": "Write the set points that differ from a snapshot (needs --setpoints).\n\nThey are read back. Shows the plan first. If it is interrupted, you can safely run it again.",
+    },
+)  # fmt: skip
 
 
 # -- reading ------------------------------------------------------------------------------------------------------

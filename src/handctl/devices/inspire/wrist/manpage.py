@@ -8,6 +8,8 @@ EXCEPTIONS = (
     ),
     ("hot", "`clear-errors`", "The manual has no command to clear the module's errors."),
 )
+SNAPSHOT_OPTION = " --setpoints"
+"""In the examples of `diff` and `restore`: a wrist has nothing else to compare."""
 EXAMPLES = (
     ("handctl wrist status --fake --can", "Show the simulated module on a CAN bus."),
     ("handctl wrist status --fake", "Show the simulated module on a serial line."),
