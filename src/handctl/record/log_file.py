@@ -25,7 +25,7 @@ CHUNK = 1 << 17
 ROWS = 1000
 """Rows of a block, where they are not cut by bytes."""
 LONGEST_LINE = 65536
-UNTOUCHED = "the file was not changed"
+UNTOUCHED = "The file was not changed"
 ERROR = "error"
 LATEST_S = 253_402_300_800.0
 """The end of the year 9999, seconds since 1970: no clock of a host is later."""
@@ -112,7 +112,7 @@ class LogFile:
         self.lead = lead("")
         known = [name for name, _ in self.lead]
         if names[: len(known)] != known or names[-2:] != [ERROR, MARK] or len(set(names)) < len(names):
-            raise damaged(self.path, 1, f"the columns are not those of a {self.kind} log")
+            raise damaged(self.path, 1, f"the columns are not those of `handctl {self.kind} log`")
         self.names, self.texts = tuple(names), (ERROR, MARK)
         about: dict[str, Any] = {str(one.get("column")): one for one in (self.sidecar or {}).get("columns", [])}
         self.channels = tuple(
@@ -179,7 +179,7 @@ class LogFile:
         """The error for a log that has no such rows."""
         return UsageError(
             f"{self.path} has no {'rows' if segment is None else f'segment {segment}'}",
-            hint="choose a segment that its sidecar lists",
+            hint="" if segment is None else "choose a segment that its sidecar lists",
             code="segment",
         )
 
