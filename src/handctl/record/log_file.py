@@ -27,6 +27,8 @@ ROWS = 1000
 LONGEST_LINE = 65536
 UNTOUCHED = "The file was not changed"
 ERROR = "error"
+SAME_S = 0.002
+"""Seconds within which the first row and the sidecar have the same time: one of them is rounded to milliseconds."""
 LATEST_S = 253_402_300_800.0
 """The end of the year 9999, seconds since 1970: no clock of a host is later."""
 
@@ -187,12 +189,24 @@ class LogFile:
         """All rows, some hundred at a time, each checked. Raises UsageError with the number of the line."""
         count = 0
         for block in self._blocks():
+            if not count and self._began_elsewhere(block):
+                raise damaged(self.path, 2, "its sidecar is of a recording that began at another time")
             count += len(block.t_ms)
             yield block
         if self.sidecar and self.closed and self.sidecar.get("rows") != count:
             raise damaged(
                 self.path, count + 1, f"the file ends after {count} rows, its sidecar counts {self.sidecar.get('rows')}"
             )
+
+    def _began_elsewhere(self, block: Block) -> bool:
+        """Whether the first row has another time than the sidecar says."""
+        from datetime import datetime
+
+        try:
+            said = datetime.fromisoformat((self.sidecar or {})["start"]["utc"]).timestamp()
+            return abs(said - float(block.columns["host_utc_s"][0])) > SAME_S
+        except (LookupError, TypeError, ValueError, OverflowError, OSError):
+            return False  # it says nothing of it
 
     def _blocks(self) -> Iterator[Block]:
         number, last = 2, (0, 0)
