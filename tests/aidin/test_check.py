@@ -8,7 +8,7 @@ import pytest
 
 from handctl.devices.aidin.check import check
 from handctl.devices.aidin.check_findings import FINDINGS
-from handctl.errors import CheckFailed, Interrupted, NoAnswer
+from handctl.errors import CheckFailed, Interrupted, NoAnswer, ProtocolError
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table
 from tests.aidin.support import AT_ORIGIN, STOP, feedback, hand_on, line, objects, simulated, stopped_behind, streamer
@@ -217,3 +217,83 @@ def test_it_asks_first_and_a_dry_run_shows_each_motor() -> None:
     done = run("aidin", "check", "-y", "-p", place, "--json")
     assert (done.code, [one["state"] for one in done.json["writes"]]) == (0, ["confirmed"])
     assert {row["finding"] for row in done.rows} <= {None, *FINDINGS}
+
+
+# -- a hand that goes elsewhere ---------------------------------------------------------------------------------------
+
+Seen = Callable[[int, list[int]], dict[str, object]]
+"""Feedback of a hand that is where it was told to be, from how often a target with a motion came, and the target."""
+
+
+def disturbed(seen: Seen) -> tuple[Hand, list[int]]:
+    """Such a hand, and the target that it got last."""
+    target, moved = [0] * 15, [0]
+    link = Hand(lambda _: line(seen(moved[0], list(target))))
+    write = link.write
+
+    def heard(data: bytes, deadline: object) -> None:
+        if b"hand_TP_cmd" in data:
+            target[:] = objects([data])[0]["hand_TP_cmd"]  # type: ignore[assignment,call-overload]
+            moved[0] += any(target)
+        write(data, deadline)  # type: ignore[arg-type]
+
+    link.write = heard  # type: ignore[method-assign,assignment]
+    return link, target
+
+
+def told(at: list[int], **changes: object) -> dict[str, object]:
+    return feedback(motor_pos=at, current_state=[0] * 15, **changes)
+
+
+def turned(at: list[int]) -> list[float]:
+    """Joints of which one turns with a motor of another finger."""
+    joints = [0.0] * 20
+    joints[8] = at[3] / 440000 * 20
+    return joints
+
+
+ASTRAY: dict[str, Seen] = {
+    "the encoder of a motor that stands jumps": lambda n, at: told([*at[:8], at[8] - 60000 * (n > 5), *at[9:]]),
+    "that of the motor that moves": lambda n, at: told([at[0] - 100000 * (n > 5), *at[1:]]),
+    "all encoders are set to 0 at the far end": lambda n, at: told([at[0] * (n < 10), *at[1:]]),
+    "another motor runs away": lambda n, at: told([*at[:3], at[3] + min(n * 9000, 440000), *at[4:]]),
+    "another finger turns": lambda n, at: told(at, joint_pos=turned(at)),
+}
+
+
+@each_row("name", ASTRAY)
+def test_a_hand_that_goes_where_no_way_leads_is_stopped(name: str) -> None:
+    link, _ = disturbed(ASTRAY[name])
+    with refused(CheckFailed, "astray"):
+        check(hand_on(link), Prompts())
+    assert link.sent[-1] == STOP
+
+
+@pytest.mark.parametrize("key", ["current_state", "joint_pos"])
+def test_a_hand_that_no_longer_tells_what_is_judged_is_stopped(key: str) -> None:
+    def seen(n: int, at: list[int]) -> dict[str, object]:
+        return {name: value for name, value in told(at).items() if n == 0 or name != key}
+
+    link, _ = disturbed(seen)
+    with refused(ProtocolError, "missing-key"):
+        check(hand_on(link), Prompts())
+    assert link.sent[-1] == STOP
+
+
+def test_a_motor_that_was_away_for_a_moment_moved_as_well() -> None:
+    link, _ = disturbed(lambda n, at: told([*at[:8], at[8] + 5000 * (4 < n < 8), *at[9:]]))
+    rows = {row["check"]: row["finding"] for row in check(hand_on(link), Prompts()).rows}
+    assert rows["motor.thumb.m1"] == "coupled"
+
+
+def test_a_finger_that_turns_unseen_is_sent_back_at_once_and_left_alone() -> None:
+    hand, link = simulated(start="open", rate=50, fault="stuck")
+    rows = {row["check"]: row["finding"] for row in check(hand, Prompts()).rows}
+    assert (rows["motor.index.m2"], rows["motor.index.m3"]) == ("encoder-stuck", "left-alone")
+    assert max(one["hand_TP_cmd"][4] for one in objects(link.sent) if "hand_TP_cmd" in one) < 0.03 * 440000  # type: ignore[index]
+
+
+@pytest.mark.parametrize(("fault", "state"), [("", "confirmed"), ("&fault=one-way&motor=5", "sent")])
+def test_only_a_hand_that_is_back_is_said_to_be(fault: str, state: str) -> None:
+    done = run("aidin", "check", "-y", "--json", "-p", f"fake://aidin?clock=virtual&start=open&rate=50{fault}")
+    assert [write["state"] for write in done.json["writes"]] == [state]

@@ -56,3 +56,33 @@ def test_a_log_of_another_family_is_refused(kind: str, tmp_path: Path) -> None:
     path = log(other, tmp_path)
     done = run(kind, "export", path, "--to", "xdf", "-o", tmp_path / "out.xdf", "--json")
     assert (done.code, done.error["code"]) == (2, "damaged-log") and not (tmp_path / "out.xdf").exists()
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_the_sidecar_of_another_recording_is_refused(kind: str, tmp_path: Path) -> None:
+    path = log(kind, tmp_path)
+    sidecar = Path(f"{path}.json")
+    other = json.loads(sidecar.read_text(encoding="utf-8"))
+    other["start"]["utc"] = "2020-01-01T00:00:00.000+00:00"
+    sidecar.write_text(json.dumps(other), encoding="utf-8")
+    for words in (("log", "--check", path), ("export", path, "--to", "xdf", "-o", tmp_path / "out.xdf")):
+        done = run(kind, *words, "--json")
+        assert (done.code, done.error["code"]) == (2, "damaged-log")
+    assert not (tmp_path / "out.xdf").exists()
+
+
+@pytest.mark.parametrize("heard", [True, False])
+def test_a_mark_of_a_person_is_no_break_and_stays_in_its_row(heard: bool, tmp_path: Path) -> None:
+    path = log("exo", tmp_path)
+    rows = path.read_text(encoding="utf-8").splitlines()
+    path.write_text("\r\n".join([*rows[:4], f"{rows[4]}[port lost]", rows[5]]) + "\r\n", encoding="utf-8", newline="")
+    sidecar = Path(f"{path}.json")
+    about = json.loads(sidecar.read_text(encoding="utf-8"))
+    text = "[port lost]\n\tyes" if heard else "[port lost]"
+    about["marks"].append({"row": 4, "text": "[port lost]", **({"heard": [{"text": text}]} if heard else {})})
+    sidecar.write_text(json.dumps(about), encoding="utf-8")
+    assert run("exo", "log", "--check", path, "--json").rows[0]["begins"] == "start"
+    assert run("exo", "export", path, "--to", "bids", "-o", tmp_path / "out").code == 0
+    (events,) = (tmp_path / "out").rglob("*_events.tsv")
+    lines = [line.split("\t") for line in events.read_text(encoding="utf-8").splitlines()]
+    assert [line[2:] for line in lines[1:]] == [["mark", "go", "1"], ["mark", " ".join(text.split()), "4"]]

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import handctl
+from handctl.command import log_command
 from handctl.families import FAMILIES
 from handctl.link.fake import FakeLink
 from handctl.sim import model_class
@@ -114,6 +115,28 @@ def test_append_records_the_next_trial_into_a_file_with_its_number(kind: str, tm
     (tmp_path / "walk-2.csv").unlink()
     (tmp_path / "walk-2.csv.json").unlink()
     assert log(kind, path, "--append", "--count", "1").rows[0]["trial"] == 4, "a number is never given twice"
+
+
+@pytest.mark.parametrize("more", [(), ("--force",)], ids=str)
+def test_of_two_that_begin_a_trial_at_once_one_gets_the_next_number(
+    more: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks = log_command.refuse_existing
+
+    def begun_by_another(path: str, force: bool) -> None:
+        looks(path, force)
+        Path(path).write_text("theirs\n")
+
+    monkeypatch.setattr(log_command, "refuse_existing", begun_by_another)
+    done = log("exo", tmp_path / "walk.csv", "--append", "--count", "2", *more)
+    assert (done.code, done.rows[0]["trial"], kept(tmp_path / "walk-2.csv")[1]["trial"]) == (0, 2, 2)
+    assert (tmp_path / "walk.csv").read_text() == "theirs\n"
+
+
+def test_a_trial_whose_name_cannot_be_had_is_refused(tmp_path: Path) -> None:
+    for name in ("walk-999999.csv", "walk-1000000.csv"):
+        (tmp_path / name).touch()
+    assert log("exo", tmp_path / "walk.csv", "--append", "--count", "2").code == 2
 
 
 @pytest.mark.parametrize("kind", FAMILIES)

@@ -104,6 +104,16 @@ def test_a_transcript_that_is_played_and_the_configuration_file(tmp_path: Path) 
     assert (kept.read_text(), config.read_text()) == ("> EB 90\n", f'trace = "{config}"\n')
 
 
+def test_the_sidecar_of_a_recording_that_is_named_by_a_link_is_no_output(tmp_path: Path) -> None:
+    log, link, sidecar = (tmp_path / name for name in ("a.csv", "link.csv", "a.csv.json"))
+    assert run("exo", "log", str(log), "--count", "3", "-p", "fake://exo?clock=virtual").code == 0
+    link.symlink_to(log)
+    before = sidecar.read_bytes()
+    done = run("exo", "export", str(link), "--to", "xdf", "-o", str(sidecar), "--json")
+    assert (done.code, done.json["messages"][-1]["code"]) == (2, "same-file")
+    assert sidecar.read_bytes() == before
+
+
 def test_what_handctl_keeps_is_no_place_for_an_output(tmp_path: Path) -> None:
     audit = tmp_path / "handctl" / "ekso-audit.jsonl"
     audit.parent.mkdir()

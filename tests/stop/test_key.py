@@ -66,6 +66,29 @@ def test_the_key_stops_every_device_of_a_view_of_several(view: str, tmp_path: Pa
             stand.close()
 
 
+@pytest.mark.parametrize("seconds", [0.02, 0.08])
+def test_ctrl_c_right_after_the_key_does_not_cut_the_stops_off(seconds: float, tmp_path: Path) -> None:
+    """Whoever presses both is in a hurry: the stop goes on, and what is said of it is what was sent."""
+    stands = [Stand("exo", folder) for folder in (tmp_path / "0", tmp_path / "1") if folder.mkdir() is None]
+    config = tmp_path / "config.toml"
+    config.write_text("".join(f'[devices.d{at}]\nkind = "exo"\nport = "{one.link}"\n' for at, one in enumerate(stands)))
+    try:
+        with Terminal("top", env={**stands[0].environment, "HANDCTL_CONFIG": str(config)}) as terminal:
+            terminal.until("S stop all")
+            for stand in stands:
+                stand.heard()
+            terminal.send("S")
+            terminal.run_for(seconds)
+            terminal.send("\x03")
+            assert terminal.finish() == 130, terminal.text
+            assert "Traceback" not in terminal.text and "d1: stopped" in terminal.text.replace("D1", "d1")
+        for stand in stands:
+            stand.reached(0.0)
+    finally:
+        for stand in stands:
+            stand.close()
+
+
 def test_other_keys_do_nothing_and_ctrl_c_ends() -> None:
     with Simulator("--pty") as simulator, Terminal("exo", "watch", "-p", simulator.link) as terminal:
         terminal.until("S stop")

@@ -185,6 +185,40 @@ def test_damaged_lines_are_left_out_and_the_next_one_is_whole(home: Path) -> Non
     assert [row["line"].split()[2] for row in kept()] == ["force_set.index=300", "force_set.index=301"]
 
 
+FOREIGN: dict[str, dict[str, Any]] = {
+    "device": {"device": {"kind": [1], "name": {}}},
+    "line": {"line": None},
+    "time": {"time": 5},
+    "writes": {"writes": {}},
+    "others": {"others": 5},
+    "exit code": {"exit_code": {}},
+}
+ODD: dict[str, dict[str, Any]] = {
+    "time without a zone": {"time": "2026-11-26T10:00:00"},
+    "no time": {"time": "yesterday"},
+    "first year": {"time": "0001-01-01T00:00:00"},
+    "numbers": {"writes": [1, {"meaning": 5}], "steps": "a", "options": 7, "within": 3},
+    "keys of ours": {"device": {"kind": "exo", "link": "x", "time": 5, "line": 4, "writes": 3}},
+}
+
+
+@each_row("name", {**FOREIGN, **ODD})
+def test_a_line_of_another_program_is_shown_or_left_out(home: Path, name: str) -> None:
+    where = history.folder()
+    where.mkdir(parents=True, exist_ok=True)
+    entry = {"time": "2026-11-26T10:00:00Z", "line": "x", "device": {"kind": "exo", "link": "y"}, "writes": []}
+    changes = {**FOREIGN, **ODD}[name]
+    (where / "history-1.jsonl").write_text(json.dumps({**entry, **changes}) + "\n")
+    for words in ([], ["exo"], ["--since", "2h"], ["--csv"], ["--json"]):
+        assert run("history", *words).code == 0, words
+    assert len(kept()) == (name in ODD)
+
+
+def test_a_folder_that_cannot_be_made_is_told(home: Path) -> None:
+    (home / "state").write_text("a file")
+    assert "none can be" in run("history").err
+
+
 # -- which rows -----------------------------------------------------------------------------------------------------------
 
 

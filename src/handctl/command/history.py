@@ -73,8 +73,24 @@ def entries() -> Iterator[dict[str, Any]]:
             for line in iter(lambda: file.readline(4 * MOST_BYTES), b""):
                 with suppress(ValueError, RecursionError):
                     entry = json.loads(line)
-                    if isinstance(entry, dict) and isinstance(entry.get("writes"), list):
+                    if _whole(entry):
                         yield entry
+
+
+def _whole(entry: Any) -> bool:
+    """Whether a line has what is read of one: another program may have written it."""
+    if not isinstance(entry, dict) or not isinstance(device := entry.get("device"), dict):
+        return False
+    single = (
+        *device.values(),
+        *(entry.get(key) for key in ("command", "within", "user", "exit_code", "error", "steps")),
+    )
+    lists = (entry.get("writes"), entry.get("others") or [])
+    return (
+        all(isinstance(entry.get(key), str) for key in ("time", "line"))
+        and all(one is None or isinstance(one, str | int) for one in single)
+        and all(isinstance(one, list) for one in lists)
+    )
 
 
 # -- one line -------------------------------------------------------------------------------------------------------------

@@ -100,10 +100,12 @@ def log(
         from handctl.record import lsl
 
         lsl.library()  # what is not installed is told before anything is sent
-    path, trial = file_name(file, run.family.kind), None
+    named = path = file_name(file, run.family.kind)
+    trial = None
+    force = wishes.force and not run.settings.append
     if run.settings.append:
-        path, trial = next_trial(path)
-    refuse_existing(path, wishes.force)
+        path, trial = next_trial(named)
+    refuse_existing(path, force)
     bounds = bounds_of(run, params, wishes.limits, wishes.until)
     source = source_of(lambda: _reopen(run))
     before = dict(source.settings())
@@ -117,7 +119,17 @@ def log(
         "asked": {"rate_hz": wishes.rate or None, "rows": wishes.count, "duration_s": wishes.duration},
         "settings_before": before,
     }
-    recording = Recording(path, link, source, about, rate=wishes.rate, force=wishes.force)
+    while True:
+        try:
+            recording = Recording(path, link, source, about, rate=wishes.rate, force=force)
+            break
+        except UsageError as exc:
+            taken = path
+            if trial is not None and exc.code == "file-exists":
+                path, trial = next_trial(named)  # another program has begun this one meanwhile
+            if path == taken:
+                raise
+            about["trial"] = trial
     over = bounds.over if bounds is not None else None
     try:
         with (

@@ -390,6 +390,8 @@ def files_of(ctx: click.Context) -> tuple[list[Named], list[Named]]:
             if path and path != "-":
                 grows = getattr(kind, "grows", False)
                 group += [Named(label, f"{path}{ending}", grows) for ending in ("", *kind.additional)]
+                if group is inputs and os.path.islink(path):  # what belongs to the file itself is no output, either
+                    group += [Named(label, f"{os.path.realpath(path)}{ending}", grows) for ending in kind.additional]
     return inputs, outputs
 
 

@@ -25,8 +25,10 @@ CHUNK = 1 << 17
 ROWS = 1000
 """Rows of a block, where they are not cut by bytes."""
 LONGEST_LINE = 65536
-UNTOUCHED = "the file was not changed"
+UNTOUCHED = "The file was not changed"
 ERROR = "error"
+SAME_S = 0.002
+"""Seconds within which the first row and the sidecar have the same time: one of them is rounded to milliseconds."""
 LATEST_S = 253_402_300_800.0
 """The end of the year 9999, seconds since 1970: no clock of a host is later."""
 
@@ -112,7 +114,7 @@ class LogFile:
         self.lead = lead("")
         known = [name for name, _ in self.lead]
         if names[: len(known)] != known or names[-2:] != [ERROR, MARK] or len(set(names)) < len(names):
-            raise damaged(self.path, 1, f"the columns are not those of a {self.kind} log")
+            raise damaged(self.path, 1, f"the columns are not those of `handctl {self.kind} log`")
         self.names, self.texts = tuple(names), (ERROR, MARK)
         about: dict[str, Any] = {str(one.get("column")): one for one in (self.sidecar or {}).get("columns", [])}
         self.channels = tuple(
@@ -179,7 +181,7 @@ class LogFile:
         """The error for a log that has no such rows."""
         return UsageError(
             f"{self.path} has no {'rows' if segment is None else f'segment {segment}'}",
-            hint="choose a segment that its sidecar lists",
+            hint="" if segment is None else "choose a segment that its sidecar lists",
             code="segment",
         )
 
@@ -187,12 +189,24 @@ class LogFile:
         """All rows, some hundred at a time, each checked. Raises UsageError with the number of the line."""
         count = 0
         for block in self._blocks():
+            if not count and self._began_elsewhere(block):
+                raise damaged(self.path, 2, "its sidecar is of a recording that began at another time")
             count += len(block.t_ms)
             yield block
         if self.sidecar and self.closed and self.sidecar.get("rows") != count:
             raise damaged(
                 self.path, count + 1, f"the file ends after {count} rows, its sidecar counts {self.sidecar.get('rows')}"
             )
+
+    def _began_elsewhere(self, block: Block) -> bool:
+        """Whether the first row has another time than the sidecar says."""
+        from datetime import datetime
+
+        try:
+            said = datetime.fromisoformat((self.sidecar or {})["start"]["utc"]).timestamp()
+            return abs(said - float(block.columns["host_utc_s"][0])) > SAME_S
+        except (LookupError, TypeError, ValueError, OverflowError, OSError):
+            return False  # it says nothing of it
 
     def _blocks(self) -> Iterator[Block]:
         number, last = 2, (0, 0)

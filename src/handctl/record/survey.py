@@ -150,7 +150,12 @@ def _events(found: Survey, marked: Sequence[tuple[int, int, int, float, str]], l
         segment = found.segments[number]
         utc = segment.line.utc_of(t_ms) if found.clocked else came
         rest, notes = text, []
+        own = [str(one.get("text")) for one in heard.get(row) or ()]
         while match := NOTE.match(rest):
+            if match[1].startswith("gap") and any(text.startswith(f"[{match[1]}]") for text in own):
+                break  # a person wrote it
+            if not match[1].startswith("gap") and row > segment.first_row:
+                break  # the same: the recorder begins a segment there
             notes.append(match[1])
             rest = rest[match.end() :]
         for note in notes:

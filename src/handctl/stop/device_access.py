@@ -187,8 +187,11 @@ class DeviceAccess:
         return self._report
 
     def pressed(self, frame: Any) -> None:
-        """The stop key of a live view."""
-        self.stop(f"stopped by the key {self.stop_key}")
+        """The stop key of a live view. A Ctrl-C right after it does not cut the stop off."""
+        from handctl.system import signals
+
+        with signals.one_at_a_time(signals.numbers(suspend=True, alarm=True)):
+            self.stop(f"stopped by the key {self.stop_key}")
         self.end(frame)
 
     def end(self, frame: Any) -> None:

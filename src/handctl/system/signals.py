@@ -6,6 +6,7 @@ its steps, and every wait is cut into slices (`clock.SLICE`) for it.
 
 from __future__ import annotations
 
+import _thread
 import contextlib
 import os
 import signal
@@ -74,14 +75,15 @@ def interrupt(frame: Any) -> None:
 @contextlib.contextmanager
 def held_back(which: Iterable[int]) -> Iterator[None]:
     """These wait until it is over; what had arrived before is handled first."""
+    which = set(which)
     if sys.platform == "win32":
         with _deferred(which):
             yield
     else:
-        which = set(which)
         try:
             signal.pthread_sigmask(signal.SIG_BLOCK, which)
-            yield
+            with _deferred(which):
+                yield
         finally:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, which)
 
@@ -89,34 +91,55 @@ def held_back(which: Iterable[int]) -> Iterator[None]:
 @contextlib.contextmanager
 def one_at_a_time(which: Iterable[int]) -> Iterator[None]:
     """These wait until it is over, and those that waited before go on waiting: for within a handler."""
+    which = set(which)
     if sys.platform == "win32":
         with _deferred(which):
             yield
     else:
         before = signal.pthread_sigmask(signal.SIG_BLOCK, which)
         try:
-            yield
+            with _deferred(which):
+                yield
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextlib.contextmanager
 def _deferred(which: Iterable[int]) -> Iterator[None]:
-    """What comes meanwhile is delivered when it is over; outside the main thread, which hears of signals alone, nothing comes."""
-    import _thread
+    """What comes meanwhile is delivered when it is over; outside the main thread, which hears of signals alone, nothing comes.
+
+    A signal that this thread blocks goes to another one, if there is any, and its handler runs in the main thread all the same.
+    """
+    if sys.platform != "win32" and not _thread._count():
+        yield
+        return
     import threading
 
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     came: list[int] = []
-    before = take(lambda number, _frame: came.append(number), which)
+    raised: BaseException | None = None
+
+    def keep(number: int, _frame: Any) -> None:
+        came.append(number)
+
+    before = [(number, _plain.getsignal(number)) for number in which]
     try:
+        for number, _ in before:
+            signal.signal(number, keep)
         yield
     finally:
-        give_back(before)
+        for number, old in before:
+            while _plain.getsignal(number) is keep:  # what was changed meanwhile stays
+                try:
+                    signal.signal(number, signal.SIG_DFL if old is None else old)
+                except KeyboardInterrupt as exc:  # by a handler that is back already, before this one was
+                    raised = exc
         for number in dict.fromkeys(came):
             _thread.interrupt_main(signal.Signals(number))
+        if raised is not None:
+            raise raised
 
 
 # -- alarms -------------------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -99,12 +100,11 @@ def _chooser(device: str | None) -> Callable[[Row], bool]:
 def _rows(since: datetime | None) -> Iterator[Row]:
     """One row for each command."""
     for entry in history.entries():
-        device = entry.get("device")
-        if not isinstance(device, dict) or (since is not None and _time(entry) < since):
+        if since is not None and _time(entry["time"]) < since:
             continue
-        more, options = {key: value for key, value in device.items() if key != "fake"}, entry.get("options")
+        more, options = {key: value for key, value in entry["device"].items() if key != "fake"}, entry.get("options")
         yield {
-            "time": entry.get("time"), **dict.fromkeys(("name", "kind", "link", "id")), **more, "line": entry.get("line"),
+            **dict.fromkeys(("time", "name", "kind", "link", "id")), **more, "time": entry["time"], "line": entry["line"],
             "written": _written(entry["writes"], entry.get("steps")),
             **{key: entry.get(key) for key in ("command", "exit_code", "user", "within", "steps", "writes")}, "failure": entry.get("error"),
             "others": [other for other in entry.get("others") or () if isinstance(other, str)],
@@ -112,11 +112,12 @@ def _rows(since: datetime | None) -> Iterator[Row]:
         }  # fmt: skip
 
 
-def _time(entry: dict[str, Any]) -> datetime:
+def _time(text: str) -> datetime:
     try:
-        return datetime.fromisoformat(str(entry.get("time")).replace("Z", "+00:00"))
+        found = datetime.fromisoformat(text.replace("Z", "+00:00"))
     except ValueError:
         return datetime.fromtimestamp(0, timezone.utc)
+    return found if found.tzinfo is not None else found.replace(tzinfo=timezone.utc)
 
 
 def _written(writes: list[Any], steps: Any) -> str:
@@ -134,7 +135,8 @@ def _written(writes: list[Any], steps: Any) -> str:
 def _nothing() -> tuple[str, str]:
     """Why there is nothing to show, and what to do."""
     where = history.folder()
-    why = why_unwritable(str(where / "x")) if where.exists() else ""
+    there = next(one for one in (where, *where.parents) if os.path.exists(one))  # what is not there yet is made
+    why = why_unwritable(str(there / "x"))
     text = f"no write is recorded in {where}"
     return (f"{text}, and none can be: {why}", "make it writable") if why else (text, "")
 
@@ -154,5 +156,8 @@ def _view(rows: list[Row]) -> list[Grid]:
     return [Grid(("Time", "Device", "Command", "Written", "Exit code"), lines, right=frozenset({4}))] if lines else []
 
 
-def _local(text: Any) -> str:
-    return _time({"time": text}).astimezone().strftime("%Y-%m-%d %H:%M:%S")
+def _local(text: str) -> str:
+    try:
+        return _time(text).astimezone().strftime("%Y-%m-%d %H:%M:%S")
+    except (OverflowError, OSError, ValueError):  # a year that this system's clock does not have
+        return text

@@ -1,17 +1,30 @@
 """`aidin check`: a look at the hand at rest, then each motor a little way towards closed and back, alone (aidin, Ranges).
 
 The way is a small share of the documented stroke from the open position. A motor that pushes without moving is sent back at
-once, and its finger is left alone. What is judged, and by which limits, is in `check_findings`.
+once, and its finger is left alone. A hand that goes where no way leads is stopped. What is judged, and by which limits, is in `check_findings`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import count
+from math import degrees
 
 from handctl.devices.aidin import motion
-from handctl.devices.aidin.check_findings import AMOUNT, CURRENT, JOINTS, MOTORS, SENSORS, Rest, Trip, findings, pushes
-from handctl.devices.aidin.device import AidinHand, step_of, stop_after, stopped_if_cut_short
+from handctl.devices.aidin.check_findings import (
+    AMOUNT,
+    BEYOND,
+    CURRENT,
+    JOINTS,
+    MOTORS,
+    SENSORS,
+    TURN,
+    Rest,
+    Trip,
+    findings,
+    pushes,
+)
+from handctl.devices.aidin.device import LARGEST_RADIAN, AidinHand, step_of, stop_after, stopped_if_cut_short
 from handctl.devices.aidin.exchange import PERIOD
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.feedback import Wire, values_of
@@ -38,7 +51,7 @@ ALMOST = STILL / 10
 LATE = 2
 """Looks after the end of a ramp: of a hand that speaks seldom, too, the end is seen."""
 PUSHES = 2
-"""Looks in a row at which a motor pushes without moving, until it is sent back."""
+"""Looks in a row at which a motor pushes without moving, or turns a joint while its encoder stands, until it is sent back."""
 LEFT = "nothing more is sent, and the hand probably holds its position"
 QUESTION = (
     f"Each motor will close its finger by {AMOUNT:.0%} of the stroke and open it again, one after the other. "
@@ -87,14 +100,15 @@ def check(hand: AidinHand, prompts: Prompts) -> Table:
     ledger.plan([_home(start, hand.conversation.way.end)])
     with stopped_if_cut_short(hand, prompts):
         try:
-            trips = _Mover(hand, prompts, start).all()
+            mover = _Mover(hand, prompts, start)
+            trips = mover.all()
         except HandctlError as exc:  # nobody sees the fingers any more
             stop_after(hand, exc)
             raise
         finally:
             prompts.done()
     table = table_of(findings(rest, trips), causes=("motors",))
-    if any(trip.moved(trip.index) for trip in trips if trip is not None):
+    if mover.back and any(trip.moved(trip.index) for trip in trips if trip is not None):
         ledger.confirm("motors moved there and back, according to the feedback", since=begun)
     hand.journal.info("left", LEFT, hint="`handctl aidin stop` frees the fingers")
     return table
@@ -142,6 +156,11 @@ def _check_open(hand: AidinHand, encoders: Wire) -> None:
         )
 
 
+def _reach(index: int) -> float:
+    """Counts that a motor may be away from where it was: its way, and what it may pass it by."""
+    return (AMOUNT + BEYOND) * stroke(index)
+
+
 # -- there and back --------------------------------------------------------------------------------------------------
 
 
@@ -151,10 +170,20 @@ class _Mover:
     def __init__(self, hand: AidinHand, prompts: Prompts, start: list[Number]) -> None:
         self._hand, self._prompts, self._start = hand, prompts, start
         self._said = ""
+        self._joints: Wire = ()
+        self._judged = 0  # encoders that `_check_course` has looked at
+
+    @property
+    def back(self) -> bool:
+        """Whether the hand was last seen where it was."""
+        home = goal_of(self._start).complete(self._start)
+        places = zip(self._told()[0], home, strict=True)
+        return all(abs(at - value) <= ENCODERS.near(index) for index, (at, value) in enumerate(places))
 
     def all(self) -> list[Trip | None]:
         """A trip of each motor; None where its finger was blocked before, so that it was left alone."""
         self._said = "Holding the position."
+        self._joints = self._told()[2]
         self._send(goal_of(self._start).complete(self._start), HOLD)
         trips: list[Trip | None] = []
         blocked = ""
@@ -176,28 +205,34 @@ class _Mover:
         home, there = goal_of(self._start).complete(self._start), goal.complete(self._start)
         self._go(trip, ramp(goal, home, there, PERIOD), index)
         trip.arrived(*self._told())
-        self._go(None, ramp(goal, trip.reached(there), home, PERIOD), index)
+        self._go(trip, ramp(goal, trip.reached(there), home, PERIOD), index, back=True)
         trip.returned(self._told()[0])
         return trip
 
-    def _go(self, trip: Trip | None, way: list[tuple[float, ...]], index: int) -> None:
-        """Follow the ramp and wait until the motor stands at its end; a `trip` out ends where the motor pushes and stands."""
+    def _go(self, trip: Trip, way: list[tuple[float, ...]], index: int, *, back: bool = False) -> None:
+        """Follow the ramp and wait until the motor stands at its end; the way out ends where the motor pushes and stands."""
         pushing = standing = late = 0
         seen, (encoders, _, _) = self._heard, self._told()
-        before, arrive = encoders[index], round(ARRIVE / PERIOD)
+        begin = before = best = encoders[index]
+        arrive = round(ARRIVE / PERIOD)
         for number in count():
             values = way[min(number, len(way) - 1)]
             self._send(list(values), PERIOD)
             if self._heard != seen:  # nothing is judged twice
-                seen, (encoders, currents, _) = self._heard, self._told()
+                seen, (encoders, currents, joints) = self._heard, self._told()
                 at, off = encoders[index], abs(encoders[index] - values[index])
                 change, before = abs(at - before) / stroke(index), at
+                best = min(best, at) if back else max(best, at)
+                if min(abs(at - best), abs(best - begin)) > BEYOND * stroke(index):
+                    raise self._astray(named(MOTORS, [index], encoders), "moved against its direction")
+                trip.look(encoders)
                 late += number >= len(way)
                 near = off <= ENCODERS.near(index)
                 standing = standing + 1 if near and change <= ALMOST else 0
-                if trip is not None:
+                if not back:
                     trip.note(currents)
-                    pushing = pushing + 1 if pushes(currents[index]) and not near and change <= STILL else 0
+                    pushed = pushes(currents[index]) and not near and change <= STILL
+                    pushing = pushing + 1 if pushed or trip.turns_unseen(encoders, joints) else 0
                     if pushing >= PUSHES:
                         trip.turned_back = True
                         return
@@ -209,7 +244,34 @@ class _Mover:
         goal = Goal(ENCODERS, dict(enumerate(values)))
         for _ in range(max(1, round(seconds / PERIOD))):
             self._hand.conversation.tick(motion.target_object(goal, values), by=MOTORS)
+            for param in (CURRENT, JOINTS):
+                self._hand.conversation.check_sight(param)
+            self._check_course()
             self._prompts.progress(self._said, CTRL_C)
+
+    def _check_course(self) -> None:
+        """Raise CheckFailed where a motor or a joint is where no way of this check leads: the hand is driven by something else."""
+        if self._heard == self._judged:
+            return
+        self._judged = self._heard
+        encoders, _, joints = self._told()
+        for index, (at, start) in enumerate(zip(encoders, self._start, strict=True)):
+            if not start - _reach(index) <= at <= max(start, 0) + _reach(index):
+                raise self._astray(named(MOTORS, [index], encoders), "is further away than this check moves it")
+        if any(abs(joint) > LARGEST_RADIAN for joint in (*joints, *self._joints)):
+            return  # no angles in radians, so nothing is known of them
+        for index, (one, other) in enumerate(zip(joints, self._joints, strict=True)):
+            limit = JOINTS.limit(index)
+            if limit is not None and abs(degrees(one - other)) > TURN * (limit[1] - limit[0]):
+                angles = [degrees(joint) for joint in joints]
+                raise self._astray(named(JOINTS, [index], angles), "turned further than this check moves it")
+
+    def _astray(self, what: str, how: str) -> CheckFailed:
+        return CheckFailed(
+            f"{self._hand.link.name}: {what} {how}",
+            hint="either its encoder lost counts, or another client or a person moves the fingers, or channels are swapped. Home the hand, then run the check again",
+            code="astray",
+        )
 
     @property
     def _heard(self) -> int:

@@ -18,6 +18,10 @@ from handctl.wording import plural
 MOTORS, CURRENT, JOINTS, SENSORS = (AIDIN[name] for name in ("motor_pos", "current_state", "joint_pos", "sensor_state"))
 AMOUNT = 0.04
 """Share of the stroke that each motor goes: more than three times what counts as arrived."""
+BEYOND = 0.02
+"""Share of the stroke by which a motor may pass the end of its way, or go against its direction: overshoot and jitter."""
+TURN = 3 * AMOUNT
+"""Share of its range by which no joint turns while its motor goes that way: one that does is driven by something else."""
 FOLLOWS = 0.25
 """Share of its way from which on a motor has moved at all."""
 PUSHING = 200
@@ -64,7 +68,7 @@ class Trip:
     """One motor there and back. Encoders in counts, currents per mille, joints in radians as on the wire.
 
     way          counts that it was to go
-    turned_back  it pushed without moving, so that it was sent back before
+    turned_back  it pushed without moving, or turned unseen, so that it was sent back before
     """
 
     def __init__(self, index: int, way: int, encoders: Wire, currents: Wire, joints: Wire) -> None:
@@ -72,16 +76,31 @@ class Trip:
         self.start = self.far = self.back = encoders
         self._idle, self._joints, self.turned = currents[index], joints, 0.0
         self._currents: list[float] = []
+        self._stray = [0.0] * len(encoders)  # the most that each was seen away from its start
 
     def note(self, currents: Wire) -> None:
         """Currents on the way out."""
         self._currents.append(abs(currents[self.index] - self._idle))
 
+    def look(self, encoders: Wire) -> None:
+        """Encoders on the way out or back: a motor that was away and has come back moved, too."""
+        self._stray = [
+            max(most, abs(at - begin)) for most, at, begin in zip(self._stray, encoders, self.start, strict=True)
+        ]
+
     def arrived(self, encoders: Wire, _currents: Wire, joints: Wire) -> None:
         """Where everything is at the far end."""
-        self.far = encoders
+        self.far, self.turned = encoders, self._turn(joints)
+
+    def _turn(self, joints: Wire) -> float:
+        """Degrees by which the joint of its finger that turned most did."""
         finger = self.index // 3
-        self.turned = max(abs(degrees(joints[at] - self._joints[at])) for at in range(4 * finger, 4 * finger + 4))
+        return max(abs(degrees(joints[at] - self._joints[at])) for at in range(4 * finger, 4 * finger + 4))
+
+    def turns_unseen(self, encoders: Wire, joints: Wire) -> bool:
+        """Whether its finger turns although its encoder stands: nobody knows how far it would go."""
+        stands = abs(encoders[self.index] - self.start[self.index]) <= STILL * stroke(self.index)
+        return stands and self._turn(joints) > 2 * TURNED
 
     def returned(self, encoders: Wire) -> None:
         """Where everything is after the way back."""
@@ -108,8 +127,12 @@ class Trip:
 
     @property
     def others(self) -> list[int]:
-        """The other motors that moved."""
-        return [index for index in range(MOTORS.count) if index != self.index and self.moved(index)]
+        """The other motors that moved, if only for a moment."""
+        return [
+            index
+            for index, most in enumerate(self._stray)
+            if index != self.index and (self.moved(index) or most > FOLLOWS * AMOUNT * stroke(index))
+        ]
 
     @property
     def current(self) -> float:

@@ -312,14 +312,14 @@ class Conversation(Line):
             self.check_bound()
             raise self._silent(moving=True)
         if by is not None:
-            self._check_sight(by)
+            self.check_sight(by)
 
     def check_alive(self) -> None:
         """Raise NoAnswer when not one byte has come for 1 s: where feedback may be as slow as it likes."""
         if self.link.now() - self._heard > (self._patience):
             raise self._silent(moving=True)
 
-    def _check_sight(self, param: AidinParam) -> None:
+    def check_sight(self, param: AidinParam) -> None:
         """Stop driving if the hand no longer reports a quantity that is needed."""
         key = param.key
         missing = self.feedback_at - self._good.get(key, self.feedback_at) > (self._patience)  # other keys still came

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from handctl.errors import UsageError
 from handctl.record.exports import name_of
+from handctl.record.source import clean
 from handctl.record.survey import BREAK, GAP
 
 if TYPE_CHECKING:
@@ -158,7 +159,7 @@ def _events(export: Export, number: int, begin: float) -> list[tuple[str, ...]]:
     for one in export.events:
         if segment.first_row <= one.row < segment.first_row + segment.rows:
             long = float(one.text.split()[1]) if one.kind == GAP else 0.0
-            text = one.text.replace("\t", " ")
+            text = clean(one.text)
             onset = one.utc_s - begin - long
             found.append((onset, (f"{onset:.6f}", f"{long:.3f}", one.kind, text, str(one.row))))
     return [row for _, row in sorted(found)]
