@@ -197,7 +197,7 @@ class NotIdentified(HandctlError):
 
 
 class NotConfirmed(HandctlError):
-    """The confirmation is missing or was denied. Nothing was sent. Exit code 8."""
+    """The confirmation is missing or was denied. Nothing was written. Exit code 8."""
 
     exit_code = 8
     default_code = "not-confirmed"
