@@ -176,9 +176,8 @@ class Device(Model):
 
     def power(self, on: bool) -> None:
         """A second power-on starts BootTime and the counts of the session anew; the wearer stays where he is."""
-        self.powered = on
+        super().power(on)
         self._inbox.clear()
-        self._replies.clear()
         self._lost = False
         if on and self._started:
             self.boot_time.restart(FIRST_BOOT_MS, self.now)

@@ -13,8 +13,7 @@ import struct
 
 from handctl.sim.engine.model import Options, Random, Reply
 from handctl.sim.hand import modbus
-from handctl.sim.hand.model import Front, Hand
-from handctl.sim.hand.options import (
+from handctl.sim.hand.model import (
     CAN_OPTIONS,
     FAULTS,
     MODBUS_FAULTS,
@@ -23,6 +22,8 @@ from handctl.sim.hand.options import (
     SERIAL_FAULTS,
     SERIAL_OPTIONS,
     TCP_FAULTS,
+    Front,
+    Hand,
 )
 from handctl.sim.inspire.frames import Can, Serial
 

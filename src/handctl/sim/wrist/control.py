@@ -15,7 +15,7 @@ from handctl.sim.hand.control import check_fingers, fingers_of, poke, use_finger
 from handctl.sim.hand.fingers import CALIBRATION
 from handctl.sim.inspire.memory import MEMORY, poking
 from handctl.sim.wrist.body import AXES, PITCH, YAW
-from handctl.sim.wrist.model import KEPT, Module
+from handctl.sim.wrist.device import KEPT, Module
 
 HELP = (
     "set ADDRESS HEX | get ADDRESS COUNT | hand-set ADDRESS HEX | hand-get ADDRESS COUNT"
