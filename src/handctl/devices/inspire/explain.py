@@ -297,16 +297,6 @@ class InspireExplainer(Cutter):
             "expected": f"{right:02X}"}, parts=Later(lambda: self._parts(raw)),
         )  # fmt: skip
 
-    def _made(
-        self, direction: str, raw: bytes, frame: Frame, meaning: str, *, title: str = "", problem: str = "",
-        asks: str = "", answers: str = "", values: Sequence[Value] = (),
-    ) -> ExplainedBytes:  # fmt: skip
-        fields: dict[str, int | str | None] = {"id": frame.id, "flag": f"{frame.flag:02X}", "address": frame.address}
-        return ExplainedBytes(
-            direction=direction, raw=raw, meaning=meaning, title=title,
-            problem=problem, asks=asks, answers=answers, values=values, fields=fields, parts=Later(lambda: self._parts(raw)),
-        )  # fmt: skip
-
     def _explain(self, frame: Frame) -> tuple[str, str, str, str, Sequence[Value]]:
         """(meaning, title, key of request and answer, problem, values) of a valid frame; see `_told`.
 
