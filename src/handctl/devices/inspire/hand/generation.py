@@ -177,12 +177,8 @@ def look(bus: RegisterBus, other: RegisterBus | None = None) -> Found:
     if other is not None and asked.ask("hand", STATES) is None and asked.unheard is not None and _answers(other):
         raise asked.unheard
     kind = asked.who(BYTE_HAND)
-    if kind is F1_HAND:
-        return Found(kind, F1, asked.evidence)
-    if kind is DG2_HAND:
-        return Found(kind, DG2, asked.evidence)
     if kind is not BYTE_HAND:
-        return Found(kind, None, asked.evidence)
+        return Found(kind, next((model for model, shown in KINDS.items() if shown is kind), None), asked.evidence)
     model, more = _of_bytes(bus, asked)
     return Found(kind, model, "; ".join(filter(None, (asked.evidence, more))))
 
