@@ -4,8 +4,7 @@ register_maps.py  the registers of each generation: addresses, sizes, ranges, wh
 fingers.py    fingers: they move, meet objects, stall and get warm
 model.py      one hand: memory, flash, triggers, a count of what it was made to do, skin; what its wires have in common, what it
               can be told at its start
-device.py     its wires: EB90 and Modbus RTU, CAN, Modbus TCP
-modbus.py     frames of Modbus RTU and TCP, and what a request does
+device.py     its wires: EB90 and Modbus RTU, CAN, Modbus TCP, and what a request of Modbus does
 control.py    control commands, state file, use
 """
 

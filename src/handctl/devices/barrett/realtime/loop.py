@@ -306,7 +306,7 @@ class RealtimeLoop:
     def _answer(self, sent: deque[Sent]) -> Feedback | None:
         """The answer to the oldest block; None once when its acknowledgement has come."""
         decoder, line = self.session.decoder, self.hand.line
-        deadline = self.session.block_deadline(sent[0].at)
+        deadline = line.link.deadline(max(0.0, sent[0].at + self.session.patience - line.link.now()))
         while True:
             answer = self._next_answer()
             if isinstance(answer, LoopError):
