@@ -228,9 +228,8 @@ class ModelGate(FamilyGate):
     """
 
     def __init__(self, typed: str | None, assumed: bool) -> None:
-        super().__init__(
-            BYTE_HAND, assumed and typed is not None
-        )  # what was neither looked at nor typed is not written to
+        # what was neither looked at nor typed is not written to
+        super().__init__(BYTE_HAND, assumed and typed is not None)
         self.typed = typed
         self.unasked = assumed
         """Whether --assume-identity is given: whoever is there is read, by the map of bytes where none was typed."""
