@@ -33,7 +33,7 @@ class Finger(Servo):
     def __init__(
         self, ends: tuple[int, int], found: tuple[int, int, int, int, int, int], rate: float, limit: float
     ) -> None:
-        """`found` are the readings of books.py, `rate` the angle units a second for each unit of speed."""
+        """`found` are the readings of register_maps.py, `rate` the angle units a second for each unit of speed."""
         stroke, angle, force, current, status, degrees = found
         super().__init__(float(degrees), limit)
         self.closed, self.open = ends

@@ -1,6 +1,6 @@
 """One simulated RH56 hand without its wires: registers, flash, triggers, readings, skin (RH56 dossier §3, §6, §10).
 
-Several wires may lead to it at once. Addresses are bytes here, also those of F1 and DG2 (books.py). Written from the dossier
+Several wires may lead to it at once. Addresses are bytes here, also those of F1 and DG2 (register_maps.py). Written from the dossier
 alone, by other means than the host. Where it says "open" the behaviour is invented and an option has the other one; nothing
 seen here is evidence about a real hand.
 """
@@ -116,7 +116,7 @@ class Hand:
         factory: Values,
         stays: bool = False,
     ) -> None:
-        """`given` are the options. `golden` are the set values and `readings` the readings (books.py) of the hand as it is
+        """`given` are the options. `golden` are the set values and `readings` the readings (register_maps.py) of the hand as it is
         found, also behind every power-on when it `stays` so; `factory` are its settings after a factory reset."""
         self.generation, self.given, self.golden, self.factory, self.stays = generation, given, golden, factory, stays
         self.now = 0.0
