@@ -597,13 +597,14 @@ def _values(run: Run, one: Paired) -> dict[str, Any]:
 def _row(one: Paired, name: str, values: dict[str, Any], path: str) -> Row:
     from handctl.devices.inspire.hand import baud_and_network
 
+    model = one.hand.found().model
     address = baud_and_network.held(one.hand) if baud_and_network.over_network(one.hand) else None
     return {
         "name": name,
         "side": one.side,
         "link": values["port"],
         "id": one.hand.bus.id,
-        "model": one.hand.found().model,
+        "model": model,
         "network": ".".join(map(str, address)) if address is not None else None,
         "file": path,
     }
