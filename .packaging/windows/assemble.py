@@ -136,7 +136,9 @@ def programs() -> None:
 
 def environment(prefix: Path) -> dict[str, str]:
     """What wine needs to know, and keep silent about."""
-    unwanted = "mscoree,mshtml,winemenubuilder.exe="  # neither .NET nor a browser is asked for, no menu is written
+    unwanted = (
+        "mscoree,mshtml,winemenubuilder.exe,winedbg.exe="  # no .NET, browser or menu, and no debugger when one crashes
+    )
     return {
         **os.environ,
         "WINEPREFIX": str(prefix),

@@ -8,9 +8,11 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -21,7 +23,31 @@ BUILDERS = (
     *("pyinstaller", "pyinstaller-hooks-contrib", "altgraph", "packaging"),
     *("setuptools", "pefile", "pywin32-ctypes"),
 )
-MAIN = "import sys\n\nfrom handctl.cli import main\n\nsys.exit(main())\n"
+MAIN = """
+import sys
+
+if sys.argv[1:] == ["deadman", "inherited"]:  # as handctl.system.child starts it
+    from handctl.system.child import live
+
+    live()
+from handctl.cli import main
+
+sys.exit(main())
+"""
+DESCRIPTION = """
+VSVersionInfo(
+    ffi=FixedFileInfo(filevers={numbers}, prodvers={numbers}),
+    kids=[
+        StringFileInfo([StringTable("040904B0", [
+            StringStruct("FileDescription", "handctl"), StringStruct("ProductName", "handctl"),
+            StringStruct("ProductVersion", "{version}"), StringStruct("FileVersion", "{version}"),
+            StringStruct("OriginalFilename", "handctl.exe"), StringStruct("Comments", "{comments}"),
+        ])]),
+        VarFileInfo([VarStruct("Translation", [0x409, 1200])]),
+    ],
+)
+"""
+"""What Windows shows of the file; the comments name every family."""
 BUILD_SECONDS, TRY_SECONDS = 900, 120
 PORT = 9
 """Of the COM port that the test takes."""
@@ -79,7 +105,9 @@ def build(parts: Path, dist: Path) -> Path:
         (tools / "wanted").write_text(wanted, encoding="utf-8")
     work.mkdir(exist_ok=True)
     (work / "handctl_main.py").write_text(MAIN, encoding="utf-8")
+    (work / "description.txt").write_text(description(), encoding="utf-8")
     words = ["--noconfirm", "--onefile", "--console", "--name", "handctl", "--log-level", "WARN"]
+    words += ["--version-file", there(work / "description.txt")]
     words += ["--distpath", there(work / "dist"), "--workpath", there(work), "--specpath", there(work)]
     for package in ("handctl", "serial", "rich"):
         words += ["--collect-submodules", package]
@@ -102,6 +130,17 @@ def build(parts: Path, dist: Path) -> Path:
     return Path(shutil.copy(made, dist / "handctl.exe"))
 
 
+def description() -> str:
+    """The file for --version-file of PyInstaller."""
+    from handctl import __version__
+    from handctl.families import FAMILIES
+
+    numbers = (*(int(part) for part in __version__.split(".")[:3]), 0)
+    names = "; ".join(family.help for family in FAMILIES.values())
+    comments = f"Diagnostics and configuration of: {names}. It is not a medical device."
+    return DESCRIPTION.format(numbers=numbers, version=__version__, comments=comments)
+
+
 def tried(parts: Path, made: Path) -> list[str]:
     """What was seen of it under wine. Raises AssertionError."""
     from handctl import __version__
@@ -118,9 +157,10 @@ def tried(parts: Path, made: Path) -> list[str]:
     says(f"handctl {__version__}", "--version")
     says("558", "exo", "dump", "--fake")
     with tempfile.TemporaryDirectory() as scratch:
-        port = Path(scratch, "hand")
+        port, panel = Path(scratch, "hand"), Path(scratch, "panel")
         simulator = subprocess.Popen(
-            [sys.executable, "-m", "handctl", "sim", "exo", "--pty", "--by-id", str(port)], stdout=subprocess.PIPE
+            [sys.executable, "-m", "handctl", "sim", "exo", "--pty", "--by-id", str(port), "--control", str(panel)],
+            stdout=subprocess.PIPE,
         )
         link = parts / "prefix" / "dosdevices" / f"com{PORT}"
         try:
@@ -130,11 +170,36 @@ def tried(parts: Path, made: Path) -> list[str]:
             link.symlink_to(os.readlink(port))
             says("558", "exo", "dump", "-p", f"COM{PORT}")
             says("500", "exo", "position", *("500",) * 5, "--wait", "5", "--yes", "-p", f"COM{PORT}")
+            found.append(killed(parts, made, panel))
         finally:
             simulator.terminate()
             simulator.wait(10)
             link.unlink(missing_ok=True)
     return found
+
+
+def killed(parts: Path, made: Path, panel: Path) -> str:
+    """It and its unpacked self are killed while the hand moves: the second process must stop the hand. Raises AssertionError."""
+    from handctl.sim.engine.serve import send_control
+
+    def place() -> bytes:
+        return bytes.fromhex(send_control(str(panel), "get 1546 10").removeprefix("ok "))
+
+    until, before, target = time.monotonic() + TRY_SECONDS, place(), bytes(10)
+    words = ["exo", "position", *("0",) * 5, "--wait", "30", "--yes", "-p", f"COM{PORT}"]
+    process = subprocess.Popen(
+        [assemble.wine(), str(made), *words], env=assemble.environment(parts / "prefix"), start_new_session=True,
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    try:
+        while place() == before:
+            assert time.monotonic() < until and process.poll() is None, "handctl.exe does not move the hand"
+            time.sleep(0.01)
+    finally:
+        os.killpg(process.pid, signal.SIGKILL)
+    time.sleep(1.5)  # the whole way takes less
+    assert place() not in (before, target), "handctl.exe was killed, and nothing stopped the hand"
+    return f"handctl.exe {' '.join(words)}: killed in the movement, and the hand was stopped"
 
 
 if __name__ == "__main__":

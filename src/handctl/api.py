@@ -23,10 +23,11 @@ from handctl.command.command_tree import Command
 from handctl.command.connection import Session
 from handctl.command.family import Family, load
 from handctl.command.library_call import Confirm, Line
-from handctl.command.options import Settings, config_path, read_config
+from handctl.command.options import config_path, read_config
 from handctl.errors import HandctlError, UsageError
 from handctl.families import FAMILIES, HISTORY
 from handctl.model.result import Row
+from handctl.model.settings import Settings
 from handctl.wording import sentence
 
 HOST = ("timeout", "deadline", "retries", "trace", "history", "assume_identity")
@@ -213,7 +214,7 @@ class Device:
         """The JSON of the last call without its rows: device, line, messages, counters, writes."""
         call = self._line.last
         assert call is not None
-        return call.envelope(call.failure, call.extra)
+        return call.envelope(call.outcome.failure, call.outcome.extra)
 
     @property
     def messages(self) -> list[Row]:
@@ -234,15 +235,10 @@ class Device:
 
         def call(*args: Any, confirm: Confirm = False, dry_run: bool = False, **named: Any) -> Any:
             key = (name, args) if not (named or confirm or dry_run) else None
-            if key is not None:
-                try:
-                    again = line.again(key)
-                except HandctlError as exc:
-                    raise told(exc, self.kind) from None
-                if again is not None:
-                    return Rows(again)
-            values = method.values(args, named)
             try:
+                if key is not None and (again := line.again(key)) is not None:
+                    return Rows(again)
+                values = method.values(args, named)
                 found = line.call(method.command, method.words, values, confirm=confirm, dry_run=dry_run, key=key)
             except HandctlError as exc:
                 raise told(exc, self.kind) from None
@@ -281,20 +277,15 @@ def _opened(family: str, link: str, settings: Mapping[str, Any]) -> Device:
     if family not in FAMILIES:
         raise UsageError(f"no device family {family!r}", hint=f"use one of {', '.join(FAMILIES)}")
     options = {option.key: option for option in FAMILIES[family].options}
+    known = (*SHARED, *HOST, *options)
     choices = {"history": HISTORY, **{name: option.choices for name, option in options.items()}}
-    shared, own = {}, {}
     for name, value in settings.items():
-        if (known := choices.get(name)) and value not in known:
-            raise UsageError(f"{name} = {value!r} is not a valid value", hint=f"use one of {', '.join(known)}")
-        if name in options:
-            own[name] = value
-        elif name in (*HOST, *SHARED):
-            shared[name] = value
-        else:
-            names = ", ".join((*SHARED, *HOST, *options))
-            raise UsageError(f"{name}: no such setting of {family}", hint=f"use one of {names}")
+        if name not in known:
+            raise UsageError(f"{name}: no such setting of {family}", hint=f"use one of {', '.join(known)}")
+        if (allowed := choices.get(name)) and value not in allowed:
+            raise UsageError(f"{name} = {value!r} is not a valid value", hint=f"use one of {', '.join(allowed)}")
     known_family: Family = load(family, "cli").cli.family
-    chosen = Settings(kind=family, port=link, format="json", quiet=True, time=True, own=own, **shared)
+    chosen = Settings(kind=family, port=link, format="json", quiet=True, time=True).having(settings)
     line = Line(known_family, chosen, Session("library", writes=True))
     try:
         line.open()

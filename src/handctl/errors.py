@@ -5,8 +5,8 @@
     ├── LinkError       3  cannot be opened, busy, not permitted, lost
     ├── NoAnswer        4  silence until the deadline
     ├── ProtocolError   5  data arrived, but no valid reply
-    ├── DeviceRefused   6  the device refused, or reported an error
-    ├── CheckFailed     7  read-back differs, unhealthy, files differ
+    ├── DeviceRefused   6  the device refused or reported an error, is another one, or is commanded by someone else
+    ├── CheckFailed     7  target not reached, read-back differs, past a limit, unhealthy, files differ
     ├── NotIdentified 3-6  not seen as one of this family before the first write: the code of what was met instead
     ├── NotConfirmed    8  --yes missing without a terminal, or the answer was no
     └── Interrupted   130  Ctrl-C
@@ -156,7 +156,10 @@ class ProtocolError(HandctlError):
 
 
 class DeviceRefused(HandctlError):
-    """The device refused the request or reported an error. Exit code 6."""
+    """The device refused the request or reported an error, is not the device you named, or something else is commanding it.
+
+    Exit code 6.
+    """
 
     exit_code = 6
     default_code = "refused"
@@ -173,7 +176,7 @@ class NotRunning(DeviceRefused):
 
 
 class CheckFailed(HandctlError):
-    """A check failed: read-back differs, unhealthy under --check, files differ. Exit code 7."""
+    """A check failed: target not reached, read-back differs, past a --limit, unhealthy under --check, files differ. Exit code 7."""
 
     exit_code = 7
     default_code = "check-failed"

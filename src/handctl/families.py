@@ -103,7 +103,7 @@ FAMILIES: dict[str, FamilyRow] = {
         within=_OF_INSPIRE,
     ),
     "wrist": FamilyRow(
-        "Inspire wrist module of the dexterous hand (RS-232, RS-485, CAN)",
+        "Inspire wrist module for dexterous hands (RS-232, RS-485, CAN)",
         "handctl.devices.inspire.wrist",
         codec="handctl.devices.inspire.eb90",
         scan=2,
@@ -120,7 +120,7 @@ FAMILIES: dict[str, FamilyRow] = {
         options=(
             OwnOption(
                 "interrupt",
-                "Let a command that reads interrupt a movement in progress (^C). Without it the hand keeps moving.",
+                "Allow a read-only command to interrupt a movement in progress (it sends ^C). Without it the hand keeps moving.",
                 flag=True,
                 implied=True,
             ),
@@ -138,7 +138,7 @@ FAMILIES: dict[str, FamilyRow] = {
             OwnOption("operator", "Your name, for the audit log. Required with --yes.", metavar="NAME", asked=True),
             OwnOption(
                 "length-mode",
-                "How requests count their length byte: body (default), n-4, n-2, frame, or auto to try them.",
+                "Which bytes the length byte of a request covers: body (default), n-4, n-2 or frame. auto tries each.",
                 metavar="MODE",
                 asked=True,
             ),
@@ -153,7 +153,7 @@ FAMILIES: dict[str, FamilyRow] = {
         options=(
             OwnOption(
                 "exchange",
-                "When the hand sends feedback: unasked (stream), when asked (poll), or only after a command (command). auto (default) detects it.",
+                "When the hand sends feedback: unprompted (stream), on request (poll), or only after a command (command). auto (default) detects it.",
                 choices=("auto", "stream", "poll", "command"),
                 named=True,
             ),
@@ -215,7 +215,7 @@ TOOLS: dict[str, dict[str, tuple[str, str]]] = {
     "Set up": {
         "devices": ("handctl.tools.devices", "name devices in the configuration file: list, add, remove, show"),
         "completion": (
-            "handctl.tools.completion",
+            "handctl.tools.completion_install",
             "print or install the shell completion: bash, zsh, fish, PowerShell",
         ),
     },

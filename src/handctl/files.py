@@ -148,6 +148,15 @@ def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[A
 
 
 @contextlib.contextmanager
+def writing(path: object, what: str = "", *, hint: str = "", code: str = "") -> Iterator[None]:
+    """What goes wrong with a file that is written in here is an OutputError, about `what` it is, such as "the report "."""
+    try:
+        yield
+    except OSError as exc:
+        raise OutputError(f"{path}: {what}cannot be written: {exc.strerror or exc}", hint=hint, code=code) from exc
+
+
+@contextlib.contextmanager
 def appended(path: str | os.PathLike[str]) -> Iterator[IO[str]]:
     """A text that is added to FILE, all of it in one write or nothing; gone when the body raises.
 

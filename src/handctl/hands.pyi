@@ -48,11 +48,11 @@ class Exo(Device):
     """Inspire EH55BF1 exoskeleton hand (RS-232, Bluetooth serial)."""
 
     def scan(self, *, ids: str | None = None, all: bool = False) -> Rows:
-        """Search for devices of this family: baud rate and id."""
+        """Detect a device of this family, with its baud rate and id if it has them."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Stop the device at once, even while another handctl command is using it."""
     def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> Rows:
-        """Show a health summary: values of each finger or motor, with errors decoded."""
+        """Show a health summary: the present values, with errors decoded."""
     def dump(self, *, limit: Sequence[str] = ()) -> Rows:
         """Read every documented quantity."""
     def get(self, *names: str, limit: Sequence[str] = ()) -> Rows:
@@ -65,7 +65,7 @@ class Exo(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> Rows:
-        """Write quantities by name and read them back. For example `position_set.index=300 force_set=0,0,0,0,0`."""
+        """Write values by name and read them back. Example: `position_set.index=300 force_set=0,0,0,0,0`."""
     def describe(self, *names: str) -> Rows:
         """List every quantity with address, type, range, access and manual section."""
     def watch(
@@ -191,14 +191,14 @@ class Exo(Device):
         """Command positions from 0 (bent) to 1000 (open). Asks first."""
 
 class Wrist(Device):
-    """Inspire wrist module of the dexterous hand (RS-232, RS-485, CAN)."""
+    """Inspire wrist module for dexterous hands (RS-232, RS-485, CAN)."""
 
     def scan(self, *, ids: str | None = None, all: bool = False) -> Rows:
-        """Search for devices of this family: baud rate and id."""
+        """Detect a device of this family, with its baud rate and id if it has them."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Stop the device at once, even while another handctl command is using it."""
     def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> Rows:
-        """Show a health summary: values of each finger or motor, with errors decoded."""
+        """Show a health summary: the present values, with errors decoded."""
     def dump(self, *, limit: Sequence[str] = ()) -> Rows:
         """Read every documented quantity."""
     def get(self, *names: str, limit: Sequence[str] = ()) -> Rows:
@@ -211,7 +211,7 @@ class Wrist(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> Rows:
-        """Write quantities by name and read them back. For example `yaw_set=10 pitch_set=-10 move_time=1000`."""
+        """Write values by name and read them back. Example: `yaw_set=10 pitch_set=-10 move_time=1000`."""
     def describe(self, *names: str) -> Rows:
         """List every quantity with address, type, range, access and manual section."""
     def watch(
@@ -271,7 +271,7 @@ class Wrist(Device):
     def read(self, address: Value, count: int) -> Rows:
         """Read COUNT bytes (1 to 252) from ADDRESS in the wrist. Registers from the manual are decoded."""
     def hand_read(self, address: Value, count: int) -> Rows:
-        """Read COUNT bytes (1 to 252) from ADDRESS in the wrist's hand, undecoded."""
+        """Read COUNT bytes (1 to 252) from ADDRESS in the hand, not in the wrist."""
     def move(
         self,
         *,
@@ -304,7 +304,7 @@ class Wrist(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> Rows:
-        """Write bytes to registers of the wrist's hand. Asks first."""
+        """Write bytes to registers of the hand, not of the wrist. Asks first."""
     def raw(
         self,
         *data: str,
@@ -319,9 +319,9 @@ class Barrett(Device):
     """BarrettHand BH8 series (RS-232)."""
 
     def scan(self, *, ids: str | None = None, all: bool = False) -> Rows:
-        """Search for devices of this family: baud rate and id."""
+        """Detect a device of this family, with its baud rate and id if it has them."""
     def stop(self, *, motors: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> Rows:
-        """Stop the hand immediately, even while another handctl is using it."""
+        """Stop the hand at once, even while another handctl command is using it."""
     def status(
         self,
         *,
@@ -330,7 +330,7 @@ class Barrett(Device):
         limit: Sequence[str] = (),
         include_ids: bool = False,
     ) -> Rows:
-        """Show a health summary: values of each finger or motor, with errors decoded."""
+        """Show a health summary: the present values, with errors decoded."""
     def dump(self, *, limit: Sequence[str] = (), include_ids: bool = False) -> Rows:
         """Read every documented quantity."""
     def get(self, *names: str, limit: Sequence[str] = ()) -> Rows:
@@ -458,7 +458,8 @@ class Barrett(Device):
         dry_run: bool = False,
         **named: Value,
     ) -> Rows:
-        """Move to POSITION in counts (default: the parameter DP), or to one for each motor: F1=9000 F2=9000."""
+        """Move all motors to POSITION in counts (default: the parameter DP), or each to its own: F1=9000
+        F2=9000."""
     def step_open(
         self,
         *values: Value | Mapping[str, Value],
@@ -532,7 +533,7 @@ class Barrett(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> Rows:
-        """Write the values that differ from a snapshot to RAM and read them back."""
+        """Restore to RAM the values that differ from a snapshot, and read them back."""
     def realtime(
         self,
         *,
@@ -556,7 +557,7 @@ class Barrett(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> Stream:
-        """Exchange RealTime blocks (LOOP): live view, NDJSON or CSV."""
+        """Run the RealTime loop (LOOP), shown live or written as NDJSON or CSV."""
     def firmware_check(self, file: Path, *, force: bool = False) -> Rows:
         """Check an S-record FILE. Needs no device."""
     def firmware_download(
@@ -624,9 +625,9 @@ class Ekso(Device):
     """EksoNR DataPort (serial over USB)."""
 
     def scan(self, *, ids: str | None = None, all: bool = False, length_mode: str | None = None) -> Rows:
-        """Search for devices of this family: baud rate and id."""
+        """Detect a device of this family, with its baud rate and id if it has them."""
     def stop(self, *, length_mode: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> Rows:
-        """Stop the device at once, even while another handctl command is using it."""
+        """Send CancelAction, which MAY NOT STOP THE DEVICE: use its own controls."""
     def status(
         self,
         *,
@@ -635,7 +636,7 @@ class Ekso(Device):
         limit: Sequence[str] = (),
         length_mode: str | None = None,
     ) -> Rows:
-        """Show a health summary: values of each finger or motor, with errors decoded."""
+        """Show a health summary: posture, joints, feet and unusual settings."""
     def dump(self, *, limit: Sequence[str] = (), length_mode: str | None = None) -> Rows:
         """Read every documented quantity."""
     def get(self, *names: str, limit: Sequence[str] = (), length_mode: str | None = None) -> Rows:
@@ -708,7 +709,7 @@ class Ekso(Device):
     def data(self, *, length_mode: str | None = None) -> Rows:
         """Show the current sensor values (GetData, 27 words)."""
     def feedback(self, *, length_mode: str | None = None) -> Rows:
-        """Show steps, times and assistance (GetFeedback, 17 words)."""
+        """Show step counts, times and assistance (GetFeedback, 17 words)."""
     def describe(self, *names: str) -> Rows:
         """List all words with message, ParameterID, type, codes and aliases."""
     def policy(self, *, audit: Path | None = None) -> Rows:
@@ -747,7 +748,7 @@ class Ekso(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> Rows:
-        """Cancel the running action (CancelAction)."""
+        """Send CancelAction once. This MAY NOT STOP THE DEVICE."""
     def gait(
         self,
         log: Path,
@@ -762,11 +763,11 @@ class Aidin(Device):
     """AIDIN-hand (TCP, JSON)."""
 
     def scan(self, *, ids: str | None = None, all: bool = False) -> Rows:
-        """Search for devices of this family: baud rate and id."""
+        """Detect a device of this family, with its baud rate and id if it has them."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Stop the device at once, even while another handctl command is using it."""
     def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> Rows:
-        """Show a health summary: values of each finger or motor, with errors decoded."""
+        """Show a health summary: the present values, with errors decoded."""
     def dump(self, *, limit: Sequence[str] = ()) -> Rows:
         """Read every documented quantity."""
     def get(self, *names: str, limit: Sequence[str] = ()) -> Rows:
@@ -821,7 +822,9 @@ class Aidin(Device):
     def bias(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Set the sensors to 0. Touch nothing: any load is subtracted from all later values."""
     def max_torque(self, value: Value, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
-        """Set the maximum output current: 0 to 1000 in 0.1 % (recommended: 700 to 1000)."""
+        """Set the maximum torque (output current), 0 to 1000 in units of 0.1 %."""
+    def check(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
+        """Move each motor a little and back, one after the other, and report findings."""
     def encoders(
         self,
         *values: Value | Mapping[str, Value],
@@ -870,11 +873,11 @@ class Hand(Device):
     """Inspire RH56 dexterous hands (RS-232, RS-485, CAN, Modbus RTU, Modbus TCP)."""
 
     def scan(self, *, ids: str | None = None, all: bool = False) -> Rows:
-        """Search for devices of this family: baud rate and id."""
+        """Detect a device of this family, with its baud rate and id if it has them."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Stop the device at once, even while another handctl command is using it."""
     def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> Rows:
-        """Show a health summary: values of each finger or motor, with errors decoded."""
+        """Show a health summary: the present values, with errors decoded."""
     def dump(self, *, limit: Sequence[str] = ()) -> Rows:
         """Read every documented quantity."""
     def get(self, *names: str, limit: Sequence[str] = ()) -> Rows:
@@ -936,7 +939,7 @@ class Hand(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> Rows:
-        """Write quantities by name and read them back."""
+        """Write values by name and read them back. Example: `speed_set.index=300 force_limit.index=500`."""
     def angle(
         self,
         *values: Value | Mapping[str, Value],
@@ -972,7 +975,7 @@ class Hand(Device):
         dry_run: bool = False,
         **named: Value,
     ) -> Rows:
-        """Set the speed of the next movement, 0 to 1000. Asks first if a finger may move."""
+        """Set the speed of all movements from now on, 0 to 1000. Asks first if a finger may move."""
     def calibrate(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Calibrate the force sensors. The whole hand moves for about 6 s."""
     def id(self, new: int | None = None, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:

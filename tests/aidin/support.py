@@ -6,12 +6,12 @@ import json
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from handctl.command.options import Settings
 from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.exchange import Conversation
 from handctl.link import ByteLink, Deadline, open_link
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
+from handctl.model.settings import Settings
 from handctl.model.stop_sequence import StopContext, Stopped, drive, stop_sequence_of
 from tests.support.scripted import RecordedLink, ScriptedLink
 

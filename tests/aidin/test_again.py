@@ -14,12 +14,12 @@ from types import SimpleNamespace
 import pytest
 
 from handctl.command.console import TerminalPrompts
-from handctl.command.options import Settings
 from handctl.devices.aidin import device
 from handctl.errors import Interrupted, LinkError
 from handctl.link.tcp import TcpLink
 from handctl.link.transcript import Tap, observed
 from handctl.model.prompts import Prompts
+from handctl.model.settings import Settings
 from handctl.stop.device_access import DeviceAccess
 from tests.aidin.support import STOP, feedback, hand_on, line
 from tests.support.cli import PATIENCE, Result, run

@@ -43,7 +43,7 @@ def test_three_damaged_objects_in_a_row_end_it_and_two_do_not(count: int) -> Non
         conversation.connect()
         assert conversation.feedback.complete()
     else:
-        with refused(ProtocolError, "bad-json", "3 damaged objects") as caught:
+        with refused(ProtocolError, "bad-json", "3 corrupted objects") as caught:
             conversation.connect()
         assert caught.value.code == "bad-json"
     assert conversation.journal.counters.bad_frames == count

@@ -174,7 +174,7 @@ def test_one_bad_object_is_passed_over() -> None:
 
 
 def test_three_damaged_objects_in_a_row() -> None:
-    with refused(ProtocolError, "bad-json", "3 damaged objects") as caught:
+    with refused(ProtocolError, "bad-json", "3 corrupted objects") as caught:
         hand_on(Streamer(lambda _: b'{"motor_pos":[1,2\n')).dump()
     assert caught.value.code == "bad-json"
 

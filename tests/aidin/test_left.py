@@ -138,7 +138,7 @@ def test_what_comes_instead_of_feedback_is_no_silence(act: Act, instead: bytes) 
     with pytest.raises(ProtocolError) as caught:
         act(hand_on(link))
     first = instead[:4].hex(" ").upper()
-    assert first in caught.value.text or "damaged" in caught.value.text, caught.value.text
+    assert first in caught.value.text or "corrupted" in caught.value.text, caught.value.text
 
 
 @pytest.mark.parametrize(("act", "bound"), [(initial, 0.3), (max_torque, 0.1), (modes.bias, 0.4)])

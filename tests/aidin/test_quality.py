@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import csv
+import itertools
 import json
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -153,3 +156,31 @@ def test_a_hand_whose_every_object_is_damaged_is_told_what_is_wrong_with_it() ->
         ProtocolError, match=r"no feedback from the hand, but 7B 22 .*: an object that contains 'motor_pos' twice$"
     ):
         hand_on(ScriptedLink(lambda _: [(0.01, twice)])).dump()
+
+
+@pytest.mark.parametrize(("options", "step"), [("merge=5", 100), ("objects=separate", 100), ("rate=400&merge=10", 25)])
+def test_a_log_has_a_row_for_each_object_of_a_stream(options: str, step: int, tmp_path: Path) -> None:
+    """An encoder that loses 10,000 counts a second shows an object that was passed over, however many came at once."""
+    link = f"fake://aidin?clock=virtual&start=homed&fault=creep&motor=0&creep=10000&{options}"
+    path = tmp_path / "a.csv"
+    done = run("aidin", "log", path, "motor_pos.thumb.m1", "--count", "60", "-p", link, "--json")
+    assert (done.code, done.rows[0]["rows"]) == (0, 60), done
+    places = [int(row["motor_pos.thumb.m1_cts"]) for row in csv.DictReader(path.open(encoding="utf-8", newline=""))]
+    assert {before - after for before, after in itertools.pairwise(places)} == {step}
+    counted = json.loads(Path(f"{path}.json").read_text(encoding="utf-8"))["counters"]["keys"]
+    assert counted["motor_pos"] == {"bad": 0, "missing": 0, "skipped": 0}
+
+
+def test_a_log_with_a_rate_takes_the_newest_object(tmp_path: Path) -> None:
+    link = "fake://aidin?clock=virtual&start=homed&fault=creep&motor=0&creep=10000"
+    path = tmp_path / "a.csv"
+    assert run("aidin", "log", path, "motor_pos.thumb.m1", "--count", "10", "--rate", "10", "-p", link).code == 0
+    places = [int(row["motor_pos.thumb.m1_cts"]) for row in csv.DictReader(path.open(encoding="utf-8", newline=""))]
+    assert {before - after for before, after in itertools.pairwise(places)} <= {900, 1000, 1100}
+
+
+@pytest.mark.parametrize(("fault", "code"), [("not-json", 5), ("unclosed", 0), ("extra-key", 0), ("silent", 4)])
+def test_a_log_of_a_stream_that_turns_to_other_data_ends(fault: str, code: int, tmp_path: Path) -> None:
+    link = f"fake://aidin?clock=virtual&start=homed&fault={fault}&after=20"
+    done = run("aidin", "log", tmp_path / "a.csv", "--count", "40", "--silence", "5", "-p", link, "--json")
+    assert done.code == code and done.rows[0]["rows"] >= 15, done

@@ -10,10 +10,11 @@ import pytest
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.maintenance import diagnose, health, movement_checks, symptoms
 from handctl.devices.barrett.maintenance.diagnose import CHECKS, ExaminedHand
-from handctl.devices.barrett.maintenance.health import FAIL, OK, SKIPPED, WARNING, Finding
+from handctl.devices.barrett.maintenance.health import Finding
 from handctl.devices.barrett.maintenance.symptoms import PROCEDURES
 from handctl.devices.barrett.map import BARRETT, GclParam
 from handctl.errors import CheckFailed, Interrupted, LinkError, UsageError
+from handctl.model.checks import FAIL, OK, SKIPPED, WARNING
 from handctl.model.prompts import Prompts
 from tests.barrett.support import Simulated, hand_on, scripted, simulated
 from tests.support.each_row import each_row

@@ -6,10 +6,10 @@ from itertools import combinations
 
 import pytest
 
-from handctl.command.options import Settings
 from handctl.devices.barrett import state_files
 from handctl.devices.barrett.map import SPEEDS
 from handctl.devices.barrett.stopper import power_off
+from handctl.model.settings import Settings
 from handctl.model.stop_sequence import SILENCE, StopContext, unheard
 from handctl.sim.barrett.uart import RECEIVERS, resample
 from tests.support.cli import Result, Spy, run, spying

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.barrett.maintenance import health, strain
-from handctl.devices.barrett.maintenance.health import FAIL, OK, SKIPPED, WARNING
 from handctl.errors import CheckFailed, DeviceRefused
+from handctl.model.checks import FAIL, OK, SKIPPED, WARNING
 from handctl.model.prompts import Prompts
 from tests.barrett.support import codes, scripted, simulated
 

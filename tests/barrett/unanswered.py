@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import product
 from pathlib import Path
 
-from handctl.command.options import Settings
 from handctl.devices.barrett.map import SPEEDS
 from handctl.devices.barrett.realtime.blocks import Layout, Selection
 from handctl.devices.barrett.realtime.flags import FlagRequest
@@ -21,6 +20,7 @@ from handctl.devices.inspire.hand.probe import TARGET
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
 from handctl.link.deadman import Guard, Shot
+from handctl.model.settings import Settings
 from handctl.model.stop_sequence import StopContext, drive, stop_sequence_of
 from handctl.tools.probes import probe_of
 from tests.barrett.line_receiver import Sent

@@ -47,7 +47,7 @@ def main() -> int:
     parser.add_argument(
         "--guide",
         action="store_true",
-        help="write tests/bench/last.json and the section Figures of handctl-development(7)",
+        help="write tests/bench/last.json and the section Benchmarks of handctl-development(7)",
     )
     parser.add_argument("--age", action="store_true", help="only report whether the published figures are of this code")
     options = parser.parse_args()

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from handctl.families import FAMILIES
-from handctl.record.formats import FORMATS
+from handctl.model.export_formats import FORMATS
 from tests.support.cli import run
 
 

@@ -12,9 +12,12 @@ import pytest
 import handctl
 from handctl.families import FAMILIES
 from handctl.link.fake import FakeLink
+from handctl.sim import model_class
 from tests.contract.facts import facts_of
 from tests.support.cli import Result, run
 
+ANSWERS: dict[str, dict[str, object]] = {"aidin": {"exchange": "poll"}}
+"""A stream goes on by the clock: which of its objects a row has is not the same twice."""
 LEAD = ["host_utc_s", "host_mono_s", "t_s", "segment", "seq", "rtt_ms"]
 
 
@@ -48,6 +51,8 @@ def test_a_log_has_a_row_for_each_answer_and_a_sidecar(kind: str, tmp_path: Path
     )
     assert about["simulated"] is True and about["settings_changed"] == []
     assert about["settings_before"] == about["settings_after"]
+    told = run(kind, "dump", "-p", done.json["device"]["link"], "--json").json["device"]
+    assert done.json["device"].get("model") == told.get("model")
     named = {str(column["column"]) for column in about["columns"]}
     assert named < set(rows[0]) and all(row[name] != "" for row in rows for name in named)
 
@@ -95,6 +100,38 @@ def test_a_duration_ends_it_where_time_passes_only_with_what_is_done(kind: str, 
     with handctl.simulate(kind) as device:  # type: ignore[call-overload]
         device.log(str(tmp_path / "b.csv"), duration=0.5)
     assert 0.4 <= kept(tmp_path / "b.csv")[1]["duration_s"] <= 0.5
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_append_records_the_next_trial_into_a_file_with_its_number(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "walk.csv"
+    names = ["walk.csv", "walk-2.csv", "walk-3.csv"]
+    for number, name in enumerate(names, 1):
+        done = log(kind, path, "--append", "--count", str(number))
+        assert (done.code, done.rows[0]["trial"], Path(done.rows[0]["file"]).name) == (0, number, name), done
+    assert [kept(tmp_path / name)[1]["trial"] for name in names] == [1, 2, 3]
+    assert [len(kept(tmp_path / name)[0]) for name in names] == [1, 2, 3]
+    (tmp_path / "walk-2.csv").unlink()
+    (tmp_path / "walk-2.csv.json").unlink()
+    assert log(kind, path, "--append", "--count", "1").rows[0]["trial"] == 4, "a number is never given twice"
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_a_replay_gives_the_rows_that_were_recorded(kind: str, tmp_path: Path) -> None:
+    """What --trace kept of a log plays the device: the same values in the same order, and the same settings."""
+    path, again, trace = tmp_path / "a.csv", tmp_path / "b.csv", tmp_path / "a.trace"
+    assert (
+        log(kind, path, "--count", "12", "--rate", "20", "--trace", str(trace), use="on", **ANSWERS.get(kind, {})).code
+        == 0
+    )
+    done = run(kind, "log", again, "--count", "12", "--rate", "20", "-p", f"replay:{trace}", "--json")
+    assert done.code == 0, done
+    (first, about), (second, told) = kept(path), kept(again)
+    named = [str(column["column"]) for column in about["columns"]]
+    values = [[[row[name] for name in named] for row in rows] for rows in (first, second)]
+    assert values[0] == values[1] and told["settings_before"] == about["settings_before"]
+    if model_class(kind).CONTROL:  # else nobody can use its simulator
+        assert len({tuple(row) for row in values[0]}) > 1, "nothing moved, so nothing is shown"
 
 
 @pytest.mark.parametrize("kind", [kind for kind in FAMILIES if kind != "ekso"])

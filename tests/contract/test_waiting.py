@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 from handctl.command.family import load
-from handctl.command.options import Settings
 from handctl.families import FAMILIES
 from handctl.link import NoLink
 from handctl.model.device import Device
 from handctl.model.result import Journal
+from handctl.model.settings import Settings
 from tests.contract.facts import Waiting, facts_of
 from tests.harm.cell import connected, link_of
 from tests.harm.lines import Line, lines_of, prepare

@@ -28,7 +28,7 @@ OF_OTHERS = {
     "tools/ports.py": {"--reload"},
 }
 """Options of other programs that a text names: pytest, our own tests, mypy, udevadm."""
-IN_CODE = ("docgen/", "report/html.py", "report/curves.py", "report/cycles.py")
+IN_CODE = ("docgen/", "report/html.py", "charts/curves.py", "charts/cycles.py")
 """Strings there are programs of shells, and styles."""
 FILES = {"pyz", "exe"}
 

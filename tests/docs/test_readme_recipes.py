@@ -14,7 +14,7 @@ import pytest
 
 from tests.support.places import GUIDES
 
-TEXT = "\n".join((GUIDES / f"{name}.md").read_text(encoding="utf-8") for name in ("simulators", "output"))
+TEXT = "\n".join((GUIDES / f"{name}.md").read_text(encoding="utf-8") for name in ("simulators", "scripts"))
 BLOCK = re.compile(r"^```(python|c|sh)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 BLOCKS = BLOCK.findall(TEXT)
 ANSWER = "90 eb 01 05 11 c0 05 2e 02 0c"

@@ -12,7 +12,7 @@ from handctl.errors import HandctlError
 from handctl.model.clock_comparison import Moment
 from handctl.model.prompts import Prompts
 from handctl.record.marks import Heard
-from handctl.record.recording import Limits, Recording, record
+from handctl.record.recording import Limits, Loop, Recording
 from handctl.record.source import Sample, Source
 from handctl.record.timeline import Place
 
@@ -125,7 +125,7 @@ def recorded(
 def run(recording: Recording, limits: Limits, mark: Callable[[], str] = str) -> HandctlError | None:
     """The loop of a recording; what ended it."""
     try:
-        return record(recording, limits, mark=lambda: [Heard(text)] if (text := mark()) else [], prompts=Prompts())
+        return Loop(recording, limits, lambda: [Heard(text)] if (text := mark()) else [], Prompts(), {}).run()
     finally:
         recording.close()
 

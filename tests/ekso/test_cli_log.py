@@ -413,7 +413,7 @@ def on_a_terminal(tmp_path: Path) -> Iterator[pexpect.spawn]:
         timeout=PATIENCE,
         dimensions=(24, 100),
     )
-    child.expect("a key sets a mark")
+    child.expect("Any key sets a mark")
     child.expect(r"\d+ rows")
     yield child
     child.close(force=True)

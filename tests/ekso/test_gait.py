@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from handctl.charts.cycles import Band, bands, histogram, timeline
 from handctl.devices.ekso.gait import (
     ALONE,
     HOLE,
@@ -22,7 +23,6 @@ from handctl.devices.ekso.gait import (
     curve,
     walk_in,
 )
-from handctl.report.cycles import Band, bands, histogram, timeline
 from tests.ekso.walks import RATE, Made, Plan, walk
 from tests.support.cli import run
 from tests.support.each_row import each_row

@@ -67,4 +67,4 @@ def test_a_damaged_log_leaves_no_file(log: Path) -> None:
     out = log.with_name("a.parquet")
     log.write_bytes(log.read_bytes().replace(b",4.50,", b",4.5O,", 1))
     done = run("ekso", "export", log, "--to", "parquet", "-o", out)
-    assert done.code == 2 and "damaged" in done.err and not out.exists()
+    assert done.code == 2 and "corrupted" in done.err and not out.exists()

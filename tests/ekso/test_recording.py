@@ -23,7 +23,7 @@ from handctl.devices.ekso.map import DATA, SETTINGS
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.model.clock_comparison import WITHIN_MS, Moment
 from handctl.model.prompts import Prompts
-from handctl.record.recording import Limits, changed, file_name, record, undisturbed
+from handctl.record.recording import Limits, Loop, changed, file_name, undisturbed
 from handctl.record.source import Sample, clean
 from handctl.record.timeline import LEARNED, MOST_PARTED, ClockFit, Timeline
 from tests.ekso.recordings import STANDING, Device, opened, recorded, run, steady, words_at
@@ -382,7 +382,7 @@ def test_what_is_not_on_the_disk_is_not_complete(
     """A disk that fails, or a file system that cannot tell; the sidecar is written all the same."""
     path, fsync, failed = tmp_path / "a.csv", os.fsync, list[int]()
     recording = opened(path, Device(steady(3)))
-    assert record(recording, Limits(rows=3), mark=list, prompts=Prompts()) is None
+    assert Loop(recording, Limits(rows=3), list, Prompts(), {}).run() is None
 
     def fails(file: int) -> None:
         if not failed:
@@ -715,3 +715,44 @@ def test_a_directory_gets_a_file_named_after_the_moment(tmp_path: Path) -> None:
     assert name.parent == tmp_path
     assert name.match("ekso-2*T*Z.csv")
     assert file_name("gait.csv", "ekso") == "gait.csv"
+
+
+# -- the next request goes out before the row is written ----------------------------------------------------------------
+
+
+class Eager(Device):
+    """Counts the rows of the file at each request that is sent ahead; the port is lost at the one numbered `lost`."""
+
+    def __init__(self, path: Path, count: int, lost: int = 0) -> None:
+        super().__init__(steady(count))
+        self.path, self.lost = path, lost
+        self.rows: list[int] = []
+
+    def ask_ahead(self) -> None:
+        self.rows.append(self.path.read_bytes().count(b"\n") - 1)
+        if len(self.rows) == self.lost:
+            raise LinkError("the port is gone", code="lost")
+
+
+@pytest.mark.parametrize(
+    ("limits", "rows"),
+    [
+        (Limits(rows=4), [0, 1, 2]),
+        (Limits(rows=4, rate=50.0), []),
+        (Limits(rows=4, over=lambda rows, seconds: False), []),
+    ],
+    ids=["free", "rate", "until"],
+)
+def test_the_line_works_while_a_row_is_written_and_nothing_is_asked_for_nobody(
+    tmp_path: Path, limits: Limits, rows: list[int]
+) -> None:
+    path = tmp_path / "a.csv"
+    device = Eager(path, 4)
+    assert run(opened(path, device, rate=limits.rate), limits) is None
+    assert (device.rows, len(table(path))) == (rows, 4)
+
+
+def test_a_port_that_is_lost_by_then_costs_no_row(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    failure = run(opened(path, Eager(path, 5, lost=3)), Limits(rows=5))
+    assert isinstance(failure, LinkError) and len(table(path)) == 3

@@ -56,7 +56,7 @@ def test_a_speed_that_is_already_set_is_not_called_unsaved() -> None:
     """What lies in flash cannot be read (exo §2.3.4)."""
     answer = run("exo", "baud", "115200", "-p", fake(id=7), "--id", "7", "-y", "--json")
     texts = [message["text"] for message in answer.json["messages"]]
-    assert any("may not be saved" in text for text in texts)
+    assert any("was perhaps not saved" in text for text in texts)
     assert not any("is not saved" in text for text in texts)
 
 

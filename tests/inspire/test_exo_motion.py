@@ -64,7 +64,7 @@ def test_calibration_without_a_report_ends_after_30_seconds() -> None:
     table = procedures.calibrate(hand, Prompts())
     assert table.rows[0]["value"] == "not reported"
     assert 30.0 <= link.sent_at[1] < 31.0
-    assert "did not report the end within 30 s" in message(hand, "no-completion")
+    assert "did not report that the calibration ended within 30 s" in message(hand, "no-completion")
     assert "not documented" in message(hand, "no-completion")
 
 

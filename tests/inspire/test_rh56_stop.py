@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import pytest
 
-from handctl.command.options import Settings
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import CanFrame
+from handctl.model.settings import Settings
 from handctl.model.stop_sequence import Sent, StopContext, Stopped, StopSequence, drive
 from tests.inspire.wrist_support import ScriptedFrames
 from tests.support.each_row import each_row

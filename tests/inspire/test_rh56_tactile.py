@@ -124,3 +124,34 @@ def test_a_live_picture_and_a_line_a_zone_where_it_does_not_fit(rows: int, seen:
     assert any(line.startswith(seen) for line in shown.display), shown.display
     assert not any("enlarge the window" in line for line in shown.display)
     assert sum("of 9 " in line for line in shown.display) == (0 if rows == 60 else 6)
+
+
+def test_a_log_has_zones_next_to_other_quantities(tmp_path: Path) -> None:
+    path = tmp_path / "grasp.csv"
+    done = run("hand", "log", path, "force_actual.index", "tactile.index", "tactile.palm", "--count", "3", "-p", TCP)
+    assert done.code == 0, done
+    rows = list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8"))))
+    cells = [name for name in rows[0] if name.startswith("tactile.")]
+    assert "force_actual.index_g" in rows[0] and len(cells) == 9 + 96 + 80 + 112
+    assert (rows[2]["tactile.palm.r8c1"], rows[2]["tactile.palm.r8c2"], rows[2]["error"]) == ("950", "958", "")
+
+
+@pytest.mark.parametrize(("name", "code"), [("tactile.elbow", "unknown-name"), ("tactil", "unknown-name")])
+def test_a_log_of_a_zone_that_is_not_there_makes_no_file(tmp_path: Path, name: str, code: str) -> None:
+    done = run("hand", "log", tmp_path / "a.csv", name, "--count", "1", "-p", TCP, "--json")
+    assert (done.code, done.error["code"], list(tmp_path.iterdir())) == (2, code, [])
+
+
+def test_a_log_of_a_hand_without_zones_says_so(tmp_path: Path) -> None:
+    done = run(
+        "hand",
+        "log",
+        tmp_path / "a.csv",
+        "tactile",
+        "--count",
+        "1",
+        "-p",
+        "fake://hand?clock=virtual&model=df",
+        "--json",
+    )
+    assert (done.code, done.error["code"], list(tmp_path.iterdir())) == (6, "not-on-model", [])

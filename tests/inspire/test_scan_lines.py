@@ -231,7 +231,7 @@ def test_the_doctor_names_others_and_a_lost_first_byte_with_a_remedy(tmp_path: P
         told[model] = {row["check"]: row for row in result.rows}
     others = told["half-duplex"]["others"]
     assert (others["status"], "one master" in others["remedy"]) == ("warning", True)
-    assert "damaged" not in told["half-duplex"]["error_rate"]["remedy"]
+    assert "corrupted" not in told["half-duplex"]["error_rate"]["remedy"]
     first = told["first-byte-lost"]["first_byte"]
     assert (first["status"], "adapter" in first["remedy"]) == ("fail", True)
     assert told["first-byte-lost"]["half_duplex"]["status"] == "skipped"

@@ -56,7 +56,7 @@ def test_a_simulated_device_needs_neither_a_terminal_nor_a_port() -> None:
 
 def test_what_is_not_there_is_an_attribute_error(exo: hands.Exo) -> None:
     assert not hasattr(handctl, "nonsense") and not hasattr(exo, "nonsense") and not hasattr(hands, "Nonsense")
-    assert {"get", "factory_reset", "position"} <= set(dir(exo)) and "Write quantities" in exo.set.__doc__
+    assert {"get", "factory_reset", "position"} <= set(dir(exo)) and "Write values" in exo.set.__doc__
     for kind in FAMILIES:
         assert issubclass(getattr(hands, kind.capitalize()), hands.Device)
     assert isinstance(exo, hands.Exo) and exo.kind == "exo"

@@ -87,7 +87,7 @@ def test_a_file_that_begins_alike_is_another_one(tmp_path: Path) -> None:
 
 @each_row("words", [
     "get temperature --append", "get temperature --append --csv", "get temperature --append -o x.csv",
-    "watch --count 1 --append --csv -o x.csv", "get temperature --time", "log x.csv --count 1 --append",
+    "watch --count 1 --append --csv -o x.csv", "get temperature --time",
 ])  # fmt: skip
 def test_what_makes_no_sense_is_refused(words: str, tmp_path: Path) -> None:
     done = run("exo", *words.replace("x.csv", str(tmp_path / "x.csv")).split(), "-p", LINK)

@@ -10,7 +10,7 @@ import pytest
 from handctl.devices.inspire.map import EXO
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
-from handctl.model.bound import Watchdog, bounds_in
+from handctl.model.bound import Watchdog, bound_in
 from handctl.model.param import Bound
 from tests.support.cli import run
 from tests.support.each_row import each_row
@@ -28,7 +28,7 @@ def named(name: str) -> list[str]:
     ("temperature=..60", None, 60.0),
 ])  # fmt: skip
 def test_a_limit_is_a_highest_value_or_a_range(text: str, low: float | None, high: float | None) -> None:
-    (bound,) = bounds_in([text], named, "--limit")
+    bound = bound_in(text, named, "--limit")
     assert (bound.low, bound.high, len(bound.paths)) == (low, high, 1 if "." in text.split("=")[0] else 5)
 
 
@@ -36,7 +36,7 @@ def test_a_limit_is_a_highest_value_or_a_range(text: str, low: float | None, hig
                    "tempe=3", "=3"])  # fmt: skip
 def test_what_is_no_limit_is_refused(text: str) -> None:
     with pytest.raises(UsageError) as refused:
-        bounds_in([text], named, "--limit")
+        bound_in(text, named, "--limit")
     assert refused.value.hint
 
 

@@ -169,7 +169,7 @@ def test_a_command_that_writes_says_so_in_its_help() -> None:
 def test_without_a_command_the_help_is_shown(args: Sequence[str]) -> None:
     result = run(*args)
     text = result.out + result.err
-    assert "Usage: handctl" in text and ("Look:" if args else "Devices:") in text
+    assert "Usage: handctl" in text and ("Inspect:" if args else "Devices:") in text
     assert "handctl: error" not in text
     assert result.code in (0, 2)
 

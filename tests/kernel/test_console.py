@@ -9,8 +9,9 @@ import time
 
 import pytest
 
-from handctl.command.console import TerminalPrompts, confirms
+from handctl.command.console import TerminalPrompts
 from handctl.errors import OutputError
+from handctl.model.prompts import confirms
 from tests.support.each_row import each_row
 
 

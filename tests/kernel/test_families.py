@@ -13,7 +13,6 @@ from typing import Any
 
 import pytest
 
-from handctl.command.options import Settings
 from handctl.docgen.tree import map_of
 from handctl.families import FAMILIES
 from handctl.link import NoLink, open_link
@@ -31,6 +30,7 @@ from handctl.model.param import (
     elements_of,
 )
 from handctl.model.result import Journal
+from handctl.model.settings import Settings
 from tests.support.cli import fake, memory, pairs, run, s16, spying, writes
 from tests.support.each_row import each_row
 from tests.support.places import GUIDES
@@ -155,7 +155,7 @@ def test_a_snapshot_tells_how_many_of_which_kind(tmp_path: Path) -> None:
 
 def test_the_line_of_the_guide_commands_nothing_on_a_worn_hand(tmp_path: Path) -> None:
     """snapshot; force 0; `exo diff … || exo restore … --yes`: the forces of the file are not sent, and diff finds nothing."""
-    prompts = (GUIDES / "output.md").read_text(encoding="utf-8")
+    prompts = (GUIDES / "scripts.md").read_text(encoding="utf-8")
     assert "exo diff before.json --format plain -q || handctl exo restore before.json --yes" in prompts
     link, path, trace = fake(state=tmp_path / "state.json"), tmp_path / "before.json", tmp_path / "t.txt"
     assert run("exo", "force", *["-800"] * 5, "-y", "-p", link).code == 0

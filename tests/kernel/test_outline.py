@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
+from handctl.charts.outline import outline_svg
 from handctl.command.family import load
 from handctl.families import FAMILIES
 from handctl.model.outline import Bar, Measure, Outline, drawn, outline_of, painted
 from handctl.model.result import Cell, Row
-from handctl.report.outline import outline_svg
 from tests.support.cli import run
 
 DRAWN = [kind for kind in FAMILIES if outline_of(kind) is not None]

@@ -15,9 +15,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from handctl.command.options import Settings
 from handctl.errors import OutputError
 from handctl.model.result import Column, Sample, Table
+from handctl.model.settings import Settings
 from handctl.screen.output import Sink
 from handctl.screen.render import stream
 from tests.support.cli import (

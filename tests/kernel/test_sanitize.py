@@ -16,8 +16,8 @@ from typing import Any
 
 import pytest
 
-from handctl.command.options import Settings
 from handctl.model.result import Cell, Column, Counters, Grid, Sample, Table
+from handctl.model.settings import Settings
 from handctl.screen import render
 from handctl.screen.output import Sink
 from handctl.screen.render import show, stream

@@ -12,12 +12,12 @@ from itertools import pairwise
 
 import pytest
 
-from handctl.command.options import Settings
 from handctl.families import FAMILIES
 from handctl.model.outline import highest_of
 from handctl.model.param import Bound
 from handctl.model.remedy import Remedy
 from handctl.model.result import Journal, Sample, Table
+from handctl.model.settings import Settings
 from handctl.screen import live
 from tests.contract.facts import facts_of
 from tests.support.cli import run

@@ -43,7 +43,7 @@ def test_a_command_shows_examples_of_its_own(node) -> None:  # type: ignore[no-u
 @each_row("node", leaves)
 def test_the_common_options_are_those_that_a_command_accepts(node) -> None:  # type: ignore[no-untyped-def]
     text = help_of(*node.path)
-    common = set(re.findall(r"--[\w-]+", text.partition("\nCommon options, ")[2]))
+    common = set(re.findall(r"--[\w-]+", text.partition("\nCommon options (")[2]))
     assert common == {option.names[-1] for option in node.options if option.shared}
     assert (set(WRITING) & common == set()) is not node.writes or node.path[0] in ("completion",)
 
@@ -64,7 +64,7 @@ def test_what_a_protocol_does_not_have_is_not_offered(family: str) -> None:
 
 @pytest.mark.parametrize("name", WITHOUT_A_LINK)
 def test_what_opens_no_link_offers_none(name: str) -> None:
-    offered = set(re.findall(r"--[\w-]+", help_of(*name.split()).partition("\nCommon options, ")[2]))
+    offered = set(re.findall(r"--[\w-]+", help_of(*name.split()).partition("\nCommon options (")[2]))
     links = [option for option in root.get_params(click.Context(root)) if isinstance(option, SharedOption)]
     assert not {option.opts[-1] for option in links if option.section == CONNECTION} & offered
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 import os
+import pickle
 import pty
 import select
 import signal
@@ -16,6 +17,8 @@ import time
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -23,9 +26,11 @@ from unittest import mock
 import pytest
 
 from handctl.errors import LinkError
-from handctl.link import CanFrame, NoLink, Outlet, open_link
+from handctl.link import CanFrame, NoLink, Outlet, can, deadman, open_link, serial
 from handctl.link.deadman import LARGEST, Shot, _pack, _unpack, act_for, guarding
 from handctl.link.lock import InUse, hold
+from handctl.model.settings import Settings
+from handctl.model.stop_sequence import StopContext, StopPlan, stop_sequence_of
 from handctl.system import child
 from tests.support.cli import PATIENCE, wait_until
 from tests.support.each_row import each_row
@@ -431,6 +436,34 @@ def test_where_no_process_can_be_started_nothing_is_driven() -> None:
     os.close(writer)
     assert os.read(reader, 100) == b""
     os.close(reader)
+
+
+def test_a_job_is_the_same_in_another_process() -> None:
+    """On Windows the child gets it by a pipe: the way out with its codec, and the plan with the device's own id."""
+    frame = CanFrame(0x057C8001, bytes(8))
+    ways = [serial.outlet_of(mock.Mock(_port_handle=7), "COM7"), Outlet(7, can._slcan_frame, can._slcan_frames)]
+    context = StopContext(Settings(id=9), speed=115200, fixed=True)
+    for way, power in product(ways, (False, True)):
+        assert way is not None
+        way.before, way.owes = (lambda: None), (lambda _rest: None)  # of a guard, which stays here
+        plan = StopPlan(partial(stop_sequence_of, "wrist"), context._replace(powered=power))
+        job = child.Job(7, (), partial(deadman._act, way, plan), child.message(b"text", 0.5), 3.0)
+        there = pickle.loads(pickle.dumps(job))  # noqa: S301 - our own
+        gone, told = there.act.args
+        assert (gone.descriptor, gone.baud) == (way.descriptor, way.baud)
+        assert gone.encode(frame.data, frame.can_id) == way.encode(frame.data, frame.can_id)
+        assert (gone.decode is None) == (way.decode is None)
+        assert told._context == plan._context and next(told._sequence(told._context)).step.data[2] == 9
+        assert (there.first, there.bound) == (job.first, job.bound)
+
+
+def test_of_many_messages_the_last_one_counts() -> None:
+    first, last, pulse = child.message(b"a", 0.0), child.message(b"b", 0.5), child.PULSE
+    stream = first + pulse + last + pulse
+    for cut in range(len(stream) + 1):
+        told, rest = child._heard(b"before", stream[:cut])
+        told, rest = child._heard(told, rest + stream[cut:])
+        assert (told, rest) == (last[2:], b"")
 
 
 # -- the messages ------------------------------------------------------------------------------------------------------------

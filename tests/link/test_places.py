@@ -185,8 +185,8 @@ def test_a_damaged_line_of_an_adapter_is_dropped_and_counted() -> None:
 @pytest.mark.parametrize(
     ("answer", "code", "words"),
     [
-        (b"T?2A7\r", 5, "1 damaged line came from the adapter, the last b'T1"),
-        (b"\xff\r", 5, "1 damaged line came from the adapter, the last b'\\xff\\r'"),
+        (b"T?2A7\r", 5, "the adapter sent 1 corrupted line (the last one: b'T1"),
+        (b"\xff\r", 5, "the adapter sent 1 corrupted line (the last one: b'\\xff\\r'"),
         (b"T?2A7\rT?2A7FE\r", 0, ""),
     ],
 )

@@ -94,7 +94,7 @@ def test_a_terminal_that_is_no_adapter_is_locked_no_more() -> None:
     """And an adapter is found on a terminal and over TCP of the system."""
     with Simulator("--pty", kind="wrist") as port:
         for _ in range(2):
-            with pytest.raises(LinkError, match="does not answer as an slcan adapter") as caught:
+            with pytest.raises(LinkError, match="does not reply as an slcan adapter") as caught:
                 open_link(f"can:slcan:{port.link}")
             assert caught.value.code == "not-slcan"  # the second time, too: not "busy"
             open_now = [os.path.realpath(f"/proc/self/fd/{one}") for one in os.listdir("/proc/self/fd")]

@@ -42,9 +42,9 @@ COVERED: Mapping[str, tuple[str, str]] = {
         "kernel/test_bound.py",
         "test_a_limit_that_nothing_was_compared_with",
     ),
-    "If the device still moves or has a new target": ("stop/test_stop_sequence.py", "test_"),
+    "If the device is still moving or has a new target": ("stop/test_stop_sequence.py", "test_"),
     "If the device turns out to be a different one, nothing is written": ("stop/test_whose.py", "test_"),
-    "That command sends the stop ahead of everything else": ("stop/test_stop.py", "test_"),
+    "That command does so ahead of everything else": ("stop/test_stop.py", "test_"),
     "Exit code 130 means that the stop was acknowledged": (
         "contract/test_contract.py",
         "test_ctrl_c_in_a_movement_sends_its_stop",

@@ -183,6 +183,12 @@ def strides_are_whole(bench: Bench) -> None:
     assert len(lines) > 2 and {line.count(",") for line in lines} == {12}
 
 
+def streams_are_whole(bench: Bench) -> None:
+    """The footer of its stream is there."""
+    data = (bench.folder / "gait.xdf").read_bytes()
+    assert data.startswith(b"XDF:") and b"</info>" in data[-400:], data[-400:]
+
+
 CASES = [
     Case("exo", "set force_set.index=-9 -y", 0.03, is_("get 1504 2", "F7 FF"), ("set force_set.index=11 -y",)),
     Case("exo", "set position_set.index=100 -y", 0.03, is_("get 1492 2", "64 00"), OPEN, still=POSITIONS),
@@ -285,6 +291,7 @@ CASES = [
     Case("aidin", "fingertips 0 45.5 146.7 0 2.6 120 0 2.6 149.5 0 2.6 149.5 0 2.6 149.5", 0.8, near("get task_space_pos", 5, 119.5, 120.5), ("initial -y",), still=M),
     Case("aidin", "currents index.m1=20 -y --duration 0.3", 1.0, is_("get current_state", NO_CURRENT), still=M),
     Case("aidin", "currents 0 0 0 20 0 0 0 0 0 0 0 0 0 0 0 -y --duration 0.3", 1.0, is_("get current_state", NO_CURRENT), still=M),
+    Case("aidin", "check -y", 5.0, near(M, 5, -20, 60), still=M),
     Case("aidin", "report {}/page.html --watch 0.3 --force", 0.6, page_is_whole),
     Case("aidin", "log {}/gait.csv --rate 50 --count 20 --force", 0.5, log_is_whole),
     Case("aidin", "bias", 0.8),
@@ -296,6 +303,7 @@ CASES = [
     Case("machine", "completion zsh --install --json", 0.8, completes("data/zsh/site-functions/_handctl"), fresh=("data/zsh/site-functions/_handctl",)),
     Case("machine", "completion fish --install --json", 0.8, completes("config/fish/completions/handctl.fish"), fresh=("config/fish/completions/handctl.fish",)),
     Case("machine", "ekso export {}/gait.csv -o {}/gait.mot --format mot", 0.3, motion_is_whole, ("ekso log {}/gait.csv -p fake://ekso?clock=virtual --count 20 --rate 50 --force",), fresh=("gait.mot",)),
+    *(Case("machine", f"{family} export {{}}/gait.csv --to xdf -o {{}}/gait.xdf", 0.3, streams_are_whole, (f"{family} log {{}}/gait.csv -p fake://{family}?clock=virtual --count 20 --force",), fresh=("gait.xdf",)) for family in ("exo", "hand", "wrist", "barrett", "aidin")),
     Case("machine", "ekso gait {}/walk.csv --steps {}/steps.csv", 0.3, strides_are_whole, ("ekso log {}/walk.csv -p fake://ekso?clock=virtual&posture=walking --count 2000 --force",), fresh=("steps.csv",)),
 ]  # fmt: skip
 DOWNLOAD = "barrett firmware download"

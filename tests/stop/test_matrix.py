@@ -8,6 +8,7 @@ back. Judged by what is claimed: a stop that is told as one has stopped it.
 from __future__ import annotations
 
 import importlib
+import pickle
 import signal
 import struct
 from collections.abc import Callable
@@ -20,7 +21,6 @@ from unittest import mock
 import pytest
 
 from handctl.command.console import TerminalPrompts
-from handctl.command.options import Settings
 from handctl.devices.inspire import eb90
 from handctl.errors import OutputError
 from handctl.families import FAMILIES
@@ -28,6 +28,7 @@ from handctl.link import Outlet, deadman
 from handctl.model.param import elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
+from handctl.model.settings import Settings
 from handctl.model.stop_sequence import Stopped, aimed, carry_out, interrupted, stop_sequence_of
 from handctl.stop.device_access import DeviceAccess
 from tests.stop.far import Far, Weather
@@ -137,7 +138,7 @@ def by_holder(device: Any, far: Far) -> Stopped:
     journal.counters.writes = 1
     run = SimpleNamespace(
         family=SimpleNamespace(kind=device.kind), opened=device, journal=journal, ledger=journal.ledger, writes=False,
-        settings=Settings(), prompts=Prompts(), listens=False, stops=False, place="",
+        settings=Settings(), prompts=Prompts(), shows=False, stops=False, place="",
     )  # fmt: skip
     hold = DeviceAccess(run, None)  # type: ignore[arg-type]
     hold.around(far)
@@ -161,8 +162,9 @@ def by_child(device: Any, far: Far) -> Stopped | None:
     with mock.patch.object(deadman, "guarding", lambda *given, **_more: nullcontext(told.append(given))):
         device.guarded()
     ((_link, stop, _warn),) = told
+    way, stop = pickle.loads(pickle.dumps((Outlet(-1), stop)))  # noqa: S301 - as it goes to the child on Windows
     with mock.patch.object(deadman, "RawBytes", lambda _outlet: far):
-        deadman.act_for(Outlet(-1), stop, deadman._pack(b"", ()))
+        deadman.act_for(way, stop, deadman._pack(b"", ()))
     return None
 
 

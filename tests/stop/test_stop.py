@@ -21,9 +21,9 @@ from pathlib import Path
 
 import pytest
 
-from handctl.command.options import Settings
 from handctl.errors import DeviceRefused, NoAnswer
 from handctl.families import FAMILIES
+from handctl.model.settings import Settings
 from handctl.model.stop_sequence import Sent, StopContext, drive, stop_sequence_of, unheard
 from handctl.sim.engine.serve import send_control
 from handctl.stop.stop_listener import STOP_SECONDS

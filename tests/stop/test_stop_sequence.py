@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from handctl.command.options import Settings
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.link import Deadline
 from handctl.model.param import Step
+from handctl.model.settings import Settings
 from handctl.model.stop_sequence import Sent, StopContext, drive, insisting, stop_sequence_of, unheard
 from tests.support.cli import run
 from tests.support.scripted import Reply, ScriptedLink

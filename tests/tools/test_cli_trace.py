@@ -111,7 +111,7 @@ def test_what_cannot_be_read_is_a_usage_error(tmp_path: Path, trace: Path) -> No
 
 def test_the_family_can_be_told_by_the_bytes_or_said(trace: Path) -> None:
     trace.write_text(TRACE.partition("\n")[2], encoding="ascii")
-    assert "t.txt: recognized as exo by its bytes" in run("trace", "show", trace).err
+    assert "t.txt: recognized as exo from its contents" in run("trace", "show", trace).err
     assert "the hand's own registers" in run("trace", "show", trace, "--family", "wrist").out
 
 

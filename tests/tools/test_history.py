@@ -112,16 +112,16 @@ def test_a_failed_command_is_there_with_its_error(home: Path) -> None:
 
 def test_the_stop_of_a_command_that_reads_is_there(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As the key S or another handctl asks for it in the middle of a stream."""
-    before = Run.carried_out
+    before = Run.carry_out
 
     def stopped(self: Run, body: Any) -> Any:
         found = before(self, body)
-        assert self.device_access is not None
-        self.device_access.stop("stopped by the key S")
+        assert self.connection.device_access is not None
+        self.connection.device_access.stop("stopped by the key S")
         return found
 
     with monkeypatch.context() as patched:
-        patched.setattr(Run, "carried_out", stopped)
+        patched.setattr(Run, "carry_out", stopped)
         assert run("exo", "get", "id", "-p", link("exo")).code == 130
     (row,) = kept()
     assert row["writes"][0]["meaning"] == "all forces to 0" and row["exit_code"] == 130

@@ -91,7 +91,7 @@ def test_two_hands_with_one_address(system: System) -> None:
     status, evidence, remedy = found["same_address"]
     assert (status, answer.code) == ("fail", 7)
     assert evidence == (
-        "2 devices answer at 127.0.0.1: connections read 211 322 433 544 655 766 and 214 325 436 547 658 769"
+        "2 devices reply at 127.0.0.1: connections read 211 322 433 544 655 766 and 214 325 436 547 658 769"
     )
     assert remedy is not None and "`handctl hand network` or `handctl hand pair`" in remedy
 

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from handctl.command.config import from_toml
+from handctl.families import FAMILIES
 from handctl.tools.port_inventory import CHIPS
 from tests.support.each_row import each_row
 from tests.support.places import PROJECT
+
+sys.path.insert(0, str(PROJECT / ".packaging" / "windows"))
+import onefile
 
 DEBIAN = PROJECT / ".packaging/debian"
 PLACES = [line.split() for line in (DEBIAN / "places").read_text(encoding="utf-8").splitlines() if line[:1] != "#"]
@@ -45,6 +51,23 @@ def test_the_udev_rule_knows_the_adapters_that_handctl_knows() -> None:
     assert len(found) == text.count("TAG+=")
     listed = [(vendor, product) for vendor, products in found for product in products.split("|")]
     assert sorted(listed) == sorted(usb for usb, chip in CHIPS.items() if chip.serial)
+
+
+def test_the_descriptions_name_every_family() -> None:
+    control = " ".join((DEBIAN / "control").read_text(encoding="utf-8").partition("Description:")[2].split())
+    exe = onefile.description()
+    ast.parse(exe.strip(), mode="eval")
+    for name, row in FAMILIES.items():
+        assert row.help in exe
+        for product in (name, *re.findall(r"\b\w*[A-Z]\w*", row.help.partition(" (")[0])):
+            assert product.lower() in control.lower(), product
+
+
+def test_the_metadata_names_no_person_and_no_place() -> None:
+    project = from_toml((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))
+    shared = project["tool"]["hatch"]["build"]["targets"]["wheel"]["shared-data"]
+    assert shared[".packaging/debian/handctl.udev"] == "share/handctl/70-handctl.rules"
+    assert not {"authors", "maintainers", "urls"} & set(project["project"])
 
 
 def test_it_asks_for_the_python_of_the_project() -> None:

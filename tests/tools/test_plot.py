@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from handctl.charts.curves import ticks
 from handctl.errors import UsageError
-from handctl.report.curves import ticks
 from handctl.screen.csv_output import column_of, of_column
 from handctl.tools.plot import grouped
 from handctl.tools.plot_read import read

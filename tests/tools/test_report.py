@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from handctl.charts.curves import Curve, curves, draw
 from handctl.errors import NoAnswer
 from handctl.families import FAMILIES
 from handctl.model.param import Param, ParamMap
@@ -16,7 +17,6 @@ from handctl.model.result import Cell, Grid, Message, Sample
 from handctl.report import LONGEST, explained, shortened
 from handctl.report import redaction as report_private
 from handctl.report.computer import environment, port
-from handctl.report.curves import Curve, curves, draw
 from handctl.report.html import Report, page
 from handctl.report.redaction import Privacy
 from handctl.tools import port_inventory

@@ -22,7 +22,7 @@ from handctl.model.result import Journal, Row
 from handctl.sim.barrett.uart import resample
 from handctl.tools import scan, scan_report
 from handctl.tools.probes import probe_of
-from handctl.tools.scan_probing import plan
+from handctl.tools.scan_order import plan
 from handctl.tools.scan_report import Step
 from tests.support import bus_file
 from tests.support.cli import Result, Simulator, run, sent

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from handctl.command.options import Settings
 from handctl.model.param import Bound
 from handctl.model.result import Journal, Row, Sample, Table
+from handctl.model.settings import Settings
 from handctl.screen import live
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row

@@ -7,6 +7,7 @@ code is 1 where something differs without a written reason, a device is not held
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import tempfile
 import threading
@@ -17,26 +18,27 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.windows import console, lines, matrix, simulators, units
+from tests.windows import console, deaths, lines, matrix, simulators, units
 from tests.windows.matrix import EQUAL, EXCUSED, LEFT, WRONG
 from tests.windows.systems import Linux, Windows
 
 SECONDS, QUICK_SECONDS = 320.0, 70.0
-"""After which no command line begins: the whole then ends within 6 minutes, or 90 s."""
+"""After which no command line and no scene begins: the whole then ends within 6 minutes, or 90 s."""
 SCENE_SECONDS = 60.0
 """For one scene."""
 QUICK_SHARE = 12
-FIRST_COM = 200
-"""COM ports of the consoles."""
+FIRST_COM, DEATH_COM = 200, 220
+"""COM ports of the consoles, and of commands that die."""
 
 
 class Scene(NamedTuple):
-    """One thing that is tried beside the command lines; `wrong` is "" where all is well."""
+    """One thing that is tried in addition to the command lines; `wrong` is "" where all is well, `left` where there was no time."""
 
     part: str
     name: str
     wrong: str
     seen: str
+    left: bool = False
 
 
 Tried = Callable[[], tuple[str, str]]
@@ -63,22 +65,31 @@ def consoles(windows: Windows, root: Path, share: int) -> Iterator[tuple[str, st
 
 
 def others(linux: Linux, windows: Windows, root: Path, share: int) -> Iterator[tuple[str, str, Tried]]:
-    """What may run beside the command lines."""
+    """What may run at the same time as the command lines."""
 
     def driven(name: str) -> tuple[str, str]:
         return "as on Linux", simulators.tried(windows, linux, name, root / f"simulator-{name}")
 
     for name in simulators.scenes()[::share]:
         yield "simulators on Windows", name, partial(driven, name)
+    for number, (name, way) in enumerate(deaths.every()[::share]):
+        folder = root / f"death-{number}"
+        seen = partial(deaths.survived, windows, linux, name, way, folder, DEATH_COM + number)
+        yield "killed while it drives", f"{name}, {way}", seen
     files = units.FILES[::share]
     yield "tests on Windows", f"{len(files)} files", partial(units.passed, windows, root / "units", files)
 
 
-def tried(scenes: Iterator[tuple[str, str, Tried]], seconds: float = SCENE_SECONDS) -> list[Scene]:
-    """Each of them, one after the other, for so long at most: a row as it ends."""
+def tried(
+    scenes: Iterator[tuple[str, str, Tried]], seconds: float = SCENE_SECONDS, until: float = math.inf
+) -> list[Scene]:
+    """Each of them, one after the other, for so long at most: a row as it ends. None begins after `until` (time.monotonic)."""
     found = []
     for part, name, scene in scenes:
         began = time.monotonic()
+        if began > until:
+            found.append(Scene(part, name, "", "", left=True))
+            continue
         seen, wrong = within(scene, seconds)
         found.append(Scene(part, name, wrong, seen))
         say(f"{part}, {name}: {f'wrong: {wrong}' if wrong else seen} ({time.monotonic() - began:.0f} s)")
@@ -113,10 +124,10 @@ def main() -> int:
     words.add_argument("--quick", action="store_true", help="a share of each part, 90 s")
     words.add_argument("--only", default="", help=f"one part: {', '.join(lines.PARTS)}, scenes")
     words.add_argument("--line", default="", help="only command lines with this text")
-    words.add_argument("--seconds", type=float, default=0.0, help="after which no command line begins")
+    words.add_argument("--seconds", type=float, default=0.0, help="after which nothing begins")
     asked = words.parse_args()
     began = time.monotonic()
-    seconds = asked.seconds or (QUICK_SECONDS if asked.quick else SECONDS)
+    until = began + (asked.seconds or (QUICK_SECONDS if asked.quick else SECONDS))
     todo = [] if asked.only == "scenes" else lines.every(QUICK_SHARE if asked.quick else 1, asked.only)
     todo = [line for line in todo if asked.line in str(line)]
     with tempfile.TemporaryDirectory(prefix="handctl-windows-") as scratch:
@@ -129,9 +140,11 @@ def main() -> int:
                 seen: list[Scene] = []
                 waiting = []
                 if asked.only in ("", "scenes") and not asked.line:
-                    seen += tried(consoles(windows, root, share))  # alone: the key must meet a movement of 0.7 s
-                    waiting.append(additional.submit(tried, others(linux, windows, root, share)))
-                cells = matrix.compare(todo, linux, windows, root, began + seconds, told)
+                    seen += tried(
+                        consoles(windows, root, share), until=until
+                    )  # alone: the key must meet a movement of 0.7 s
+                    waiting.append(additional.submit(tried, others(linux, windows, root, share), until=until))
+                cells = matrix.compare(todo, linux, windows, root, until, told)
                 seen += [scene for future in waiting for scene in future.result()]
         finally:
             windows.stop()
@@ -159,8 +172,8 @@ def tell(scenes: list[Scene], cells: list[matrix.Cell]) -> None:
         print(f"{name:32}{count[0]:8}{count[1]:16}{count[2]:8}{count[3]:14}")
     for part in dict.fromkeys(scene.part for scene in scenes):
         own = [scene for scene in scenes if scene.part == part]
-        right = sum(not scene.wrong for scene in own)
-        print(f"{part:32}{right:8}{'':16}{len(own) - right:8}{'':14}")
+        wrong, left = sum(bool(scene.wrong) for scene in own), sum(scene.left for scene in own)
+        print(f"{part:32}{len(own) - wrong - left:8}{'':16}{wrong:8}{left:14}")
 
 
 if __name__ == "__main__":

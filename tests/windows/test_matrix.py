@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import json
 import re
 import signal
 import subprocess
@@ -13,8 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from handctl.link.base import NoLink
-from handctl.link.deadman import guarding
 from tests.windows import excuses, lines
 from tests.windows.__main__ import Tried, tried
 from tests.windows.excuses import Excuse, masked
@@ -56,19 +53,6 @@ def test_a_reason_excuses_nothing_beside_its_own_words() -> None:
     assert (cell.verdict, cell.difference) == (WRONG, ("stdout: -b", "stdout: +B", "stderr: +Message(text='x')"))
 
 
-def test_the_warning_that_is_excused_is_the_one_that_is_written() -> None:
-    def warned(code: str, text: str, hint: str) -> None:
-        lines = f"a\nhandctl: warning: {text}.\n  Next: {hint}.\nb\n".encode()
-        assert excuses.UNGUARDED.sub(b"", lines) == b"a\nb\n"
-        row = json.dumps([{"level": "warning", "code": code, "text": text, "hint": hint}]).encode()
-        assert excuses.UNGUARDED.sub(b"", row) == b"[]"
-        seen.append(code)
-
-    seen: list[str] = []
-    with guarding(NoLink(), lambda link: None, warned):
-        assert seen == ["unguarded"]
-
-
 def test_a_scene_is_waited_for_no_longer_than_its_time(capsys: pytest.CaptureFixture[str]) -> None:
     over = threading.Event()
     scenes: list[tuple[str, str, Tried]] = [
@@ -82,6 +66,8 @@ def test_a_scene_is_waited_for_no_longer_than_its_time(capsys: pytest.CaptureFix
         "ZeroDivisionError: integer division or modulo by zero",
     ]
     assert capsys.readouterr().out.count("\n") == 3
+    (late,) = tried(iter(scenes[:1]), until=0.0)
+    assert late.left and not late.wrong, "what has no time is not run, and says so"
 
 
 @pytest.mark.usefixtures("excused")
@@ -104,6 +90,7 @@ def test_of_a_live_line_the_number_of_lines_counts() -> None:
 def test_what_differs_from_run_to_run_is_masked() -> None:
     assert masked(b'"made": "2026-11-23T05:02:11.5Z", "round_trip_ms": 8.3') == b'"made": "TIME", "round_trip_ms": MS'
     assert masked(b"0.000389 > EB 90\n") == b"TIME > EB 90\n"
+    assert masked(b"uptime_seconds  7345679  s") == b"uptime_seconds  SECONDS  s"
 
 
 def test_every_reason_is_of_a_line() -> None:

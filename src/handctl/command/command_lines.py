@@ -22,14 +22,13 @@ from handctl.command.console import print_message
 from handctl.command.envelope import from_click
 from handctl.command.family import load, map_of
 from handctl.command.help_text import NoCommand
-from handctl.command.invocation import check_before, shown_steps, told, unsent
-from handctl.command.option_types import Seconds
-from handctl.command.options import COMMAND_LINE, said, words_of
+from handctl.command.invocation import check_before, shown_steps, unsent
+from handctl.command.options import COMMAND_LINE, Seconds, said, words_of
 from handctl.command.precedence import resolve
-from handctl.command.run import NO_TERMINAL, UNANSWERED, Act, Run
-from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, UsageError, joined
+from handctl.command.run import Act, Asked, Run
+from handctl.errors import HandctlError, Interrupted, NotConfirmed, UsageError, joined
 from handctl.families import COMMANDS, FAMILIES
-from handctl.files import atomic_write, read_text, state_path
+from handctl.files import atomic_write, read_text, state_path, writing
 from handctl.interrupts import asked, end_on_signals
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table
@@ -37,11 +36,9 @@ from handctl.system import terminal
 from handctl.wording import plural
 
 if TYPE_CHECKING:
-    from handctl.command.family import Family
-    from handctl.command.options import Settings
     from handctl.link import Link
-    from handctl.model.param import Changes, Step
     from handctl.model.result import Journal
+    from handctl.model.settings import Settings
 
 HERE = ("stop", "sleep")
 """Commands without a family that use the links of a session."""
@@ -65,14 +62,18 @@ class Line(NamedTuple):
         """Whether it uses the links of its session."""
         return self.leaf.family is not None or self.leaf.offline or self.command in HERE
 
-    def plan(self) -> Plan:
-        """What it means to do. Raises UsageError."""
-        run = Planning(self.context, self.settings, self.leaf.family)
+    def plan(self) -> Asked:
+        """What it asks. Raises UsageError and what else it finds wrong without the device."""
+        run = Planning(self.context, self.settings, self.leaf.family, Prompts())
         if "-" in self.context.params.values():
             raise UsageError("standard input cannot be read here", hint="give a file instead of -")
         if self.leaf.offline and run.outputs:
-            return Plan()  # it writes its files where it stands
-        return run.plan(self.leaf.body(run))
+            return Asked()  # it writes its files where it stands
+        check_before(run)
+        with suppress(_UsesDeviceError):
+            if isinstance(made := self.leaf.body(run)(), Act):
+                return made.asked
+        return Asked()
 
     def confirmed(self) -> Line:
         """The same line with a yes."""
@@ -85,21 +86,14 @@ class Line(NamedTuple):
         if not self.shared:
             session.release(journal)  # it may want the port for itself
         told = said(self.context)
-        told.session = session
         run, told.run = told.run, None
         if run is None:
-            run = Run(self.context, self.settings, self.leaf.family)
+            run = Run(self.context, self.settings, self.leaf.family, session=session)
         else:
             run.begin(run.journal.line)
-        told.run = run
-        try:
-            self.leaf.invoke(self.context)
-        except BaseException:
-            told.run = None
-            raise
-        run.checked = self.leaf.only_reads and not run.settings.output  # the same line again asks the same
-        if not run.checked:
-            told.run = None
+        run.execute(self.leaf.body(run))
+        if self.leaf.only_reads and not run.settings.output:  # the same line again asks the same
+            told.run, run.checked = run, True
 
 
 @click.command("sleep", cls=Command)
@@ -167,19 +161,6 @@ def placed(error: HandctlError, one: Line) -> HandctlError:
 # -- what a line means to do ----------------------------------------------------------------------------------------
 
 
-class Plan(NamedTuple):
-    """What a command would do.
-
-    question  what it asks before, "" = nothing
-    word      that must be typed for a yes, "" = none
-    steps     what it writes, as far as that is known without the device
-    """
-
-    question: str = ""
-    word: str = ""
-    steps: tuple[Step, ...] = ()
-
-
 class _UsesDeviceError(BaseException):
     """From here on the body would need the device. No Exception: no body may take it for a failure."""
 
@@ -187,41 +168,12 @@ class _UsesDeviceError(BaseException):
 class Planning(Run):
     """A run that ends where the device would be used. Sends nothing, shows nothing, asks nothing."""
 
-    def __init__(self, ctx: click.Context, settings: Settings, family: Family | None) -> None:
-        super().__init__(ctx, settings, family, Prompts())
-        self._plan = Plan()
-
-    def plan(self, body: Callable[[], Any]) -> Plan:
-        """What the body means to do. Raises UsageError and what else it finds wrong without the device."""
-        check_before(self)
-        with suppress(_UsesDeviceError):
-            if isinstance(made := body(), Act):
-                asks = made.known if made.asks is None else made.asks
-                return (
-                    Plan(made.question, made.word, tuple(asks))
-                    if not self.settings.dry_run
-                    else Plan(steps=tuple(made.known))
-                )
-        return self._plan
-
     def device(self) -> NoReturn:
         self.link_name()
         raise _UsesDeviceError
 
     def open_link(self, *, again: bool = False, baud: int | None = None) -> Link:
         return self.device()
-
-    def confirm(
-        self, question: str, steps: Sequence[Step] = (), *, word: str = "", changes: Changes | None = None
-    ) -> None:
-        self._plan = Plan(told(question, changes), word, tuple(steps) or self._plan.steps)
-        raise _UsesDeviceError
-
-    def need_answer(self, question: str) -> None:
-        self._plan = self._plan._replace(question=question)
-
-    def offer(self, question: str) -> bool:
-        return False
 
 
 # -- a script of them, on one open link -----------------------------------------------------------------------------
@@ -308,9 +260,9 @@ def _lines(text: str, context: click.Context) -> Iterator[Line]:
             raise exc.reworded(f"line {number} ({typed}): {exc.text}") from exc
 
 
-def _plans(lines: Sequence[Line]) -> Iterator[Plan]:
+def _plans(lines: Sequence[Line]) -> Iterator[Asked]:
     """The plan of each. Raises UsageError."""
-    known: dict[int, Plan] = {}
+    known: dict[int, Asked] = {}
     for one in lines:
         key = id(one.context)
         if key not in known:
@@ -318,7 +270,7 @@ def _plans(lines: Sequence[Line]) -> Iterator[Plan]:
         yield known[key]
 
 
-def _planned(one: Line) -> Plan:
+def _planned(one: Line) -> Asked:
     try:
         return one.plan()
     except click.UsageError as exc:
@@ -327,7 +279,7 @@ def _planned(one: Line) -> Plan:
         raise placed(exc, one) from exc
 
 
-def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Plan]) -> list[Line]:
+def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Asked]) -> list[Line]:
     """The lines, confirmed where needed: one question for all, after showing the plan. Raises NotConfirmed."""
     open_ = [
         (one, plan)
@@ -345,7 +297,7 @@ def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Plan]) -> list[L
     first, plan = open_[0]
     if not run.prompts.interactive:
         where = f"line {first.number} ({first.command}): {plan.question}"
-        raise NotConfirmed(f"{where}. {NO_TERMINAL}", hint=joined(UNANSWERED, unsent(run.journal)))
+        raise NotConfirmed(f"{where}. {run.prompts.nobody}", hint=joined(run.prompts.otherwise, unsent(run.journal)))
     words = dict.fromkeys(plan.word for _, plan in open_ if plan.word)
     count = f"{len(open_)} of {len(lines)} lines ask" if len(open_) > 1 else "One line asks"
     if not run.prompts.ask(f"{count} for confirmation", " ".join(words)):
@@ -361,11 +313,8 @@ def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Plan]) -> list[L
 @contextlib.contextmanager
 def _one_file(path: str) -> Iterator[None]:
     """What would go to stdout goes to a file, which appears whole. Raises OutputError."""
-    try:
-        with atomic_write(path) as file, contextlib.redirect_stdout(file):
-            yield
-    except OSError as exc:
-        raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}") from exc
+    with writing(path), atomic_write(path) as file, contextlib.redirect_stdout(file):
+        yield
 
 
 def _run(run: Run, lines: Sequence[Line], *, keep_going: bool) -> Table | None:

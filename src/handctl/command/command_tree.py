@@ -27,49 +27,52 @@ from handctl.command.help_text import (
     plain_help,
     write_examples,
 )
-from handctl.command.option_types import Hertz, InFile, OutFile, Seconds, WholeRange
-from handctl.command.options import COMMAND_LINE, SharedOption, config_path, read_config, said, words_of
-from handctl.errors import HandctlError, Interrupted, OutputError, UsageError
+from handctl.command.options import (
+    FiniteRange,
+    Hertz,
+    InFile,
+    OutFile,
+    Seconds,
+    SharedOption,
+    WholeRange,
+    config_path,
+    read_config,
+    said,
+    words_of,
+)
+from handctl.errors import HandctlError, Interrupted, OutputError
 from handctl.families import COMMANDS, LISTED
+from handctl.model.export_formats import FORMATS
 
 if TYPE_CHECKING:
     from handctl.command.run import Act, Run
     from handctl.model.result import Table
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+TRAITS = ("heading", "writes", "streams", "stops", "offline", "asks", "family")
 ALONE = ("sim", "completion", "batch", "shell")
 """Commands that are no line of a batch."""
 
 
 class Command(Described):
-    """A leaf command with the shared options.
+    """A leaf command with the shared options. Its traits are given by their names:
 
-    `heading`: one of HEADINGS; `writes`: --dry-run makes sense for it; `streams`: --json means NDJSON; `stops`: an
-    emergency, which nothing holds up; `offline`: it never opens a link; `asks`: it asks first, always or in these words,
-    behind a ";" those of when it does not.
+    heading  one of HEADINGS
+    writes   --dry-run makes sense for it
+    streams  --json means NDJSON
+    stops    an emergency, which nothing holds up
+    offline  it never opens a link
+    asks     it asks first, always or in these words, behind a ";" those of when it does not
     """
 
-    def __init__(
-        self,
-        *args: Any,
-        writes: bool = False,
-        streams: bool = False,
-        stops: bool = False,
-        offline: bool = False,
-        asks: bool | str = False,
-        heading: str = "",
-        family: Family | None = None,
-        **more: Any,
-    ) -> None:
+    streams = False
+    stops = False
+    asks: bool | str = False
+
+    def __init__(self, *args: Any, **more: Any) -> None:
+        vars(self).update({trait: more.pop(trait) for trait in TRAITS if trait in more})
         super().__init__(*args, **more)
-        self.heading = heading
-        self.asks = asks
-        self.writes = writes
-        self.stops = stops
-        self.offline = offline
-        self.streams = streams
-        self.family = family
-        self.wires = family.wires if family is not None else ()
+        self.wires = self.family.wires if self.family is not None else ()
 
     @property
     def only_reads(self) -> bool:
@@ -98,18 +101,7 @@ class Command(Described):
         from handctl.command.precedence import resolve
         from handctl.command.run import Run
 
-        run = said(ctx).run or Run(ctx, resolve(ctx, self.wires, urgent=self.stops), self.family)
-        # Said for good in the environment or the file it is a safety catch, and what only reads does not need it.
-        if run.settings.dry_run and not self.writes and run.sources["dry_run"] == COMMAND_LINE:
-            raise run.failed(UsageError(
-                f"`handctl {run.command}` only reads. --dry-run is for commands that write or move",
-                hint="run it without -n, it changes nothing",
-            ))  # fmt: skip
-        if run.settings.assume_identity and "assume_identity" in self.refused():
-            raise run.failed(UsageError(
-                f"`handctl {run.command}` does not check which device replies",
-                hint="run it without --assume-identity",
-            ))  # fmt: skip
+        run = Run(ctx, resolve(ctx, self.wires, urgent=self.stops), self.family)
         if not gc.isenabled():  # see `cli.main`; no loop is held up by a look through what was imported
             gc.freeze()
             gc.enable()
@@ -154,7 +146,7 @@ class Group(Described, click.Group):
         """List the family's own options in full, and say where the others are explained."""
         mine = [option for option in options if option.family]
         if mine:
-            with formatter.section(f"Options of each {self.name} command"):
+            with formatter.section(f"Options accepted by every {self.name} command"):
                 formatter.write_dl([record for option in mine if (record := option.get_help_record(ctx)) is not None])
         formatter.write_paragraph()
         formatter.write_text(
@@ -201,38 +193,12 @@ class Group(Described, click.Group):
             if one is not None and not one.hidden
         ]
 
-    def verb(
-        self,
-        name: str,
-        heading: str = "",
-        *,
-        writes: bool = False,
-        streams: bool = False,
-        stops: bool = False,
-        offline: bool = False,
-        asks: bool | str = False,
-    ) -> Callable[[Callable[..., Any]], Command]:
+    def verb(self, name: str, heading: str = "", **traits: bool | str) -> Callable[[Callable[..., Any]], Command]:
         """Decorator: add a leaf command whose body gets the Run first and returns a Table (or None).
 
-        A family's command needs a `heading` of HEADINGS, below which the help lists it.
+        A family's command needs a `heading` of HEADINGS, below which the help lists it; `traits` as in `Command`.
         """
-
-        def decorate(body: Callable[..., Any]) -> Command:
-            made: Command = click.command(
-                name,
-                cls=Command,
-                heading=heading,
-                writes=writes,
-                streams=streams,
-                stops=stops,
-                offline=offline,
-                asks=asks,
-                family=self.family,
-            )(body)
-            self.add_command(made)
-            return made
-
-        return decorate
+        return self.command(name, heading=heading, family=self.family, **traits)  # type: ignore[return-value]
 
 
 def together(*options: Decorator) -> Decorator:
@@ -268,13 +234,15 @@ reads_option = click.option(
 """Of `handctl doctor`, and of a family's."""
 scan_options = together(
     click.option(
-        "--ids", metavar="FROM-TO", help="Ids to try, such as 1-20 (default: --id, or all, the usual one first)."
+        "--ids",
+        metavar="FROM-TO",
+        help="Ids to try, such as 1-20. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.",
     ),
     click.option(
         "--all",
         "find_all",
         is_flag=True,
-        help="Keep searching after the first device, and search a silent line again with longer timeouts.",
+        help="Keep searching after the first device, without a time limit, and search a silent line again with longer timeouts.",
     ),
 )
 """How far a search goes."""
@@ -286,7 +254,7 @@ LIMIT = click.option(
     "limits",
     multiple=True,
     metavar="NAME=VALUE",
-    help="Exit with code 7 if NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.",
+    help="At the end, exit with code 7 if NAME rose above VALUE or left LOWEST..HIGHEST. Can be repeated.",
 )
 UNTIL = click.option(
     "--until",
@@ -311,7 +279,7 @@ log_options = together(
     click.option(
         "--lsl",
         is_flag=True,
-        help="Send rows and marks on the Lab Streaming Layer, and record the marks that it has. Needs handctl[lsl].",
+        help="Send rows and marks on the Lab Streaming Layer, and record the marks that other programs send there. Needs handctl[lsl].",
     ),
     click.option("--mark-stdin", is_flag=True, help="Each line on standard input sets a mark with its text."),
     click.option(
@@ -331,6 +299,28 @@ log_options = together(
     ),
     BOUNDS,
 )
+LOG = click.argument("log", metavar="LOG", type=InFile(additional=(".json",)))
+
+
+def formats_help(own: str = "") -> str:
+    """What --to offers."""
+    listed = [
+        f"{name} ({one.about}{', needs handctl[' + name + ']' if one.library else ''})" for name, one in FORMATS.items()
+    ]
+    return f"Output: {own}{', '.join(listed[:-1])} or {listed[-1]}."
+
+
+SEGMENT = click.option("--segment", type=WholeRange(min=1), metavar="N", help="Only segment N.")
+RESAMPLE = click.option(
+    "--rate",
+    type=FiniteRange(min=0, min_open=True, max=1000),
+    metavar="HZ",
+    help="Resample linearly, but never across a gap (c3d: default is the rate of the log).",
+)
+export_options = together(
+    LOG, click.option("--to", "kind", type=click.Choice(list(FORMATS)), help=formats_help()), SEGMENT, RESAMPLE
+)
+
 """FILE, and the options of `recorder.Wishes`."""
 suspendable = click.option(
     "--may-suspend", is_flag=True, help="Do not stop the motors when this command is suspended (SIGSTOP) for 0.5 s."

@@ -8,18 +8,19 @@ leaves it out with `without` and defines it itself.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from importlib import import_module
 from typing import Any
 
 import click
 
-from handctl.command import export_command, get_set_watch
+from handctl.command import get_set_watch
 from handctl.command.command_tree import (
     ALWAYS,
     BOUNDS,
     LIMIT,
     Group,
+    export_options,
     log_options,
     reads_option,
     scan_options,
@@ -28,7 +29,7 @@ from handctl.command.command_tree import (
 )
 from handctl.command.console import is_terminal
 from handctl.command.help_text import columns
-from handctl.command.option_types import FiniteRange, InFile, OutFile
+from handctl.command.options import FiniteRange, InFile, OutFile
 from handctl.command.run import Act, Run
 from handctl.families import COMMANDS
 from handctl.model.param import COMMAND, ParamMap
@@ -56,10 +57,12 @@ def add_map_verbs(
     without: Collection[str] = (),
     set_asks: bool = False,
     checks: Callable[[Run], Table] | None = None,
+    helps: Mapping[str, str] | None = None,
 ) -> None:
     """Add the verbs for `params`. `part` names an element for help ("FINGER"), `example` and `setting` show how.
 
     `set_asks`: what `set` writes is asked for first. `checks` are further rows for a report's findings, from a family that can look deeper by reading alone.
+    `helps` has the help of `status` or `stop` where the usual one is not true of this family.
     """
     named = f"NAME[.{part}]" if part else "NAME"
     shown = f", such as `{example}`" if example else ""
@@ -79,7 +82,7 @@ def add_map_verbs(
     def status(
         run: Run, check: bool, by: str | None = None, limits: tuple[str, ...] = (), include_ids: bool = False
     ) -> Table:
-        """Show a health summary: values of each finger or motor, with errors decoded."""
+        """Show a health summary: the present values, with errors decoded."""
         run.said.include_ids = include_ids
         seen = (
             None if by is None else get_set_watch.picture(params.kind, by)
@@ -110,7 +113,7 @@ def add_map_verbs(
     def set_(run: Run, assignments: tuple[str, ...], always: bool = False) -> Act:
         return get_set_watch.set_values(run, mapped(run), assignments, always=always)
 
-    set_.__doc__ = f"Write quantities by name and read them back.{f' For example `{setting}`.' if setting else ''}"
+    set_.__doc__ = f"Write values by name and read them back.{f' Example: `{setting}`.' if setting else ''}"
 
     @click.argument("names", nargs=-1, metavar=NAMES)
     def describe(run: Run, names: tuple[str, ...]) -> Table:
@@ -147,7 +150,7 @@ def add_map_verbs(
     def log(run: Run, file: str, names: tuple[str, ...], **wishes: Any) -> Table:
         """Record values to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.
 
-        FILE can be a directory. On a terminal, press any letter or the space bar to set a mark.
+        If FILE is a directory, handctl creates a new file in it. On a terminal, press any letter or the space bar to set a mark.
         Without names: everything that changes by itself.
         """
         from handctl.command import log_command
@@ -157,15 +160,16 @@ def add_map_verbs(
             file,
             log_command.RequestedOptions(**wishes),
             mapped(run),
-            lambda again: log_command.of_map(run, names, again),
+            lambda again: log_command.of_map(run, names, again, every=not wishes["rate"]),
         )
 
-    @export_command.export_options
+    @export_options
     def export(run: Run, log: str, kind: str | None, segment: int | None, rate: float | None) -> Table:
         """Turn a log into a file for pandas, BIDS, motion capture and other tools.
 
         Works without a device. -o names the file.
         """
+        from handctl.command import export_command
         from handctl.record.log_file import LogFile
 
         path = export_command.take_file(run)
@@ -196,7 +200,7 @@ def add_map_verbs(
 
     @click.argument("file", type=InFile())
     @with_setpoints
-    def restore(run: Run, file: str, setpoints: bool = False) -> Table:
+    def restore(run: Run, file: str, setpoints: bool = False) -> Act:
         """Write the settings that differ from a snapshot, and read them back.
 
         Shows the plan first. If it is interrupted, you can safely run it again.
@@ -249,24 +253,27 @@ def add_map_verbs(
 
     @scan_options
     def scan(run: Run, ids: str | None, find_all: bool) -> Table:
-        """Search for devices of this family: baud rate and id.
+        """Detect a device of this family, with its baud rate and id if it has them.
 
-        Read-only. It tries the usual id at each baud rate first, then all ids, and reports anything it skipped.
+        Read-only. It tries the usual id at each baud rate first, then the other ids. On a silent line it ends after about
+        6 s and lists what it skipped. With --all it tries everything, however long that takes.
         """
         found: Table = import_module(COMMANDS["scan"][0]).scan_family(run, ids, find_all)
         return found
 
+    for usual in (status, stop):
+        usual.__doc__ = (helps or {}).get(usual.__name__, usual.__doc__)
     group.verb("scan", "Service")(scan)
     if "stop" not in without:
         group.verb("stop", "Move", writes=True, stops=True)(stop)
     asking = {"set": set_asks, "restore": True}
     for name, heading, body, writes in (
-        ("status", "Look", status, False),
-        ("dump", "Look", dump, False),
-        ("get", "Look", get, False),
+        ("status", "Inspect", status, False),
+        ("dump", "Inspect", dump, False),
+        ("get", "Inspect", get, False),
         ("set", "Settings", set_, True),
-        ("describe", "Look", describe, False),
-        ("watch", "Look", watch, False),
+        ("describe", "Inspect", describe, False),
+        ("watch", "Inspect", watch, False),
         ("log", "Files", log, False),
         ("export", "Files", export, False),
         ("snapshot", "Files", snapshot, False),

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 from handctl.command.config import Check, Config, Statement, load, parse, statements
 from handctl.errors import OutputError, UsageError
-from handctl.files import atomic_write
+from handctl.files import atomic_write, writing
 from handctl.system import clock, locks
 
 WAIT_SECONDS = 5.0
@@ -107,18 +107,12 @@ def _rewrite(path: str, checks: Mapping[str, Check], edit: Callable[[Config], st
         raise UsageError(
             f"{path} is not a file", hint="set HANDCTL_CONFIG to another file. Nothing was changed.", code="config"
         )
-    try:
+    with writing(path, hint="check the folder and its permissions. Nothing was changed.", code="config"):
         os.makedirs(os.path.dirname(target), exist_ok=True)
         with _alone(os.path.dirname(target)):
             text = edit(load(path, checks))
             with atomic_write(target) as file:
                 file.write(text)
-    except OSError as exc:
-        raise OutputError(
-            f"{path}: cannot be written: {exc.strerror or exc}",
-            hint="check the folder and its permissions. Nothing was changed.",
-            code="config",
-        ) from exc
 
 
 def verified(before: Config, text: str, checks: Mapping[str, Check], wanted: Values, name: str) -> str:

@@ -80,12 +80,22 @@ class Connection:
                 self.device_access = DeviceAccess(run, lock_for(run, name))
             self.link = self._open(run, name, baud, tap)
             self.observers = self.link.observers
+        assert self.device_access is not None
+        self.device_access.around(self.link)
         if run.writes and not run.stops and self.link.outlet() is not None:
             refuse_rivals(run, self.link)
         return self.link
 
+    @property
+    def stopped(self) -> HandctlError | None:
+        """How the device was stopped on the wish of another process; None where it was not."""
+        return self.device_access.stopped if self.device_access is not None else None
+
     def close(self, failure: HandctlError | None, journal: Journal) -> HandctlError | None:
-        """Release everything; `failure`, or what went wrong here. May be called twice."""
+        """Release everything; how the device was stopped, `failure`, or what went wrong here. May be called twice."""
+        if self.device_access is not None:
+            self.device_access.finish()
+            failure = self.device_access.stopped or failure
         try:
             if self.link is not None:
                 self.link.close()
@@ -211,8 +221,7 @@ class Session:
         for key, known in self._open.items():
             if known is connection:
                 lost = connection.link is None or isinstance(failure, LinkError)
-                stopped = connection.device_access is not None and connection.device_access.stopped is not None
-                if lost or stopped:
+                if lost or connection.stopped is not None:
                     self._close(key, journal)
                 elif connection.link is not None:
                     connection.link.observers = connection.observers
@@ -222,9 +231,9 @@ class Session:
     def stopped(self, journal: Journal) -> HandctlError | None:
         """How another process has stopped a device since the last command; its link is closed. None where none has."""
         for key, known in list(self._open.items()):
-            if known.device_access is not None and known.device_access.stopped is not None:
+            if known.stopped is not None:
                 self._close(key, journal)
-                return known.device_access.stopped
+                return known.stopped
         return None
 
     def sleep(self, seconds: float) -> None:
@@ -251,7 +260,4 @@ class Session:
         return failure
 
     def _close(self, key: Hashable, journal: Journal, failure: HandctlError | None = None) -> HandctlError | None:
-        connection = self._open.pop(key)
-        if connection.device_access is not None:
-            connection.device_access.finish()
-        return connection.close(failure, journal)
+        return self._open.pop(key).close(failure, journal)

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from handctl import interrupts
 from handctl.errors import HandctlError, OutputError
-from handctl.model.prompts import Presses, Prompts
+from handctl.model.prompts import Presses, Prompts, confirms
 from handctl.screen.sanitize import short, shown
 from handctl.wording import honest, sentence
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
+    from handctl.model.settings import Settings
     from handctl.model.write_ledger import Ledger
 
 
@@ -141,19 +141,6 @@ class TerminalPrompts(Prompts):
         sys.stderr.write(prompt)
         sys.stderr.flush()
         return sys.stdin.readline().strip()
-
-
-def confirms(answer: str, word: str) -> bool:
-    """Whether the typed text is the requested word. A decimal may have fewer or more trailing zeros."""
-    if answer == word:
-        return True
-    import re
-
-    decimal = re.compile(r"([+-]?\d+)(?:\.(\d*))?")
-    typed, asked = decimal.fullmatch(answer), decimal.fullmatch(word)
-    if typed is None or asked is None or asked[2] is None:
-        return False
-    return typed[1] == asked[1] and (typed[2] or "").rstrip("0") == asked[2].rstrip("0")
 
 
 def print_message(level: str, text: str, hint: str) -> None:

@@ -22,17 +22,33 @@ from handctl.wording import sentence, utc
 if TYPE_CHECKING:
     from handctl.command.invocation import Invocation
     from handctl.link import Link
-    from handctl.model.result import Message, Table
+    from handctl.model.result import Journal, Message, Table
     from handctl.screen.render import Context
 
 
 class Outcome:
-    """Messages and result of one command: messages are shown after the result, or as they arrive once a stream has begun."""
+    """What comes of one command. Messages are shown after the result, or as they arrive once a stream has begun.
+
+    table    what its body returned, or what was read before it failed
+    failure  what went wrong
+    """
 
     def __init__(self, asked: Invocation) -> None:
+        self.table: Table | None = None
+        self.failure: HandctlError | None = None
         self._asked = asked
         self._held: list[Message] = []
         self._live = False
+
+    @property
+    def streams(self) -> bool:
+        """Whether the table is a stream."""
+        return self.table is not None and self.table.samples is not None
+
+    @property
+    def extra(self) -> dict[str, Any]:
+        """Further keys of the envelope."""
+        return self.table.extra if self.table is not None else {}
 
     def heard(self, message: Message) -> None:
         """A message of the device or of a check."""
@@ -60,10 +76,12 @@ class Outcome:
             self._live = before
             self.tell()
 
-    def stream(self, table: Table, context: Context) -> HandctlError | None:
+    def stream(self, context: Context) -> HandctlError | None:
         """Show a stream to its end; what went wrong."""
         from handctl.screen import output, render
 
+        table = self.table
+        assert table is not None
         self.tell()  # of what was met before the first row
         self._live = True
         try:
@@ -72,21 +90,21 @@ class Outcome:
         except OutputError as exc:
             return weightier(table.failure, exc)
 
-    def show(self, table: Table | None, failure: HandctlError | None, context: Context) -> None:
+    def show(self, context: Context) -> None:
         """Show a finished result, or the error in formats that include it. Raises OutputError."""
         from handctl.screen import output, render
 
-        if table is not None or render.speaks(self._asked.settings.format, failure):
+        if self.table is not None or render.speaks(self._asked.settings.format, self.failure):
             with output.Sink(self._asked.settings) as place:
-                render.show(table, failure, place, context)
+                render.show(self.table, self.failure, place, context)
         self.tell()
 
-    def lost(self, exc: OutputError, failure: HandctlError | None) -> HandctlError:
+    def lost(self, exc: OutputError) -> HandctlError:
         """No result can be shown: what is known of the device goes to stderr, as JSON too, and its own error weighs more."""
         for message in () if self._asked.settings.quiet else self._held:
             _print(message)
         self._held.clear()
-        return weightier(failure, exc)
+        return weightier(self.failure, exc)
 
 
 def _print(message: Message) -> None:
@@ -118,16 +136,14 @@ def make_envelope(
     command: str,
     failure: HandctlError | None,
     device: dict[str, Any] | None,
-    messages: Sequence[Message],
-    counters: dict[str, Any] | None,
-    extra: dict[str, Any] | None,
+    journal: Journal,
+    extra: dict[str, Any],
     link: Link | None = None,
 ) -> dict[str, Any]:
     """The JSON envelope without rows. The `link`, where there is one, has the clock."""
-    from handctl.model.line_quality import LineQuality
-    from handctl.model.result import SCHEMA, Counters
+    from handctl.model.result import SCHEMA
 
-    rows = [message.as_row() for message in messages]
+    rows = [message.as_row() for message in journal.messages]
     if failure is not None:
         rows.append({"level": "error", "code": failure.code, "text": failure.text, "hint": failure.hint})
     return {
@@ -138,10 +154,10 @@ def make_envelope(
         "device": device,
         "ok": failure is None,
         "exit_code": failure.exit_code if failure is not None else 0,
-        "line": None if extra and "line" in extra else LineQuality().as_row(),
-        **(extra or {}),
+        "line": journal.line.as_row(),
+        **extra,
         "messages": [{**row, "text": sentence(row["text"]), "hint": sentence(row["hint"])} for row in rows],
-        "counters": counters if counters is not None else Counters().as_row(),
+        "counters": journal.counters.as_row(),
     }
 
 
@@ -171,7 +187,9 @@ def late_envelope(args: Sequence[str], error: HandctlError, streams: bool, comma
     wanted = wanted or str(in_file("format") or ("json" if in_file("json") else ""))
     if wanted not in ("json", "ndjson"):
         return
-    envelope = make_envelope(command, error, None, (), None, extra)
+    from handctl.model.result import Journal
+
+    envelope = make_envelope(command, error, None, Journal(), extra)
     utf8_stdout()
     try:
         sys.stdout.write(
@@ -207,9 +225,10 @@ def renamed(run: Invocation, error: HandctlError) -> HandctlError:
     error = other_devices.renamed(error, run.family.kind)
     nobody = error.code in ("no-answer", "garbage") and not run.journal.counters.received and run.family.baud
     port = run.settings.port or ""
-    return (
-        other_devices.pointed(error, port) if nobody and port and not port.startswith(("fake:", "replay:")) else error
-    )
+    advice = f"`handctl scan -p {port}` shows which device is there"
+    if nobody and port and not port.startswith(("fake:", "replay:")) and advice not in error.hint:
+        error.hint = joined(error.hint, advice)
+    return error
 
 
 def interrupted(run: Invocation) -> HandctlError:

@@ -5,15 +5,11 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from handctl import __version__
-from handctl.command.command_tree import together
-from handctl.command.option_types import FiniteRange, InFile, WholeRange
 from handctl.command.run import Run
 from handctl.errors import CheckFailed, UsageError
+from handctl.model.export_formats import FORMATS
 from handctl.model.result import Column, Row, Table
-from handctl.record.formats import FORMATS
 from handctl.wording import plural
 
 if TYPE_CHECKING:
@@ -40,27 +36,6 @@ CHECKED = (
     Column("apart", "Apart", right=True, unit="ms"),
 )
 """`drift` is by how much the host's clock is faster than the device's; `apart` the most by which they contradict each other."""
-LOG = click.argument("log", metavar="LOG", type=InFile(additional=(".json",)))
-
-
-def formats_help(own: str = "") -> str:
-    """What --to offers."""
-    listed = [
-        f"{name} ({one.about}{', needs handctl[' + name + ']' if one.library else ''})" for name, one in FORMATS.items()
-    ]
-    return f"Output: {own}{', '.join(listed[:-1])} or {listed[-1]}."
-
-
-SEGMENT = click.option("--segment", type=WholeRange(min=1), metavar="N", help="Only segment N.")
-RATE = click.option(
-    "--rate",
-    type=FiniteRange(min=0, min_open=True, max=1000),
-    metavar="HZ",
-    help="Resample linearly, but never across a gap (c3d: default is the rate of the log).",
-)
-export_options = together(
-    LOG, click.option("--to", "kind", type=click.Choice(list(FORMATS)), help=formats_help()), SEGMENT, RATE
-)
 
 
 def take_file(run: Run) -> str:

@@ -11,10 +11,10 @@ from handctl.families import FAMILIES
 from handctl.light import NamedTuple
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
     from handctl.errors import HandctlError
     from handctl.model.param import ParamMap
     from handctl.model.result import Journal
+    from handctl.model.settings import Settings
 
 
 class Family(NamedTuple):
@@ -49,6 +49,11 @@ class Family(NamedTuple):
     speeds: tuple[int, ...] = ()
     other_maps: Callable[[Settings], Sequence[ParamMap[Any]]] | None = None
 
+    @property
+    def lacks(self) -> dict[str, str]:
+        """What its protocol does not have: the key of the option -> its name."""
+        return ({} if self.ids else {"id": "device ids"}) | ({"baud": "serial port"} if self.baud is None else {})
+
 
 def opener(device: Callable[[Any], Any], line: Callable[..., Any]) -> Callable[[Any, Settings, Journal], Any]:
     """The `open` of a family whose line takes what the options of everybody say, and no more."""
@@ -71,8 +76,8 @@ def implied(kind: str) -> dict[str, bool]:
 
 def refuse_missing(family: Family, given: Collection[str]) -> None:
     """Raise UsageError when an option is `given` for what the protocol of this family does not have."""
-    for key, there, what in (("id", family.ids, "device ids"), ("baud", family.baud is not None, "serial port")):
-        if key in given and not there:
+    for key, what in family.lacks.items():
+        if key in given:
             raise UsageError(f"--{key}: {family.kind} has no {what}", hint=f"run the command without --{key}")
 
 
@@ -84,6 +89,13 @@ def refuse_serial(family: Family, link: str) -> None:
     if serial and family.tcp_port is not None and not family.wires:
         hint = f"-p tcp://HOST (port {family.tcp_port} when not given)"
         raise UsageError(f"{link}: {family.kind} has no serial port", hint=hint)
+
+
+def on_can(settings: Settings) -> bool:
+    """Whether these settings lead to a CAN bus."""
+    from handctl.link import is_can
+
+    return settings.wire == "can" if settings.port is None else is_can(settings.port)
 
 
 def wire_in(family: Family, link: str) -> str:

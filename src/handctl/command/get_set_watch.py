@@ -338,7 +338,7 @@ def watch(
 
     turn = device.link.now()
 
-    def read() -> tuple[list[Row], HandctlError | None]:
+    def read() -> tuple[Callable[[], list[Row]], HandctlError | None]:
         nonlocal turn
         late = slowly if slowly and device.link.now() >= turn else []
         wanted = [*elements, *more, *late]
@@ -354,7 +354,7 @@ def watch(
                 unread.pop(reading.element.path, None)
             elif reading.element.path in unread:
                 unread[reading.element.path] = reading.error
-        return [device.row(reading) for reading in readings], errors[0] if all(errors) else None
+        return lambda: [device.row(reading) for reading in readings], errors[0] if all(errors) else None
 
     ask_ahead = getattr(device, "ask_ahead", None)
     sampler = Sampler(
@@ -388,12 +388,12 @@ def bounds_of(
     """What --limit and --until give, None where neither is there. Raises UsageError, before anything is read for the command."""
     if not (limits or until):
         return None
-    from handctl.model.bound import Bounds, bounds_in
+    from handctl.model.bound import Bounds, bound_in
 
     if isinstance(named, ParamMap):
         params = meant(run, named, [text.partition("=")[0].strip() for text in (*limits, *until)])
         named = lambda name: [element.path for element in select(params, [name])]  # noqa: E731
-    kept = bounds_in(limits, named, "--limit"), bounds_in(until, named, "--until")
+    kept = [bound_in(text, named, "--limit") for text in limits], [bound_in(text, named, "--until") for text in until]
     return Bounds(*kept, run.link_name(), run.journal)
 
 

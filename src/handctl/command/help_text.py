@@ -31,7 +31,7 @@ from handctl.families import FAMILIES
 
 MOST = 1000
 """Characters of a first sentence: all of it."""
-HEADINGS = ("Look", "Move", "Settings", "Service", "Files")
+HEADINGS = ("Inspect", "Move", "Settings", "Service", "Files")
 """What a technician wants to do: the commands of a family are listed below these, in this order."""
 USUAL = ("status", "dump", "get", "watch", "describe", "stop", "set", "report", "doctor", "snapshot", "diff", "restore")
 """What every device has stands first below its heading, in this order."""
@@ -136,8 +136,7 @@ class Described(click.Command):
         if self.offline:
             keys |= {"", "assume_identity"}
         if self.family is not None:
-            keys |= {"id"} if not self.family.ids else set()
-            keys |= {"baud"} if self.family.baud is None else set()
+            keys |= {*self.family.lacks}
         return frozenset(keys)
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
@@ -191,7 +190,7 @@ class Described(click.Command):
         self, ctx: click.Context, formatter: click.HelpFormatter, options: Sequence[SharedOption]
     ) -> None:
         """The common options of a command: their names, and where they are explained."""
-        with formatter.section("Common options, see `handctl help options` or handctl(1)"):
+        with formatter.section("Common options (see `handctl help options` or handctl(1))"):
             for title in (CONNECTION, OUTPUT, WRITING):
                 names = [max(option.opts, key=len) for option in options if option.section == title]
                 if names:
@@ -250,7 +249,7 @@ EXAMPLES: dict[str, Examples] = {
     ),
     "batch": (
         ("handctl batch morning.txt -d left", "The lines of a file, on one device."),
-        ("handctl batch --json --keep-going -p /dev/ttyUSB0", "The lines of stdin, with one row per line, for a script."),
+        ("handctl batch --json --keep-going -p /dev/ttyUSB0", "Run the commands on stdin, and print one JSON row per output line."),
         ("handctl batch setup.txt --dry-run -d left", "The bytes that the file's commands would send."),
     ),
     "scan": (
@@ -264,7 +263,7 @@ EXAMPLES: dict[str, Examples] = {
     ),
     "top": (
         ("handctl top", "All named devices, live."),
-        ("handctl top left --limit temperature=60 --duration 60 --csv", "Record one minute, and exit with 7 above 60 °C."),
+        ("handctl top left --limit temperature=60 --duration 60 --csv", "Record one minute. The exit code is 7 if 60 °C was exceeded."),
     ),
     "devices": (
         ("handctl devices list", "All named devices."),
@@ -280,10 +279,10 @@ EXAMPLES: dict[str, Examples] = {
         ('handctl trace decode exo "EB 90 01 04 11 E8 03 01 02"', "One frame, explained."),
     ),
     "plot": (
-        ("handctl plot gait.csv -o gait.svg", "The curves of a recording: a picture for each quantity, a colour for each finger."),
-        ("handctl plot before.csv after.csv -o both.html", "Two recordings with the same axes, on a page for the browser."),
-        ("handctl plot gait.csv --only temperature --open", "One quantity, shown at once."),
-        ("handctl plot gait.csv --json", "Lowest and highest values, for a script."),
+        ("handctl plot gait.csv -o gait.svg", "Plot a recording: one plot per quantity, one colour per finger."),
+        ("handctl plot before.csv after.csv -o both.html", "Plot two recordings with the same axes, on a page for the browser."),
+        ("handctl plot gait.csv --only temperature --open", "Plot one quantity and open it in the browser."),
+        ("handctl plot gait.csv --json", "Print the lowest and highest values, for a script."),
     ),
     "sim": (
         ("handctl sim exo --pty", "A simulated hand on a new pseudo terminal. Prints the link."),
@@ -329,7 +328,7 @@ SHARED: Examples = (
     ("handctl {0} log --check {0}.csv", "Check a recording, and show its breaks and clocks."),
     ("handctl {0} export {0}.csv --to xdf -o {0}.xdf", "Turn a recording into a file for other tools."),
     ("handctl {0} scan --fake", "The result of a scan, here of the simulated device."),
-    ("handctl {0} stop -d left", "Stop at once, even while another handctl command is using the device."),
+    ("handctl {0} stop -d left", "Send the stop, even while another handctl command is using the device."),
     ("handctl {0} stop -n --fake", "The bytes that would be sent."),
     ("handctl {0} report {0}.html --fake", "One page for a service ticket."),
     ("handctl {0} doctor -d left", "Check this computer, the link and the device."),

@@ -11,16 +11,25 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 
 from handctl.command.console import TerminalPrompts, print_message
-from handctl.command.family import Family, in_words, load, refuse_missing, refuse_serial, wire_in
-from handctl.command.option_types import Named, files_of, refuse_clashes
-from handctl.command.options import COMMAND_LINE, ENVIRONMENT, FILE, Settings, config_path, said, words_of
+from handctl.command.family import Family, in_words, load, on_can, refuse_missing, refuse_serial, wire_in
+from handctl.command.options import (
+    COMMAND_LINE,
+    ENVIRONMENT,
+    FILE,
+    Named,
+    config_path,
+    files_of,
+    refuse_clashes,
+    said,
+    words_of,
+)
 from handctl.errors import OutputError, UsageError
 from handctl.files import why_unwritable
 from handctl.model.result import Journal
+from handctl.model.settings import Settings
 
 if TYPE_CHECKING:
     from handctl.link import Link
-    from handctl.model.line_quality import LineQuality
     from handctl.model.param import Changes, Step
     from handctl.model.prompts import Prompts
     from handctl.model.write_ledger import Ledger
@@ -33,7 +42,6 @@ class Invocation:
     """One invocation of a command: settings, person, device, and the open device.
 
     context  click's, of the parsed line
-    listens  whether another process may ask this one to stop the device, by a signal
     said     what the command line and its levels share
     session  the commands of which this is one, and what they have in common; None for one that stands alone
     in_use   whether the simulated device of plain --fake is shown in use
@@ -41,10 +49,20 @@ class Invocation:
     end      when --deadline is over, by the clock of the link
     """
 
-    listens = True
+    shows = True
+    """Whether it shows its messages and result itself, and answers to signals; else a program or another run does."""
+    journal: Journal
+    link: Link | None
+    opened: Any
+    end: float | None
 
     def __init__(
-        self, ctx: click.Context, settings: Settings, family: Family | None, prompts: Prompts | None = None
+        self,
+        ctx: click.Context,
+        settings: Settings,
+        family: Family | None,
+        prompts: Prompts | None,
+        session: Any,
     ) -> None:
         self.context = ctx
         self.settings = settings
@@ -52,40 +70,31 @@ class Invocation:
         self.command = " ".join(words_of(ctx))
         self.said = said(ctx)
         self.sources = self.said.sources
-        self.session = self.said.session
+        self.session = session
         self.streams = bool(getattr(ctx.command, "streams", False))
         self.writes = bool(getattr(ctx.command, "writes", False))
         self.stops = bool(getattr(ctx.command, "stops", False))
         self.in_use = self.streams
         self.inputs, self.outputs = files_of(ctx)
         self.prompts = prompts or TerminalPrompts(settings.quiet)
-        self.begin()
-
-    def begin(self, line: LineQuality | None = None) -> None:
-        """Nothing of it has happened yet; `line` is what is known of its line."""
-        self.journal = Journal(progress=self.prompts.progress, line=line)
-        self.link: Link | None = None
-        self.opened: Any = None
-        self.end: float | None = None
-
-    @property
-    def typed(self) -> TextIO:
+        self.typed: TextIO = sys.stdin
         """A source of lines that a body reads in addition to its arguments."""
-        return sys.stdin
 
-    def only_reads(self) -> None:
-        """This form of a command that may write or move does neither: it may do what reading commands may."""
+    def only_reads(self, without: str) -> None:
+        """This form of a command, `without` what makes it write or move, does neither. Raises UsageError in a dry run."""
+        if self.settings.dry_run:
+            text = f"`handctl {self.command}` without {without} only reads"
+            raise UsageError(text, hint="run it without -n, it changes nothing")
         self.writes = False
 
     def planner(self) -> Any:
         """The device without a link: can check and plan writes, cannot send."""
-        from handctl.link import NoFrames, NoLink, is_can
+        from handctl.link import NoFrames, NoLink
 
         assert self.family is not None
         refuse_other_family(self)
-        port = self.settings.port
-        can = self.settings.wire == "can" if port is None else is_can(port)
-        return self.family.open(NoFrames() if can else NoLink(), self.settings, self.journal)
+        link = NoFrames() if on_can(self.settings) else NoLink()
+        return self.family.open(link, self.settings, self.journal)
 
     def link_name(self) -> str:
         """The LINK: --port, or the simulator for --fake. Raises UsageError when neither is given; never picks one."""
@@ -163,6 +172,16 @@ class Invocation:
 
 def check_before(run: Invocation) -> None:
     """Raise UsageError or OutputError where this command line cannot be meant."""
+    # Said for good in the environment or the file it is a safety catch, and what only reads does not need it.
+    if run.settings.dry_run and not run.writes and run.sources.get("dry_run") == COMMAND_LINE:
+        raise UsageError(
+            f"`handctl {run.command}` only reads. --dry-run is for commands that write or move",
+            hint="run it without -n, it changes nothing",
+        )
+    if "assume_identity" in run.sources and "assume_identity" in getattr(run.context.command, "refused", frozenset)():
+        raise UsageError(
+            f"`handctl {run.command}` does not check which device answers", hint="run it without --assume-identity"
+        )
     if run.stops:
         _let_pass(run)
         return
@@ -189,11 +208,12 @@ def _check_columns(run: Invocation) -> None:
 
     settings = run.settings
     how = stream_format(run) if run.streams else settings.format
-    append = settings.append and how == "csv" and bool(settings.output) and not run.streams
+    typed = run.sources.get("append") == COMMAND_LINE
+    trials = typed and run.command.endswith(" log") and not settings.output
+    append = settings.append and (trials or (how == "csv" and bool(settings.output) and not run.streams))
     time = settings.time and how not in ("table", "openmetrics")
-    if settings.append and not append and run.sources.get("append") == COMMAND_LINE:
-        recorded = run.streams or run.command.endswith(" log")
-        hint = "`log FOLDER` gives each recording a file of its own" if recorded else "add --csv and -o FILE"
+    if settings.append and not append and typed:
+        hint = "use `log FILE --append` for recordings" if run.streams else "add --csv and -o FILE"
         raise UsageError("--append adds one reading to a CSV file", hint=f"{hint}. Nothing was sent.")
     if settings.time and not time and run.sources.get("time") == COMMAND_LINE:
         raise UsageError(

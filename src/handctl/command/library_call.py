@@ -10,26 +10,24 @@ import io
 import threading
 from collections.abc import Callable, Generator, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from handctl.command.command_tree import Command
-from handctl.command.envelope import Outcome, explained_error, from_click
-from handctl.command.invocation import told, unsent
+from handctl.command.envelope import explained_error, from_click
+from handctl.command.invocation import told
 from handctl.command.options import COMMAND_LINE, said
 from handctl.command.run import Run, plan_table
-from handctl.errors import STOPPED, HandctlError, Interrupted, NotConfirmed, UsageError, joined
+from handctl.errors import STOPPED, HandctlError, Interrupted, UsageError
 from handctl.model.prompts import Prompts
-from handctl.model.result import Journal, Row, Table
+from handctl.model.result import Journal, Row
 
 if TYPE_CHECKING:
     from handctl.command.connection import Session
     from handctl.command.family import Family
-    from handctl.command.options import Settings
     from handctl.model.param import Changes, Step
-    from handctl.model.result import Message
-    from handctl.screen.render import Context
+    from handctl.model.settings import Settings
 
 Confirm = bool | Callable[[str, list[Row]], bool]
 """The answer to what asks: True, or who is asked, with the question and the steps that are going to be written."""
@@ -40,8 +38,16 @@ MOST_BOUND = 1000
 class Caller(Prompts):
     """The prompts of a calling program: silent. Critical sections delay Ctrl-C without a handler."""
 
+    nobody = "Confirmation needed"
+    otherwise = "give confirm=True, or a function that answers. dry_run=True returns the bytes"
+    refused = "the function given as confirm said no"
+
     def __init__(self, confirm: Confirm) -> None:
+        self._confirm = confirm
         self.interactive = callable(confirm)
+
+    def confirm(self, question: str, word: str, steps: Sequence[Step], changes: Changes | None) -> bool:
+        return callable(self._confirm) and self._confirm(told(question, changes), plan_table(steps).rows)
 
     @contextmanager
     def undisturbed(self) -> Iterator[None]:
@@ -51,97 +57,59 @@ class Caller(Prompts):
             yield
 
 
-class Returned(Outcome):
-    """Shows nothing: messages are in the envelope, and the caller takes a stream sample by sample."""
-
-    def heard(self, message: Message) -> None:
-        pass
-
-    def stream(self, table: Table, context: Context) -> HandctlError | None:
-        return None
-
-
 class Call(Run):
-    """One run of one command for a program."""
+    """One run of one command for a program: its caller takes the rows, also of a stream, and Ctrl-C is the caller's."""
 
-    listens = False
-    tells = Returned
-    device_done = staticmethod(lambda: None)
-    """Ctrl-C is the caller's."""
+    shows = False
+    body: Callable[[], Any]
 
-    def __init__(self, ctx: click.Context, settings: Settings, family: Family | None, confirm: Confirm = False) -> None:
-        self._confirm = confirm
-        self.failure: HandctlError | None = None
-        self.extra: dict[str, Any] = {}
-        super().__init__(ctx, settings, family, Caller(confirm))
-        self.body: Callable[[], Any] = lambda: None
-
-    def again(self) -> list[Row]:
-        """The same reading once more: what was understood of its words holds, and nothing else. Raises HandctlError."""
-        self.failure, self.extra = None, {}
-        self.begin(self.journal.line)
-        return self.finish(*self.carried_out(self.body))
-
-    @property
-    def typed(self) -> TextIO:
-        return io.StringIO()
-
-    def need_answer(self, question: str) -> None:
-        if not (self.settings.yes or self.settings.dry_run or callable(self._confirm)):
-            hint = "give confirm=True, or a function that answers. dry_run=True returns the bytes"
-            raise NotConfirmed(f"{question}. Confirmation needed", hint=joined(hint, unsent(self.journal)))
-
-    def confirm(
-        self, question: str, steps: Sequence[Step] = (), *, word: str = "", changes: Changes | None = None
+    def __init__(
+        self,
+        ctx: click.Context,
+        settings: Settings,
+        family: Family | None,
+        confirm: Confirm = False,
+        session: Session | None = None,
     ) -> None:
-        question = told(question, changes)
-        self.ledger.plan(steps)
-        if self.settings.yes:
-            return
-        self.need_answer(question)
-        if not (callable(self._confirm) and self._confirm(question, plan_table(steps).rows)):
-            raise NotConfirmed(f"not confirmed: {unsent(self.journal)}", hint="the function given as confirm said no")
+        super().__init__(ctx, settings, family, Caller(confirm), session)
+        self.typed = io.StringIO()
 
-    def offer(self, question: str) -> bool:
-        return False
+    def finished(self, body: Callable[[], Any]) -> list[Row]:
+        """The rows of a body that is no stream. Raises HandctlError; KeyboardInterrupt for Ctrl-C."""
+        self.carry_out(body)
+        self.end_device()
+        return self.result()
 
-    def finish(self, table: Table | None, failure: HandctlError | None) -> list[Row]:
+    def result(self) -> list[Row]:
         """The rows of what has ended. Raises what went wrong, with them; KeyboardInterrupt for Ctrl-C."""
-        failure, told = self.ended(table, failure)
-        rows = table.rows if table is not None else []
-        self.failure = told
-        if table is not None:
-            self.extra = table.extra
-        self._raise(told, rows)
-        return rows
-
-    @staticmethod
-    def _raise(told: HandctlError | None, rows: Sequence[Row] = ()) -> None:
-        """What went wrong, with what was read; as KeyboardInterrupt where Ctrl-C was it."""
+        told, table = self.outcome.failure, self.outcome.table
+        rows = table.rows if table is not None and table.samples is None else []
         if isinstance(told, Interrupted) and told.code != STOPPED:
             raise KeyboardInterrupt(told.text) from told
         if told is not None:
             told.rows = tuple(rows)
             raise told
+        return rows
 
-    def samples(self, table: Table) -> Generator[list[Row], None, None]:
+    def samples(self) -> Generator[list[Row], None, None]:
         """The samples of a stream, each as its rows. The device is left when it ends, or is closed."""
-        failure: HandctlError | None = None
+        outcome, table = self.outcome, self.outcome.table
+        assert table is not None
         assert table.samples is not None
         source = iter(table.samples)
         try:
             for sample in source:
                 yield sample.stamped(self.settings.time)
         except HandctlError as exc:
-            failure = explained_error(self, exc)
+            outcome.failure = explained_error(self, exc)
         except KeyboardInterrupt:
-            failure = Interrupted("interrupted")
+            outcome.failure = Interrupted("interrupted")
         finally:
             if isinstance(source, Generator):
                 source.close()
-            self.extra = table.summary() if table.summary is not None else {}
-            ended, self.failure = self.ended(table, failure)
-        self._raise(self.failure or ended)
+            table.extra = table.summary() if table.summary is not None else {}
+            self.end_device()
+        self.result()
 
 
 class Line:
@@ -164,7 +132,7 @@ class Line:
         def body() -> None:
             call.open_link()
 
-        call.finish(*call.carried_out(body))
+        call.finished(body)
 
     def close(self) -> HandctlError | None:
         """Close the link; what went wrong."""
@@ -182,7 +150,8 @@ class Line:
             if call is None or self._running is not None:
                 return None
             self.last = call
-            return call.again()
+            call.begin(call.journal.line)  # what was understood of its words holds, and nothing else
+            return call.finished(call.body)
 
     def call(
         self,
@@ -205,19 +174,16 @@ class Line:
             settings = self.settings._replace(yes=confirm is True, dry_run=dry_run)
             call = self._call(command, words, values, settings, confirm)
             call.body = command.body(call)
-            table, failure = call.carried_out(call.body)
-            if failure is None and table is not None and table.samples is not None:
-                return self._taken(call, table)
-            rows = call.finish(table, failure)
-            if key is not None and command.only_reads and table is not None:
-                self._bind(key, call)
+            outcome = call.carry_out(call.body)
+            if outcome.streams and outcome.failure is None:
+                return self._taken(call)
+            call.end_device()
+            rows = call.result()
+            if key is not None and command.only_reads and outcome.table is not None and len(self._bound) < MOST_BOUND:
+                with suppress(TypeError):
+                    self._bound[key] = call
+                    call.checked = True
             return iter([rows]) if command.streams else rows
-
-    def _bind(self, key: Hashable, call: Call) -> None:
-        with suppress(TypeError):
-            if len(self._bound) < MOST_BOUND:
-                self._bound[key] = call
-                call.checked = True
 
     def _call(
         self, command: click.Command, words: str, values: Mapping[str, Any], settings: Settings, confirm: Confirm
@@ -233,16 +199,15 @@ class Line:
             if key is not None and len(self._parsed) < MOST_BOUND:
                 self._parsed[key] = ctx
         settings = settings._replace(own={**settings.own, **said(ctx).own})
-        self.last = Call(ctx, settings, self.family, confirm)
+        self.last = Call(ctx, settings, self.family, confirm, self.session)
         return self.last
 
     def _context(self, command: click.Command, words: str, values: Mapping[str, Any]) -> click.Context:
         ctx = click.Context(command, info_name=f"handctl {self.family.kind} {words}")
         told = said(ctx)
-        told.session = self.session
         told.words = (self.family.kind, *words.split(), *(f"{name}={value}" for name, value in values.items()))
         known = [key for key in ("id", "baud") if getattr(self.settings, key) is not None]
-        told.sources = dict.fromkeys((*known, "yes", "dry_run"), COMMAND_LINE)
+        told.sources = dict.fromkeys((*known, "yes"), COMMAND_LINE)
         try:
             with ctx:
                 for param in command.params:
@@ -262,10 +227,10 @@ class Line:
             hint = "leave its loop, or close it. `stop` can be called at any time"
             raise UsageError(f"{self.settings.port}: a stream is running on this link", hint=hint)
 
-    def _taken(self, call: Call, table: Table) -> Iterator[list[Row]]:
+    def _taken(self, call: Call) -> Iterator[list[Row]]:
         with self._turn:
             self._check_free()
-            self._running = samples = call.samples(table)
+            self._running = samples = call.samples()
         try:
             yield from samples
         finally:

@@ -6,10 +6,11 @@ A family whose rows are the values of its map gets the command with its map verb
 from __future__ import annotations
 
 import sys
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
-from types import TracebackType
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
@@ -22,21 +23,22 @@ from handctl.model.result import Column, Table
 from handctl.record.marks import Heard, Marks
 from handctl.record.recording import (
     Limits,
+    Loop,
     Recording,
     changed,
     file_name,
     in_words,
-    record,
+    next_trial,
     refuse_existing,
     undisturbed,
 )
 from handctl.record.source import RowsLayout, Sample, Source
 from handctl.screen.csv_output import column_of, in_persons_unit, name_of, text_of
-from handctl.system import terminal
 from handctl.wording import plural
 
 if TYPE_CHECKING:
     from handctl.model.device import Device
+    from handctl.model.result import Row
     from handctl.record.log_file import LogFile
     from handctl.record.timeline import Hole
 
@@ -98,7 +100,9 @@ def log(
         from handctl.record import lsl
 
         lsl.library()  # what is not installed is told before anything is sent
-    path = file_name(file, run.family.kind)
+    path, trial = file_name(file, run.family.kind), None
+    if run.settings.append:
+        path, trial = next_trial(path)
     refuse_existing(path, wishes.force)
     bounds = bounds_of(run, params, wishes.limits, wishes.until)
     source = source_of(lambda: _reopen(run))
@@ -108,6 +112,7 @@ def log(
         "tool": {"name": "handctl", "version": __version__},
         "command": run.command,
         "simulated": run.simulated,
+        **({} if trial is None else {"trial": trial}),
         **source.about(),
         "asked": {"rate_hz": wishes.rate or None, "rows": wishes.count, "duration_s": wishes.duration},
         "settings_before": before,
@@ -116,43 +121,46 @@ def log(
     over = bounds.over if bounds is not None else None
     try:
         with (
-            Keys(run.prompts.interactive) as keys,
+            closing(Keys(run.prompts.interactive)) as keys,
             closing(Marks(keys.pressed, port=wishes.mark_udp, lines=sys.stdin if wishes.mark_stdin else None)) as marks,
             ExitStack() as cleanup,
         ):
-            by = ["a key sets a mark"] if keys.heard else []
-            by += [f"a datagram to 127.0.0.1:{marks.port} sets a mark"] if marks.port is not None else []
+            by = ["Any key sets a mark"] if keys.heard else []
+            by += [f"A datagram to 127.0.0.1:{marks.port} sets a mark"] if marks.port is not None else []
             take = marks.take
             if wishes.lsl:
                 streams = cleanup.enter_context(closing(lsl.Streams(source, wishes.rate, marks.put)))
                 recording.on_row, take = streams.row, lambda: streams.marks(marks.take())
-                by.append(f"rows and marks are sent on LSL as {streams.name!r}")
-            run.prompts.say(f"recording into {path}. {''.join(f'{one}, ' for one in by)}Ctrl-C ends")
-            failure = record(
-                recording,
-                Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end, over),
-                mark=_first(wishes.mark, take),
-                prompts=run.prompts,
-                before=before,
-            )
+                by.append(f"Rows and marks are sent on LSL as {streams.name!r}")
+            where = f"{path}, trial {trial}" if trial else path
+            run.prompts.say(". ".join((f"recording into {where}", *by, "Ctrl-C ends")))
+            limits = Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end, over)
+            failure = Loop(recording, limits, _first(wishes.mark, take), run.prompts, before).run()
         failure = _finish(run, recording, before, failure) or (bounds.failure() if bounds is not None else None)
     finally:
         recording.close()
     _tell(run, recording)
-    return Table(rows=[recording.as_row()], columns=SUMMARY, plain=("rows", "rate"), failure=failure)
+    row = {**({} if trial is None else {"trial": trial}), **recording.as_row()}
+    columns = SUMMARY if trial is None else (SUMMARY[0], Column("trial", "Trial", right=True), *SUMMARY[1:])
+    return Table(rows=[row], columns=columns, plain=("rows", "rate"), failure=failure)
 
 
-def of_map(run: Run, names: Sequence[str], again: Callable[[], bool]) -> Source:
-    """The named quantities of the device, or those that change by themselves."""
+def of_map(run: Run, names: Sequence[str], again: Callable[[], bool], *, every: bool = False) -> Source:
+    """The named quantities of the device, or those that change by themselves; `every` = all that it says unasked."""
     if names and run.family is not None and run.family.map_of is None:
         select(run.planner().map, names)  # a wrong name is told before the link is opened
     device = run.device()
-    return MapSource(device, device.here(select(device.map, names or device.live)), again)
+    if every:
+        device.follow()
+    blocks = {name: read for name in names if (read := device.block(name)) is not None}
+    wanted = [name for name in names if name not in blocks] if names else device.live
+    return MapSource(device, device.here(select(device.map, wanted)), again, [*blocks.values()])
 
 
 def _reopen(run: Run) -> bool:
     """Try once to reopen the lost port. If only its path is known, warn that another device can get it."""
-    again = run.device_access is not None and run.device_access.reopen()
+    access = run.connection.device_access
+    again = access is not None and access.reopen()
     link = run.open_link()
     if again and not link.name.startswith(OWN_NAMES):
         run.journal.info(
@@ -252,32 +260,52 @@ def _hole_text(hole: Hole) -> str:
 
 
 class MapSource(Source):
-    """`elements` of a device; `again` opens a lost port, see `Source.reopen`."""
+    """`elements` of a device, and what each of `blocks` reads; `again` opens a lost port, see `Source.reopen`."""
 
-    def __init__(self, device: Device, elements: Sequence[Element], again: Callable[[], bool]) -> None:
+    def __init__(
+        self,
+        device: Device,
+        elements: Sequence[Element],
+        again: Callable[[], bool],
+        blocks: Sequence[Callable[[], list[Row]]] = (),
+    ) -> None:
         self.kind = device.kind
         rows = [device.row(Reading(element, None, b"", None)) for element in elements]
+        rows += [row for read in blocks for row in read()]
+        self._blocks = blocks
         self.layout = RowsLayout([(column_of(row), row) for row in rows])
         self._device, self._elements, self._again = device, list(elements), again
         self._identity = device.identity()
-        self._met = False
+        self._met = self._named = False
         self._settings = device.map.kept(setpoints=False, further=device.further(self._identity))
 
     def sample(self) -> Sample:
         device = self._device
         begun = device.link.now()
-        readings = device.read(self._elements)
-        moment = Moment(begun, device.link.now())
+        readings = device.read(self._elements) if self._elements else []
+        more = [row for read in self._blocks for row in read()]
+        moment = device.came() or Moment(begun, device.link.now())
         failed = [reading for reading in readings if reading.error is not None]
         if readings and len(failed) == len(readings):
             raise failed[0].error or NoAnswer("nothing was read")
-        rows = [device.row(reading) for reading in readings]
-        texts = [text_of(in_persons_unit(row)) for row in rows]
-        errors = "; ".join(dict.fromkeys(f"{name_of(row)}: {row['error']}" for row in rows if row.get("error")))
-        return Sample(moment, (texts, errors), rows=lambda: rows)
+        good = [one.error is None and one.value is not None for one in readings]
+        texts = [
+            text_of(in_persons_unit(device.valued(one))) if read else ""
+            for one, read in zip(readings, good, strict=True)
+        ]
+        texts += [text_of(in_persons_unit(row)) for row in more]
+        rows = cache(lambda: [*(device.row(reading) for reading in readings), *more])
+        if not self._named:  # a row also keeps what it says of the device: its model, its firmware
+            self._named = bool(rows())
+        errors = (
+            "; ".join(dict.fromkeys(f"{name_of(row)}: {row['error']}" for row in rows() if row.get("error")))
+            if not all(good)
+            else ""
+        )
+        return Sample(moment, (texts, errors), rows=rows)
 
     def settings(self) -> dict[str, dict[str, Any]]:
-        if not self._settings and not self._met:  # a stranger is seen before there is a file
+        if not self._settings and not self._met and self._elements:  # a stranger is seen before there is a file
             self._device.read(self._elements)
         self._met = True
         rows = [self._device.row(reading) for reading in self._device.read(self._settings)] if self._settings else []
@@ -299,36 +327,29 @@ class MapSource(Source):
 
 
 class Keys:
-    """Keys pressed on the terminal, without waiting for one. Only while this process is in the foreground."""
+    """Keys pressed on the terminal, if `wanted`, as the texts of marks."""
 
     def __init__(self, wanted: bool) -> None:
-        self._wanted = wanted
-        self._terminal: terminal.Keys | None = None
-        self._descriptor = -1
+        from handctl.stop.stop_listener import Keyboard
+
+        self._waiting: deque[str] = deque()
         self._count = 0
+        self._keyboard = Keyboard.on_terminal(lambda key, _frame: self._waiting.append(key)) if wanted else None
 
     @property
     def heard(self) -> bool:
         """Whether a key sets a mark."""
-        return self._terminal is not None
-
-    def __enter__(self) -> Keys:
-        if self._wanted:
-            self._descriptor = sys.stdin.fileno()
-            if terminal.in_front(self._descriptor):
-                self._terminal = terminal.Keys(self._descriptor)
-        return self
+        return self._keyboard is not None
 
     def pressed(self) -> str:
         """The text of a mark: the keys since the last call, a numbered word for space; "" for none."""
-        if self._terminal is None or not terminal.in_front(self._descriptor):
-            return ""
-        text = self._terminal.pressed()
+        text = "".join(self._waiting.popleft() for _ in range(len(self._waiting)))
         if not text.isprintable() or not text:
             return ""
         self._count += 1
         return text.strip() or f"mark {self._count}"
 
-    def __exit__(self, kind: type[BaseException] | None, exc: BaseException | None, tb: TracebackType | None) -> None:
-        if self._terminal is not None and terminal.in_front(self._descriptor):
-            self._terminal.close()
+    def close(self) -> None:
+        """No keys any more."""
+        if self._keyboard is not None:
+            self._keyboard.close()

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.command.option_types import OutFile, Seconds, WholeRange
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, HISTORY, WIRES, OwnOption
 from handctl.light import NamedTuple
@@ -24,40 +23,6 @@ if TYPE_CHECKING:
 FORMATS = ("table", "plain", "json", "ndjson", "csv", "openmetrics")
 META = "handctl"
 """Key in click's shared meta: the `Said` of a command line."""
-
-
-class Settings(NamedTuple):
-    """The shared options after precedence. `kind` is the family of the named device, None without one.
-
-    `own` holds what only one family has (`families.OwnOption`), as far as it is said.
-    """
-
-    device: str | None = None
-    kind: str | None = None
-    port: str | None = None
-    fake: bool = False
-    wire: str | None = None
-    id: int | None = None
-    baud: int | None = None
-    timeout: float | None = None
-    deadline: float | None = None
-    retries: int | None = None
-    format: str = "table"
-    output: str | None = None
-    append: bool = False
-    time: bool = False
-    no_formulas: bool = False
-    wide: bool | None = None
-    trace: str | None = None
-    dry_run: bool = False
-    yes: bool = False
-    assume_identity: bool = False
-    history: str = HISTORY[0]
-    quiet: bool = False
-    verbose: bool = False
-    color: str = "auto"
-    debug: bool = False
-    own: Mapping[str, Any] = {}
 
 
 class Source(NamedTuple):
@@ -80,7 +45,6 @@ class Said:
     include_ids  the result may hold what tells one device from another
     words        the words of the line, without `handctl`
     taken        who takes a line that is parsed and not run
-    session      the `connection.Session` that a command belongs to, None for one that stands alone
     run          the `Run` of this line where it was read before, in a script or a session
     """
 
@@ -95,7 +59,6 @@ class Said:
         self.include_ids = False
         self.words: tuple[str, ...] = ()
         self.taken: Callable[[click.Context], object] | None = None
-        self.session: Any = None
         self.run: Any = None
 
 
@@ -109,6 +72,8 @@ def said(ctx: click.Context) -> Said:
 
 COMMAND_LINE = Source("command line")
 ENVIRONMENT, NAMED, FILE = "environment", "named device", "configuration file"
+WIRE_NAMES = {"serial": "a serial line", "can": "CAN", "modbus-tcp": "Modbus TCP"}
+"""What a wire is called in help."""
 CONNECTION, OUTPUT, WRITING = "Connection", "Output", "Writing"
 """Sections of the common options."""
 WITHOUT_FILE = "completion"
@@ -202,9 +167,9 @@ def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOp
     return [
         SharedOption(["-p", "--port"], connect, metavar="LINK", help="The link to the device: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL."),
         SharedOption(["--fake"], connect, is_flag=True, help="Use the built-in simulator of this device."),
-        *(SharedOption([f"--{wire}"], connect, key="wire", fixed=wire, family=True, is_flag=True, help=f"Simulate the {wire} wire, with --fake or --dry-run (default: {wires[0]}).") for wire in wires),
+        *(SharedOption([f"--{wire}"], connect, key="wire", fixed=wire, family=True, is_flag=True, help=f"With --fake or --dry-run, use {WIRE_NAMES[wire]}{' (the default)' if wire == wires[0] else f' instead of {WIRE_NAMES[wires[0]]}'}.") for wire in wires),
         SharedOption(["-d", "--device"], connect, metavar="NAME", help="A named device from the configuration file (see `handctl devices`). A,B or '*' selects several."),
-        *(_own_option(option, connect) for option in own),
+        *(SharedOption([f"--{option.name}"], connect, family=True, is_flag=option.flag, type=click.Choice(option.choices) if option.choices else None, metavar=option.metavar or None, help=option.help) for option in own),
         SharedOption(["--id"], connect, type=int, metavar="N", help="Device id."),
         SharedOption(["--baud"], connect, type=WholeRange(min=1), metavar="N", help="Baud rate of the serial port in bit/s."),
         SharedOption(["--timeout"], connect, type=number, metavar="S", help="Seconds to wait for a reply."),
@@ -215,7 +180,7 @@ def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOp
         SharedOption(["--json"], output, key="format", fixed="json", is_flag=True, help="Same as --format json. A stream prints one row per line."),
         SharedOption(["--csv"], output, key="format", fixed="csv", is_flag=True, help="Same as --format csv."),
         SharedOption(["-o", "--output"], output, type=OutFile(), metavar="FILE", help="Write output to FILE instead of stdout. FILE is replaced only when complete."),
-        SharedOption(["--append"], output, is_flag=True, help="With --csv -o FILE: add the rows to FILE. The header is written once, and the columns must match."),
+        SharedOption(["--append"], output, is_flag=True, help="With --csv -o FILE: add the rows to FILE. The header is written once, and the columns must match. With `log FILE`: record the next trial, into FILE with a number."),
         SharedOption(["--time"], output, is_flag=True, help="Add the date and time (UTC) to each row of CSV, plain or JSON."),
         SharedOption(["--no-formulas"], output, is_flag=True, help="In CSV, put ' before any text that a spreadsheet would take for a formula."),
         SharedOption(["--wide"], output, key="wide", fixed=True, is_flag=True, help="In CSV, write one row per sample, with a column for each quantity."),
@@ -229,15 +194,6 @@ def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOp
         SharedOption(["--history"], safety, type=click.Choice(HISTORY), help="Which writes `handctl history` shows later: those to devices (default), all (simulated devices too), or none (off)."),
         SharedOption(["--assume-identity"], safety, typed=True, is_flag=True, help="Skip the check of the device's identity. Only accepted on the command line."),
     ]  # fmt: skip
-
-
-def _own_option(option: OwnOption, section: str) -> SharedOption:
-    if option.flag:
-        return SharedOption([f"--{option.name}"], section, family=True, is_flag=True, help=option.help)
-    takes = click.Choice(option.choices) if option.choices else None
-    return SharedOption(
-        [f"--{option.name}"], section, family=True, type=takes, metavar=option.metavar or None, help=option.help
-    )
 
 
 def own_options(kind: str = "") -> tuple[OwnOption, ...]:
@@ -325,3 +281,138 @@ class Own(click.Option):
         if self._check is not None:
             self._check(value)
         said(ctx).own[param.name or ""] = value
+
+
+# -- types of options and arguments: numbers, whose messages say what they accept ------------------------------------
+
+NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
+"""Settings of a command that takes ``-100`` as an argument; `model.param.given` then refuses a mistyped option."""
+LONGEST = 1e6
+"""Seconds, 11 days: more is a slip of the pen, and more than some clocks of an operating system can wait for."""
+
+
+def in_words(kind: click.IntRange | click.FloatRange) -> str:
+    """The limits of a number: ``above 0, up to 1000000``."""
+    low = "" if kind.min is None else f"above {kind.min:g}" if kind.min_open else f"{kind.min:g}"
+    high = "" if kind.max is None else f"below {kind.max:.10g}" if kind.max_open else f"{kind.max:.10g}"
+    if low and high:
+        return f"{low}, up to {high}" if kind.min_open and not kind.max_open else f"{low} to {high}"
+    return f"{low if kind.min_open else f'{low} or more'}" if low else f"{high} or less"
+
+
+def _convert(self: Any, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    """As the range of click that this is one of, in our words."""
+    try:
+        number = self.number(value)
+    except ValueError:
+        self.fail(f"{value} is not a {self.noun}.", param, ctx)
+    if not float("-inf") < number < float("inf"):
+        self.fail(f"{value} is not a finite number.", param, ctx)
+    try:
+        return self.range.convert(self, value, param, ctx)
+    except click.BadParameter:
+        self.fail(f"{value} is out of range: {in_words(self)}.", param, ctx)
+
+
+class FiniteRange(click.FloatRange):
+    """A finite number in a range."""
+
+    number, noun, range = float, "number", click.FloatRange
+    _describe_range, convert = in_words, _convert
+
+
+class WholeRange(click.IntRange):
+    """A whole number in a range."""
+
+    number, noun, range = int, "whole number", click.IntRange
+    _describe_range, convert = in_words, _convert
+
+
+class Seconds(FiniteRange):
+    """A number above 0 that a clock can wait for."""
+
+    def __init__(self) -> None:
+        super().__init__(min=0, min_open=True, max=LONGEST)
+
+
+class Hertz(FiniteRange):
+    """Samples a second: 0 for as fast as it goes, or a rate whose period a clock can wait for."""
+
+    def __init__(self) -> None:
+        super().__init__(min=0)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        rate = super().convert(value, param, ctx)
+        if 0 < rate < 1 / LONGEST:
+            self.fail(f"{value} is one sample in more than {LONGEST:.0f} seconds.", param, ctx)
+        return rate
+
+
+# -- files ----------------------------------------------------------------------------------------------------------
+
+
+class InFile(click.Path):
+    """A file that a command reads. `beside`: suffixes of files read with it."""
+
+    def __init__(self, *, additional: tuple[str, ...] = ()) -> None:
+        super().__init__(dir_okay=False)
+        self.additional = additional
+
+
+class OutFile(click.Path):
+    """A file that a command writes. `beside`: suffixes of files written with it. `grows`: it is only appended to."""
+
+    def __init__(self, *, additional: tuple[str, ...] = (), grows: bool = False) -> None:
+        super().__init__()  # a folder is refused where it is known what is to be written
+        self.additional = additional
+        self.grows = grows
+
+
+class Named(NamedTuple):
+    """A file of this run: its name for the user, its path, whether it is only appended to."""
+
+    label: str
+    path: str
+    grows: bool = False
+
+
+def files_of(ctx: click.Context) -> tuple[list[Named], list[Named]]:
+    """The files that the parameters of this command name: inputs, outputs."""
+    inputs: list[Named] = []
+    outputs: list[Named] = []
+    for param in ctx.command.params:
+        kind, given = param.type, ctx.params.get(param.name or "")
+        if not isinstance(kind, InFile | OutFile):
+            continue
+        label = param.get_usage_pieces(ctx)[0] if isinstance(param, click.Argument) else param.opts[0]
+        group = inputs if isinstance(kind, InFile) else outputs
+        for path in given if isinstance(given, tuple) else (given,):
+            if path and path != "-":
+                grows = getattr(kind, "grows", False)
+                group += [Named(label, f"{path}{ending}", grows) for ending in ("", *kind.additional)]
+    return inputs, outputs
+
+
+def refuse_clashes(inputs: list[Named], outputs: list[Named]) -> None:
+    """Raise UsageError when an output is an input or another output, under whatever name, or a file that handctl keeps.
+
+    Called before any of them is opened: an input is never lost.
+    """
+    from handctl.files import clash, state_path
+
+    kept = str(state_path(""))
+    for position, output in enumerate(outputs):
+        for other in (*inputs, *outputs[:position]):
+            if clash(output.path, other.path):
+                same = "" if output.path == other.path else f" ({other.path})"
+                raise UsageError(
+                    f"{output.label} {output.path}: the same file as {other.label}{same}",
+                    hint="name another file. Nothing was opened, and nothing was sent.",
+                    code="same-file",
+                )
+        if not output.grows and os.path.realpath(output.path).startswith(os.path.join(os.path.realpath(kept), "")):
+            raise UsageError(
+                f"{output.label} {output.path}: handctl keeps its own records in {kept}",
+                hint="name a file in another folder. Nothing was opened, and nothing was sent.",
+                code="same-file",
+            )

@@ -18,7 +18,6 @@ from handctl.command.options import (
     NAMED,
     WITHOUT_DEVICE,
     WITHOUT_FILE,
-    Settings,
     SharedOption,
     Source,
     config_path,
@@ -29,6 +28,7 @@ from handctl.command.options import (
     words_of,
 )
 from handctl.errors import UsageError
+from handctl.model.settings import Settings
 
 
 def resolve(ctx: click.Context, wires: tuple[str, ...] = (), device: str = "", *, urgent: bool = False) -> Settings:
@@ -63,9 +63,7 @@ def resolve(ctx: click.Context, wires: tuple[str, ...] = (), device: str = "", *
     if urgent:
         _no_catch(chosen, passed)
     told.sources = chosen.sources
-    shared = {key: value for key, value in chosen.values.items() if key in Settings._fields}
-    own = {key: value for key, value in chosen.values.items() if key not in shared}
-    return Settings(**shared, own={**own, **told.own})
+    return Settings().having({**chosen.values, "own": told.own})
 
 
 def _no_catch(chosen: _Chosen, passed: list[UsageError]) -> None:
@@ -74,7 +72,7 @@ def _no_catch(chosen: _Chosen, passed: list[UsageError]) -> None:
     if source != COMMAND_LINE:
         del chosen.values["dry_run"], chosen.sources["dry_run"]
         hint = "give -n on the command line to see the bytes and send nothing"
-        passed.append(UsageError(f"dry_run, set in {source.where}, does not apply to a stop", hint=hint))
+        passed.append(UsageError(f"dry_run, set in {source.where}, is ignored: a stop is always sent", hint=hint))
 
 
 def _take_environment(
@@ -166,10 +164,8 @@ def _missing(path: str) -> bool:
     """Whether there is no such file; one that may not be looked at is there, and reading it will say so."""
     try:
         os.stat(path)
-    except (FileNotFoundError, NotADirectoryError):
-        return True
-    except OSError:
-        return False
+    except OSError as exc:
+        return isinstance(exc, FileNotFoundError | NotADirectoryError)
     return False
 
 

@@ -7,14 +7,14 @@ decides where output goes. What a run does not need is not imported.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from copy import copy
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from handctl.command.connection import Connection
+from handctl.command.connection import Connection, Session
 from handctl.command.console import print_writes
 from handctl.command.envelope import (
     Outcome,
@@ -28,33 +28,28 @@ from handctl.command.envelope import (
 )
 from handctl.command.family import Family, implied
 from handctl.command.invocation import Invocation, check_before, shown_steps, tell_unasked, told, unsent
-from handctl.command.options import Settings
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
 from handctl.interrupts import device_done, end_on_signals, finish_on_signals, output_abandoned
-from handctl.model.result import Column, Table
+from handctl.model.result import Column, Journal, Table
+from handctl.model.settings import Settings
 from handctl.model.write_ledger import SENT
 from handctl.screen.sanitize import text_shown
 from handctl.wording import honest
 
 if TYPE_CHECKING:
-    from contextlib import AbstractContextManager
-
     from handctl.link import Link
     from handctl.model.line_quality import LineQuality
     from handctl.model.param import Changes, Step
     from handctl.model.prompts import Prompts
-    from handctl.stop.device_access import DeviceAccess
-
-NO_TERMINAL = "Confirmation needed, but this is not an interactive terminal"
-UNANSWERED = "add --yes to confirm, or --dry-run to see the bytes"
 
 
 class Asked(NamedTuple):
-    """A question that a look at the device has made: "" = none, the steps that it shows, and its table."""
+    """A question: "" = none, the steps that it shows, its table, and the word that must be typed for a yes."""
 
     question: str = ""
     steps: Sequence[Step] = ()
     changes: Changes | None = None
+    word: str = ""
 
 
 class Act(NamedTuple):
@@ -80,29 +75,44 @@ class Act(NamedTuple):
         """The steps that are known before the device is."""
         return () if callable(self.steps) else self.steps
 
+    @property
+    def asked(self) -> Asked:
+        """What is asked before the device is known."""
+        return Asked(self.question, self.known if self.asks is None else self.asks, word=self.word)
+
+    def every(self) -> Sequence[Step]:
+        """All steps, for a dry run."""
+        return self.steps() if callable(self.steps) else self.steps
+
+    def looked(self, device: Any) -> Asked:
+        """What is asked once the device is known."""
+        return self.look(device) if self.look is not None else self.asked
+
 
 class Run(Invocation):
-    """One run of one command."""
-
-    tells = Outcome
-    """Who tells what comes of it."""
-    device_done = staticmethod(device_done)
-    """All that is done to the device is done: from now on Ctrl-C changes neither the result nor the exit code."""
+    """One run of one command: what was asked (`Invocation`), the `connection` to a device, and the `outcome`."""
 
     def __init__(
-        self, ctx: click.Context, settings: Settings, family: Family | None, prompts: Prompts | None = None
+        self,
+        ctx: click.Context,
+        settings: Settings,
+        family: Family | None,
+        prompts: Prompts | None = None,
+        session: Session | None = None,
     ) -> None:
-        self.outcome = self.tells(self)
-        super().__init__(ctx, settings, family, prompts)
+        super().__init__(ctx, settings, family, prompts, session)
         self.connection = Connection()
         self.checked = False
         """Its words were understood and carried out before: `begin` starts it once more."""
         self.outlet = ExitStack()
         """What is closed behind the last byte of output: the file of a command that runs others."""
+        self.begin()
 
     def begin(self, line: LineQuality | None = None) -> None:
-        super().begin(line)
-        self.journal.on_message = self.outcome.heard
+        """Nothing of it has happened yet; `line` is what is known of its line."""
+        self.outcome = Outcome(self)
+        self.journal = Journal(self.outcome.heard if self.shows else None, self.prompts.progress, line)
+        self.link = self.opened = self.end = None
         self.remembered = False
         self.others: list[Run] = []
         """The same command at further LINKs, see `device_at`."""
@@ -123,12 +133,10 @@ class Run(Invocation):
         from handctl.model.line_quality import LineQuality
 
         other = copy(self)  # it says, counts and writes in the same place, but has a link, a lock and a line of its own
-        own = {**self.settings.own, **settings.pop("own", {})}
         if self.end is not None and self.link is not None:
             settings["deadline"] = max(self.end - self.link.now(), 0.001)
-        other.settings = self.settings._replace(
-            port=link, fake=False, wire=None, device=None, kind=None, own=own, **settings
-        )
+        given = {"port": link, "fake": False, "wire": None, "device": None, "kind": None, **settings}
+        other.settings = self.settings.having(given)
         other.connection = Connection(self.connection.trace)
         other.link = other.opened = other.end = None
         other.others = []
@@ -145,50 +153,39 @@ class Run(Invocation):
         if self.link is None:
             if self.session is not None:
                 self.connection = self.session.connection(self, self.connection)
-            link = self.connection.opened(self, baud)
+            self.link = link = self.connection.opened(self, baud)
             if self.writes:
                 from handctl.link.transcript import observed
 
                 observed(link, self.ledger)
-            assert self.device_access is not None
-            self.link = self.device_access.around(link)
             self.end = link.now() + settings.deadline if (settings := self.settings).deadline is not None else None
         return self.link
 
     @property
-    def device_access(self) -> DeviceAccess | None:
-        """What this command has of a device that others could reach too; None before the link is opened."""
-        return self.connection.device_access
-
-    @property
     def stopped(self) -> HandctlError | None:
         """How a device of this command was stopped on the wish of another process; None where none was."""
-        for run in (self, *self.others):
-            if (device_access := run.connection.device_access) is not None and device_access.stopped is not None:
-                return device_access.stopped
-        return None
+        return next(filter(None, (run.connection.stopped for run in (self, *self.others))), None)
 
-    def keyboard(self, pressed: Callable[[str], bool]) -> AbstractContextManager[bool]:
-        """While it lasts each key on the terminal goes to `pressed`, which says whether the command ends; whether there are keys."""
+    @contextmanager
+    def viewed(self, pressed: Callable[[str], bool]) -> Iterator[bool]:
+        """While a view has the terminal messages wait, and each key goes to `pressed`, which says whether the command ends; whether there are keys."""
         from handctl.stop.device_access import keyboard
 
-        return keyboard(self.device_access, pressed)
+        with self.outcome.held_back(), keyboard(self.connection.device_access, pressed) as keyed:
+            yield keyed
 
     @property
     def stop_key(self) -> str:
         """The key of a live view that stops the device; "" without a device to stop."""
-        return self.device_access.stop_key if self.device_access is not None else ""
-
-    def behind_view(self) -> AbstractContextManager[None]:
-        """While it lasts messages wait: a view has the terminal."""
-        return self.outcome.held_back()
+        access = self.connection.device_access
+        return access.stop_key if access is not None else ""
 
     def act(self, act: Act) -> Table:
         """Carry it out, or show its plan for --dry-run. Raises NotConfirmed."""
         if self.settings.dry_run:
-            return self.dry_run(act.steps() if callable(act.steps) else act.steps)
+            return self.dry_run(act.every())
         self.ledger.plan(act.known)
-        asked = Asked(act.question, act.known if act.asks is None else act.asks)
+        asked = act.asked
         if act.look is not None:
             if act.question:
                 self.need_answer(act.question)
@@ -213,13 +210,15 @@ class Run(Invocation):
         self.outcome.tell()  # who is asked must know of it before answering
         for line in (*shown_steps(steps, self.settings, changes), *(changes.lines() if changes else ())):
             self.prompts.say(line)
-        if not self.prompts.ask(question, word):
-            raise NotConfirmed(f"not confirmed: {unsent(self.journal)}", hint="run the command again to confirm it")
+        if not self.prompts.confirm(question, word, steps, changes):
+            raise NotConfirmed(f"not confirmed: {unsent(self.journal)}", hint=self.prompts.refused)
 
     def need_answer(self, question: str) -> None:
         """Raise NotConfirmed where nobody could answer a question that only reading the device can put: not a byte is sent."""
         if not (self.settings.yes or self.settings.dry_run or self.prompts.interactive):
-            raise NotConfirmed(f"{question}. {NO_TERMINAL}", hint=joined(UNANSWERED, unsent(self.journal)))
+            raise NotConfirmed(
+                f"{question}. {self.prompts.nobody}", hint=joined(self.prompts.otherwise, unsent(self.journal))
+            )
 
     @property
     def asks(self) -> bool:
@@ -247,87 +246,78 @@ class Run(Invocation):
         end_on_signals(suspend=self.writes)
         with self.outlet:
             try:
-                table, failure = self.carried_out(body)
+                self.carry_out(body)
             except BaseException:  # a bug of ours: the link and its lock are let go all the same
                 finish_on_signals()
                 self.close(None)
                 self.remember(HandctlError("internal error"))
                 print_writes(self.journal.ledger, self.settings, None)
                 raise
-            failure = self._wind_up(table, failure)
+            finish_on_signals()  # from now on a Ctrl-C changes neither the result nor the exit code, unless its reader sleeps
+            failure = self.end_device()
+            if not self.outcome.streams:
+                try:
+                    self.outcome.show(self)
+                except OutputError as exc:
+                    if failure is None and not self.journal.ledger.began:
+                        raise
+                    failure = self.outcome.lost(exc)
+            print_writes(self.journal.ledger, self.settings, failure)
+            if output_abandoned():
+                text = "interrupted while writing the result: the reader had stopped reading"
+                failure = failure or Interrupted(text)
         if failure is not None:
             failure.shown = True
             raise failure
 
-    def carried_out(self, body: Callable[[], Table | Act | None]) -> tuple[Table | None, HandctlError | None]:
-        """What the body returns, a stream shown to its end, and what went wrong."""
-        failure: HandctlError | None = None
-        table: Table | None = None
+    def carry_out(self, body: Callable[[], Table | Act | None]) -> Outcome:
+        """Run the body, and show a stream to its end; the outcome has what it returned, and what went wrong."""
+        outcome = self.outcome
         try:
             try:
                 if not self.checked:
                     check_before(self)
                 made = body()
-                table = self.act(made) if isinstance(made, Act) else made
-                if table is not None and table.samples is not None:
-                    failure = self.outcome.stream(table, self)
+                outcome.table = self.act(made) if isinstance(made, Act) else made
+                if outcome.streams and self.shows:
+                    outcome.failure = outcome.stream(self)
             except HandctlError as exc:
-                failure = exc  # stands, should Ctrl-C come while its cause is looked for
-                failure = explained_error(self, exc)
+                outcome.failure = exc  # stands, should Ctrl-C come while its cause is looked for
+                outcome.failure = explained_error(self, exc)
             except click.UsageError as exc:
-                failure = from_click(exc)
-            self.device_done()
+                outcome.failure = from_click(exc)
+            if self.shows:
+                device_done()
         except KeyboardInterrupt:
-            self.device_done()
-            failure = failure or interrupted(self)
-            if table is not None and table.samples is not None:
-                table = None  # its stream has not begun: whoever writes it answers to Ctrl-C
-        if failure is not None and table is None and not self.writes:
-            table = self.journal.kept  # what was read before it went wrong
-        return table, failure
+            if self.shows:
+                device_done()
+            outcome.failure = outcome.failure or interrupted(self)
+            if outcome.streams:
+                outcome.table = None  # its stream has not begun: whoever writes it answers to Ctrl-C
+        if outcome.failure is not None and outcome.table is None and not self.writes:
+            outcome.table = self.journal.kept  # what was read before it went wrong
+        return outcome
 
     def judged(self, error: HandctlError | None) -> HandctlError | None:
         """What is shown of an error: whose bytes came, and what held a command up that --deadline ended."""
         return None if error is None else renamed(self, with_cause(self, error))
 
-    def _wind_up(self, table: Table | None, failure: HandctlError | None) -> HandctlError | None:
-        """Close, then show; a Ctrl-C meanwhile changes neither the result nor the exit code, unless its reader sleeps."""
-        finish_on_signals()
-        failure, told = self.ended(table, failure)
-        if table is None or table.samples is None:
-            try:
-                self.outcome.show(table, failure, self)
-                failure = told
-            except OutputError as exc:
-                if told is None and not self.journal.ledger.began:
-                    raise
-                failure = self.outcome.lost(exc, told)
-        print_writes(self.journal.ledger, self.settings, failure)
-        if output_abandoned():
-            failure = failure or Interrupted("interrupted while writing the result: the reader had stopped reading")
-        return failure
-
-    def ended(
-        self, table: Table | None, failure: HandctlError | None
-    ) -> tuple[HandctlError | None, HandctlError | None]:
-        """Let go of the link; what went wrong with the command, and the same or else what is wrong with its table."""
-        failure = self.judged(failure)
+    def end_device(self) -> HandctlError | None:
+        """Let go of the link; what went wrong with the command, or else what is wrong with its table."""
+        outcome, table = self.outcome, self.outcome.table
+        failure = self.judged(outcome.failure)
         if table is not None:
             table.failure = self.judged(table.failure)
-        if self.session is None:
-            for run in (self, *self.others):
-                if run.device_access is not None:
-                    run.device_access.finish()
         failure = self.stopped or failure
         try:
             failure = self.close(failure)
         except KeyboardInterrupt:
             failure = self.close(failure or Interrupted("interrupted"))
-        told = failure or (table.failure if table is not None else None)
-        if told is not None and self.journal.ledger.began:
-            told.text, told.hint = honest(told.text), honest(told.hint)
-        self.remember(told)
-        return failure, told
+        outcome.failure = failure = failure or (table.failure if table is not None else None)
+        if failure is not None and self.journal.ledger.began:
+            failure.text, failure.hint = honest(failure.text), honest(failure.hint)
+        self.remember(failure)
+        return failure
 
     def remember(self, failure: HandctlError | None) -> None:
         """Add what was written to the history, once, now that the device has been served. Never raises."""
@@ -343,18 +333,13 @@ class Run(Invocation):
         """What went out, as the record of writes has it; of a command that only reads the stop that it was asked for."""
         if self.writes:
             return self.ledger.rows() if self.ledger.began else []
-        sent = self.device_access.sent if self.device_access is not None and self.stopped is not None else ()
+        access = self.connection.device_access
+        sent = access.sent if access is not None and self.stopped is not None else ()
         steps = (row for row in sent if not row["reads"])
         return [
             {"step": step, "bytes": row["bytes"], "meaning": row["meaning"], "state": SENT}
             for step, row in enumerate(steps, 1)
         ]
-
-    def failed(self, error: HandctlError) -> HandctlError:
-        """Show an error that arose before the body could run (as JSON too); returns it to be raised."""
-        self.outcome.show(None, error, self)
-        error.shown = True
-        return error
 
     def close(self, failure: HandctlError | None) -> HandctlError | None:
         """Let go of the link, unless the next command of a session can use it."""
@@ -373,9 +358,8 @@ class Run(Invocation):
         """The JSON envelope without rows (cli contract, section 4)."""
         failure = self.stopped or failure or self.connection.trace.failure
         writes = {"writes": self.ledger.rows()} if self.writes and self.family is not None else {}
-        more = {**(extra or {}), **writes, "line": self.journal.line.as_row()}
-        counters = self.journal.counters.as_row()
-        return make_envelope(self.command, failure, device_row(self), self.journal.messages, counters, more, self.link)
+        more = {**(extra or {}), **writes}
+        return make_envelope(self.command, failure, device_row(self), self.journal, more, self.link)
 
     @property
     def simulated(self) -> bool:

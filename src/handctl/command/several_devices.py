@@ -17,14 +17,13 @@ import click
 from handctl.command import snapshots
 from handctl.command.command_lines import Line, line
 from handctl.command.library_call import Call
-from handctl.command.option_types import OutFile
-from handctl.command.options import config_path, read_config
+from handctl.command.options import OutFile, config_path, read_config
 from handctl.command.run import Act, Run
 from handctl.errors import STOPPED, HandctlError, Interrupted, LinkError, UsageError, joined
 from handctl.model.result import Column, Grid, Row, Sample, Table
 from handctl.model.stop_sequence import NOT_STOPPED
 from handctl.screen.render import default_view
-from handctl.stop.device_access import DeviceAccess
+from handctl.stop.device_access import DeviceAccess, report
 from handctl.stop.stop_listener import STOP_SECONDS
 from handctl.system import clock
 from handctl.wording import plural
@@ -84,11 +83,13 @@ class Each:
         self.run = Call(one.context, one.settings, one.leaf.family)
         self.busy = False
         """Whether its link is open, or being opened or closed."""
-        self.begun = threading.Event()
-        """It has a table, or has ended without one."""
-        self.table = Table()
+        self.known = threading.Event()
+        """Its columns are known, or it has ended."""
+
+    @property
+    def table(self) -> Table:
         """Without columns until its body has returned one."""
-        self.failure: HandctlError | None = None
+        return self.run.outcome.table or Table()
 
     @property
     def body(self) -> Callable[[], Table | Act | None]:
@@ -103,31 +104,27 @@ class Each:
         run = self.run
         self.busy = True
         try:
-            table, failure = run.carried_out(self.body)
-            self.table = table or self.table
-            self.begun.set()
-            if failure is None and self.table.samples is not None:
-                for rows in run.samples(self.table):
+            outcome = run.carry_out(self.body)
+            self.known.set()
+            if outcome.streams and outcome.failure is None:
+                for rows in run.samples():
                     take(self.name, rows)
-                self.failure = run.failure
             else:
-                _, self.failure = run.ended(table, failure)
-        except HandctlError as exc:
-            self.failure = exc
-        except KeyboardInterrupt:
-            self.failure = Interrupted("interrupted")
+                run.end_device()
+        except (HandctlError, KeyboardInterrupt) as exc:
+            run.outcome.failure = exc if isinstance(exc, HandctlError) else Interrupted("interrupted")
         except Exception as exc:  # noqa: BLE001 - a bug of ours must not hide the other devices
-            self.failure = HandctlError(f"internal error: {type(exc).__name__}: {exc}", code="internal")
+            run.outcome.failure = HandctlError(f"internal error: {type(exc).__name__}: {exc}", code="internal")
             run.close(None)
         finally:
             self.busy = False
-            self.begun.set()
+            self.known.set()
 
     def stop(self, who: str) -> HandctlError:
         """Stop its device at once: over the open link, or where there is none over one of its own. How that went. Never raises."""
         end = clock.now() + OPEN_SECONDS
         while self.busy:
-            access = self.run.device_access
+            access = self.run.connection.device_access
             if access is not None and (stopped := access.stop_from_outside(who)) is not None:
                 self.run.remember(stopped)  # its thread may sleep until the next sample
                 return stopped
@@ -139,7 +136,7 @@ class Each:
         other = Each(self.name, line([self.line.leaf.family.kind, "stop", "-d", self.name], {}))
         other.work(lambda _name, _rows: None)
         said = [message.text for message in other.run.journal.messages if message.code == STOPPED]
-        return other.failure or Interrupted(f"{who}: {' '.join(said)}", code=STOPPED)
+        return other.run.outcome.failure or Interrupted(f"{who}: {' '.join(said)}", code=STOPPED)
 
     def silence(self) -> None:
         """Its link sends nothing more: what reads ends soon. A stop goes on."""
@@ -153,7 +150,7 @@ class Each:
 
     def result(self, *, with_rows: bool) -> dict[str, Any]:
         """Its envelope."""
-        envelope = {"name": self.name, **self.run.envelope(self.failure, self.run.extra or self.table.extra)}
+        envelope = {"name": self.name, **self.run.envelope(self.run.outcome.failure, self.run.outcome.extra)}
         return {**envelope, "rows": self.table.rows} if with_rows else envelope
 
 
@@ -189,7 +186,7 @@ class EveryAccess(DeviceAccess):
         worst = max(bad, key=lambda error: error.exit_code) if bad else every_one[0][1]
         text = joined(*(f"{name}: {error.text}" for name, error in every_one))
         self.stopped = type(worst)(text, hint=worst.hint, code=NOT_STOPPED if bad else STOPPED)
-        return self._report
+        return report(None, ())
 
 
 class Several(Run):
@@ -274,8 +271,8 @@ def _together(whole: Several, every: Sequence[Each]) -> Table:
         thread.start()
     if whole.streams:
         whole.connection.device_access = EveryAccess(whole, lambda: every)
-        for each in every:
-            each.begun.wait()
+        while not all(each.known.wait(POLL_SECONDS) for each in every):
+            pass
         columns = (DEVICE, *_columns(every))
         table = Table(columns=columns, cards={each.name: partial(getattr, each, "table") for each in every})
         table.samples = _samples(whole, table, every, _arrivals(every, threads, came))
@@ -387,7 +384,7 @@ def _grids(every: Sequence[Each]) -> list[Grid]:
 
 def _failure(every: Sequence[Each]) -> HandctlError | None:
     """What went wrong, device by device; its exit code is the highest."""
-    failed = [(each.name, error) for each in every if (error := each.failure) is not None]
+    failed = [(each.name, error) for each in every if (error := each.run.outcome.failure) is not None]
     if not failed:
         return None
     told = joined(*(f"{name}: {error.text}" for name, error in failed))

@@ -17,8 +17,9 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
+from handctl.command.run import Act, Asked
 from handctl.errors import CheckFailed, OutputError, UsageError, joined
-from handctl.files import atomic_write, read_text, why_unwritable
+from handctl.files import atomic_write, read_text, why_unwritable, writing
 from handctl.model.device import question, released
 from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Changes, Element, FromTo, Number, ParamMap, Step
 from handctl.model.result import Column, Row, Table
@@ -80,7 +81,7 @@ def snapshot(run: Run, path: str) -> Table:
         except UsageError as exc:
             run.journal.warn(
                 "out-of-range",
-                f"the device holds {exc.text}: `restore` will refuse this file",
+                f"the device has {exc.text}: `restore` will refuse this file",
                 hint=f"`handctl {device.kind} set {name}=…`, then take the snapshot again",
             )
     run.journal.info("written", f"{path}: {counted(device.map, list(values))} of {device.kind}")
@@ -165,9 +166,7 @@ def _tell_left_out(run: Run, params: ParamMap[Any], names: Sequence[str], done: 
 # -- restore ------------------------------------------------------------------------------------------------------
 
 
-def restore(
-    run: Run, params: ParamMap[Any], path: str, *, check: Check | None = None, setpoints: bool = False
-) -> Table:
+def restore(run: Run, params: ParamMap[Any], path: str, *, check: Check | None = None, setpoints: bool = False) -> Act:
     """Write what differs from a snapshot, in an order that keeps the device reachable; read back; say what is left out.
 
     Settings; with `setpoints` also what was commanded, forces after a question of their own. Everything is asked before
@@ -183,37 +182,41 @@ def restore(
     _tell_left_out(run, params, left, "written")
     if run.settings.dry_run:
         tell_all_listed(run)
-        return run.dry_run(_steps(run.planner(), changes))
-    if changes:
-        run.need_answer(f"{_restoring(params, changes)}, where they differ")
-    device: Device = run.device()
-    device.find_for_restore(values)
-    device.identify()
-    live = read_values(device, params.kept(setpoints=setpoints, further=values), needed=values)
-    differing = [(element, value) for element, value in changes if live.get(element.full_name) != value]
-    for text in device.not_covered:
-        run.journal.info("not-covered", f"not covered by a snapshot: {text}")
-    absent = [element.full_name for element in params.kept(setpoints=setpoints) if element.full_name not in values]
-    if absent:
-        run.journal.warn("absent", f"{path} does not hold {', '.join(absent)}. The device keeps its own values")
-    if not differing:
-        what = counted(params, [element.full_name for element, _ in changes])
-        text = f"the device already has {what} from the snapshot" if changes else "nothing to write"
-        run.journal.info("equal", f"{text}. Nothing was written")
-        return _restored(params, [], live, {})
-    _ask(run, params, device, differing, live)
-    after: dict[str, Number] = {}
-    for group in _groups(differing):
-        for reading in device.write(group):
-            if reading.value is not None:
-                after[reading.element.full_name] = reading.value
-    return _restored(params, differing, live, after)
+    live: dict[str, Number] = {}
+    differing: list[Change] = []
+
+    def look(device: Device) -> Asked:
+        device.find_for_restore(values)
+        device.identify()
+        live.update(read_values(device, params.kept(setpoints=setpoints, further=values), needed=values))
+        differing.extend(change for change in changes if live.get(change[0].full_name) != change[1])
+        for text in device.not_covered:
+            run.journal.info("not-covered", f"not covered by a snapshot: {text}")
+        absent = [element.full_name for element in params.kept(setpoints=setpoints) if element.full_name not in values]
+        if absent:
+            text = f"{path} does not contain {', '.join(absent)}. The device keeps its own values for these"
+            run.journal.warn("absent", text)
+        if differing:
+            _ask(run, params, device, differing, live)
+        else:
+            what = counted(params, [element.full_name for element, _ in changes])
+            text = f"the device already has {what} from the snapshot" if changes else "nothing to write"
+            run.journal.info("equal", f"{text}. Nothing was written")
+        return Asked()
+
+    def write(device: Device) -> Table:
+        readings = [reading for group in _groups(differing) for reading in device.write(group)]
+        return _restored(params, differing, live, {reading.element.full_name: reading.value for reading in readings})
+
+    question = f"{_restoring(params, changes)}, where they differ" if changes else ""
+    return Act(lambda: _steps(run.planner(), changes), write, question, look=look)
 
 
 def tell_all_listed(run: Run) -> None:
     """Of a dry run of what leaves out what the device has."""
     run.journal.info(
-        "plan", "all values are listed: without reading the device, handctl cannot skip those it already has"
+        "plan",
+        "all values are listed: without reading the device, handctl cannot tell which are already set",
     )
 
 
@@ -290,7 +293,7 @@ def _restoring(params: ParamMap[Any], changes: Sequence[Change]) -> str:
 
 
 def _restored(
-    params: ParamMap[Any], differing: Sequence[Change], before: dict[str, Number], after: dict[str, Number]
+    params: ParamMap[Any], differing: Sequence[Change], before: dict[str, Number], after: dict[str, Number | None]
 ) -> Table:
     rows: list[Row] = [
         {
@@ -374,12 +377,9 @@ def write(path: str, content: Mapping[str, Any]) -> None:
     """Write a snapshot, whole or not at all. Raises OutputError."""
     import json
 
-    try:
-        with atomic_write(path) as file:
-            json.dump(content, file, indent=2, ensure_ascii=False)
-            file.write("\n")
-    except OSError as exc:
-        raise OutputError(f"{path}: the snapshot cannot be written: {exc.strerror or exc}") from exc
+    with writing(path, "the snapshot "), atomic_write(path) as file:
+        json.dump(content, file, indent=2, ensure_ascii=False)
+        file.write("\n")
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -439,12 +439,12 @@ def load(path: str, kind: str) -> dict[str, Any]:
             hint=f"use the handctl that wrote it ({content.get('tool')}). {UNTOUCHED}",
         )
     if content.get("checksum") != _checksum(content):
-        raise UsageError(f"{path}: damaged: its checksum is wrong", hint=f"take a new snapshot. {UNTOUCHED}")
+        raise UsageError(f"{path}: corrupted: its checksum is wrong", hint=f"take a new snapshot. {UNTOUCHED}")
     if content.get("kind") != kind:
         raise UsageError(f"{path}: a snapshot of {content.get('kind')}, not of {kind}", hint=UNTOUCHED)
     values = content.get("values")
     if not isinstance(values, dict) or not all(
         isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < float("inf") for v in values.values()
     ):
-        raise UsageError(f"{path}: damaged: its values are not pairs of name and number", hint=UNTOUCHED)
+        raise UsageError(f"{path}: corrupted: its values are not pairs of name and number", hint=UNTOUCHED)
     return content

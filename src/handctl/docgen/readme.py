@@ -29,15 +29,11 @@ def filled(text: str, tree: Node) -> str:
 def _known(family: str) -> tuple[str, str, str]:
     """The first two paragraphs of a guide's section KNOWN: run on hardware, and what the family's bytes rest on."""
     if family not in guides.names():
-        return "Not yet.", "The manual.", ""
+        return "Not yet run on real hardware.", "The manual.", ""
     text = guides.source(family)
     blocks = list(guides.blocks(text))
     place = next(place for place, block in enumerate(blocks) if isinstance(block, Heading) and block.text == KNOWN)
-    said = [
-        block.text.removeprefix("Run on hardware: ")
-        for block in blocks[place + 1 : place + 3]
-        if isinstance(block, Para)
-    ]
+    said = [block.text for block in blocks[place + 1 : place + 3] if isinstance(block, Para)]
     return said[0][:1].upper() + said[0][1:], said[1], f"{guides.title(text)[0]}(7)"
 
 

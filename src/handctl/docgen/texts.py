@@ -27,7 +27,7 @@ LINKS = (
         "The simulator in this process, which starts over each time. The keys are listed in handctl-sim(1). Plain `--fake` "
         "keeps the device's state until you log out.",
     ),
-    ("replay:FILE", "A transcript recorded with `--trace` plays the device."),
+    ("replay:FILE", "A transcript recorded with `--trace` stands in for the device."),
 )
 
 OUTPUT = (
@@ -47,9 +47,9 @@ SAFETY = (
     "first; without a terminal it needs `--yes`. `--dry-run` prints the exact bytes and sends nothing. Values outside the "
     "documented range are refused, never clamped. Writes are read back and never retried. Ctrl-C stops a movement as far as "
     "the device's protocol allows.",
-    "While a command drives a device, a second process keeps the link open. If handctl is killed, that process sends the "
-    "device's stop three times. It cannot help if everything dies at once: the container, the service, the computer, its "
-    "power. On Windows, and on CAN adapters that use a vendor's library, there is no second process, and handctl warns you. "
+    "While a command drives a device, a second process keeps the link open. If handctl is killed, that process stops the "
+    "device as `stop` does. It cannot help if everything dies at once: the container, the service, the computer, its "
+    "power. For CAN adapters that use a vendor's library there is no second process, and handctl warns you. "
     "A command that is only suspended is still alive: run `stop`.",
 )
 
@@ -107,11 +107,11 @@ SYMPTOMS = (
     Symptom("other-family", "`this is a wrist module`", 6, "The device belongs to a different family than the one you typed.", "`handctl scan -p /dev/ttyUSB0`"),
     Symptom("not-initialized", "`Motor not initialized`", 6, "A BarrettHand must be initialized (HI) after power-on.", "`handctl barrett init -p /dev/ttyUSB0`"),
     Symptom("not-reached", "`not reached`", 7, "A finger is blocked, or an AIDIN-hand has not been homed since power-on.", "`handctl aidin home -p tcp://192.168.0.10`"),
-    Symptom("hot", "`over_temperature` stays", None, "It cannot be cleared while the motor is hot.", "Let it cool, then `handctl exo clear-errors -p /dev/ttyUSB0`"),
+    Symptom("hot", "`over_temperature` stays", None, "No command clears it. It goes away once the actuator has cooled down.", "Let it cool. `handctl exo clear-errors -p /dev/ttyUSB0` clears all other errors and shows which remain"),
     Symptom("not-saved", "the old id or baud rate is back", None, "The new one has not been saved.", "Set it again, run `handctl exo save -p /dev/ttyUSB0`, then power-cycle the device"),
     Symptom("out-of-range", "`out of range`", 2, "The value is outside the documented range.", "Look up the range with `handctl exo describe`"),
-    Symptom("not-confirmed", "not confirmed", 8, "The command moves or changes a device, and it was not confirmed.", "Run it with `-n` to see the bytes, then with `--yes`"),
-    Symptom("wrong-values", "the values look wrong", None, "Damaged data, or a different device. The bytes on the line show which.", "`handctl exo status --trace run.txt`, then `handctl trace show run.txt`"),
+    Symptom("not-confirmed", "not confirmed", 8, "The command moves or changes a device, and it was not confirmed.", "Run it with `--dry-run` (`-n`) to see the bytes, then with `--yes`"),
+    Symptom("wrong-values", "the values look wrong", None, "Corrupted data, or a different device. The bytes on the line show which.", "`handctl exo status --trace run.txt`, then `handctl trace show run.txt`"),
 )  # fmt: skip
 
 
@@ -131,13 +131,13 @@ VERBS = (
     Verb("describe", "describe [NAME...]", "Lists the address, type, unit, range and access of each quantity. It needs no device."),
     Verb("watch", "watch [NAME...]", "Shows a live view on a terminal, and a stream elsewhere. `--count` and `--duration` limit it."),
     Verb("log", "log FILE", "Records samples with the time of this computer, and marks every gap."),
-    Verb("scan", "scan", "Runs `handctl scan` for this family only. It finds any id and baud rate that the device can have."),
+    Verb("scan", "scan", "Runs `handctl scan` for this family only. It tries each id (1 to 254) and baud rate that the family can have, within a time limit if the line is silent. `--all` has no time limit."),
     Verb("doctor", "doctor", "Runs `handctl doctor` for this family: checks this computer, the link, and the device."),
     Verb("snapshot", "snapshot FILE", "Saves all settings to a file."),
     Verb("diff", "diff A [B]", "Compares two snapshots, a snapshot and the device, or two devices. The exit code is 7 if they differ."),
     Verb("restore", "restore FILE", "Writes the settings that differ from a snapshot, and reads them back."),
     Verb("report", "report FILE", "Writes one page for a service ticket."),
-    Verb("stop", "stop", "Stops the device at once, without asking."),
+    Verb("stop", "stop", "Stops the device at once, without asking. For an EksoNR it only sends CancelAction, which may not stop it."),
 )  # fmt: skip
 
 WORDS = {

@@ -55,10 +55,15 @@ def nothing(_rest: bytes = b"") -> None:
     """Nobody needs to know."""
 
 
+def plain(data: bytes, _can_id: int | None) -> bytes:
+    """Bytes as they are."""
+    return data
+
+
 class Outlet:
     """How bytes get out of a link and into it without the link: what a process needs that outlives this one (deadman.py).
 
-    descriptor  of the system
+    descriptor  of the system; on Windows its handle
     encode      a frame (its data, and the identifier on a CAN bus) as this link writes it
     decode      on a CAN bus: what was read -> the frames in it, and the rest; None where bytes are bytes
     baud        speed of a port in bit/s, None where there is none
@@ -74,11 +79,15 @@ class Outlet:
         baud: int | None = None,
     ) -> None:
         self.descriptor = descriptor
-        self.encode = encode or (lambda data, can_id: data)
+        self.encode = encode or plain
         self.decode = decode
         self.baud = baud
         self.before: Callable[[], None] = nothing
         self.owes: Callable[[bytes], None] = nothing
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For another process: who watches and listens is in this one."""
+        return Outlet, (self.descriptor, self.encode, self.decode, self.baud)
 
 
 class Link(ABC):

@@ -148,7 +148,8 @@ class CanLink(FrameLink):
         codec = {"socketcan": (_socketcan_frame, _socketcan_frames), "slcan": (_slcan_frame, _slcan_frames)}
         if self._outlet is None and self._interface in codec:
             with contextlib.suppress(can.CanError, OSError, NotImplementedError, ValueError):
-                self._outlet = Outlet(int(self._bus.fileno()), *codec[self._interface])
+                found = self._bus.fileno() if self._slcan is None else ports.outlet(self._slcan.serialPortOrig)
+                self._outlet = None if found is None else Outlet(found, *codec[self._interface])
         return self._outlet
 
     def send(self, frame: CanFrame, deadline: Deadline) -> None:

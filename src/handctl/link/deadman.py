@@ -18,9 +18,11 @@ starts nothing until it ends by `_exit`. It keeps the link, its pipes, and the l
 the stop is out. It is in a session and under a name of its own, ignores every signal that can be ignored, and once it acts
 it has three seconds.
 
-It cannot help where everything of this user is killed at once: a service or a container that ends (its control group),
-the machine, its power. Where the system has no fork (Windows: a program of its own that inherits the handle of the port could
-do the same, and is not written), or the link is inside a vendor's library, a warning says so.
+Windows has no fork. There the child is a program of its own, which inherits the handle of the port or connection and is sent
+its job: `stop` must be picklable. What a driver did not take of a frame is lost there; the stop is repeated anyway.
+
+The child cannot help where everything of this user is killed at once: a service or a container that ends (its control group,
+its job), the machine, its power. Where the link is inside a vendor's library, there is none, and a warning says so.
 Knows no protocol: families give the stop.
 """
 
@@ -29,13 +31,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from typing import NamedTuple
 
 from handctl.errors import LinkError
 from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, Outlet, nothing
-from handctl.system import child, clock
+from handctl.system import child, clock, descriptors
 from handctl.system.child import Heir, Job
-from handctl.system.waits import readable, writable
 
 BOUND_SECONDS = 3.0
 """How long the child may take once it acts: a link that takes no bytes keeps it, and the lock, no longer."""
@@ -151,19 +153,13 @@ class Guard:
 
     def _start(self) -> None:
         """Fork and wait until the child is ready, with signals blocked so that no child is lost."""
-        outlet, stop = self._outlet, self._stop
+        outlet = self._outlet
         assert outlet is not None
-
-        def act(told: bytes) -> None:
-            with suppress(Exception):
-                act_for(outlet, stop, told)
-            with suppress(OSError):
-                os.close(outlet.descriptor)  # before the lock: who gets that next must find the port free
-
+        act = partial(_act, outlet, self._stop)
         self._told = clock.now()
         with child.unsignalled():
             try:
-                self._heir = child.started(Job((outlet.descriptor, *self._held), act, self._message(), BOUND_SECONDS))
+                self._heir = child.started(Job(outlet.descriptor, self._held, act, self._message(), BOUND_SECONDS))
             except OSError as exc:
                 raise _cannot(exc.strerror or str(exc)) from exc
             except child.NotAlive as exc:
@@ -184,6 +180,13 @@ def _cannot(why: str) -> LinkError:
 
 
 # -- what the child does -------------------------------------------------------------------------------------------------
+
+
+def _act(outlet: Outlet, stop: Stop, message: bytes) -> None:
+    with suppress(Exception):
+        act_for(outlet, stop, message)
+    with suppress(OSError):
+        descriptors.close(outlet.descriptor)  # before the lock: who gets that next must find the port free
 
 
 def act_for(outlet: Outlet, stop: Stop, message: bytes) -> None:
@@ -213,19 +216,16 @@ class _Raw(Link):
         """Bytes as they are. Raises LinkError."""
         while data:
             try:
-                data = data[os.write(self._outlet.descriptor, data) :]
+                data = data[descriptors.write(self._outlet.descriptor, data, deadline.remaining) :]
             except BlockingIOError:
-                if not writable(self._outlet.descriptor, deadline.remaining):
-                    raise _unread("the link does not accept data", "write-timeout") from None
+                raise _unread("the link does not accept data", "write-timeout") from None
             except OSError as exc:
                 raise _unread("the link is lost", "lost") from exc
 
     def got(self, deadline: Deadline) -> bytes:
         """Bytes as they are; b"" for silence. Raises LinkError."""
         try:
-            if not readable(self._outlet.descriptor, deadline.remaining):
-                return b""
-            data = os.read(self._outlet.descriptor, LARGEST)
+            data = descriptors.read(self._outlet.descriptor, LARGEST, deadline.remaining)
         except BlockingIOError:
             return b""
         except OSError as exc:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from handctl.errors import LinkError
 from handctl.link.base import Link
-from handctl.system.ports import asked_holders, held_by_name, name_of
+from handctl.system.ports import IN_SYS, asked_holders, held_by_name, name_of
 from handctl.system.processes import is_ours
 
 ROOT = Path("/")
@@ -113,7 +113,7 @@ def rivals(link: Link) -> Rivals:
     if port := name_of(outlet.descriptor):
         names = holders(port)
         return Rivals(names, not names and any(_descriptors(pid, ROOT) is None for pid in _pids(ROOT)))
-    return Rivals(_connected(outlet.descriptor))
+    return Rivals(_connected(outlet.descriptor) if IN_SYS else [])
 
 
 def _connected(descriptor: int) -> list[Process]:

@@ -291,11 +291,14 @@ class SerialLink(ByteLink):
 
 def outlet_of(port: Any, device: str) -> Outlet | None:
     """Where a second process can write to an open port of pyserial; None where the system gives it no descriptor."""
-    telnet = device.startswith("rfc2217://")  # a byte FF is doubled, as pyserial does
-    found = ports.descriptor(getattr(port, "_socket", None) if telnet else port)
-    if found is None:
-        return None
-    return Outlet(found, lambda data, can_id: data.replace(b"\xff", b"\xff\xff")) if telnet else Outlet(found)
+    telnet = device.startswith("rfc2217://")
+    found = ports.outlet(getattr(port, "_socket", None) if telnet else port)
+    return None if found is None else Outlet(found, _telnet if telnet else None)
+
+
+def _telnet(data: bytes, _can_id: int | None) -> bytes:
+    """A byte FF is doubled, as pyserial does."""
+    return data.replace(b"\xff", b"\xff\xff")
 
 
 def _cannot_open(link: str, device: str, exc: Exception) -> LinkError | UsageError:

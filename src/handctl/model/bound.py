@@ -20,12 +20,8 @@ def shown_value(row: Row) -> float | None:
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
-def bounds_in(texts: Sequence[str], named: Named, option: str) -> list[Bound]:
+def bound_in(text: str, named: Named, option: str) -> Bound:
     """What `option` was given. Raises UsageError."""
-    return [_bound_in(text, named, option) for text in texts]
-
-
-def _bound_in(text: str, named: Named, option: str) -> Bound:
     name, sign, given = text.partition("=")
     low, dots, high = given.strip().partition("..")
     if not sign or not given.strip(" ."):

@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypedDict, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypedDict, TypeVar
 
 from handctl.errors import (
     CheckFailed,
@@ -26,15 +26,14 @@ from handctl.errors import (
 from handctl.light import NamedTuple
 from handctl.model.param import Changes, Element, FromTo, Number, ParamMap, Reading, elements_of
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table
+from handctl.model.settings import Settings
 from handctl.model.stop_sequence import (
-    Known,
-    Options,
     StopContext,
     Stopped,
+    StopPlan,
     StopSequence,
     aimed,
     carry_out,
-    drive,
     stop_sequence_of,
     stopped_by_ctrl_c,
 )
@@ -43,6 +42,7 @@ from handctl.wording import plural
 if TYPE_CHECKING:
     from handctl.link import Deadline, Link
     from handctl.link.deadman import Guard
+    from handctl.model.clock_comparison import Moment
     from handctl.model.movement import Clock
     from handctl.model.param import Step
     from handctl.model.prompts import Prompts
@@ -62,18 +62,7 @@ class Limits(TypedDict):
     bound: Deadline | None
 
 
-class Allowed(Protocol):
-    """The options that limit: `options.Settings`."""
-
-    @property
-    def timeout(self) -> float | None: ...
-    @property
-    def retries(self) -> int | None: ...
-    @property
-    def deadline(self) -> float | None: ...
-
-
-def limits_of(settings: Allowed, link: Link) -> Limits:
+def limits_of(settings: Settings, link: Link) -> Limits:
     """--timeout, --retries and --deadline, this one from now on by the clock of the link."""
     end = link.deadline(settings.deadline) if settings.deadline is not None else None
     return {"timeout": settings.timeout, "retries": settings.retries, "bound": end}
@@ -218,7 +207,7 @@ class Device(ABC):
 
     def __init__(self, line: Line) -> None:
         self._line = line
-        self.options: Options = Known()
+        self.options = Settings()
         """What the user said of it."""
         self.about: dict[str, str] = {}
         """Model, firmware and serial number as far as they were read, whatever for."""
@@ -272,9 +261,8 @@ class Device(ABC):
 
     def stop_context(self) -> StopContext:
         """The context of its stop sequence: everything this program knows about it."""
-        options = self.options
-        known = Known(getattr(self._line, "id", options.id), options.timeout, options.port, options.wire, options.own)
-        return aimed(self.link, known)._replace(fixed=True, proven=True)
+        settings = self.options._replace(id=getattr(self._line, "id", self.options.id))
+        return aimed(self.link, settings)._replace(fixed=True, proven=True)
 
     def stop(self, *, powered: bool = False) -> Stopped:
         """Stop it by its family's plan, after --deadline too; `powered` as in `StopContext`. Never raises."""
@@ -291,9 +279,9 @@ class Device(ABC):
         """
         from handctl.link.deadman import guarding
 
-        said, context = sequence or partial(stop_sequence_of, self.kind), self.stop_context()._replace(powered=powered)
-        said(context)  # so that the child finds it imported
-        return guarding(self.link, lambda link: drive(link, said(context), []), self.journal.warn, beat=beat)
+        context = self.stop_context()._replace(powered=powered)
+        stop = StopPlan(sequence or partial(stop_sequence_of, self.kind), context)
+        return guarding(self.link, stop, self.journal.warn, beat=beat)
 
     @contextmanager
     def driven(self, prompts: Prompts, *, beat: float = 0.0, powered: bool = False, what: str = "") -> Iterator[Guard]:
@@ -312,6 +300,17 @@ class Device(ABC):
 
         Raises NoAnswer, ProtocolError when nothing at all could be read, LinkError when the link is lost.
         """
+
+    def block(self, name: str) -> Callable[[], list[Row]] | None:
+        """What reads a block of values that the map does not have one by one, such as `tactile`; None = no such name. May read the device."""
+        return None
+
+    def follow(self) -> None:  # noqa: B027 - most devices say nothing unasked
+        """From now on a reading is the next thing that the device says unasked, and nothing of it is passed over."""
+
+    def came(self) -> Moment | None:
+        """Within which time the last reading came, where it may have waited to be read; None = since it was asked for."""
+        return None
 
     def here(self, elements: list[Element]) -> list[Element]:
         """The same where this very device has them; another generation may have other parts. Raises what `read` raises."""

@@ -28,14 +28,6 @@ def renamed(error: HandctlError, own: str) -> HandctlError:
     )
 
 
-def pointed(error: HandctlError, link: str) -> HandctlError:
-    """Add `handctl scan` to the hint of an error for a link without a valid reply."""
-    advice = f"`handctl scan -p {link}` shows which device is there"
-    if advice not in error.hint:
-        error.hint = joined(error.hint, advice)
-    return error
-
-
 def signed(data: bytes, families: Iterable[str]) -> bool:
     """Whether bytes hold a frame of one of these families."""
     return any(_sign(family, data) for family in families)

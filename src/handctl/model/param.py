@@ -629,7 +629,7 @@ def _whole(
         )
     raise UsageError(
         f"{plural(len(texts), 'value')} given, {what} takes {counts}",
-        hint=f"the order is {_some(names)}. Or name single {noun}s, such as {names[orders[-1][-1]]}=VALUE{more}",
+        hint=f"the order is {_some(names)}. Or name individual {noun}s, such as {names[orders[-1][-1]]}=VALUE{more}",
         code="wrong-count",
     )
 

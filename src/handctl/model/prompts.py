@@ -1,6 +1,6 @@
 """How a procedure talks to the person at the device: lines, progress, questions. The base class is silent, for tests and scripts.
 
-Procedures get one and never print; the terminal's own guide lives in `console`.
+Procedures get one and never print; those of a terminal are in `command.console`.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
+    from handctl.model.param import Changes, Step
 
 CTRL_C = "Ctrl-C stops."
 """Safety words of a movement that Ctrl-C stops."""
@@ -32,6 +33,11 @@ class Prompts:
     interactive = False
     present = False
     moving = False
+    nobody = "Confirmation needed, but this is not an interactive terminal"
+    otherwise = "add --yes to confirm, or --dry-run to see the bytes"
+    """What is said where nobody can answer, and what to do."""
+    refused = "run the command again to confirm it"
+    """What to do after a no."""
     unstoppable = ""
     """Why the wish of another process to stop the device is refused just now; "" where it is not."""
 
@@ -50,6 +56,10 @@ class Prompts:
     def ask(self, question: str, word: str) -> bool:
         """Ask yes or no, or for a word to type; without a person the answer is no."""
         return False
+
+    def confirm(self, question: str, word: str, steps: Sequence[Step], changes: Changes | None) -> bool:
+        """Ask about these steps, which were shown."""
+        return self.ask(question, word)
 
     def choose(self, question: str, words: Sequence[str]) -> str:
         """The answer if it is one of `words`; "" for any other, and without a person."""
@@ -87,3 +97,16 @@ class Progress(Prompts):
     def progress(self, text: str, safety: str = "") -> None:
         """See Prompts."""
         self._show(text)
+
+
+def confirms(answer: str, word: str) -> bool:
+    """Whether the typed text is the requested word. A decimal may have fewer or more trailing zeros."""
+    if answer == word:
+        return True
+    import re
+
+    decimal = re.compile(r"([+-]?\d+)(?:\.(\d*))?")
+    typed, asked = decimal.fullmatch(answer), decimal.fullmatch(word)
+    if typed is None or asked is None or asked[2] is None:
+        return False
+    return typed[1] == asked[1] and (typed[2] or "").rstrip("0") == asked[2].rstrip("0")

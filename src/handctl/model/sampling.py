@@ -26,8 +26,8 @@ def started(moment: float | None) -> dict[str, str]:
     return {} if moment is None else {"started": utc(moment, 3)}
 
 
-ReadRows = Callable[[], tuple[Sequence[Row], HandctlError | None]]
-"""Takes one sample: its rows, and the error when none of them holds a value."""
+ReadRows = Callable[[], tuple[Sequence[Row] | Callable[[], Sequence[Row]], HandctlError | None]]
+"""Takes one sample: its rows or what makes them, and the error when none of them holds a value."""
 
 
 class Sampler:
@@ -71,7 +71,7 @@ class Sampler:
             asked = self._ahead is not None and self._goes_on(self._link.now() - start)
             if self._ahead is not None and asked:
                 self._ahead()
-            yield Sample(t, tuple(rows), self._started + t)
+            yield Sample(t, tuple(rows() if callable(rows) else rows), self._started + t)
             if self._rate:
                 due = self._next(due)
                 if not self._goes_on(due - start):

@@ -18,16 +18,15 @@ import importlib
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from handctl.errors import Aftermath, DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
 from handctl.families import FAMILIES
 from handctl.light import NamedTuple, light
 from handctl.model.param import Step
+from handctl.model.settings import Settings
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from handctl.link import ByteLink, Deadline, FrameLink, Link
     from handctl.model.prompts import Prompts
     from handctl.model.write_ledger import Ledger
@@ -49,31 +48,6 @@ Pieces = list[bytes]
 T = TypeVar("T")
 
 
-class Options(Protocol):
-    """The options that a stopper uses: `options.Settings`."""
-
-    @property
-    def id(self) -> int | None: ...
-    @property
-    def timeout(self) -> float | None: ...
-    @property
-    def port(self) -> str | None: ...
-    @property
-    def wire(self) -> str | None: ...
-    @property
-    def own(self) -> Mapping[str, Any]: ...
-
-
-class Known(NamedTuple):
-    """The same, of a device that this program has open."""
-
-    id: int | None = None
-    timeout: float | None = None
-    port: str | None = None
-    wire: str | None = None
-    own: Mapping[str, Any] = {}
-
-
 class StopContext(NamedTuple):
     """What a stopper knows about the device: the options given, and the wire.
 
@@ -85,7 +59,7 @@ class StopContext(NamedTuple):
     within  seconds for which a step is repeated
     """
 
-    settings: Options
+    settings: Settings
     can: bool = False
     speed: int | None = None
     fixed: bool = False
@@ -227,6 +201,20 @@ def stop_sequence_of(kind: str, context: StopContext) -> StopSequence:
     return sequence
 
 
+class StopPlan:
+    """A stop for a process that outlives this one, with all that it needs to know: it can be called, and pickled."""
+
+    def __init__(self, sequence: Callable[[StopContext], StopSequence], context: StopContext) -> None:
+        self._sequence, self._context = sequence, context
+        sequence(context)  # imports the family's stopper now: later there may be no time, or no disk
+
+    def __call__(self, link: Link) -> Stopped:
+        return drive(link, self._sequence(self._context), [])
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return StopPlan, (self._sequence, self._context)
+
+
 def unheard(sequence: StopSequence, *, reads: bool = False) -> list[Step]:
     """The writes of a stop without any reply, each once: for a link that cannot receive.
 
@@ -307,7 +295,7 @@ def drive(
         return stopped
 
 
-def aimed(link: Link, settings: Options) -> StopContext:
+def aimed(link: Link, settings: Settings) -> StopContext:
     """The stop context of the device on an open link."""
     from handctl.link import FrameLink
 
@@ -322,8 +310,6 @@ def by_ctrl_c(error: HandctlError) -> bool:
 
 def interrupted(stopped: Stopped, what: str = "") -> HandctlError:
     """The end of a command that Ctrl-C has ended: exit code 130 only where the stop was acknowledged."""
-    from handctl.errors import Interrupted
-
     text = f"{what}{stopped.text}"
     if stopped.error is None:
         return Interrupted("interrupted", left=Aftermath(text, stopped.hint))

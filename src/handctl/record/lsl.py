@@ -45,7 +45,7 @@ class Streams:
         columns = source.layout.as_rows()
         self._at = [source.layout.names.index(str(column["column"])) for column in columns]
         name, number = f"handctl {source.kind}", f"handctl-{source.kind}-{id(self):x}-{clock.now():.6f}"
-        nominal = rate or (1000 / source.period_ms if source.period_ms else self._lsl.IRREGULAR_RATE)
+        nominal = rate or self._lsl.IRREGULAR_RATE  # as fast as the line lets it: nobody knows how fast that is
         info = self._lsl.StreamInfo(name, "Motion", len(columns), nominal, self._lsl.cf_double64, number)
         channels = info.desc().append_child("channels")
         for column in columns:

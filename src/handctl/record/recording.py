@@ -12,12 +12,13 @@ import contextlib
 import errno
 import json
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import ceil, inf
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
-from handctl.files import atomic_write
+from handctl.files import atomic_write, writing
 from handctl.model.prompts import Prompts
 from handctl.record.marks import Heard
 from handctl.record.source import Stamp, clean
@@ -216,7 +217,9 @@ class Recording:
             **self.source.sidecar(),
             **more,
         }
-        write_whole(self.sidecar, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+        text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        with writing(self.sidecar, code="log-file"), atomic_write(self.sidecar) as file:
+            file.write(text)
 
     def as_row(self) -> dict[str, Any]:
         line = self.timeline
@@ -265,6 +268,19 @@ def file_name(text: str, kind: str) -> str:
     )
 
 
+def next_trial(path: str) -> tuple[str, int]:
+    """The file of the next trial and its number: ``walk.csv``, then ``walk-2.csv``, one more than the highest that is there."""
+    folder, name = os.path.split(path)
+    stem, ending = os.path.splitext(name)
+    trial = re.compile(f"{re.escape(stem)}(?:-([1-9][0-9]{{0,5}}))?{re.escape(ending)}(?:[.]json)?")
+    try:
+        found = [trial.fullmatch(one) for one in os.listdir(folder or os.curdir)]
+    except OSError:  # told where the file is made
+        found = []
+    last = max((int(one[1] or 1) for one in found if one), default=0)
+    return (path, 1) if not last else (os.path.join(folder, f"{stem}-{last + 1}{ending}"), last + 1)
+
+
 def refuse_existing(path: str, force: bool) -> None:
     """Raise UsageError when the file or its sidecar is there, unless `force`; a device or pipe is never written to."""
     if path.endswith(("/", os.sep)):
@@ -293,15 +309,6 @@ def open_new(path: str, force: bool) -> int:
         raise OutputError(
             f"{path}: cannot be written: {exc.strerror or exc}", hint="choose another file", code="log-file"
         ) from exc
-
-
-def write_whole(path: str, text: str) -> None:
-    """Write a file so that it is there whole or not at all. Raises OutputError."""
-    try:
-        with atomic_write(path) as file:
-            file.write(text)
-    except OSError as exc:
-        raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}", code="log-file") from exc
 
 
 def in_words(setting: Mapping[str, Any]) -> str:
@@ -390,8 +397,12 @@ class Pace:
         self._next += 1
 
 
-class _Loop:
-    """What stays between two polls."""
+class Loop:
+    """One recording until a limit is reached, and what stays between two of its polls.
+
+    mark     asked before each request for the marks that have come
+    before   the settings at the start: those at the first row of a segment are compared with them
+    """
 
     def __init__(
         self,
@@ -401,7 +412,7 @@ class _Loop:
         prompts: Prompts,
         before: dict[str, Any],
     ) -> None:
-        self._recording, self._limits, self._mark, self._guide = recording, limits, mark, prompts
+        self._recording, self._limits, self._mark, self._prompts = recording, limits, mark, prompts
         self._source, self._clock, self._before = recording.source, recording.clock, before
         clock = self._clock
         self.pace = Pace(clock, limits.rate)
@@ -411,6 +422,27 @@ class _Loop:
         self._over = False
         self._asked = False
         """Whether a request is without its answer."""
+
+    def run(self) -> HandctlError | None:
+        """Record; what ended it before a limit, if anything. Never raises."""
+        recording = self._recording
+        try:
+            while self.wanted:
+                try:
+                    self.step()
+                except LinkError as exc:
+                    if exc.code != "lost" or not self.wait_for_port(exc):
+                        raise
+        except KeyboardInterrupt:
+            return Interrupted("interrupted")
+        except HandctlError as exc:
+            return exc
+        finally:
+            recording.skipped = self.pace.skipped
+            with contextlib.suppress(OSError):
+                self._prompts.done()
+            recording.end()
+        return None
 
     @property
     def wanted(self) -> bool:
@@ -446,22 +478,39 @@ class _Loop:
             self._clock.sleep(SHORTEST_S)
         self.pace.sent(answer.moment.sent)
         self._heard = self._clock.now()
+        lost = self._ask_ahead()
         if recording.add(answer, self._seq):
             self._begin_segment()
+        if lost is not None:
+            raise lost
         if self._limits.over is not None:
             self._over = self._limits.over(answer.rows(), recording.timeline.t_s)
         if self._heard - self._shown >= PROGRESS_S:
             self._shown = self._heard
             with contextlib.suppress(OSError):  # a terminal that went away
-                self._guide.progress(_progress(recording, self._heard - self._start), ENDS)
+                self._prompts.progress(_progress(recording, self._heard - self._start), ENDS)
         if self._source.looks and self._heard >= self._look_due:
             self._look()
+
+    def _ask_ahead(self) -> LinkError | None:
+        """Ask for the row after this one where it is wanted, and nothing else is asked first. A port that is lost is raised behind this row."""
+        limits = self._limits
+        looks = self._source.looks and self._heard >= self._look_due
+        last = self._heard >= self._end or (limits.rows is not None and self._recording.rows + 1 >= limits.rows)
+        if limits.rate or limits.over is not None or looks or last:
+            return None
+        try:
+            with undisturbed():
+                self._source.ask_ahead()
+        except LinkError as exc:
+            return exc
+        return None
 
     def _begin_segment(self) -> None:
         """Report a restart. After one, or a possible one, read again what it may have changed."""
         segment = self._recording.timeline.segments[-1]
         if segment.rebooted:
-            self._guide.say(f"The device restarted: its clock started at 0. Segment {segment.number} starts")
+            self._prompts.say(f"The device restarted: its clock started at 0. Segment {segment.number} starts")
         if segment.rebooted is False and not segment.first.reopened:
             return
         self._look_due = self._heard
@@ -500,14 +549,14 @@ class _Loop:
                     raise self._gone(lost, exc) from exc
             if not told:
                 told = True
-                self._guide.say(f"{lost.text}. Waiting up to {left:.0f} s for the same port")
+                self._prompts.say(f"{lost.text}. Waiting up to {left:.0f} s for the same port")
             with contextlib.suppress(OSError):
-                self._guide.progress(f"the port is gone, {left:.0f} s left for its return", ENDS)
+                self._prompts.progress(f"the port is gone, {left:.0f} s left for its return", ENDS)
             self._clock.sleep(min(RETRY_S, left))
         self._recording.port_lost()
         self._recording.lost += self._asked
         self._asked = False
-        self._guide.say("The port is open again. The next row starts a segment")
+        self._prompts.say("The port is open again. The next row starts a segment")
         return True
 
     def _gone(self, lost: LinkError, last: LinkError) -> LinkError:
@@ -527,36 +576,3 @@ def _progress(recording: Recording, seconds: float) -> str:
     for name, count in (("gaps", len(line.gaps)), ("lost", recording.lost), ("marks", len(recording.marks))):
         text += f"  {count} {name}" if count else ""
     return text
-
-
-def record(
-    recording: Recording,
-    limits: Limits,
-    *,
-    mark: Callable[[], Sequence[Heard]],
-    prompts: Prompts,
-    before: dict[str, Any] | None = None,
-) -> HandctlError | None:
-    """Record until a limit is reached; returns what ended it earlier, if anything. Never raises.
-
-    mark     asked before each request for the marks that have come
-    before   the settings at the start: those at the first row of a segment are compared with them
-    """
-    loop = _Loop(recording, limits, mark, prompts, before or {})
-    try:
-        while loop.wanted:
-            try:
-                loop.step()
-            except LinkError as exc:
-                if exc.code != "lost" or not loop.wait_for_port(exc):
-                    raise
-    except KeyboardInterrupt:
-        return Interrupted("interrupted")
-    except HandctlError as exc:
-        return exc
-    finally:
-        recording.skipped = loop.pace.skipped
-        with contextlib.suppress(OSError):
-            prompts.done()
-        recording.end()
-    return None

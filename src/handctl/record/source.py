@@ -58,6 +58,9 @@ class Source(ABC):
         """
         return False
 
+    def ask_ahead(self) -> None:  # noqa: B027 - most ask for a row in several requests
+        """Ask for the next row already: the line works while this one is written. May raise LinkError."""
+
     def unanswered(self) -> None:  # noqa: B027 - most look at nothing
         """The last `look` had no answer."""
 
@@ -140,7 +143,11 @@ class RowsLayout(Layout):
     def line(self, stamp: Stamp, values: tuple[Sequence[str], str], mark: str) -> str:
         """`values` are the texts of the columns, and of what could not be read."""
         texts, error = values
-        return ",".join([*stamp.texts(), *map(quoted, texts), quoted(error), quoted(mark)]) + "\r\n"
+        fields = [*texts, error, mark]
+        line = ",".join(fields)
+        if line.count(",") >= len(fields) or any(c in line for c in '"\r\n'):
+            line = ",".join(map(quoted, fields))
+        return f"{','.join(stamp.texts())},{line}\r\n"
 
 
 def quoted(text: str) -> str:

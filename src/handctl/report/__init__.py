@@ -16,19 +16,19 @@ from itertools import accumulate, groupby
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from handctl import __version__
+from handctl.charts.curves import curves
+from handctl.charts.outline import outline_svg
 from handctl.command import get_set_watch
 from handctl.command.family import load
 from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
-from handctl.files import atomic_write
+from handctl.files import atomic_write, writing
 from handctl.link.transcript import Tap, observed, parse
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Explainer
 from handctl.model.outline import outline_of
 from handctl.model.param import ParamMap
 from handctl.model.result import Column, Grid, Message, Sample, Table
 from handctl.report.computer import environment, port
-from handctl.report.curves import curves
 from handctl.report.html import Report, page
-from handctl.report.outline import outline_svg
 from handctl.report.redaction import REDACTED, Privacy
 from handctl.screen.render import default_view
 from handctl.wording import plural
@@ -279,13 +279,10 @@ def _refuse(path: str, force: bool) -> None:
 
 def _write(path: str, data: bytes, force: bool) -> None:
     """Write the page, whole or not at all. Raises OutputError."""
-    try:
-        with atomic_write(path, "wb") as file:
-            file.write(data)
-            if not force and os.path.exists(path):
-                raise FileExistsError(17, "another program created the file in the meantime; it was not replaced")
-    except OSError as exc:
-        raise OutputError(f"{path}: the report cannot be written: {exc.strerror or exc}") from exc
+    with writing(path, "the report "), atomic_write(path, "wb") as file:
+        file.write(data)
+        if not force and os.path.exists(path):
+            raise FileExistsError(17, "another program created the file in the meantime; it was not replaced")
 
 
 # -- the recorded bytes, a transcript again, with what they mean as comments behind them --------------------------------

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import chain
 
+from handctl.charts.curves import Curve, draw, escape, unchanged
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
 from handctl.model.result import Cell, Grid, Message
-from handctl.report.curves import Curve, draw, escape, unchanged
 from handctl.wording import sentence
 
 

@@ -11,11 +11,11 @@ from typing import IO, TYPE_CHECKING
 
 from handctl import interrupts
 from handctl.errors import HandctlError, OutputError
-from handctl.files import appended, atomic_write
+from handctl.files import appended, atomic_write, writing
 from handctl.screen.sanitize import no_formula, utf8_stdout
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
+    from handctl.model.settings import Settings
 
 PIECE = 1024
 """Characters that a pipe with room takes without waiting, at up to 4 bytes each."""
@@ -83,20 +83,16 @@ class Sink:
 
     def _open(self, path: str) -> None:
         self._atomic = appended(path) if self._appends else atomic_write(path)
-        try:
+        with writing(path):
             self.file = self._atomic.__enter__()
-        except OSError as exc:
-            raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}") from exc
 
     def _close(self, kind: type[BaseException] | None, exc: BaseException | None, tb: TracebackType | None) -> None:
         """What was written appears, unless something went wrong."""
         atomic, self._atomic = self._atomic, None
-        try:
-            if atomic is not None:
-                self.file = sys.stdout
+        if atomic is not None:
+            self.file = sys.stdout
+            with writing(self._path):
                 atomic.__exit__(kind, exc, tb)
-        except OSError as error:
-            raise OutputError(f"{self._path}: cannot be written: {error.strerror or error}") from error
 
     def flush(self) -> None:
         """Flush to the reader. If it sleeps, an interrupt is raised, and nothing is lost or written twice."""

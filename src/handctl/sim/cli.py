@@ -273,7 +273,7 @@ def _serve(
             server.behind(TcpDoor(*where), link, place)
         server.run(duration, control)
     except (ServeError, OSError) as exc:
-        raise SimError(str(exc), hint=SERVING) from exc
+        raise SimError(str(exc), hint=getattr(exc, "hint", "") or SERVING) from exc
 
 
 def _adapter(raw: dict[str, str]) -> list[str]:
@@ -326,7 +326,7 @@ def _bus(
             server.behind(serve.TcpDoor(*place), link)
         server.run(duration, control)
     except (serve.ServeError, OSError) as exc:
-        raise SimError(str(exc), hint=SERVING) from exc
+        raise SimError(str(exc), hint=getattr(exc, "hint", "") or SERVING) from exc
 
 
 cli.add_command(

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from handctl import errors
+from handctl.command.family import on_can, wire_in
 from handctl.command.options import COMMAND_LINE, NAMED
 from handctl.errors import DeviceRefused, HandctlError, LinkError, UsageError
 from handctl.link import Deadline
@@ -20,9 +21,9 @@ from handctl.stop.device_access import DeviceAccess, lock_for, report, stopped_a
 from handctl.system import clock, processes
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
     from handctl.command.run import Run
     from handctl.model.param import Step
+    from handctl.model.settings import Settings
     from handctl.model.stop_sequence import Sent, StopContext, StopSequence
 
 HEARD_SECONDS = 0.3
@@ -76,12 +77,10 @@ def stop(
 
 def _plan(run: Run, sequence: Callable[[StopContext], StopSequence] | None) -> list[Step]:
     """What goes out where nothing answers."""
-    from handctl.link import is_can
     from handctl.model.stop_sequence import StopContext, stop_sequence_of, unheard
 
     assert run.family is not None
-    port = run.settings.port
-    can = run.settings.wire == "can" if port is None else is_can(port)
+    port, can = run.settings.port, on_can(run.settings)
     fixed = can or run.family.baud is None or (port or "").startswith(("tcp://", "socket://", "replay:"))
     speed = None if fixed else run.settings.baud or _last_speed(run, port or "") or run.family.baud
     context = StopContext(run.settings, can, speed)
@@ -236,23 +235,19 @@ def fall_back(run: Run) -> None:
         source = run.sources["kind"]
         mine = [key for key, found in run.sources.items() if found.level == NAMED]
         _drop(run, mine, f"{settings.device!r} is of family {settings.kind} ({source.where})")
-    settings = run.settings
-    if settings.id is not None and not family.ids:
-        _drop(run, ["id"], f"{family.kind} has no device ids", told=run.sources["id"] == COMMAND_LINE)
-    if settings.baud is not None and family.baud is None:
-        _drop(run, ["baud"], f"{family.kind} has no serial port", told=run.sources["baud"] == COMMAND_LINE)
-    elif settings.baud is not None and family.speeds and settings.baud not in family.speeds:
-        known = ", ".join(map(str, family.speeds))
-        _drop(run, ["baud"], f"{family.kind} does not support {settings.baud} bit/s, only {known}")
-    if settings.timeout is not None and not TIMEOUT[0] <= settings.timeout <= TIMEOUT[1]:
-        _drop(run, ["timeout"], f"{settings.timeout:g} s for a reply: a stop needs {TIMEOUT[0]:g} to {TIMEOUT[1]:g} s")
+    settings, kind = run.settings, family.kind
+    for key, what in family.lacks.items():
+        if getattr(settings, key) is not None:
+            _drop(run, [key], f"{kind} has no {what}", told=run.sources[key] == COMMAND_LINE)
+    port, wire, baud, (least, most) = settings.port, settings.wire, settings.baud, TIMEOUT
+    if family.speeds and baud is not None and baud not in family.speeds:
+        _drop(run, ["baud"], f"{kind} does not support {baud} bit/s, only {', '.join(map(str, family.speeds))}")
+    if settings.timeout is not None and not least <= settings.timeout <= most:
+        _drop(run, ["timeout"], f"{settings.timeout:g} s for a reply: a stop needs {least:g} to {most:g} s")
     if settings.deadline is not None and settings.deadline < DEADLINE:
         _drop(run, ["deadline"], f"{settings.deadline:g} s for the whole stop: it needs {DEADLINE:g} s")
-    if settings.port and settings.wire is not None:
-        from handctl.command.family import wire_in
-
-        if not settings.port.startswith("replay:") and wire_in(family, settings.port) != settings.wire:
-            _drop(run, ["wire"], f"{settings.wire} does not fit {settings.port}")
+    if port and wire is not None and not port.startswith("replay:") and wire_in(family, port) != wire:
+        _drop(run, ["wire"], f"{wire} does not fit {port}")
     _own(run)
     if family.check is not None:
         family.check(run.settings)  # what is left of that is the LINK: its bytes could reach another device
@@ -272,15 +267,13 @@ def _own(run: Run) -> None:
 
 def _trouble(run: Run, settings: Settings) -> HandctlError | None:
     """Why nothing would go out with these settings, None where it would."""
-    from handctl.link import is_can
     from handctl.model.stop_sequence import StopContext, stop_sequence_of, unheard
 
     assert run.family is not None
-    can = settings.wire == "can" if settings.port is None else is_can(settings.port)
     try:
         if run.family.check is not None:
             run.family.check(settings)
-        unheard(stop_sequence_of(run.family.kind, StopContext(settings, can)), reads=True)
+        unheard(stop_sequence_of(run.family.kind, StopContext(settings, on_can(settings))), reads=True)
     except HandctlError as exc:
         return exc
     except (ValueError, LookupError, OverflowError, TypeError, AttributeError) as exc:
@@ -289,7 +282,7 @@ def _trouble(run: Run, settings: Settings) -> HandctlError | None:
 
 
 def _without(settings: Settings, keys: list[str]) -> Settings:
-    from handctl.command.options import Settings as Default
+    from handctl.model.settings import Settings as Default
 
     shared = {key: value for key, value in Default()._asdict().items() if key in keys}
     return settings._replace(**shared, own={key: value for key, value in settings.own.items() if key not in keys})

@@ -72,7 +72,7 @@ class DeviceAccess:
         self.stopped: HandctlError | None = None
         self.link: Link | None = None
         self._turn = RLock()  # no link is closed while it is being stopped
-        self._report = report(None, ())
+        self._report: dict[str, Any] | None = None
         self._run = run
         self._lock: Lock | None = None
         self._ear: StopListener | None = None
@@ -84,11 +84,13 @@ class DeviceAccess:
         run = self._run
         self._lock = lock
         troubles = [lock.unrecorded] if lock is not None and lock.unrecorded else []
-        if lock is not None and run.listens and not run.stops:
+        if lock is not None and run.shows and not run.stops:
             from handctl.stop.stop_listener import StopListener
 
             try:
-                self._ear = StopListener(lock.path, self._answer, self.end)
+                self._ear = StopListener(
+                    lock.path, lambda: self.stop("stopped at the request of another handctl command"), self.end
+                )
             except ValueError:
                 pass  # this is not the main thread
             except OSError as exc:
@@ -101,12 +103,11 @@ class DeviceAccess:
                 hint,
             )
 
-    def around(self, link: Link) -> Link:
+    def around(self, link: Link) -> None:
         """The link that is used from now on."""
         for descriptor in self._lock.descriptors if self._lock is not None else ():
             link.held = (*(other for other in link.held if other != descriptor), descriptor)
         self.link = link
-        return link
 
     def serve(self, run: Invocation) -> None:
         """The next command of a session has the device from now on."""
@@ -132,7 +133,7 @@ class DeviceAccess:
     @property
     def sent(self) -> list[dict[str, Any]]:
         """What a requested stop has sent, see `rows`."""
-        found: list[dict[str, Any]] = self._report["rows"]
+        found: list[dict[str, Any]] = self._report["rows"] if self._report is not None else []
         return found
 
     def finish(self) -> None:
@@ -167,7 +168,7 @@ class DeviceAccess:
         if self._run.prompts.unstoppable:
             return report(Stopped(self._run.prompts.unstoppable), (), refused=True)
         if self.link is None or self.stopped is not None:
-            return self._report
+            return self._report or report(None, ())
         # A sleeping reader is waited for no longer, and must not cut this off.
         signals.alarm_is_over()
         sent: list[Sent] = []
@@ -184,9 +185,6 @@ class DeviceAccess:
         self.stopped = kind(text, hint=stopped.hint, code=NOT_STOPPED if stopped.error else STOPPED)
         self._report = report(stopped, sent)
         return self._report
-
-    def _answer(self) -> dict[str, Any]:
-        return self.stop("stopped at the request of another handctl command")
 
     def pressed(self, frame: Any) -> None:
         """The stop key of a live view."""

@@ -47,8 +47,13 @@ def one_of_two(path: str) -> str:
 
 def descriptor(port: Any) -> int | None:
     """What an open port of pyserial can be waited for and written to by; None where there is no such thing."""
-    if sys.platform == "win32":
-        return None
+    return None if sys.platform == "win32" else outlet(port)
+
+
+def outlet(port: Any) -> int | None:
+    """What another process can write to an open port of pyserial by: a descriptor, on Windows the handle; None where there is neither."""
+    if handle := getattr(port, "_port_handle", None):
+        return int(handle)
     try:
         return int(port.fileno())
     except (OSError, AttributeError, ValueError):

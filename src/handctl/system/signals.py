@@ -31,7 +31,6 @@ def _numbers(*names: str) -> list[int]:
 
 
 _NUMBERS, _NUMBERED = _numbers(*ENDING, SUSPEND), len(_numbers(*ENDING))
-_ALARM = [] if sys.platform == "win32" else [int(signal.SIGALRM)]
 
 
 def numbers(*, suspend: bool = False, alarm: bool = False) -> list[int]:
@@ -126,6 +125,7 @@ def _deferred(which: Iterable[int]) -> Iterator[None]:
 if sys.platform == "win32":
     import threading
 
+    _ALARM: list[int] = []
     _over: list[threading.Event] = []
     """No alarm any more, for each of them."""
 
@@ -163,6 +163,7 @@ if sys.platform == "win32":
             _over.pop().set()
 
 else:
+    _ALARM = [int(signal.SIGALRM)]
 
     def alarm(handler: Handler, seconds: float) -> list[tuple[int, Any]]:
         """Call `handler` in the main thread after `seconds`; what had the alarm before, for `no_alarm`."""

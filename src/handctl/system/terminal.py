@@ -6,7 +6,6 @@ import contextlib
 import os
 import sys
 from collections.abc import Callable
-from typing import Any
 
 BACKGROUND_SECONDS = 0.5
 """How often a program in the background looks whether it has come back: reading the terminal there would stop the job."""
@@ -25,13 +24,25 @@ if sys.platform == "win32":
 
     LOOK_SECONDS = 0.05
 
-    class Keys:
-        """Keys that have been pressed; `close` leaves the terminal as it was."""
+    class Listener:
+        """Keys for a thread that waits for them."""
 
         def __init__(self, descriptor: int) -> None:
-            """The console has one keyboard, whatever the descriptor."""
+            """The console has one keyboard, whatever the descriptor. Raises TROUBLE where it cannot be."""
+            import threading
 
-        def pressed(self) -> str:
+            self._pressed()  # what was typed ahead was not meant for this
+            self._woken = threading.Event()
+
+        def wait(self) -> bytes:
+            """What was pressed; b"" once it is woken, or the terminal has gone."""
+            while not self._woken.wait(LOOK_SECONDS):
+                if came := self._pressed():
+                    return came.encode("utf-8", "replace")
+            return b""
+
+        @staticmethod
+        def _pressed() -> str:
             """Those since the last call."""
             text = ""
             while msvcrt.kbhit():
@@ -41,27 +52,6 @@ if sys.platform == "win32":
                 else:
                     text += key
             return text
-
-        def close(self) -> None:
-            """Nothing was changed."""
-
-    class Listener:
-        """Keys for a thread that waits for them."""
-
-        def __init__(self, descriptor: int) -> None:
-            """Raises TROUBLE where it cannot be."""
-            import threading
-
-            self._keys = Keys(descriptor)
-            self._keys.pressed()  # what was typed ahead was not meant for this
-            self._woken = threading.Event()
-
-        def wait(self) -> bytes:
-            """What was pressed; b"" once it is woken, or the terminal has gone."""
-            while not self._woken.wait(LOOK_SECONDS):
-                if came := self._keys.pressed():
-                    return came.encode("utf-8", "replace")
-            return b""
 
         def wake(self) -> None:
             """End the wait."""
@@ -87,28 +77,6 @@ else:
             return os.tcgetpgrp(descriptor) == os.getpgrp()
         except OSError:
             return False
-
-    class Keys:
-        """Keys that have been pressed; `close` leaves the terminal as it was."""
-
-        def __init__(self, descriptor: int) -> None:
-            self._descriptor = descriptor
-            self._before: list[Any] = termios.tcgetattr(descriptor)
-            mode = termios.tcgetattr(descriptor)
-            mode[3] &= ~(termios.ICANON | termios.ECHO)
-            mode[6][termios.VMIN] = mode[6][termios.VTIME] = 0
-            termios.tcsetattr(descriptor, termios.TCSANOW, mode)
-
-        def pressed(self) -> str:
-            """Those since the last call."""
-            try:
-                return os.read(self._descriptor, AT_ONCE).decode("utf-8", "ignore")
-            except OSError:
-                return ""
-
-        def close(self) -> None:
-            with contextlib.suppress(termios.error):  # it went away
-                termios.tcsetattr(self._descriptor, termios.TCSANOW, self._before)
 
     class Listener:
         """Keys for a thread that waits for them."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from handctl.command.command_tree import Command
-from handctl.command.option_types import InFile
+from handctl.command.options import InFile
 from handctl.command.run import Run
 from handctl.model.result import Table
 

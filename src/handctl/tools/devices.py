@@ -17,17 +17,7 @@ import click
 from handctl.command.command_tree import Group
 from handctl.command.config_edit import stable_name
 from handctl.command.family import Family, refuse_missing, refuse_serial
-from handctl.command.option_types import InFile
-from handctl.command.options import (
-    COMMAND_LINE,
-    Settings,
-    Source,
-    checks,
-    config_path,
-    own_options,
-    read_config,
-    said,
-)
+from handctl.command.options import COMMAND_LINE, InFile, Source, checks, config_path, own_options, read_config, said
 from handctl.command.precedence import resolve
 from handctl.command.run import Run
 from handctl.errors import UsageError
@@ -35,6 +25,7 @@ from handctl.families import FAMILIES, WIRES
 from handctl.files import read_text
 from handctl.link.base import SCHEMES
 from handctl.model.result import Column, Row, Table
+from handctl.model.settings import Settings
 from handctl.tools.probes import family_of
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ Diagnosing is its job: a link that cannot be opened, or a device that is silent,
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,34 +13,28 @@ import click
 from handctl.command.command_tree import Command, reads_option
 from handctl.command.family import Family
 from handctl.command.run import Run
-from handctl.errors import CheckFailed, Interrupted, LinkError, UsageError
+from handctl.errors import Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES, SCANNED, WIRES
 from handctl.link import ByteLink, Deadline, Link
-from handctl.model.result import Cell, Column, Grid, Journal, Row, Table
+from handctl.model.checks import Check, table_of
+from handctl.model.result import Journal, Table
 from handctl.tools.doctor_link import LinkChecks, failed_open, host_in, is_local, same_address, subnet
-from handctl.tools.doctor_machine import Check, machine_checks, port_checks
+from handctl.tools.doctor_machine import machine_checks, port_checks
 from handctl.tools.port_inventory import Machine
 from handctl.tools.probes import family_of, has_speed, listened, probe_of, usual_ports, wire_of
-from handctl.tools.scan_probing import LinkScan
+from handctl.tools.scan_order import LinkScan
 from handctl.tools.scan_report import Search, report
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
+    from handctl.model.settings import Settings
 
 
 LINK_SECONDS = 8.0
 FIND_SECONDS = 45.0
 """For a scan of this link, where the family is not given."""
 PING_TIMEOUT = 0.5
-COLUMNS = (
-    Column("check", "Check"),
-    Column("status", "Status"),
-    Column("evidence", "Evidence"),
-    Column("remedy", "Remedy"),
-)
 CAUSES = ("speed", "same_id", "same_address", "protocol", "subnet")
 """Checks that say why others fail."""
-TONES = {"ok": "good", "warning": "warn", "fail": "bad", "skipped": "dim"}
 
 
 @click.command("doctor", cls=Command)
@@ -51,7 +45,7 @@ TONES = {"ok": "good", "warning": "warn", "fail": "bad", "skipped": "dim"}
 )
 @reads_option
 def cli(run: Run, family: str | None, count: int) -> Table:
-    """Check this computer, and with -p LINK that link and its device.
+    """Check this computer and, with -p LINK, the link and its device.
 
     Checks permissions, other programs, delays, baud rate, echo and error rate. Each row shows the evidence and a remedy.
     Without --family it detects the device first, as `handctl scan` does. Read-only.
@@ -69,27 +63,12 @@ def checked(run: Run, family: str | None, count: int) -> Table:
         try:
             checks.extend(examine(run, machine, kind, count))
         except KeyboardInterrupt:  # what was found until then is told
-            found = table(checks)
+            found = table_of(checks, CAUSES)
             found.failure = Interrupted("interrupted")
             return found
     elif kind is not None:
         raise UsageError(f"no {kind} device given", hint="give -p LINK, -d NAME or --fake", code="no-link")
-    return table(checks)
-
-
-def table(checks: Sequence[Check]) -> Table:
-    """The rows; a finding is a CheckFailed."""
-    findings = [check for check in checks if check.status in ("warning", "fail")]
-    result = Table(rows=[check.as_row() for check in checks], columns=COLUMNS, view=_view, plain=("check", "status"))
-    if findings:
-        names = ", ".join(f"{check.name} ({check.status})" for check in findings)
-        result.failure = CheckFailed(
-            f"{len(findings)} of {len(checks)} checks found a problem: {names}",
-            # failures before warnings; what names the cause of a silence or of damage before what shows it
-            hint=min(findings, key=lambda check: (check.status != "fail", check.name not in CAUSES)).remedy,
-            code="findings",
-        )
-    return result
+    return table_of(checks, CAUSES)
 
 
 def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterator[Check]:
@@ -165,13 +144,6 @@ def _on_network(machine: Machine, name: str, probe: Any, device: Any, make: Any)
 
 def _no_device(link: Any, settings: Settings, journal: Journal) -> Any:
     raise UsageError("no device was found", hint="name its family with --family")
-
-
-def _view(rows: list[Row]) -> list[Grid]:
-    """Check and status side by side; the remedies below, so that nothing is cut at 80 columns."""
-    lines = [(row["check"], Cell(row["status"], TONES[row["status"]]), row["evidence"]) for row in rows]
-    notes = [f"{row['check']}: {row['remedy']}" for row in rows if row["remedy"]]
-    return [Grid(("Check", "Status", "Evidence"), tuple(lines), notes=tuple(notes))]
 
 
 # -- who is there on a link that is open: by the rows of a scan, and by whose the destroyed answers are ----------------

@@ -17,9 +17,10 @@ from typing import Any
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, NotRunning, ProtocolError
 from handctl.link import ByteLink, CanFrame, Deadline, Link
 from handctl.link.transcript import observed
+from handctl.model.checks import Check
 from handctl.model.line_quality import SLOW, RoundTrips
 from handctl.model.result import Journal, hex_bytes
-from handctl.tools.doctor_machine import Check, Verdict
+from handctl.tools.doctor_machine import Verdict
 from handctl.tools.port_inventory import Machine
 from handctl.tools.probes import FamilyProbe
 from handctl.wording import plural
@@ -229,7 +230,7 @@ def _traffic(it: LinkChecks) -> Verdict:
         return "warning", f"{plural(link.error_frames, 'error frame')} on the bus", remedy
     if link.damaged:
         remedy = "check the adapter's cable and hub, and that no other program reads its port"
-        return "warning", f"{plural(link.damaged, 'damaged line')} of the adapter, such as {link.damage}", remedy
+        return "warning", f"{plural(link.damaged, 'corrupted line')} of the adapter, such as {link.damage}", remedy
     return "ok", f"{plural(len(frames), 'frame')} of others within {LISTEN:g} s"
 
 

@@ -8,9 +8,9 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from handctl.model.result import Row
+from handctl.model.checks import Check
 from handctl.system import advice
 from handctl.tools import ports as port_tool
 from handctl.tools.port_inventory import Machine, Port, needed
@@ -19,21 +19,6 @@ PYTHON = (3, 10)
 ROOM_LITTLE, ROOM_NONE = 100_000_000, 5_000_000
 """Bytes: logs and traces need room."""
 WIDTH = 80
-
-
-class Check(NamedTuple):
-    """One row: `status` is ok, warning, fail or skipped; `numbers` are further keys of its row."""
-
-    name: str
-    status: str
-    evidence: str
-    remedy: str = ""
-    numbers: tuple[tuple[str, Any], ...] = ()
-
-    def as_row(self) -> Row:
-        """The row of the contract: check, status, evidence, remedy."""
-        row = {"check": self.name, "status": self.status, "evidence": self.evidence, "remedy": self.remedy or None}
-        return {**row, **dict(self.numbers)}
 
 
 Verdict = tuple[str, str] | tuple[str, str, str] | tuple[str, str, str, tuple[tuple[str, Any], ...]]

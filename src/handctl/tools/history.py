@@ -12,8 +12,7 @@ import click
 
 from handctl.command import history
 from handctl.command.command_tree import Command
-from handctl.command.option_types import WholeRange
-from handctl.command.options import COMMAND_LINE, config_path, read_config
+from handctl.command.options import COMMAND_LINE, WholeRange, config_path, read_config
 from handctl.command.run import Run
 from handctl.errors import UsageError
 from handctl.families import FAMILIES

@@ -12,14 +12,14 @@ import click
 
 from handctl import __version__
 from handctl.command.command_tree import Command
-from handctl.command.option_types import InFile
+from handctl.command.options import InFile
 from handctl.command.run import Run
-from handctl.errors import OutputError, UsageError
+from handctl.errors import UsageError
 from handctl.model.result import Column, Row, Table
 from handctl.wording import near, plural
 
 if TYPE_CHECKING:
-    from handctl.report.curves import Curve
+    from handctl.charts.curves import Curve
     from handctl.tools.plot_read import Plotted
 
 COLUMNS = (
@@ -35,14 +35,14 @@ LETTERS = 150
 @click.command("plot", cls=Command, offline=True)
 @click.argument("files", type=InFile(additional=(".json",)), nargs=-1, required=True, metavar="FILE...")
 @click.option(
-    "--only", "names", multiple=True, metavar="NAME", help="Draw only this quantity or element, such as temperature.index. Several: A,B, or repeat it."
+    "--only", "names", multiple=True, metavar="NAME", help="Plot only this quantity or element, such as temperature.index. Several: A,B, or repeat it."
 )  # fmt: skip
-@click.option("--open", "opens", is_flag=True, help="Open the picture in the browser.")
+@click.option("--open", "opens", is_flag=True, help="Open the plot in the browser.")
 def cli(run: Run, files: Sequence[str], names: Sequence[str], opens: bool) -> Table | None:
-    """Draw the curves of recordings: -o FILE.svg, or -o FILE.html for a page.
+    """Plot recordings, as -o FILE.svg or as an HTML page with -o FILE.html.
 
-    FILE is a CSV file that `watch`, `log` or `realtime` wrote. The pictures of several files are stacked and have the
-    same axes. Values that never changed are listed, not drawn. --json prints the lowest and highest values instead.
+    FILE is a CSV file that `watch`, `log` or `realtime` wrote. The plots of several files are stacked and share their
+    axes. Values that never changed are listed, not drawn. --json prints the lowest and highest values instead.
     """
     from handctl.tools.plot_read import read
 
@@ -98,7 +98,7 @@ def _keep(found: Sequence[Plotted], names: Sequence[str]) -> None:
 
 def drawn(found: Sequence[Plotted], *, whole: bool) -> str:
     """The SVG of all quantities that moved, or the page with it."""
-    from handctl.report.curves import SIDE, STYLE, Strip, escape, picture, unchanged
+    from handctl.charts.curves import SIDE, STYLE, Strip, escape, picture, unchanged
 
     seconds = max(one.seconds for one in found)
     named = [os.path.basename(one.path) for one in found]
@@ -144,8 +144,8 @@ def drawn(found: Sequence[Plotted], *, whole: bool) -> str:
 
 def _outlines(one: Plotted) -> str:
     """The device of a log with the highest values of each finger, in its last position; "" where none is known."""
+    from handctl.charts.outline import outline_svg
     from handctl.model.outline import outline_of
-    from handctl.report.outline import outline_svg
 
     outline = outline_of(one.kind) if one.kind else None
     if outline is None:
@@ -202,13 +202,10 @@ def _open(run: Run, text: str) -> None:
     import webbrowser
     from pathlib import Path
 
-    from handctl.files import atomic_write
+    from handctl.files import atomic_write, writing
 
     path = run.settings.output or os.path.join(tempfile.mkdtemp(prefix="handctl-"), "plot.html")
-    try:
-        with atomic_write(path) as file:
-            file.write(text)
-    except OSError as exc:
-        raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}", hint="choose another file") from exc
+    with writing(path, hint="choose another file"), atomic_write(path) as file:
+        file.write(text)
     if not webbrowser.open(Path(path).resolve().as_uri()):
         run.journal.warn("no-browser", "no browser could be started", hint=f"open {path} yourself")

@@ -14,11 +14,11 @@ from datetime import datetime
 from typing import Any, BinaryIO
 
 from handctl import files
+from handctl.charts.curves import PIXELS, Curve
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
 from handctl.model.param import scale_of
 from handctl.record.recording import schema
-from handctl.report.curves import PIXELS, Curve
 from handctl.screen.csv_output import PARTS, of_column
 
 TIME = "t_s"

@@ -39,7 +39,7 @@ from handctl.model.result import Journal, Table
 from handctl.system import clock
 from handctl.tools.port_inventory import Machine
 from handctl.tools.probes import probe_of, usual_ports, wire_of
-from handctl.tools.scan_probing import LinkScan, plan
+from handctl.tools.scan_order import LinkScan, plan
 from handctl.tools.scan_report import Search, report
 
 LONG = 1800.0
@@ -68,7 +68,8 @@ def cli(run: Run, links: tuple[str, ...], families: tuple[str, ...], ids: str | 
     """Detect the device on a port: its family, baud rate and id.
 
     Read-only. Skips ports that are in use. Nothing it sends starts or ends a movement, or triggers a boot monitor.
-    It tries the usual ids first, then all ids, and reports anything it skipped.
+    It tries the usual ids first, then the others. On a silent line it ends after about 6 s per family and lists what it
+    skipped. With --all it tries everything, however long that takes.
     """
     settings = run.settings
     wanted = tuple(family for family in SCANNED if not families or family in families)

@@ -6,14 +6,14 @@ Nothing that is asked to find that out writes to a device or moves it: they are 
 from __future__ import annotations
 
 from contextlib import ExitStack, closing
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from handctl.command.command_tree import Command
 from handctl.command.config import Device
 from handctl.command.family import load
-from handctl.command.options import NAMED, Settings, Source, config_path, read_config
+from handctl.command.options import NAMED, Source, config_path, read_config
 from handctl.command.run import Run
 from handctl.errors import HandctlError, UsageError
 from handctl.families import FAMILIES, SCANNED
@@ -30,9 +30,11 @@ if TYPE_CHECKING:
 def cli(run: Run) -> Table:
     """Stop a device at once, even while another handctl command is using it.
 
-    handctl takes the family from the device's name, or from the handctl command that is using the device or used it last.
+    handctl takes the family from the entry of the named device (-d), or from the handctl command that is using the device or
+    used it last.
     Otherwise it looks for a named device on this port, then tries for 0.5 s to detect the device.
-    If that fails, use `handctl FAMILY stop`. The other handctl command ends with exit code 130.
+    If that fails, use `handctl FAMILY stop`. A handctl command that was using the device ends with exit code 130 if the stop
+    was acknowledged. An EksoNR has no stop command and only gets a CancelAction, which may not stop it.
     """
     from handctl.stop import command
 
@@ -115,9 +117,7 @@ def _as_named(run: Run, named: list[Device]) -> None:
     (device,) = named
     said = {key: entry for key, entry in device.entries.items() if key not in ("port", *run.sources)}
     sources = {key: Source(NAMED, f"{config_path()}:{entry.line}") for key, entry in said.items()}
-    shared: dict[str, Any] = {key: entry.value for key, entry in said.items() if key in Settings._fields}
-    own = {key: entry.value for key, entry in said.items() if key not in shared}
-    run.settings = run.settings._replace(**shared, own={**run.settings.own, **own})
+    run.settings = run.settings.having({key: entry.value for key, entry in said.items()})
     run.sources = {**run.sources, **sources}
 
 
@@ -144,7 +144,7 @@ def _answering(run: Run, link: str) -> str:
 
 def _asked(link: Link, wire: str, number: int | None, journal: Journal) -> Row | None:
     """The first row of a scan's questions, each family at its usual speed."""
-    from handctl.tools.scan_probing import plan, port_of
+    from handctl.tools.scan_order import plan, port_of
 
     speeds = has_speed(link) and wire == "serial"
     bound = link.deadline(SECONDS)

@@ -79,7 +79,7 @@ class _Watched:
             self.each.work(lambda _, rows: take.put((self, rows)))
             if ended.is_set():
                 return
-            failure = self.each.failure
+            failure = self.each.run.outcome.failure
             take.put((self, [{"error": failure.text if failure is not None else "the stream has ended"}]))
             if not ended.wait(AGAIN_SECONDS):
                 self.each = self._begun()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from handctl.command.command_tree import Group
-from handctl.command.option_types import InFile
+from handctl.command.options import InFile
 from handctl.command.run import Run
 from handctl.errors import CheckFailed, HandctlError, UsageError
 from handctl.families import FAMILIES
@@ -163,7 +163,7 @@ class _Telling:
         with opened(self.path) as source:
             self.family, by_bytes, lines = chosen(lines_of(source, self.path), self.family, self.path)
             if by_bytes:
-                text = f"{self.path}: recognized as {self.family} by its bytes"
+                text = f"{self.path}: recognized as {self.family} from its contents"
                 run.journal.info("family", text, hint="choose another with --family")
             teller = TranscriptReader(self.family)
             self.statistics = teller.statistics

@@ -137,8 +137,9 @@ class Facts:
         return any(abs(a - b) > self.near for a, b in zip(one, other, strict=True))
 
     def link(self, family: str, command: str = "", *more: str) -> str:
-        """The simulator in the state in which a command works, on virtual time; `more` are further options."""
-        state = (self.states or {}).get(command, self.state)
+        """The simulator in the state in which a command works, with or without its arguments, on virtual time; `more` are further options."""
+        own = (state for name, state in (self.states or {}).items() if f"{command} ".startswith(f"{name} "))
+        state = next(own, self.state)
         return f"fake://{family}?{'&'.join(filter(None, ['clock=virtual', state, *more]))}"
 
 

@@ -20,6 +20,7 @@ FACTS = Facts(
         "joints": "index.q3=160",
         "fingertips": "index.z=120",
         "currents": "index.m1=100 --duration 0.3",
+        "check": "",
     },
     rule=lambda command: lambda entry: b'"hand_mode"' in entry.data,
     goods=AIDIN_GOODS,
@@ -32,9 +33,12 @@ FACTS = Facts(
         "log": "{dir}/log.csv --count 2 --force",
     },
     state="start=homed",
+    states={"check": "start=open&rate=50"},
     unproven=frozenset(["currents", "max-torque", "stop"]),
-    adapts=frozenset({"encoders", "joints", "fingertips", "currents"}),  # a ramp from where it is
-    halts=dict.fromkeys(("home", "initial", "encoders", "joints", "fingertips", "currents"), b'{"hand_mode":3}'),
+    adapts=frozenset({"encoders", "joints", "fingertips", "currents", "check"}),  # a ramp from where it is
+    halts=dict.fromkeys(
+        ("home", "initial", "encoders", "joints", "fingertips", "currents", "check"), b'{"hand_mode":3}'
+    ),
     plans=frozenset(),
     broken_from=0,
     lines=(
@@ -46,6 +50,7 @@ FACTS = Facts(
             ("home", "--yes"),
             ("initial", "--yes"),
         ),
+        ("check", "--yes"),
         *(("stop",), ("bias",), ("max-torque", "500"), ("max-torque", "0", "--yes"), ("encoders", "index.m1=200000")),
         *(("joints", "index.q3=160"), ("fingertips", "index.x=10")),
         ("currents", "index.m1=100", "--duration", "0.3", "--yes"),

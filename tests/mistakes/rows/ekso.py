@@ -226,7 +226,7 @@ ROWS = (
         "ekso-log-ends-by-silence-never",
         "deadline ignored",
         "handctl.record.recording",
-        "_Loop.step",
+        "Loop.step",
         "if now - self._heard >= self._limits.silence or (bound is not None and now >= bound):",
         "if now - self._heard >= 100 * self._limits.silence or (bound is not None and now >= bound):",
         "tests/ekso/test_recording.py::test_silence_ends_a_log_but_not_at_once",

@@ -225,7 +225,7 @@ ROWS = (
         "JSON not UTF-8",
         RENDER,
         "dumps",
-        'return text if text.isascii() else _HALF.sub(lambda found: f"\\\\u{ord(found[0]):04x}", text)',
+        'return _HALF.sub(lambda found: f"\\\\u{ord(found[0]):04x}", text)',
         "return text",
         "tests/kernel/test_sanitize.py::test_json_is_utf8_and_lossless",
     ),
@@ -314,7 +314,7 @@ ROWS = (
     mistake(
         "recording-replaced-by-its-picture",
         "output half written",
-        "handctl.command.option_types",
+        "handctl.command.options",
         "files_of",
         "for path in given if isinstance(given, tuple) else (given,):",
         "for path in () if isinstance(given, tuple) else (given,):",
@@ -323,7 +323,7 @@ ROWS = (
     mistake(
         "peak-lost-in-a-plot",
         "stale input believed",
-        "handctl.report.curves",
+        "handctl.charts.curves",
         "Curve.add",
         "self.low, self.high = (min(self.low, low), max(self.high, high)) if self.count else (low, high)",
         "self.low, self.high = (self.low, self.high) if self.count else (low, high)",

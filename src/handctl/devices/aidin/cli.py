@@ -11,7 +11,7 @@ from handctl.command.command_tree import Group, suspendable
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
-from handctl.command.option_types import NEGATIVE_NUMBERS, FiniteRange
+from handctl.command.options import NEGATIVE_NUMBERS, FiniteRange
 from handctl.command.run import Act, Run
 from handctl.devices.aidin.device import AidinHand, object_of, step_of
 from handctl.devices.aidin.exchange import Conversation
@@ -23,9 +23,9 @@ from handctl.model.param import Step
 from handctl.model.stop_sequence import BEAT
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
     from handctl.link import ByteLink
     from handctl.model.result import Journal
+    from handctl.model.settings import Settings
 
 PORT = 8000
 RECOMMENDED = 700
@@ -101,7 +101,9 @@ def bias(run: Run) -> Act:
 @cli.verb("max-torque", "Settings", writes=True)
 @click.argument("value", metavar="N")
 def max_torque(run: Run, value: str) -> Act:
-    """Set the maximum output current: 0 to 1000 in 0.1 % (recommended: 700 to 1000).
+    """Set the maximum torque (output current), 0 to 1000 in units of 0.1 %.
+
+    700 to 1000 is recommended.
 
     It cannot be read back."""
     from handctl.devices.aidin import procedures
@@ -113,6 +115,23 @@ def max_torque(run: Run, value: str) -> Act:
         run.journal.warn("low-torque", f"maxtorque {number}: 700 to 1000 is recommended ({param.source})")
     question = "Without torque the fingers do not move, and may drop a held object" if number == 0 else ""
     return Act(steps, lambda hand: procedures.max_torque(hand, number), question)
+
+
+@cli.verb("check", "Service", writes=True, asks=True)
+def check(run: Run) -> Act:
+    """Move each motor a little and back, one after the other, and report findings.
+
+    Asks first. Ctrl-C stops. The hand must be homed, open and empty: `handctl aidin home` or `initial` opens it.
+    Reads the sensors for 2 s at rest, then moves each motor by 4 % of its stroke. Rows are as in `doctor`.
+    The exit code is 7 if a check warns or fails.
+    """
+    from handctl.devices.aidin import check as checking
+
+    return Act(
+        lambda: checking.plan(run.device, exchange_settings_of(run.settings).end),
+        lambda hand: checking.check(hand, run.prompts),
+        checking.QUESTION,
+    )
 
 
 # -- targets --------------------------------------------------------------------------------------------------------
@@ -143,7 +162,7 @@ def _move(
 def encoders(run: Run, values: tuple[str, ...], assume_homed: bool, expect: str | None) -> Act:
     """Move motors to encoder counts.
 
-    Give all 15 (thumb, index, middle, ring, little, each m1 m2 m3), or only some as pairs: `encoders index.m3=85000`.
+    Give all 15 (thumb, index, middle, ring, little, each m1 m2 m3), or only some, as NAME=VALUE: `encoders index.m3=85000`.
     The others keep their position. The hand must be homed.
     A whole stroke takes five seconds. Ctrl-C stops and switches the motor power off.
     """
@@ -158,7 +177,7 @@ def encoders(run: Run, values: tuple[str, ...], assume_homed: bool, expect: str 
 def joints(run: Run, values: tuple[str, ...], rad: bool, assume_homed: bool, expect: str | None) -> Act:
     """Move joints to angles in degrees.
 
-    Give all 15 (thumb, index, middle, ring, little, each q1 q2 q3) or 20 (with q4), or only some as pairs:
+    Give all 15 (thumb, index, middle, ring, little, each q1 q2 q3) or 20 (with q4), or only some, as NAME=VALUE:
     `joints index.q3=160 thumb.q1=10`. The others keep their position. q3 is the angle between two links (180 is
     straight), and q4 follows q3. The hand must be homed.
     Joints move at 60 degrees per second. Ctrl-C stops and switches the motor power off.
@@ -173,7 +192,7 @@ def joints(run: Run, values: tuple[str, ...], rad: bool, assume_homed: bool, exp
 def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool, expect: str | None) -> Act:
     """Move fingertips to coordinates in mm.
 
-    Give all 15 (thumb, index, middle, ring, little, each x y z in its finger's own frame), or only some as pairs:
+    Give all 15 (thumb, index, middle, ring, little, each x y z in its finger's own frame), or only some, as NAME=VALUE:
     `fingertips index.z=120`. The others keep their position. The hand must be homed.
     Fingertips move at 60 mm per second. Ctrl-C stops and switches the motor power off.
     """
@@ -200,7 +219,7 @@ def currents(run: Run, values: tuple[str, ...], cap: float, duration: float, ram
 
     The fingers push as far as they can. Asks first. Ctrl-C stops immediately, and the fingers then move freely. With
     --ramp-down, Ctrl-C ramps down, and a second Ctrl-C stops immediately.
-    Give all 15 (thumb, index, middle, ring, little, each m1 m2 m3), or only some as pairs.
+    Give all 15 (thumb, index, middle, ring, little, each m1 m2 m3), or only some, as NAME=VALUE.
     First sets the maximum torque to 1000, as the manual requires, and leaves it there. Then ramps up by 200 per
     second, holds, ramps down to 0 and stops.
     """

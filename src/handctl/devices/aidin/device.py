@@ -14,11 +14,12 @@ from handctl.devices.aidin.feedback import Wire, number_of
 from handctl.devices.aidin.json_codec import TERMINATORS, Out, encode
 from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, AidinParam, Mode, some
 from handctl.errors import Aftermath, HandctlError, LinkError, ProtocolError
+from handctl.model.clock_comparison import Moment
 from handctl.model.device import Device
 from handctl.model.param import Element, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Finding, Grid, Row, Table
-from handctl.model.stop_sequence import Known, StopContext, Stopped, interrupted, on_early_end
+from handctl.model.stop_sequence import StopContext, Stopped, interrupted, on_early_end
 
 SLACK = 0.01
 """Share of a range by which a value may be outside: encoders and angles jitter at the stops."""
@@ -54,7 +55,7 @@ class AidinHand(Device):
         """What ends an object is known."""
         context = super().stop_context()
         end = next(name for name, data in TERMINATORS.items() if data == self.conversation.way.end)
-        return context._replace(settings=Known(timeout=context.settings.timeout, own={"tx_terminator": end}))
+        return context._replace(settings=context.settings._replace(own={"tx_terminator": end}))
 
     # -- reading -------------------------------------------------------------------------------------------------
 
@@ -64,8 +65,18 @@ class AidinHand(Device):
     def read(self, elements: Sequence[Element]) -> list[Reading]:
         """Readings of one moment: what the hand sends from now on. A key that is wrong is an error of its elements."""
         params = {element.param.name: param_of(element) for element in elements}
-        found = self.conversation.refresh(tuple(params.values()))
-        return [reading(self.link.name, element, found[param_of(element).key]) for element in elements]
+        came = self.conversation.refresh(tuple(params.values()))
+        found = {name: came[param.key] for name, param in params.items()}
+        return [reading(self.link.name, element, found[element.param.name]) for element in elements]
+
+    def follow(self) -> None:
+        """See Device."""
+        self.conversation.each = True
+
+    def came(self) -> Moment | None:
+        """See Device: of a stream, when the bytes of the last reading came."""
+        follows = self.conversation.each and self.conversation.exchange is ExchangeMode.STREAM
+        return self.conversation.came if follows else None
 
     def named(self, element: Element) -> Row:
         param, index = param_of(element), element.index
@@ -116,10 +127,11 @@ def param_of(element: Element) -> AidinParam:
 
 def reading(where: str, element: Element, found: Wire | ProtocolError) -> Reading:
     """One element of the received value of its key, on the link `where`."""
-    number = number_of(where, element, param_of(element), found)
+    param = param_of(element)
+    number = found[element.index] if isinstance(found, tuple) else number_of(where, element, param, found)
     if isinstance(number, ProtocolError):
         return Reading(element, None, b"", number)
-    return Reading(element, param_of(element).from_wire(number), repr(number).encode("ascii"))
+    return Reading(element, param.from_wire(number), repr(number).encode("ascii"))
 
 
 def outside(param: AidinParam, index: int, value: float, share: float = SLACK) -> bool:

@@ -15,6 +15,7 @@ from handctl.devices.aidin.json_codec import Decoder, MalformedObject
 from handctl.devices.aidin.map import FEEDBACK, AidinParam
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline
+from handctl.model.clock_comparison import Moment
 from handctl.model.decoder import frames_in
 from handctl.model.device import Gate, Line
 from handctl.model.result import Journal, hex_bytes
@@ -68,6 +69,11 @@ class Conversation(Line):
         self.way = way
         self.gate: Gate | None = None
         self.exchange = ExchangeMode.UNKNOWN
+        self.each = False
+        """Whether each object of a stream is a reading of its own, so that none is passed over."""
+        self.came = Moment(0.0, 0.0)
+        """Within which time the last bytes came."""
+        self._drained = False
         self.quality = Quality()
         journal.counters.keys = self.quality.keys
         self.feedback = Feedback(self.quality)
@@ -190,7 +196,10 @@ class Conversation(Line):
         if first and self._fresh and self.feedback.complete(keys):
             self._shown = keys
             return {key: self.feedback.result(key) for key in keys}
-        self.drain()
+        follows = self.each and self.exchange is ExchangeMode.STREAM
+        if not (follows and self._drained):
+            self.drain()  # what has lain there is old
+        self._drained = follows
         self.feedback.replaced(self._shown)
         self._shown = keys
         feedback = self.feedback = Feedback(self.quality)
@@ -203,6 +212,8 @@ class Conversation(Line):
                 self.send(self.way.poll)
                 if self._answer(self.poll_seconds, keys) and self.feedback.complete(keys):
                     break
+            elif follows:
+                self._next_round(keys)
             else:
                 self._follow(keys)
         if not feedback.seen and self.look_again() and not feedback.complete(keys):
@@ -228,6 +239,18 @@ class Conversation(Line):
     def _follow(self, keys: tuple[str, ...]) -> None:
         """Read a stream until all `keys` are good, or another one has come three times since."""
         self._until(lambda _: self.feedback.complete(keys) or self._again, self._silence, self._silence)
+
+    def _next_round(self, keys: tuple[str, ...]) -> None:
+        """The same, object by object: what comes after them is left for the next reading."""
+        end, last = self.deadline(self._silence), self.deadline(LISTEN_LONGEST)
+        while not self.feedback.complete(keys) and not self._again and not last.expired:
+            content = next(frames_in(self._decoder, self._note_bad), None)
+            if content is not None:
+                self._take(content)
+            elif self._fill(end):
+                end = self.deadline(self._silence)
+            elif end.expired:
+                break
 
     def _answer(self, seconds: float, keys: tuple[str, ...] = ()) -> bool:
         """Wait for the answer to an object; the rest of its keys may follow at once. False on silence."""
@@ -325,6 +348,16 @@ class Conversation(Line):
 
     def _receive(self, deadline: Deadline) -> bool:
         """Take what arrives before `deadline`; whether feedback was in it. Raises LinkError, ProtocolError."""
+        if not self._fill(deadline):
+            return False
+        found = False
+        for content in frames_in(self._decoder, self._note_bad):
+            found = self._take(content) or found
+        return found
+
+    def _fill(self, deadline: Deadline) -> bool:
+        """Give the decoder what arrives before `deadline`; whether anything did. Raises LinkError."""
+        asked = self.link.now()
         try:
             data = self.link.read(deadline)
         except LinkError as exc:
@@ -332,11 +365,9 @@ class Conversation(Line):
         if not data:
             return False
         self._heard = self.link.now()
+        self.came = Moment(asked, self._heard)
         self._decoder.feed(data)
-        found = False
-        for content in frames_in(self._decoder, self._note_bad):
-            found = self._take(content) or found
-        return found
+        return True
 
     def _take(self, content: dict[str, object]) -> bool:
         if not self.feedback.merge(content):
@@ -379,7 +410,7 @@ class Conversation(Line):
         self._bad_in_a_row += 1
         if self._bad_in_a_row >= BAD_IN_A_ROW:
             raise ProtocolError(
-                f"{self.link.name}: {BAD_IN_A_ROW} damaged objects in a row, the last one: {exc.text}; "
+                f"{self.link.name}: {BAD_IN_A_ROW} corrupted objects in a row, the last one: {exc.text}; "
                 f"its bytes begin {hex_bytes(exc.data[:16])}",
                 hint="check the connection with --trace FILE",
                 code="bad-json",

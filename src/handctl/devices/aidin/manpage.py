@@ -8,6 +8,7 @@ EXCEPTIONS = (
     ("no-port", "`/dev/ttyUSB0`", "The hand has no serial port: exit code 2."),
     ("arrival", "`currents`", "A current has no target."),
     ("expect", "`home`, `initial`", "They have their own check: each motor must come to rest at its origin."),
+    ("expect", "`check`", "Whether a motor reaches its target is what it checks."),
 )
 DRY = (
     "initial",
@@ -29,6 +30,8 @@ EXAMPLES = (
     ("handctl aidin home -n --fake", "Show the messages that would be sent."),
     ("handctl aidin initial -p tcp://192.168.0.20", "Open all fingers. Asks first."),
     ("handctl aidin joints index.q3=160 -p tcp://192.168.0.20", "Move one joint. The others keep their position."),
+    ("handctl aidin check -p tcp://192.168.0.20", "Test each motor and sensor of an open, empty hand. Asks first."),
+    ("handctl aidin check -n --fake", "Show the messages that would be sent."),
     ("handctl aidin bias -p tcp://192.168.0.20", "Set the sensors to 0 at their current load."),
     ("handctl aidin max-torque 300 -p tcp://192.168.0.20", "Limit the current of all motors."),
     *((f"handctl aidin {line} -n --fake", "Show the message that would be sent.") for line in DRY),

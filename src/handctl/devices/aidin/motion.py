@@ -8,7 +8,7 @@ they go to 0 and the stop mode is sent.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import degrees
+from math import ceil, degrees
 
 from handctl.devices.aidin.device import (
     LARGEST_RADIAN,
@@ -26,7 +26,7 @@ from handctl.devices.aidin.exchange import PERIOD
 from handctl.devices.aidin.feedback import Feedback, Wire, values_of
 from handctl.devices.aidin.map import AIDIN, Mode, Target
 from handctl.devices.aidin.procedures import SHORT, check_homed, connect_or_command, named
-from handctl.devices.aidin.targets import Goal, axes_of, ramp
+from handctl.devices.aidin.targets import COUPLED, Goal, axes_of
 from handctl.errors import Aftermath, CheckFailed, HandctlError, NoAnswer
 from handctl.model.movement import (
     ARRIVAL,
@@ -80,6 +80,26 @@ def plan(device: Callable[[], AidinHand], goal: Goal, end: bytes) -> list[Step]:
         hand.conversation.connect(silent=True)
         here = measured(hand, goal.target)
     return [last_step(goal, goal.complete(here), end)]
+
+
+def ramp(goal: Goal, start: Sequence[Number], values: Sequence[float], period: float) -> list[tuple[float, ...]]:
+    """The way from `start` to `values`, one vector a period, the last one `values` itself.
+
+    The slowest element sets the pace. A start outside its range begins at the limit.
+    """
+    param = goal.target.command
+    begin = []
+    for index, value in enumerate(start):
+        limit = param.limit(index)
+        begin.append(float(value) if limit is None else min(max(float(value), limit[0]), limit[1]))
+    count = 1
+    for index, (a, b) in enumerate(zip(begin, values, strict=True)):
+        if param.label_of(index) != COUPLED:
+            count = max(count, ceil(abs(b - a) / (goal.target.per_second(index) * period) - 1e-9))
+    return [
+        tuple(b if step == count else a + (b - a) * step / count for a, b in zip(begin, values, strict=True))
+        for step in range(1, count + 1)
+    ]
 
 
 def last_step(goal: Goal, values: list[float], end: bytes) -> Step:

@@ -369,9 +369,10 @@ def named(param: AidinParam, indices: list[int], values: tuple[Number, ...] | li
     return some([f"{param.elements[index]} {values[index]:.{param.places}f}" for index in indices])
 
 
-def check_homed(hand: AidinHand, *, assume: bool) -> None:
+def check_homed(hand: AidinHand, *, assume: bool | None) -> None:
     """Refuse position commands if encoders are outside their ranges, because the hand does not report whether it was homed.
 
+    `assume` goes on all the same; None = the command cannot be told to.
     Raises CheckFailed; nothing has been sent then.
     """
     (encoders,) = hand.conversation.need(MOTOR_POS)
@@ -380,7 +381,7 @@ def check_homed(hand: AidinHand, *, assume: bool) -> None:
         raise CheckFailed(
             f"{hand.link.name}: encoders are out of range, so the hand has not been homed since power-on: "
             f"{named(MOTOR_POS, wrong, encoders)}",
-            hint="run `handctl aidin home` first. --assume-homed continues without it. Nothing was sent.",
+            hint=f"run `handctl aidin home` first. {'' if assume is None else '--assume-homed continues without it. '}Nothing was sent.",
             code="not-homed",
         )
     if not any(encoders):

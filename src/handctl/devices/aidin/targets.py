@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, degrees, isfinite, radians
+from math import degrees, isfinite, radians
 
 from handctl.devices.aidin.map import CURRENTS, AidinParam, Target, both_ranges, some
 from handctl.errors import CheckFailed, UsageError
@@ -180,26 +180,6 @@ def _couple(param: AidinParam, values: dict[int, float]) -> None:
     """The slot of q4 goes with a q3 that is given: only q3 counts, but the two should not contradict each other."""
     for index in [index for index in values if param.label_of(index) == "q3"]:
         values.setdefault(index + 1, values[index])
-
-
-def ramp(goal: Goal, start: Sequence[Number], values: Sequence[float], period: float) -> list[tuple[float, ...]]:
-    """The way from `start` to `values`, one vector a period, the last one `values` itself.
-
-    The slowest element sets the pace. A start outside its range begins at the limit.
-    """
-    param = goal.target.command
-    begin = []
-    for index, value in enumerate(start):
-        limit = param.limit(index)
-        begin.append(float(value) if limit is None else min(max(float(value), limit[0]), limit[1]))
-    count = 1
-    for index, (a, b) in enumerate(zip(begin, values, strict=True)):
-        if param.label_of(index) != COUPLED:
-            count = max(count, ceil(abs(b - a) / (goal.target.per_second(index) * period) - 1e-9))
-    return [
-        tuple(b if step == count else a + (b - a) * step / count for a, b in zip(begin, values, strict=True))
-        for step in range(1, count + 1)
-    ]
 
 
 def axes_of(goal: Goal, values: Sequence[float]) -> list[movement.Goal]:

@@ -13,7 +13,7 @@ from handctl.command.command_tree import ALWAYS, Group
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
-from handctl.command.option_types import InFile, WholeRange
+from handctl.command.options import InFile, WholeRange
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.firmware.cli import add_firmware
@@ -41,16 +41,18 @@ from handctl.model.param import Element, Number, Step
 from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
     from handctl.link import ByteLink
     from handctl.model.result import Journal
+    from handctl.model.settings import Settings
 
 MOTORS_OPTION = click.option(
     "--motors", metavar="12S", help="Motors: digits 1 to 4, G for the fingers, S for the spread (default: all)."
 )
 FORCE = click.option("--force", is_flag=True, help="Write a value the manual warns about, or save unchanged values.")
 HARM = click.option(
-    "--force", is_flag=True, help="Open even if faster than IVEL allows, or if OT and CT reverse the movement."
+    "--force",
+    is_flag=True,
+    help="Move even if faster than IVEL allows, or if the limits OT and CT block or reverse it.",
 )
 
 
@@ -131,7 +133,7 @@ def _sends(texts: Sequence[str], do: Callable[[BarrettHand], Table], question: s
 # -- reading ------------------------------------------------------------------------------------------------------
 
 
-@cli.verb("describe", "Look", offline=True)
+@cli.verb("describe", "Inspect", offline=True)
 @click.argument("names", nargs=-1, metavar="[NAME]...")
 def describe(run: Run, names: tuple[str, ...]) -> Table:
     """List all parameters with range, defaults, access and manual section.
@@ -157,7 +159,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
     return Table(rows=table.rows, columns=columns)
 
 
-@cli.verb("version", "Look")
+@cli.verb("version", "Inspect")
 def version(run: Run) -> Table:
     """Show the firmware version."""
     table = get_set_watch.get(run, BARRETT, ["VERS"])
@@ -165,7 +167,7 @@ def version(run: Run) -> Table:
     return table
 
 
-@cli.verb("errors", "Look", offline=True)
+@cli.verb("errors", "Inspect", offline=True)
 @click.argument("code", required=False, type=WholeRange(0, 1 << 32))
 def errors(run: Run, code: int | None) -> Table:
     """Explain status codes as the manual does. CODE can be a sum. Needs no device."""
@@ -175,7 +177,7 @@ def errors(run: Run, code: int | None) -> Table:
     return Table(rows=rows, columns=columns)
 
 
-@cli.verb("help", "Look")
+@cli.verb("help", "Inspect")
 @click.argument("command", required=False)
 def help_(run: Run, command: str | None) -> Table:
     """Show what the hand and the manual say about COMMAND or a parameter."""
@@ -239,9 +241,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table | Act:
     from handctl.devices.barrett import eeprom
 
     if rate is None:
-        if run.settings.dry_run:
-            raise UsageError("`handctl barrett baud` without a baud rate only reads", hint="run it without -n")
-        run.only_reads()
+        run.only_reads("a baud rate")
         return get_set_watch.get(run, BARRETT, ["BAUD"])
     code, odd = divmod(rate, 100)
     if odd or code not in BAUD_CODES:
@@ -350,7 +350,7 @@ MOVEMENTS = (
     (
         "move",
         "M",
-        "Move to POSITION in counts (default: the parameter DP), or to one for each motor: F1=9000 F2=9000.",
+        "Move all motors to POSITION in counts (default: the parameter DP), or each to its own: F1=9000 F2=9000.",
         "POSITION",
     ),
     ("step-open", "IO", "Open by COUNTS (default: the parameter DS).", "COUNTS"),
@@ -389,7 +389,7 @@ for _row in MOVEMENTS:
 @cli.verb("stop", "Move", writes=True, stops=True)
 @MOTORS_OPTION
 def stop(run: Run, motors: str | None) -> Table:
-    """Stop the hand immediately, even while another handctl is using it.
+    """Stop the hand at once, even while another handctl command is using it.
 
     Sends ^C, which ends the movement of all motors, then T, which switches off all motors or those in --motors.
     Never asks.
@@ -453,8 +453,8 @@ def save(run: Run, motors: str | None, force: bool) -> Act:
 @click.argument("file", type=InFile())
 @click.option("--save", "save_too", is_flag=True, help="Then save to EEPROM.")
 @FORCE
-def restore(run: Run, file: str, save_too: bool, force: bool) -> Table:
-    """Write the values that differ from a snapshot to RAM and read them back.
+def restore(run: Run, file: str, save_too: bool, force: bool) -> Act:
+    """Restore to RAM the values that differ from a snapshot, and read them back.
 
     The baud rate is written last.
     """
@@ -467,18 +467,24 @@ def restore(run: Run, file: str, save_too: bool, force: bool) -> Table:
             for element, value in changes:
                 if element.full_name == "baud_rate":
                     _refuse_to_keep(int(value), force)
-            if not run.settings.dry_run:  # also when nothing differs: the EEPROM is written all the same
-                ask(run, _saves(None))
 
-    table = snapshots.restore(run, BARRETT, file, check=check)
-    if save_too and run.settings.dry_run:
-        table.rows += [
-            {"step": number, "bytes": step.wire, "meaning": step.meaning, "moves": False, "strands": False}
-            for number, step in enumerate(map(step_of, _saves(None)), len(table.rows) + 1)
-        ]
-    elif save_too:
-        eeprom.save(run.device(), force=True, simulated=run.simulated)
-    return table
+    act = snapshots.restore(run, BARRETT, file, check=check)
+    if not save_too:
+        return act
+    saves = [step_of(text) for text in _saves(None)]
+    asks, question = asked_before(saves)
+
+    def look(hand: BarrettHand) -> Asked:
+        run.confirm(question, asks)  # also when nothing differs: the EEPROM is written all the same
+        return act.looked(hand)
+
+    def write(hand: BarrettHand) -> Table:
+        table = act.do(hand)
+        eeprom.save(hand, force=True, simulated=run.simulated)
+        return table
+
+    steps = lambda: [*act.every(), *(step._replace(strands=False) for step in saves)]  # noqa: E731
+    return Act(steps, write, question, asks=asks, look=look)
 
 
 def _motors_first(motors: str | None, of_motors: str, of_hand: str) -> list[str]:

@@ -90,7 +90,7 @@ def _identity(link: ByteLink, journal: Journal, deadline: Deadline, timeout: flo
         if answer.status == UNKNOWN_NAME and not answer.lines:
             return "prompt, no serial number on this firmware (ERR 64)"
         if answer.status:
-            raise ProtocolError(f"ERR {answer.status} to PGET SN", hint="scan again")
+            raise ProtocolError(f"ERR {answer.status} in reply to PGET SN", hint="scan again")
         (numbers,) = values(answer, 1, 1)
     except (NoAnswer, ProtocolError) as exc:
         raise ProtocolError(

@@ -41,13 +41,10 @@ def load(path: Path, what: str, valid: Callable[[object], bool]) -> dict[str, An
 
 def store(path: Path, what: str, content: dict[str, Any], *, sort: bool = True) -> None:
     """Write `content`, whole or not at all. Raises OutputError."""
-    try:
+    with files.writing(path, f"the {what} ", hint="check the folder's permissions and its free space"):
         path.parent.mkdir(parents=True, exist_ok=True)
         with files.atomic_write(path) as file:
             json.dump(content, file, indent=1, sort_keys=sort)
-    except OSError as exc:
-        text = f"{path}: the {what} cannot be written: {exc.strerror or exc}"
-        raise OutputError(text, hint="check the folder's permissions and its free space") from exc
 
 
 def recall(link: ByteLink) -> int | None:

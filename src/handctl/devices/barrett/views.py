@@ -264,7 +264,7 @@ def why_doubtful(param: GclParam, index: int, value: Number) -> str | None:
     """Why a value cannot be what it says: no joint gets there, or the manual has no such value. None where it can."""
     if param.mnemonic in POSITIONS:
         return why_impossible(index) if implausible(index, int(value)) else None
-    return None if param.allowed(value) else f"outside its range {param.range_text}, so the RAM contents may be damaged"
+    return None if param.allowed(value) else f"outside its range {param.range_text}, so the RAM contents may be corrupt"
 
 
 NO_GAUGE = "no gauge (barrett §5.3.2)"

@@ -138,7 +138,7 @@ class AuditLog:
             except BlockingIOError as exc:
                 raise write_checks.refusal(
                     write_checks.FREE,
-                    f"{self.path}: another handctl is writing a setting",
+                    f"{self.path}: another handctl command is writing a setting",
                     "wait until it is done, then repeat the command. Nothing was sent.",
                 ) from exc
             yield

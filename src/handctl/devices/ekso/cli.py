@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl import __version__
-from handctl.command import export_command, get_set_watch, snapshots
-from handctl.command.command_tree import Command, Group, log_options
+from handctl.command import get_set_watch, snapshots
+from handctl.command.command_tree import LOG, RESAMPLE, SEGMENT, Command, Group, formats_help, log_options
 from handctl.command.common_commands import NAMES, add_map_verbs
 from handctl.command.family import Family
-from handctl.command.option_types import InFile, OutFile
-from handctl.command.options import Own
+from handctl.command.options import InFile, OutFile, Own
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.change import limit_of
@@ -25,17 +24,17 @@ from handctl.devices.ekso.gait_cli import add_gait
 from handctl.devices.ekso.map import EKSO
 from handctl.errors import OutputError, UsageError
 from handctl.model.device import Gate, limits_of
+from handctl.model.export_formats import FORMATS
 from handctl.model.result import Column, Table
-from handctl.record.formats import FORMATS
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
     from handctl.devices.ekso.audit import AuditLog
     from handctl.devices.ekso.export import Exported
     from handctl.devices.ekso.log_file import LogFile
     from handctl.link import ByteLink
     from handctl.model.param import Step
     from handctl.model.result import Journal
+    from handctl.model.settings import Settings
     from handctl.record.source import Source
 
 
@@ -55,11 +54,20 @@ def open_ekso(link: ByteLink, settings: Settings, journal: Journal) -> Ekso:
 cli = Group(
     "ekso",
     family=Family("ekso", open_ekso, 115200, speeds=(115200,)),
-    help="Read, set and record an EksoNR through its DataPort (serial over USB). A person may be standing in it. "
-    f"Reading changes nothing. Every write of a setting is checked, asks first, is read back and logged. {NOT_MEDICAL}.",
+    help="Read, configure and log an EksoNR through its DataPort (serial over USB). A person may be standing in it. Reading changes "
+    f"nothing. Before handctl writes a setting, it checks it and asks; afterwards it reads it back and logs it. {NOT_MEDICAL}.",
 )
 add_map_verbs(
-    cli, EKSO, example="step_length left_knee_angle 216", without=("set", "describe", "export", "log", "restore")
+    cli,
+    EKSO,
+    example="step_length left_knee_angle 216",
+    without=("set", "describe", "export", "log", "restore"),
+    helps={
+        "status": "Show a health summary: posture, joints, feet and unusual settings.",
+        "stop": "Send CancelAction, which MAY NOT STOP THE DEVICE: use its own controls.\n\n"
+        "The DataPort has no stop, and the effect of CancelAction is not documented. The motors keep their power. Works even "
+        "while another handctl command is using the device. Never asks. Shows the bytes sent and the reply.",
+    },
 )
 
 
@@ -73,7 +81,7 @@ add_map_verbs(
 def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -> Table:
     """Record GetData to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.
 
-    FILE can be a directory. On a terminal, press any letter or space to set a mark.
+    If FILE is a directory, handctl creates a new file in it. On a terminal, press any letter or space to set a mark.
     """
     from handctl.command import log_command
 
@@ -91,23 +99,22 @@ def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -
 
 
 @cli.verb("export", "Files", offline=True)
-@export_command.LOG
+@LOG
 @click.option(
     "--to",
     "--format",
     "kind",
     type=click.Choice([*TEXTS, *FORMATS]),
-    help=export_command.formats_help("mot (OpenSim motion file), csv (the columns of the log), ")
-    + " --format is the older name.",
+    help=formats_help("mot (OpenSim motion file), csv (the columns of the log), ") + " --format is the older name.",
 )
 @click.option("--si", is_flag=True, help="With csv: metres and radians instead of inches and degrees.")
-@export_command.SEGMENT
+@SEGMENT
 @click.option(
     "--knee-sign",
     type=click.Choice(["1", "-1"]),
     help="With mot: sign of knee flexion in your model (default 1, as in the device; gait2392 needs -1).",
 )
-@export_command.RATE
+@RESAMPLE
 def export(
     run: Run, log: str, kind: str | None, si: bool, segment: int | None, knee_sign: str | None, rate: float | None
 ) -> Table:
@@ -115,6 +122,7 @@ def export(
 
     mot and csv go to stdout, or to FILE with -o. The others need -o. A motion file holds just one segment.
     """
+    from handctl.command import export_command
     from handctl.devices.ekso import export as exports
     from handctl.devices.ekso.log_file import LogFile
 
@@ -174,7 +182,7 @@ LOOKS = {
 
     Trunk, soles, hips, motor currents, joint angles, state and boot time.
     """,
-    "feedback": "Show steps, times and assistance (GetFeedback, 17 words).",
+    "feedback": "Show step counts, times and assistance (GetFeedback, 17 words).",
 }
 """A command for each message that is read, and what it shows."""
 
@@ -188,15 +196,15 @@ def _look(message: str) -> Callable[[Run], Table]:
 
 
 for _message in LOOKS:
-    cli.verb(_message, "Look")(_look(_message))
+    cli.verb(_message, "Inspect")(_look(_message))
 
 
-@cli.verb("describe", "Look", offline=True)
+@cli.verb("describe", "Inspect", offline=True)
 @click.argument("names", nargs=-1, metavar=NAMES)
 def describe(run: Run, names: tuple[str, ...]) -> Table:
     """List all words with message, ParameterID, type, codes and aliases.
 
-    Also shows the largest step that handctl writes at once. Needs no device.
+    Also shows the largest change that handctl writes at once. Needs no device.
     """
     table = get_set_watch.describe(EKSO, names)
     for row in table.rows:
@@ -223,7 +231,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
     return Table(rows=table.rows, columns=columns)
 
 
-@cli.verb("policy", "Look", offline=True)
+@cli.verb("policy", "Inspect", offline=True)
 @click.option(
     "--audit",
     envvar="HANDCTL_AUDIT",
@@ -234,7 +242,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
 def policy(run: Run, audit: str | None) -> Table:
     """Show the checks and confirmations before a write. Needs no device.
 
-    Lists step limits, postures, the settings that need a second confirmation, and how still the device must be. Also
+    Lists the largest change per write, postures, the settings that need a second confirmation, and how still the device must be. Also
     checks the audit log: the exit code is 7 if an entry was edited, removed or moved. The device's own limits are not
     documented.
     """
@@ -269,7 +277,7 @@ OVERRIDE = click.option(
     "--override-step-limit",
     "override",
     is_flag=True,
-    help="Allow a larger step than this tool's policy, except for leg lengths.",
+    help="Allow a larger change than this tool's policy does, except for leg lengths.",
 )
 
 
@@ -391,25 +399,25 @@ def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bo
 @click.argument("file", type=InFile())
 @_audit_options
 @OVERRIDE
-def restore(run: Run, file: str, audit: str | None, override: bool) -> Table:
+def restore(run: Run, file: str, audit: str | None, override: bool) -> Act:
     """Write the settings that differ from a snapshot, one by one.
 
     Uses the same checks and confirmations as `set`. Reaches a distant value in permitted steps, one every 10 s, and
     reads each one back. If it is interrupted, run it again: it continues from the current settings.
     """
     _need_operator(run)
-    if not run.settings.dry_run:
+    if run.settings.dry_run:
+        run.journal.info(
+            "steps",
+            "a distant value is reached in permitted steps, one every 10 s. How many it takes depends on the device's current values",
+        )
+    act = snapshots.restore(run, EKSO, file)
 
-        def check(_changes: object) -> None:
-            run.need_answer(CHANGES)
-            _give_writer(run, run.device(), audit, override=override, stepwise=True)
+    def look(ekso: Ekso) -> Asked:
+        _give_writer(run, ekso, audit, override=override, stepwise=True)
+        return act.looked(ekso)
 
-        return snapshots.restore(run, EKSO, file, check=check)
-    run.journal.info(
-        "steps",
-        "a distant value is reached in permitted steps, one every 10 s. How many it takes depends on the device's current values",
-    )
-    return snapshots.restore(run, EKSO, file)
+    return act._replace(question=CHANGES, look=look)
 
 
 class _WordRange(click.IntRange):
@@ -433,9 +441,9 @@ class _WordRange(click.IntRange):
 )
 @_audit_options
 def cancel(run: Run, word: int, audit: str | None) -> Act:
-    """Cancel the running action (CancelAction).
+    """Send CancelAction once. This MAY NOT STOP THE DEVICE.
 
-    Sends it once, without asking, and logs it. It is sent even if the log cannot be written.
+    Never asks, and logs it. It is sent even if the log cannot be written.
     The manual does not say which actions it cancels.
     """
 
@@ -463,7 +471,7 @@ def cancel(run: Run, word: int, audit: str | None) -> Act:
 def _check_mode(text: str) -> str:
     """A length convention or "auto". Raises UsageError."""
     if text not in (*LENGTH_MODES, "auto"):
-        raise UsageError(f"length convention {text!r} does not exist", hint=f"auto, {', '.join(LENGTH_MODES)}")
+        raise UsageError(f"unknown --length-mode {text!r}", hint=f"auto, {', '.join(LENGTH_MODES)}")
     return text
 
 

@@ -149,7 +149,7 @@ def encode(command: Command, msg_id: int, body: bytes = b"", mode: str = "body")
     if not 0 <= msg_id <= 0xFFFF:
         raise UsageError(f"msgID {msg_id} does not fit 16 bits", hint="use 0 to 65535")
     if mode not in LENGTH_MODES:
-        raise UsageError(f"length convention {mode!r} does not exist", hint=f"use one of {', '.join(LENGTH_MODES)}")
+        raise UsageError(f"unknown --length-mode {mode!r}", hint=f"use one of {', '.join(LENGTH_MODES)}")
     head = bytes([command, len(body) + LENGTH_MODES[mode]]) + msg_id.to_bytes(2, "big") + body
     return head + crc(head).to_bytes(2, "big")
 

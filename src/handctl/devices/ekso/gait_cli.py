@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.command.command_tree import Group
-from handctl.command.option_types import InFile, OutFile
+from handctl.command.options import InFile, OutFile
 from handctl.command.run import Run
-from handctl.errors import CheckFailed, OutputError
-from handctl.files import atomic_write
+from handctl.errors import CheckFailed
+from handctl.files import atomic_write, writing
 from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:
@@ -51,13 +51,16 @@ def add_gait(group: Group) -> None:
     @click.argument("later", metavar="[LATER]", required=False, type=InFile(additional=(".json",)))
     @click.option("--steps", metavar="FILE", type=OutFile(), help="Write every stride, counted or not, to FILE (CSV).")
     @click.option(
-        "--page", metavar="FILE", type=OutFile(), help="Write the curves, figures and refused strides to FILE (HTML)."
+        "--page",
+        metavar="FILE",
+        type=OutFile(),
+        help="Write the curves, figures and strides not counted to FILE (HTML).",
     )
     def gait(run: Run, log: str, later: str | None, steps: str | None, page: str | None) -> Table:
         """Find the strides in a log: cadence, stance, symmetry, variability. Needs no device.
 
         With LATER, compares two logs and lists the settings that differ. The thresholds come from the
-        recording itself. A stride that is not counted is listed with its reason. Not a diagnosis.
+        recording itself. Strides that are not counted are listed with the reason. Not a diagnosis.
         """
         from handctl.devices.ekso.gait import compared, walk_of
         from handctl.devices.ekso.log_file import LogFile
@@ -156,8 +159,5 @@ def _list_of(walk: Walk) -> str:
 
 def _write(path: str, text: str) -> None:
     """A file. Raises OutputError."""
-    try:
-        with atomic_write(path) as file:
-            file.write(text)
-    except OSError as exc:
-        raise OutputError(f"{path}: cannot be written: {exc.strerror or exc}") from exc
+    with writing(path), atomic_write(path) as file:
+        file.write(text)

@@ -8,11 +8,11 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 from handctl import __version__
+from handctl.charts.curves import escape
+from handctl.charts.cycles import STYLE, Band, bands, histogram, timeline
 from handctl.devices.ekso.gait import SIDES, Walk, curve
 from handctl.devices.ekso.log_file import LogFile
 from handctl.model.result import Grid, Table
-from handctl.report.curves import escape
-from handctl.report.cycles import STYLE, Band, bands, histogram, timeline
 from handctl.report.html import facts, plain_page, table
 from handctl.wording import plural, sentence
 

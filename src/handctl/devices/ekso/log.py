@@ -42,6 +42,9 @@ class EksoSource(Source):
         words = self._port.read(Command.GET_DATA).words
         return Sample(self._port.moment, words, boot_ms(words), lambda: self._ekso.rows_of("data", words))
 
+    def ask_ahead(self) -> None:
+        self._port.send_ahead(Command.GET_DATA)
+
     def settings(self) -> dict[str, dict[str, Any]]:
         """The 22 words of GetSettings, raw and scaled; the wearer's number only on request."""
         return {

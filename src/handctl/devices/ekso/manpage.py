@@ -25,7 +25,7 @@ EXAMPLES = (
         "Change one setting, with every check and confirmation.",
     ),
     ("handctl ekso set step_length=14 -n --fake", "Show the bytes that would be sent."),
-    ("handctl ekso cancel --operator Ada -p /dev/ttyACM0", "Cancel the running action."),
+    ("handctl ekso cancel --operator Ada -p /dev/ttyACM0", "Send CancelAction. This may not stop the device."),
     (
         "handctl ekso restore ekso-before.json --operator Ada -p /dev/ttyACM0",
         "Write the settings that differ, one by one.",
@@ -35,7 +35,7 @@ EXAMPLES = (
     ("handctl ekso log --check gait.csv", "Check a recording, and show its breaks and clocks."),
     ("handctl ekso export gait.csv --to bids -o gait-bids", "Turn a log into a BIDS motion dataset."),
     ("handctl ekso gait gait.csv --steps steps.csv", "Find the strides in a log, and list each of them."),
-    ("handctl ekso gait before.csv after.csv", "Compare two logs, with the settings that differ."),
+    ("handctl ekso gait before.csv after.csv", "Compare two logs, and list the settings that differ."),
     ("handctl ekso export gait.csv --to csv --si -o gait-si.csv", "Turn a log into metres and radians."),
 )
 

@@ -65,7 +65,7 @@ TABLE = (
     Gate(READ, RESTARTED, "BootTime since the last reading", "a restart, because other settings may be active", CheckFailed, "restarted", "", "dossier 5"),
     Gate(ASKED, CONFIRMED, "the new value, typed", "anything else", NotConfirmed, "not-confirmed", "--yes", "dossier 6.1"),
     Gate(ASKED, TWICE, "a second yes for a mode that changes how the device drives", "anything else", NotConfirmed, "not-confirmed", "--yes", "dossier 6.3"),
-    Gate(TURN, FREE, "the lock of the log", "another handctl is writing", LinkError, "busy", "", "dossier 5"),
+    Gate(TURN, FREE, "the lock of the log", "another handctl command is writing", LinkError, "busy", "", "dossier 5"),
     Gate(TURN, EDITED, "the hashes of its last entries", "an edit in the last 10 s", CheckFailed, "audit-edited", "", "dossier 6.7"),
     Gate(TURN, DAMAGED, "the last lines", "an entry of the last 10 s that cannot be read", CheckFailed, "audit-damaged", "", "dossier 6.7"),
     Gate(TURN, CLOCK, "the times of the entries", "a time in the future", CheckFailed, "clock-set-back", "", "dossier 6.7"),

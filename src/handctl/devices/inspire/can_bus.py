@@ -223,8 +223,8 @@ HINTS = {
 
 
 def said_damaged(count: int, last: str) -> str:
-    """``2 damaged lines came from the adapter, the last b'T0100' (string index out of range)``."""
-    return f"{count} damaged line{'s' * (count > 1)} came from the adapter, the last {last}"
+    """``the adapter sent 2 corrupted lines (the last one: b'T0100' (string index out of range))``."""
+    return f"the adapter sent {count} corrupted line{'s' * (count > 1)} (the last one: {last})"
 
 
 def answers(frame: CanFrame, request: CanFrame, count: int | None) -> bool:

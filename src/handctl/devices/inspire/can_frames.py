@@ -55,7 +55,7 @@ def check_id(hand_id: int) -> None:
     """Refuse ids that an identifier cannot hold: 0..16383 (wrist §2.3). Raises UsageError."""
     if not 0 <= hand_id <= MAX_ID:
         raise UsageError(
-            f"id {hand_id} does not exist on CAN", hint="use an id from 0 to 16383 (wrist §2.3). Nothing was sent."
+            f"id {hand_id} is not valid on CAN", hint="use an id from 0 to 16383 (wrist §2.3). Nothing was sent."
         )
 
 

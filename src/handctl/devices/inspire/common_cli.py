@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.command import get_set_watch
-from handctl.command.option_types import OutFile, Seconds
+from handctl.command.options import OutFile, Seconds
 from handctl.command.run import Act, Run
 from handctl.devices.inspire.map import address_in
 from handctl.errors import HandctlError, UsageError
@@ -62,16 +62,6 @@ def explain_silence(device: RegisterDevice, error: HandctlError) -> HandctlError
     return procedures.explain_silence(device, error)
 
 
-def looks_only(run: Run) -> None:
-    """A command without the value that it could write. Raises UsageError in a dry run."""
-    if run.settings.dry_run:
-        raise UsageError(
-            f"`handctl {run.command}` without a value only reads",
-            hint="run it without -n: it does not change anything",
-        )
-    run.only_reads()
-
-
 def read(run: Run, address: str, count: int) -> Table:
     """Bytes from any address."""
     from handctl.devices.inspire import eb90, raw
@@ -98,7 +88,7 @@ def send_raw(step: Step, question: str, exchange: Callable[[Any], Table]) -> Act
 def change_id(run: Run, params: ParamMap[Any], new: int | None) -> Table | Act:
     """Show the id, or give the hand a new one."""
     if new is None:
-        looks_only(run)
+        run.only_reads("a value")
         return get_set_watch.get(run, params, ["id"])
     params["id"].check(new, "id")
     steps = run.planner().plan([(Element(params["id"], 0), new)])
@@ -109,7 +99,7 @@ def change_id(run: Run, params: ParamMap[Any], new: int | None) -> Table | Act:
 def change_baud(run: Run, rate: int | None, question: str, *, save: bool, verify: bool) -> Table | Act:
     """Show the speed code, or write the one that counts after a save and a power cycle, and see to both where that is wanted."""
     if rate is None:
-        looks_only(run)
+        run.only_reads("a value")
         device: RegisterDevice = run.device()
         device.know()
         return device.show_speed()
@@ -146,7 +136,7 @@ def _change_speed(run: Run, device: RegisterDevice, rate: int, *, save: bool, ve
         already = any(message.code == "already" for message in run.journal.messages)
         run.journal.warn(
             "not-saved",
-            f"{rate} bit/s may not be saved. In that case the hand keeps its old baud rate"
+            f"{rate} bit/s was perhaps not saved. If so, the hand keeps its old baud rate"
             if already
             else f"{rate} bit/s is not saved, so the hand keeps its old baud rate",
             hint=f"run `handctl {device.kind} save --id {device.bus.id}`, then power-cycle the hand",
@@ -213,3 +203,26 @@ def factory_reset(run: Run, meaning: str, question: str, backup: str | None, *, 
         return procedures.factory_reset(device)
 
     return Act(steps, reset, question, word="reset")
+
+
+# -- for the manual pages -------------------------------------------------------------------------------------------
+
+
+def settings_examples(kind: str, rate: int) -> list[tuple[str, str]]:
+    """Of the commands that change what a hand keeps, with a baud `rate` that this one has."""
+    port, dry = "-p /dev/ttyUSB0", "-n --fake"
+    rows = (
+        ("id --fake", "Show the id of the hand."),
+        (f"id 2 {port}", "Give the hand another id. Asks first."),
+        ("baud --fake", "Show the baud rate code of the hand."),
+        (
+            f"baud {rate} --save --verify {port}",
+            "Change the baud rate, save it, and check the hand after a power-cycle.",
+        ),
+        (f"save {port}", "Save the present settings. Asks first."),
+        (f"save {dry}", "Show the bytes and send nothing."),
+        (f"factory-reset --backup before-reset.json {port}", "Write a snapshot, then reset. Asks first."),
+        (f"clear-errors {port}", "Clear the errors and show which remain."),
+        (f"clear-errors {dry}", "Show the bytes and send nothing."),
+    )
+    return [(f"handctl {kind} {words}", does) for words, does in rows]

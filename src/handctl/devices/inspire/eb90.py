@@ -83,7 +83,7 @@ def checksum(body: bytes) -> int:
 def check_id(device_id: int) -> None:
     """Refuse ids that the manual does not define: 1..254 (exo §2.3.1). Raises UsageError."""
     if not 1 <= device_id <= 254:
-        raise UsageError(f"id {device_id} does not exist", hint="use an id from 1 to 254. Nothing was sent.")
+        raise UsageError(f"id {device_id} is not valid", hint="use an id from 1 to 254. Nothing was sent.")
 
 
 def check_span(address: int, count: int) -> None:
@@ -116,18 +116,13 @@ def only_reads(data: bytes) -> bool:
 
     What goes ahead of them and between them (`registers.question`) begins no frame.
     """
-    requests = []
+    found = False
     while data := data.lstrip(b"\0\xff"):
-        requests.append(data[:READ_SIZE])
-        data = data[READ_SIZE:]
-    return bool(requests) and all(
-        len(one) == READ_SIZE
-        and one[:2] == HOST
-        and one[3] == 4
-        and one[4] in (READ, WRIST_READ)
-        and one[-1] == checksum(one[2:-1])
-        for one in requests
-    )
+        one, data = data[:READ_SIZE], data[READ_SIZE:]
+        found = len(one) == READ_SIZE and one[:2] == HOST and one[3] == 4 and one[4] in (READ, WRIST_READ)
+        if not found or one[-1] != checksum(one[2:-1]):
+            return False
+    return found
 
 
 def write_request(device_id: int, address: int, data: bytes, flag: int = WRITE) -> bytes:

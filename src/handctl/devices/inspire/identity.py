@@ -460,10 +460,10 @@ def look_for_twin(device: RegisterDevice, refusal: bool = False) -> Seen:
     enough = MOSTLY if readings.asked <= len(spans) * ROUNDS else SOME
     if readings.share >= enough and alike.whole == alike.asked:
         text = f"shared readings arrive intact, but {readings.destroyed} of {readings.asked} readings are destroyed"
-        return Seen("two", f"{text}: two devices with id {number} reply at once")
+        return Seen("two", f"{text}: two devices with id {number} reply at the same time")
     if readings.destroyed or readings.whole < readings.asked or alike.whole < alike.asked:
         missing = asked - readings.whole - alike.whole
-        return Seen("", f"{missing} of {asked} replies are missing or damaged, not those of readings alone")
+        return Seen("", f"{missing} of {asked} replies are missing or corrupted, and not only those of readings")
     return Seen("one", f"{asked} replies arrived intact and alone: one device has id {number}")
 
 

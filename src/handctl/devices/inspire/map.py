@@ -130,7 +130,7 @@ EXO: ParamMap[Register] = ParamMap("exo", [
     _u8(1005, "save", "write 1: save the present parameters to flash", "exo §2.3.4", verb="save", strands=True, **_DO),
     _u8(1006, "factory_reset", "write 1: restore factory defaults (undocumented address, taken from the RH56 hand)",
         "exo §2.3.5 (no address), RH56 §2.4.5", verb="factory-reset", strands=True, **(_DO | {"access": "w"})),
-    _u8(1009, "calibrate", "write 1: calibrate forces and positions on the worn hand", "exo §2.3.6", verb="calibrate", persistent="unknown", acts=MOVES, **_DO),
+    _u8(1009, "calibrate", "write 1: calibrate forces and positions while someone wears the hand", "exo §2.3.6", verb="calibrate", persistent="unknown", acts=MOVES, **_DO),
     _s16(1472, "system_voltage", "supply voltage as the hand counts it", "exo §2.3", note="raw, scale unknown"),
     _s16(1486, "position_set", "commanded position, 0 bent to 1000 open, -1 leaves a finger alone", "exo §2.3.7", low=0, high=1000, special=_NOT_COMMANDED, **_FIVE, **_GO),
     _s16(1498, "force_set", "commanded force, positive opens the hand, negative closes it", "exo §2.3.8", low=-1000, high=1000, **_FIVE, **(_GO | {"acts": PUSHES})),

@@ -374,7 +374,7 @@ class ModbusBus(ByteBus):
         elif odd:
             code, text = "stale", "received a valid reply, but to a different request"
         elif self._cut_short(request, received):
-            code, text = "cut-short", "the reply is damaged or cut off"
+            code, text = "cut-short", "the reply is corrupted or cut off"
         elif not self.tcp and _whole(received) and received[0] != self.id:
             code, text = "wrong-id", f"id {received[0]} replied instead"
         hint = OTHER_SERVICE_HINT if code == "garbage" and self.tcp else HINTS[code]

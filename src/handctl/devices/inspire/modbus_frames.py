@@ -92,7 +92,7 @@ def crc(body: bytes) -> bytes:
 def check_unit(unit: int) -> None:
     """Refuse units that no hand has: 1..254 (rh56 §3.1). Raises UsageError."""
     if not 1 <= unit <= 254:
-        raise UsageError(f"id {unit} does not exist", hint="use an id from 1 to 254 (rh56 §3.1). Nothing was sent.")
+        raise UsageError(f"id {unit} is not valid", hint="use an id from 1 to 254 (rh56 §3.1). Nothing was sent.")
 
 
 def _check(address: int, words: int, most: int) -> None:

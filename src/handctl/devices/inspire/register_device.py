@@ -112,10 +112,10 @@ class BlockReader:
                     raise exc from None
                 memory.blocks.append((first.address, data))
             self._across_gaps = False
-            what = "no reply to" if isinstance(exc, NoAnswer) else "the device refused"
+            what = "no reply to a read of" if isinstance(exc, NoAnswer) else "the device refused a read of"
             bus.journal.warn(
                 "block-silent",
-                f"{what} {block.size} bytes at {block.address}: handctl reads the documented groups one by one",
+                f"{what} {block.size} bytes at {block.address}. Reading the documented groups one by one instead",
             )
             return False
         memory.blocks.append((block.address, data))

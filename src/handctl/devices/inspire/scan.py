@@ -337,7 +337,7 @@ class Sweep:
             task.failure = failure
             task.tried[None] = failure.code
             if not task.ids:
-                task.left.append(f"ids above {USUAL[-1]} of {can_frames.MAX_ID}: --ids {USUAL.stop}-4350 goes on")
+                task.left.append(f"ids above {USUAL[-1]} of {can_frames.MAX_ID}: try --ids {USUAL.stop}-4350")
 
     @property
     def _seconds(self) -> float:
@@ -350,7 +350,7 @@ class Sweep:
         task.left += self._left_out(link, speeds)
         at = ", ".join(str(speed) if speed else "the link's speed" for speed in speeds)
         probes = found.probes + self.probes
-        summary = f"{probes} probes, {self._seconds:.2f} s, asked for: {span_text(self.ids)} at {at}"
+        summary = f"{probes} probes, {self._seconds:.2f} s, tried: {span_text(self.ids)} at {at}"
         if self.asked_rtu:
             summary += ", and in Modbus RTU" + at_text(self.asked_rtu[0])
         if found.single is not None:
@@ -374,7 +374,7 @@ class Sweep:
         for speed, device_id in sorted({*self.collided}, key=str):
             journal.warn(
                 "twin-id",
-                f"id {device_id}{at_text(speed)}: two devices with the same id reply. Readings that they share arrive intact, the others are damaged",
+                f"id {device_id}{at_text(speed)}: two devices with the same id reply. Readings that they share arrive intact, the others are corrupted",
                 hint=ONE_ID,
             )
         task.twins = sorted({number for _, number in self.collided})
@@ -443,7 +443,7 @@ def nothing(
     code, text, hint = "", "", ""
     if twins:
         code, hint = "twin-id", ONE_ID
-        text = f"two devices with the same id: {ids_text(twins)} replies, damaged by the other device's reply"
+        text = f"two devices have {ids_text(twins)}: their replies corrupt each other"
     elif twice:
         code, hint = "bad-checksum", BAD_HINT
         text = f"{ids_text(twice)} replied, but each time with a wrong checksum"
@@ -452,7 +452,7 @@ def nothing(
         text = f"{ids_text(sorted(found.headless))} replied, but the first byte of each reply is missing"
     elif found.foreign:
         code = "wrong-id"
-        text = f"{ids_text([device_id for _, device_id in found.unconfirmed])} replied, but not when it was asked"
+        text = f"{ids_text([device_id for _, device_id in found.unconfirmed])} replied, but to a request for another id"
     elif found.echo:
         code, text = "echo", f"no {what}, only our own bytes came back"
     elif found.garbage:

@@ -700,7 +700,7 @@ class CanSearch:
             return failure
         code, text, hint = "", "", ""
         if self._lone:
-            code, text = "wrong-id", f"id {', '.join(map(str, self._lone))} replied, but not when it was asked"
+            code, text = "wrong-id", f"id {', '.join(map(str, self._lone))} replied, but to a request for another id"
             hint = "power-cycle the hand, then scan again: it responds with a different id than handctl asked"
         elif self._short:
             code, text = "cut-short", "the replies do not have the requested length"

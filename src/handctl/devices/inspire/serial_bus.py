@@ -39,7 +39,7 @@ SILENCE_HINTS = {
 HINTS = {
     "echo": "check the wiring: an echo or a TX-RX short returns our own bytes, and no device replies",
     "wrong-id": "use the --id it shows, or find the hand with `handctl exo scan`: a different id replies",
-    "bad-checksum": "check the cable, the ground and the baud rate, and that only one device has this id: bytes were damaged on the line",
+    "bad-checksum": "check the cable, the ground and the baud rate, and that only one device has this id: bytes were corrupted on the line",
     "cut-short": "check the cable and the adapter, and that no other program reads the port: the reply was cut off",
     "stale": "check for another program or a second master on this line: the frame is valid, but is a reply to a different request",
     "first-byte-lost": "use another RS-485 adapter, or make this one switch its direction sooner: it swallows the first byte of each reply",

@@ -16,7 +16,7 @@ from importlib import import_module
 from typing import Any
 
 from handctl.errors import OutputError, UsageError
-from handctl.record.formats import FORMATS
+from handctl.model.export_formats import FORMATS
 from handctl.record.log_file import Block, LogFile
 from handctl.record.survey import Event, Line, Survey, survey
 

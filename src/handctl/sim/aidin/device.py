@@ -54,7 +54,7 @@ _OPTIONS = {
     "q4": (("same", "half", "zero"), "q4 as fed back: same (default, equals q3), half (90° + q3/2), zero"),
     "load": (True, "1 (default): holding a position costs current. 0: it costs none"),
     "noise": (False, "1: sensors and currents are never quite still"),
-    "motor": ((-1, 0, 14), "0..14: the motor of the faults held, stall and creep (default: by the seed)"),
+    "motor": ((-1, 0, 14), "0..14: the motor of the faults held, stall, creep, stiff and one-way (default: by the seed)"),
     "give": ((450, 0, 440000), "held: counts that the motor gives, 0..440000 (default 450)"),
     "stall-at": ((60, 0, 100), "stall: share of its way to open, 0..100 percent (default 60)"),
     "creep": ((2000, 1, 100000), "creep: counts a second, 1..100000 (default 2000)"),
@@ -71,8 +71,19 @@ _FAULTS = {
     "held": "one motor gives a little when it homes and is then held (give)",
     "stall": "one motor stalls on its way to open when it homes (stall-at)",
     "creep": "the encoder of one motor loses counts all the time (creep)",
+    "stiff": "one motor needs four times the current to move",
+    "one-way": "one motor closes and does not open",
+    "shaky-sensor": "one force channel (Fz of the ring finger) is far noisier than the others",
+    "numb-sensor": "one force channel (Fy of the middle finger) always reads the same",
     "touched": "an object presses on the fingertip of the index finger",
 }
+ODD = frozenset({"held", "stall", "creep", "stiff", "one-way"})
+SHAKY, NUMB, NOTHING_ODD = (
+    frozenset({20}),
+    frozenset({13}),
+    frozenset[int](),
+)  # places of these channels in sensor_state
+STIFF = 4.0
 TOUCH = (1.5, -2.5, 4.5, 0.015, -0.025, 0.035)  # Fx Fy Fz Tx Ty Tz of the fault "touched"
 
 
@@ -95,7 +106,7 @@ class Device(Model):
         self._every = options.integer("every", 1, 1, 1000000000)
         wire = options.integer("wire", -1, 50, 20000000) if options.text("wire") != "auto" else -1
         self._wire = 10.0 / wire if wire > 0 else 0.0
-        self._odd: Motor | None = None  # the motor of the faults held, stall and creep
+        self._odd: Motor | None = None  # the motor of the faults in ODD
         self.reader = Reader(given)
         self.writer = Writer(given)
         self.mode = 0  # the last one carried out; 0: none since power-on
@@ -148,11 +159,15 @@ class Device(Model):
             for motor in motors:
                 motor.jammed = "blocked" in faults
         motors[11].dead = "dead-motor" in faults
-        if self._odd is None and faults & {"held", "stall", "creep"}:
+        if self._odd is None and faults & ODD:
             self._odd = motors[chosen if (chosen := self.given["motor"]) >= 0 else self.random.between(0, 14)]
         if self._odd is not None:
             self._odd.slip = float(self.given["creep"]) if "creep" in faults else 0.0
+            self._odd.friction = STIFF if "stiff" in faults else 1.0
+            self._odd.one_way = "one-way" in faults
             self._odd.floor = self._odd.floor if faults & {"held", "stall"} else 0.0
+        self.hand.shaky = SHAKY if "shaky-sensor" in faults else NOTHING_ODD
+        self.hand.numb = NUMB if "numb-sensor" in faults else NOTHING_ODD
         if "touched" in faults | before:
             self.hand.touch[6:12] = TOUCH if "touched" in faults else [0.0] * 6
 

@@ -50,6 +50,8 @@ class Motor:
         self.ceiling = float(self.stroke)  # an obstacle is lower
         self.floor = 0.0  # what holds the motor on its way to open is higher
         self.slip = 0.0  # counts a second that the encoder loses
+        self.friction = 1.0  # so many times the usual current moves it
+        self.one_way = False  # it closes and does not open
         self.holding, self.rest = 0, 0
         self.jammed = self.dead = False
         self.release()
@@ -76,7 +78,8 @@ class Motor:
             wanted = self.place + math.copysign(speed * seconds, self.goal)
         else:
             wanted = self._approach(fastest, seconds)
-        self.place = min(max(wanted, min(self.floor, self.place)), max(self.ceiling, 0.0))
+        floor = self.place if self.one_way else min(self.floor, self.place)
+        self.place = min(max(wanted, floor), max(self.ceiling, 0.0))
 
     def _approach(self, fastest: float, seconds: float) -> float:
         """At full speed until the lag takes over; the last half count is made at once."""
@@ -106,7 +109,7 @@ class Motor:
             wanted = math.copysign(1000.0, self.goal - self.place)
         else:
             speed = (self.goal - self.place) / (LAG * self.stroke)
-            wanted = RUNNING * max(-torque / 1000.0, min(torque / 1000.0, speed)) + self.holding
+            wanted = RUNNING * self.friction * max(-torque / 1000.0, min(torque / 1000.0, speed)) + self.holding
         return max(-float(torque), min(float(torque), wanted))
 
     def current(self, torque: int) -> int:
@@ -137,6 +140,8 @@ class Hand:
         self.torque = 1000
         self.homed = start in ("homed", "open")
         self.faults = NOTHING
+        self.shaky: frozenset[int] = frozenset()  # channels of the force sensors that are twenty times as noisy
+        self.numb: frozenset[int] = frozenset()  # channels that always read the same
         for number, motor in enumerate(self.motors):
             motor.holding = HOLDING[number // 3][number % 3] if given["load"] else 0
             motor.rest = 0 if start == "open" else RESTING[number]
@@ -220,6 +225,10 @@ class Hand:
         if self.noise:
             scale = (0.0001, 0.0001, 0.0001, 0.000001, 0.000001, 0.000001)
             values = [value + self.random.between(-20, 20) * scale[at % 6] for at, value in enumerate(values)]
+        for at in self.shaky:
+            values[at] += self.random.between(-20, 20) * 0.002
+        for at in self.numb:
+            values[at] = SENSOR[at % 6]
         return values
 
     def _forces(self) -> list[float]:

@@ -34,7 +34,11 @@ from handctl.system.signals import Served as Signals
 
 
 class ServeError(Exception):
-    """The place to serve at cannot be had; the text says what and why."""
+    """The place to serve at cannot be had; the text says what and why, `hint` the next step where it is a special one."""
+
+    def __init__(self, text: str, hint: str = "") -> None:
+        super().__init__(text)
+        self.hint = hint
 
 
 class PtyPort:
@@ -56,7 +60,8 @@ class PtyPort:
         try:
             self._master, self._slave = terminal.pseudo(self._speed)
         except OSError as exc:
-            raise ServeError(f"cannot open a pty: {exc.strerror or exc}") from exc
+            instead = "" if terminal.HERE else "serve on TCP: use --tcp 127.0.0.1:0, for CAN --slcan-tcp 127.0.0.1:0"
+            raise ServeError(f"cannot open a pty: {exc.strerror or exc}", instead) from exc
         self._closed = False
         if self._name is not None:
             try:

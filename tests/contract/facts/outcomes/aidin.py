@@ -49,7 +49,7 @@ LINE: dict[str, Codes] = {
     **{key: {5} for key in ("truncate", "bad-checksum", "loopback")},
 }  # fmt: skip
 DEVICE: dict[str, dict[str, Codes]] = {
-    "extra-key": {}, "no-homing": {}, "unclosed": {}, "touched": {},
+    "extra-key": {}, "no-homing": {}, "unclosed": {}, "touched": {}, "stiff": {}, "shaky-sensor": {},
     "not-json": every(5), "braces": every(5),
     "missing-key": every(0, status=5, stop=5, currents=5),
     "wrong-length": every(5, get=0, stop=0, max_torque=0, currents=0),
@@ -64,6 +64,8 @@ DEVICE: dict[str, dict[str, Codes]] = {
     "no-bias": every(0, bias=7),
     "weak": every(0, home=7, initial=7, joints=7),
     **dict.fromkeys(("held", "stall"), every(0, home=7)),
+    "numb-sensor": every(0, bias=7),
+    "one-way": every(0, home=7, initial=7),
     "creep": every(0, home=7, bias=7),
 }  # fmt: skip
 MADE = (
@@ -125,11 +127,12 @@ OUTCOMES = Outcomes(
         **{("", "dribble", name): {4, 5} for name in MOVING}, ("", "dribble", "stop"): {0, 5}, ("", "dribble", "bias"): {0, 7},
     },
     untold=frozenset({
-        *((fault, "") for fault in ("degrees", "swapped", "stuck", "frozen", "nan", "wrong-type")),
+        *((fault, "") for fault in ("degrees", "swapped", "stuck", "frozen", "nan", "wrong-type", "shaky-sensor")),
         *((fault, name) for fault in ("deaf", "refuse") for name in ("stop", "max-torque")),
         *(("", name) for name in ("home", "initial", "joints", "encoders", "currents")),
     }),
     changed={
+        "numb-sensor": {"sensor_state.middle.fy": -0.01},
         "touched": {
             f"sensor_state.index.{axis}": value
             for axis, value in {"fx": 1.523, "fy": -2.512, "fz": 4.89, "tx": 0.01545, "ty": -0.02523, "tz": 0.03512}.items()

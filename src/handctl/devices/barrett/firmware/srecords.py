@@ -157,14 +157,14 @@ class _Reader:
         # The type is not part of the checksum: one wrong bit makes a data record a header or an end record.
         if kind == "0" and (self.headers or self.s1):
             self.note(
-                "types", f"line {number}: a header (S0) after other records, possibly a damaged data record", DAMAGED
+                "types", f"line {number}: a header (S0) after other records, possibly a corrupted data record", DAMAGED
             )
         elif kind == "0":
             self.headers += 1
             self.header = "".join(chr(byte) for byte in data if 32 <= byte < 127).strip()
         elif kind in "59" and size:
             self.note(
-                "types", f"line {number}: S{kind} with {size} data bytes, possibly a damaged data record", DAMAGED
+                "types", f"line {number}: S{kind} with {size} data bytes, possibly a corrupted data record", DAMAGED
             )
         elif kind == "5":
             self.counts.append((number, address))
@@ -174,7 +174,9 @@ class _Reader:
             self.s1 += 1
             if self.ended_at:
                 self.note(
-                    "end", f"line {number}: data after the end record in line {self.ended_at}", "get the file again"
+                    "end",
+                    f"line {number}: data after the end record in line {self.ended_at}",
+                    "download the file again",
                 )
             if not size:
                 self.empty += 1
@@ -197,7 +199,7 @@ class _Reader:
                     "count", f"line {number}: S5 says {count} data records, the file has {self.s1}", "lines are missing"
                 )
         if not self.ended_at:
-            self.note("end", "no end record (S9), so the file may be incomplete", "get the file again", FORCE)
+            self.note("end", "no end record (S9), so the file may be incomplete", "download the file again", FORCE)
         self._overlaps()
         for first, last, what in ODD_AREAS:
             inside = [r for r in self.records if r.address <= last and r.address + len(r.data) > first]
@@ -223,11 +225,13 @@ class _Reader:
                     break
                 clash = clash or (WARNING, f"{where}, with the same bytes")
             if clash is not None:
-                self.note("overlaps", clash[1], "get the file again: it is not defined which bytes apply", clash[0])
+                self.note(
+                    "overlaps", clash[1], "download the file again: it is not defined which bytes apply", clash[0]
+                )
 
 
 PADDING = "\0\x1a \t\r\n"
-DAMAGED = "get the file again, and do not edit it: it is damaged"
+DAMAGED = "download the file again, and do not edit it: it is corrupted"
 SIXTEEN_BIT = "BarrettHand firmware has 16-bit S1 records"
 
 

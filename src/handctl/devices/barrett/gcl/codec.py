@@ -25,7 +25,7 @@ ABORT = b"\x03"
 PROMPT = b"=>"
 BANNER = b"BARRETTHAND FIRMWARE"
 """What a hand says when its firmware starts, in upper case; nothing else of its banner is known (dossier 1.2)."""
-DISTURBED = "check the cable and run it again: data was damaged on the line"
+DISTURBED = "check the cable and run it again: data was corrupted on the line"
 """The next step after bytes that cannot be an answer."""
 MAX_LINE = 70
 MAX_ARGUMENTS = 18
@@ -225,7 +225,7 @@ def encode(command: str) -> bytes:
     """A command as it goes out: upper case is left to the caller; printable ASCII, no CR in it. Raises UsageError."""
     if not command.isascii() or any(not 32 <= ord(letter) < 127 for letter in command):
         raise UsageError(
-            f"{command!r} has characters that a GCL command cannot have",
+            f"{command!r} contains characters that are not allowed in a GCL command",
             hint="use printable ASCII only (barrett §5.1.1)",
         )
     return command.encode("ascii") + CR
@@ -379,7 +379,7 @@ def whole(answer: Answer) -> Answer:
     """The same answer. Raises ProtocolError where a character of it is none of GCL's: a bit was lost on the line."""
     for line in answer.lines:
         if not line.isascii():
-            text = f"{answer.command}: a character was damaged: {line!r} ({_bytes_of(answer, line)})"
+            text = f"{answer.command}: a character was corrupted: {line!r} ({_bytes_of(answer, line)})"
             raise ProtocolError(text, hint=DISTURBED, code="damaged")
     return answer
 

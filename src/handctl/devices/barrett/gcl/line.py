@@ -140,7 +140,7 @@ class GclLine(Line):
             if has_prompt(came):
                 self.journal.warn(
                     "loop",
-                    f"the prompt arrived after {count + 1} ^C. Either the hand was in its RealTime loop, where each ^C except the last was a small velocity, or data was damaged on the line",
+                    f"the prompt arrived after {count + 1} ^C. Either the hand was in its RealTime loop, where each ^C except the last was a small velocity, or data was corrupted on the line",
                 )
                 return None
         return came
@@ -170,7 +170,7 @@ class GclLine(Line):
         except LinkError as exc:
             if kind.moves:
                 exc.add_aftermath(
-                    Aftermath(hint=f"{command} may go on to its end. To prevent that, switch the hand's power off")
+                    Aftermath(hint=f"{command} may continue to its end. To prevent that, switch the hand's power off")
                 )
             raise
         except Restarted:
@@ -304,7 +304,7 @@ class GclLine(Line):
             code, text = "echo-differs", f"the echo differs from {encode(command).hex(' ').upper()}"
         return ProtocolError(
             f"{self.where}{speed}: {text}, received {received[:48].hex(' ').upper()}",
-            hint="check the cable and run it again: data was damaged on the line, or the baud rate is wrong",
+            hint="check the cable and run it again: data was corrupted on the line, or the baud rate is wrong",
             code=code,
         )
 

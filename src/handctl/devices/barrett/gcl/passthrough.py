@@ -122,7 +122,7 @@ def ask(hand: BarrettHand, text: str) -> Answer:
 
 
 def objection(hand: BarrettHand, answer: Answer) -> HandctlError | None:
-    """What speaks against an answer: its status, or a character that was damaged on the line."""
+    """What speaks against an answer: its status, or a character that was corrupted on the line."""
     if answer.status:
         return hand.name_heat(hand.refusal(answer))
     try:

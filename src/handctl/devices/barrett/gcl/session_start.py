@@ -289,7 +289,8 @@ def _places(line: GclLine, after: float = 0.0) -> list[int]:
     answer = line.ask("FGET P")
     if answer.status:
         raise ProtocolError(
-            f"{line.link.name}: no positions: ERR {answer.status}", hint="`handctl barrett status` shows each motor"
+            f"{line.link.name}: cannot read the positions: ERR {answer.status}",
+            hint="`handctl barrett status` shows each motor",
         )
     (places,) = values(answer, 1, 4)
     return [with_sign(index, place) for index, place in enumerate(places)]

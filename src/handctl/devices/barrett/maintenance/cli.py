@@ -8,7 +8,7 @@ import click
 
 from handctl.command import get_set_watch
 from handctl.command.command_tree import BOUNDS, Group, stream_options
-from handctl.command.option_types import WholeRange
+from handctl.command.options import WholeRange
 from handctl.command.run import Act, Run
 from handctl.devices.barrett.gcl.codec import motor_prefix
 from handctl.devices.barrett.map import BARRETT
@@ -30,13 +30,6 @@ def add_care_commands(group: Group) -> None:
     _add_strain(group)
     _add_fingertips(group)
     _add_diagnose(group)
-
-
-def looks_only(run: Run, option: str) -> None:
-    """A command without the option by which it moves the hand. Raises UsageError in a dry run."""
-    if run.settings.dry_run:
-        raise UsageError(f"`handctl {run.command}` without {option} only reads", hint="run it without -n")
-    run.only_reads()
 
 
 def _live(run: Run, live: bool, **only: Any) -> None:
@@ -141,14 +134,14 @@ def _add_strain(group: Group) -> None:
             return get_set_watch.within(bounds, gauges.stream(hand, **timing))
 
         if not open_first:
-            looks_only(run, "--open")
+            run.only_reads("--open")
             return measure(run.device())
         run.streams = live and not run.settings.dry_run
         return Act(gauges.preparation_steps, measure)
 
 
 def _add_fingertips(group: Group) -> None:
-    @group.verb("fingertips", "Look")
+    @group.verb("fingertips", "Inspect")
     @click.option(
         "--positions",
         nargs=4,
@@ -237,7 +230,7 @@ def _add_diagnose(group: Group) -> None:
             return doctor.table_of(hand, findings, symptom, failure)
 
         if not move:
-            looks_only(run, "--move")
+            run.only_reads("--move")
             return examine(run.device())
         return Act(
             movement_checks.steps(names, digits),

@@ -15,7 +15,7 @@ from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.gcl.session_start import look_for_motion
 from handctl.devices.barrett.maintenance import health, lubrication, strain
-from handctl.devices.barrett.maintenance.health import FAIL, OK, SKIPPED, WARNING, Finding, verdict
+from handctl.devices.barrett.maintenance.health import Finding, verdict
 from handctl.devices.barrett.maintenance.symptoms import SYMPTOMS, Symptom, like
 from handctl.devices.barrett.map import BARRETT, FINGERS, NO_GAUGE, OFF, standard
 from handctl.devices.barrett.views import CHECKED
@@ -29,6 +29,7 @@ from handctl.errors import (
     ProtocolError,
     UsageError,
 )
+from handctl.model.checks import FAIL, OK, SKIPPED, TONES, WARNING
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.wording import plural
 
@@ -103,7 +104,7 @@ def said(error: HandctlError) -> str:
 
 def doubtful(check: str, evidence: str) -> Finding:
     """A sign of decayed RAM."""
-    remedy = "load the firmware again with `handctl barrett firmware download FILE`: the RAM contents may be damaged"
+    remedy = "load the firmware again with `handctl barrett firmware download FILE`: the RAM contents may be corrupt"
     return Finding(check, FAIL, evidence, remedy, "barrett §3.7, §8")
 
 
@@ -423,7 +424,7 @@ def view(rows: list[Row]) -> list[Grid]:
     """Check, status and evidence; below them what to do about the findings, then the steps by hand."""
     checks = [row for row in rows if not row["check"].startswith(BY_HAND)]
     lines = tuple(
-        (row["check"], Cell(row["status"], health.TONES[row["status"]]), row["evidence"]) for row in checks
+        (row["check"], Cell(row["status"], TONES[row["status"]]), row["evidence"]) for row in checks
     )  # fmt: skip
     todo: dict[str, list[str]] = {}
     for row in checks:

@@ -12,11 +12,9 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.gcl.codec import MOTORS, explain_status, hint_for
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, GclParam
+from handctl.model.checks import FAIL, OK, SKIPPED, WARNING
 from handctl.model.result import Row
 from handctl.wording import plural
-
-OK, WARNING, FAIL, SKIPPED = "ok", "warning", "fail", "skipped"
-TONES = {OK: "good", WARNING: "warn", FAIL: "bad", SKIPPED: "dim"}
 
 WARM_TENTHS, LIMIT_TENTHS = 600, 650
 """Normal up to 60 °C, never above 65 °C (§2)."""
@@ -141,7 +139,7 @@ def settings(values: Mapping[tuple[str, str | None], int]) -> list[Finding]:
     for motor in MOTORS:
         high, alias = values.get(("HSG", motor)), values.get(("MSG", motor))
         if high is not None and alias is not None and high != alias:
-            evidence = f"HSG {high} and MSG {alias} differ although they are the same value, so the RAM contents may be damaged"
+            evidence = f"HSG {high} and MSG {alias} differ although they are the same value, so the RAM contents may be corrupt"
             found.append(Finding(f"HSG.{motor}", FAIL, evidence, "reload the firmware", "barrett §5.3.1, §3.7"))
     return found
 
@@ -154,7 +152,7 @@ def _setting(param: GclParam, motor: str | None, index: int, value: int) -> Find
         back = "`handctl barrett baud 9600`, with --save when it was saved"
     source = param.source
     if not param.allowed(value):
-        evidence = f"{name} = {value} is outside its range {param.range_text}, so the RAM contents may be damaged"
+        evidence = f"{name} = {value} is outside its range {param.range_text}, so the RAM contents may be corrupt"
         return Finding(name, FAIL, evidence, f"{back}. If it happens again, reload the firmware (§3.7)", source)
     objection = param.objection(index, value)
     if objection is not None:

@@ -17,6 +17,7 @@ from handctl.devices.barrett.map import BARRETT, FINGERS
 from handctl.devices.barrett.views import LABEL, MOTOR, NAME, SECTION, STATUS, STROKE, UNIT, VALUE, row_of, why_doubtful
 from handctl.errors import CheckFailed, UsageError
 from handctl.files import state_path
+from handctl.model.checks import FAIL, SKIPPED, TONES, WARNING
 from handctl.model.result import Cell, Grid, Row, Table
 
 FILE, WHAT = "barrett-greasing.json", "greasing journal"
@@ -172,7 +173,7 @@ class MaintenanceLog:
             if row["name"] in BARRETT and (doubt := why_doubtful(BARRETT[row["name"]], 0, row["value"])):
                 row["doubt"] = doubt
         later = [(row_of(name, None, None, None, None), text, source) for name, text, source in PERIODIC]
-        return rows + [row | {"status": health.SKIPPED, "label": text, "source": source} for row, text, source in later]
+        return rows + [row | {"status": SKIPPED, "label": text, "source": source} for row, text, source in later]
 
 
 def _whole(entry: object) -> bool:
@@ -202,7 +203,7 @@ def table_of(hand: BarrettHand, care: MaintenanceLog, *, check: bool) -> Table:
             hint="`handctl barrett maintenance --greased POINT` records the work",
         )
     table = Table(rows=rows, columns=COLUMNS, view=view)
-    bad = [row for row in rows if row["status"] in (health.WARNING, health.FAIL)]
+    bad = [row for row in rows if row["status"] in (WARNING, FAIL)]
     if check and bad:
         names = ", ".join(".".join(filter(None, (row["name"], row["motor"]))) for row in bad)
         table.failure = CheckFailed(
@@ -221,7 +222,7 @@ def view(rows: list[Row]) -> list[Grid]:
     )  # fmt: skip
     points = [row for row in rows if row.get("due_at")]
     greasing = tuple(
-        (row["point"], row["title"], f"{row['value']}", Cell(row["status"], health.TONES[row["status"]]), row["label"].partition("; ")[2])
+        (row["point"], row["title"], f"{row['value']}", Cell(row["status"], TONES[row["status"]]), row["label"].partition("; ")[2])
         for row in points
     )  # fmt: skip
     whens = {row["label"].partition("; ")[0] for row in points}

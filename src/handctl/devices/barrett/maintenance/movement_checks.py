@@ -13,9 +13,10 @@ from handctl.devices.barrett import motion
 from handctl.devices.barrett.gcl.codec import motors_of
 from handctl.devices.barrett.maintenance import health
 from handctl.devices.barrett.maintenance.diagnose import ExaminedHand
-from handctl.devices.barrett.maintenance.health import FAIL, OK, SKIPPED, WARNING, Finding
+from handctl.devices.barrett.maintenance.health import Finding
 from handctl.devices.barrett.map import NO_GAUGE, TRAVEL, sample_seconds
 from handctl.errors import HandctlError
+from handctl.model.checks import FAIL, OK, SKIPPED, WARNING
 from handctl.model.movement import ANY, REACHED
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts

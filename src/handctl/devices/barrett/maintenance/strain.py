@@ -14,6 +14,7 @@ from handctl.devices.barrett.maintenance import health, symptoms
 from handctl.devices.barrett.map import FINGERS, NO_GAUGE
 from handctl.devices.barrett.views import NAME, STATUS, live, row_of
 from handctl.errors import CheckFailed
+from handctl.model.checks import SKIPPED, TONES, WARNING
 from handctl.model.movement import ANY
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
@@ -101,7 +102,7 @@ def table(hand: BarrettHand, *, check: bool) -> Table:
     for number, finger in enumerate(FINGERS):
         verdict = verdicts[number if len(verdicts) > 1 else 0]
         values = readings[finger]
-        none = verdict.status == health.SKIPPED
+        none = verdict.status == SKIPPED
         more = {
             "min": min(values),
             "max": max(values),
@@ -132,15 +133,15 @@ def view(rows: list[Row]) -> list[Grid]:
             str(row["min"]),
             str(row["max"]),
             f"{row['low']}-{row['high']}",
-            Cell(row["status"], health.TONES[row["status"]]),
+            Cell(row["status"], TONES[row["status"]]),
         )
         for row in rows
     )
     notes = []
-    if any(row["status"] == health.SKIPPED for row in rows):
+    if any(row["status"] == SKIPPED for row in rows):
         notes.append(f"{rows[0]['evidence']} ({rows[0]['source']})")
     notes += [f"{row['motor']}: {row['remedy']} ({row['source']})" for row in rows if row["remedy"]]
-    if any(row["status"] == health.WARNING for row in rows):
+    if any(row["status"] == WARNING for row in rows):
         notes += symptoms.lines("strain")
     headings = ("Finger", "Mean", "Min", "Max", "No load", "Status")
     return [Grid(headings, lines, right=frozenset({1, 2, 3}), notes=tuple(notes))]

@@ -41,7 +41,7 @@ _CABLE = (
 SYMPTOMS: dict[str, Symptom] = {
     "erratic": Symptom(
         "erratic: obeys some commands, disobeys others", ("repeatable",),
-        steps=(("after more than a day or two without power, especially in humid weather, its RAM contents may be damaged", "§8, §3.7"), _RELOAD),
+        steps=(("after more than a day or two without power, especially in humid weather, its RAM contents may be corrupt", "§8, §3.7"), _RELOAD),
     ),
     "no-communication": Symptom(
         "the host computer will not communicate",

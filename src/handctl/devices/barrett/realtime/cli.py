@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.command.command_tree import Group, streaming, suspendable
-from handctl.command.option_types import InFile, WholeRange
+from handctl.command.options import InFile, WholeRange
 from handctl.command.run import Act, Run
 from handctl.devices.barrett.gcl.codec import encode
 from handctl.devices.barrett.map import TRAVEL
@@ -55,11 +55,16 @@ def add_realtime(group: Group) -> None:
         type=InFile(),
         help="Control values as CSV or JSON lines (t, velocity.F1 …). - is stdin. Live lines (without t) are valid for 1 s, then velocity is 0.",
     )
-    @click.option("--measure", type=WholeRange(min=2), metavar="N", help="Exchange N blocks and show only the timing.")
+    @click.option(
+        "--measure",
+        type=WholeRange(min=2),
+        metavar="N",
+        help="Exchange N blocks and show only the timing and, if velocity and position are received, the estimated velocity unit.",
+    )
     @click.option(
         "--sequential/--overlapped",
         default=None,
-        help="Wait for the whole feedback before the next block, or only for its *. Default: sequential when driving, overlapped when watching. Overlapped driving starts with a self-test that moves nothing.",
+        help="Wait for the complete feedback before sending the next block, or only for the `*` that begins it. Default: sequential when driving, overlapped when watching. Overlapped driving starts with a self-test that moves nothing.",
     )
     @click.option(
         "--no-guard",
@@ -74,7 +79,7 @@ def add_realtime(group: Group) -> None:
         "--delta-unit",
         type=WholeRange(1, 255),
         metavar="N",
-        help="Counts per unit of delta (LFDPC). Default: the hand's own, or more if velocity and rate need it.",
+        help="Counts per unit of delta (LFDPC). Default: the hand's own setting, or a larger one if the delta of a fast motor would not fit into its byte.",
     )
     @click.option(
         "--init", "initialize", is_flag=True, help="First initialize the motors (HI): the fingers open fully."
@@ -102,15 +107,16 @@ def add_realtime(group: Group) -> None:
         count: int | None,
         duration: float | None,
     ) -> Act:
-        """Exchange RealTime blocks (LOOP): live view, NDJSON or CSV.
+        """Run the RealTime loop (LOOP), shown live or written as NDJSON or CSV.
 
         Without control values nothing moves. With them, each motor keeps its last velocity until the next block. However
         the loop ends, handctl sends velocity 0, leaves the loop, switches the motors off (unless you give --hold), and
-        restores the flags.
+        restores the loop parameters that it changed.
 
-        GUARDS, all on while motors are driven: stall sends velocity 0 to a motor that has not moved for TSTOP. window
-        sends it to a motor that would leave the range 0 to CT. strain sends it above HSG or below LSG. opening refuses
-        to open faster than IVEL allows. heat ends the loop above 65 °C or OTEMP. If a guard needs feedback that you did
+        GUARDS, all on while motors are driven: stall sends velocity 0 to a motor that has not moved for the time in
+        TSTOP. window sends it to a motor that would leave the range 0 to CT. strain sends it to a motor whose strain is
+        above HSG or below LSG. opening refuses to open faster than IVEL allows. heat ends the loop when the temperature
+        exceeds 65 °C or OTEMP, whichever is lower. If a guard needs feedback that you did
         not request, handctl reads it without showing it.
 
         `doubt` in a row says why its value may be wrong: a delta did not fit into its byte, or the bytes after a block did

@@ -11,7 +11,7 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.get_set_watch import going
-from handctl.command.option_types import NEGATIVE_NUMBERS, Seconds
+from handctl.command.options import NEGATIVE_NUMBERS, Seconds
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire import identity
@@ -24,9 +24,9 @@ from handctl.model.device import limits_of
 from handctl.model.result import Table
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
     from handctl.link import ByteLink
     from handctl.model.result import Journal
+    from handctl.model.settings import Settings
 
 
 def open_exo(link: ByteLink, settings: Settings, journal: Journal) -> ExoHand:
@@ -128,8 +128,8 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table | Ac
 def clear_errors(run: Run) -> Act:
     """Clear actuator errors and show which remain. Asks first if a finger may move.
 
-    A finger that an error stopped may then go on to its target.
-    An over-temperature error cannot be cleared. It goes away once the actuator has cooled down.
+    A finger that an error stopped may then continue to its target.
+    No command clears an over-temperature error. It goes away once the actuator has cooled down.
     """
     return verbs.clear_errors(run)
 
@@ -191,9 +191,9 @@ def calibrate(run: Run) -> Act:
 def force(run: Run, values: tuple[str, ...]) -> Act:
     """Command forces from -1000 (closes the hand) to 1000 (opens it). Asks first.
 
-    Give all five in order, or name single fingers: `force ring=100`.
+    Give all five in order, or name individual fingers: `force ring=100`.
     A force stays in effect until you command another one. `force 0 0 0 0 0` releases the hand.
-    The result shows the positions from the reply, or the forces if you named single fingers.
+    The result shows what the reply contains: the positions or, if you named individual fingers, the forces.
     """
     return _command(run, "force", values)
 
@@ -210,8 +210,9 @@ def force(run: Run, values: tuple[str, ...]) -> Act:
 def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Act:
     """Command positions from 0 (bent) to 1000 (open). Asks first.
 
-    Give all five in order, where -1 leaves a finger as it is, or name single fingers: `position ring=900 index=100`.
-    The result shows the forces from the reply, or the targets if you named single fingers. With --wait it shows the positions reached.
+    Give all five in order, where -1 leaves a finger as it is, or name individual fingers: `position ring=900
+    index=100`. The result shows what the reply contains: the forces or, if you named individual fingers, the targets.
+    With --wait it shows the positions reached.
     """
     return _command(run, "position", values, wait, expect)
 

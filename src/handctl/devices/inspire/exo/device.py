@@ -366,7 +366,7 @@ def calibrate(hand: ExoHand, prompts: Prompts) -> Table:
             )
         hand.journal.warn(
             "no-completion",
-            f"the hand did not report the end within {CALIBRATION_SECONDS:.0f} s (the report is not documented for this hand)",
+            f"the hand did not report that the calibration ended within {CALIBRATION_SECONDS:.0f} s (the report is not documented for this hand)",
             hint="check the positions with `handctl exo status`",
         )
     hand.journal.info("volatile", "the manual does not say whether a calibration survives power-off without a save")

@@ -1,5 +1,7 @@
 """What the manual page says beside the commands (see `docgen.texts`). Data only."""
 
+from handctl.devices.inspire.common_cli import settings_examples
+
 FILES = (("exo-before-reset.json", "The snapshot that `factory-reset` writes first. `--backup` names another file."),)
 EXCEPTIONS = (("leave-alone", "`force`", "-1 is a valid force."),)
 EXAMPLES = (
@@ -16,21 +18,7 @@ EXAMPLES = (
     ("handctl exo force 200 200 200 200 200 -n --fake", "Show the bytes and send nothing."),
     ("handctl exo set force_set=0,0,0,0,0 -p /dev/ttyUSB0", "Write all elements of a quantity. Asks first."),
     ("handctl exo set position_set.index=300 -n --fake", "Show the bytes and send nothing."),
-    ("handctl exo id --fake", "Show the id of the hand."),
-    ("handctl exo id 2 -p /dev/ttyUSB0", "Give the hand another id. Asks first."),
-    ("handctl exo baud --fake", "Show the baud rate code of the hand."),
-    (
-        "handctl exo baud 57600 --save --verify -p /dev/ttyUSB0",
-        "Change the baud rate, save it, and check the hand after a power-cycle.",
-    ),
-    ("handctl exo save -p /dev/ttyUSB0", "Save the present settings. Asks first."),
-    ("handctl exo save -n --fake", "Show the bytes and send nothing."),
-    (
-        "handctl exo factory-reset --backup before-reset.json -p /dev/ttyUSB0",
-        "Write a snapshot, then reset. Asks first.",
-    ),
-    ("handctl exo clear-errors -p /dev/ttyUSB0", "Clear the errors and show which remain."),
-    ("handctl exo clear-errors -n --fake", "Show the bytes and send nothing."),
+    *settings_examples("exo", 57600),
     ("handctl exo calibrate -p /dev/ttyUSB0", "Calibrate step by step. Someone has to wear the hand."),
     ("handctl exo scan -p /dev/ttyUSB0", "Find the id and the baud rate of the hand."),
     ("handctl exo scan --ids 1-10 --baud 115200 -p /dev/ttyUSB0", "Try ten ids at one baud rate."),

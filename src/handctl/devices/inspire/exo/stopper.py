@@ -56,7 +56,7 @@ def stop_steps(context: StopContext) -> StopSequence:
                 late = True  # the answer was that of a force that was commanded before: it begins alike
                 continue
             wanted = [None] * len(wanted)  # this hand does not show its commands there (the manual does not say)
-        done = f"the hand acknowledged two commands: all forces to 0, then {meaning}. The manual has no stop command"
+        done = f"the hand acknowledged two commands: all forces to 0, then {meaning}. The manual documents no stop"
         against = yield from seen_since(
             lambda: wire.values(POSITION_ACTUAL, MEASURED),
             lambda: _targets(wire),

@@ -170,7 +170,7 @@ def change_network(hand: Hand, octets: Sequence[int], prompts: Prompts, *, cycle
             code="not-fit",
         )
     if before == list(octets):
-        hand.journal.info("already", f"the hand holds {'.'.join(map(str, before))} already, and handctl saves it again")
+        hand.journal.info("already", f"the hand already has the address {'.'.join(map(str, before))}. Saving it again")
         return procedures.save(hand, prompts)
     new, old = ".".join(map(str, octets)), ".".join(map(str, before))
     table = hand.table(hand.write(address_plan(hand, octets)))

@@ -16,8 +16,7 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.get_set_watch import Unequal, ask_released, bounds_of, tell_listed, within
-from handctl.command.option_types import NEGATIVE_NUMBERS, Seconds
-from handctl.command.options import COMMAND_LINE, checks, config_path, read_config
+from handctl.command.options import COMMAND_LINE, NEGATIVE_NUMBERS, Seconds, checks, config_path, read_config
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire.hand.device import Hand
@@ -43,11 +42,11 @@ from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:
     from handctl.command.config import Config
-    from handctl.command.options import Settings
     from handctl.devices.inspire.hand.pairing import Paired
     from handctl.devices.inspire.register_bus import RegisterBus
     from handctl.link import ByteLink
     from handctl.model.result import Journal
+    from handctl.model.settings import Settings
 
 
 def open_hand(link: ByteLink | FrameLink, settings: Settings, journal: Journal) -> Hand:
@@ -112,9 +111,7 @@ add_map_verbs(
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME[.FINGER]=VALUE...")
 @ALWAYS
 def set_(run: Run, assignments: tuple[str, ...], always: bool = False) -> Act:
-    """Write quantities by name and read them back.
-
-    For example `speed_set.index=300 force_limit.index=500`."""
+    """Write values by name and read them back. Example: `speed_set.index=300 force_limit.index=500`."""
     return write_asked(run, map_of(run.settings).assignments(assignments), always=always)
 
 
@@ -136,8 +133,8 @@ WAIT = click.option(
 def angle(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Act:
     """Command angles from 0 (closed) to 1000 (open). Asks first.
 
-    Give a value for every finger, where -1 leaves it as it is, or name single fingers: `angle ring=500 index=300`.
-    The question shows the present speed and force limit. Change them with `speed` and `force`.
+    Give a value for every finger, where -1 leaves it as it is, or name individual fingers: `angle ring=500 index=300`.
+    The prompt shows the present speed and force limit. Change them with `speed` and `force`.
     """
     return write_asked(run, _changes(run, "angle_set", values), wait, expect)
 
@@ -149,7 +146,7 @@ def angle(run: Run, values: tuple[str, ...], wait: float | None, expect: str | N
 def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Act:
     """Command strokes from 0 (open) to 2000 (closed). Asks first.
 
-    Give a value for every finger, where -1 leaves it as it is, or name single fingers: `position ring=900`.
+    Give a value for every finger, where -1 leaves it as it is, or name individual fingers: `position ring=900`.
     The manufacturer recommends `angle` instead.
     """
     return write_asked(run, _changes(run, "stroke_set", values), wait, expect)
@@ -160,9 +157,9 @@ def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str 
 def force(run: Run, values: tuple[str, ...]) -> Act:
     """Set the force limit in grams. Asks first if a finger may move.
 
-    Give a value for every finger, where -1 leaves it as it is, or name single fingers: `force index=300`.
+    Give a value for every finger, where -1 leaves it as it is, or name individual fingers: `force index=300`.
     A closing finger stops when it reaches the limit. It does not hold that force.
-    The limit applies from the next movement on. With a higher limit, a finger that stopped may go on to its target.
+    The limit applies from the next movement on. With a higher limit, a finger that stopped may continue to its target.
     """
     return write_asked(run, _changes(run, "force_limit", values))
 
@@ -170,11 +167,13 @@ def force(run: Run, values: tuple[str, ...]) -> Act:
 @cli.verb("speed", "Move", writes=True)
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
 def speed(run: Run, values: tuple[str, ...]) -> Act:
-    """Set the speed of the next movement, 0 to 1000. Asks first if a finger may move.
+    """Set the speed of all movements from now on, 0 to 1000. Asks first if a finger may move.
 
-    Give a value for every finger, where -1 leaves it as it is, or name single fingers: `speed index=300`.
-    At 1000 a finger closes in less than a second. Speed 0 stops a finger, which runs on a little.
-    With a new speed, a finger that stopped on its way goes on to its target.
+    The hand keeps it until you set another speed or switch the power off.
+
+    Give a value for every finger, where -1 leaves it as it is, or name individual fingers: `speed index=300`.
+    At 1000 a finger closes in less than a second. Speed 0 stops a finger, which keeps moving a little before it stops.
+    With a new speed, a finger that was stopped continues to its target.
     """
     changes = _changes(run, "speed_set", values)
     table = write_asked(run, changes)
@@ -317,8 +316,8 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table | Ac
 def clear_errors(run: Run) -> Act:
     """Clear actuator errors and show which remain. Asks first if a finger may move.
 
-    A finger that an error stopped may then go on to its target.
-    An over-temperature error cannot be cleared. It goes away once the actuator has cooled down.
+    A finger that an error stopped may then continue to its target.
+    No command clears an over-temperature error. It goes away once the actuator has cooled down.
     """
     return verbs.clear_errors(run)
 
@@ -419,7 +418,7 @@ def network(run: Run, address: str | None) -> Table | Act:
     from handctl.devices.inspire.hand import baud_and_network as place
 
     if address is None:
-        verbs.looks_only(run)
+        run.only_reads("a value")
         return place.show_network(run.device())
     octets = place.octets_of(address)
     planner = run.planner()
@@ -616,7 +615,7 @@ SIDE_BY_SIDE = 60
 """Columns of a window in which the fingers stand side by side."""
 
 
-@cli.verb("tactile", "Look")
+@cli.verb("tactile", "Inspect")
 @click.argument("zones", nargs=-1, metavar="[ZONE]...")
 @click.option(
     "--watch", "live", is_flag=True, help="Keep reading: a live picture on a terminal, otherwise a stream of rows."

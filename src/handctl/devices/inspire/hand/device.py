@@ -36,7 +36,7 @@ from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.device import Course, Release
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
 from handctl.model.result import Cell, Finding, Grid, Row, Table
-from handctl.model.stop_sequence import Known, StopContext
+from handctl.model.stop_sequence import StopContext
 
 LIVE = ("stroke_actual", "angle_actual", "force_actual", "current", "error", "status", "temperature")
 """What changes by itself, one block of 90 bytes on DF and TP: the default of `watch`."""
@@ -74,6 +74,15 @@ class Hand(RegisterDevice):
         "stored action sequences and gestures",
         "triggers (clear_errors, save, factory_reset, calibrate_force)",
     )
+
+    def block(self, name: str) -> Callable[[], list[Row]] | None:
+        """See Device: `tactile`, or `tactile.ZONE`."""
+        base, _, zone = name.partition(".")
+        if base != "tactile":
+            return None
+        from handctl.devices.inspire.hand.tactile import reader
+
+        return reader(self, [zone] if zone else [])
 
     def __init__(self, bus: RegisterBus, gate: ModelGate, other: RegisterBus | None = None, *, side: str = "") -> None:
         super().__init__(bus)
@@ -330,7 +339,8 @@ class Hand(RegisterDevice):
         own = {**context.settings.own, "protocol": "modbus" if wire in ("rtu", "tcp") else "eb90"}
         own |= {"model": self._known} if self._known else {}
         spoken = "modbus-tcp" if wire == "tcp" else None
-        return context._replace(settings=Known(self.bus.id, context.settings.timeout, wire=spoken, own=own))
+        known = context.settings._replace(id=self.bus.id, port=None, wire=spoken, own=own)
+        return context._replace(settings=known)
 
 
 # -- findings and views -------------------------------------------------------------------------------------------

@@ -34,15 +34,14 @@ from handctl.model.param import ParamMap
 from handctl.number_parsing import number_in
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
     from handctl.link import ByteLink
-    from handctl.model.stop_sequence import Options
+    from handctl.model.settings import Settings
 
 HERE = ("127.0.0.1", "localhost", "[::1]")
 """This machine, where simulators are served."""
 
 
-def typed_model(settings: Options) -> str | None:
+def typed_model(settings: Settings) -> str | None:
     """The generation that --model or the named device says. Raises UsageError for a label that is not known."""
     text = settings.own.get("model")
     if text is None:
@@ -74,18 +73,18 @@ def check(settings: Settings) -> None:
         )
 
 
-def map_of(settings: Options) -> ParamMap[Any]:
+def map_of(settings: Settings) -> ParamMap[Any]:
     """The map of the generation that was typed; without one, that of DF and TP."""
     model = typed_model(settings)
     return MAPS[model] if model is not None else BYTE_MAP
 
 
-def other_maps(settings: Options) -> tuple[ParamMap[Any], ...]:
+def other_maps(settings: Settings) -> tuple[ParamMap[Any], ...]:
     """Those of the further generations that the hand may turn out to be; none where one was typed."""
     return () if typed_model(settings) is not None else tuple(one for one in MAPS.values() if one is not BYTE_MAP)
 
 
-def over_tcp(settings: Options) -> bool:
+def over_tcp(settings: Settings) -> bool:
     """Whether the LINK is Modbus TCP: tcp://, the simulator's --modbus-tcp, or a transcript of it."""
     if settings.port is None:
         return settings.wire == "modbus-tcp"

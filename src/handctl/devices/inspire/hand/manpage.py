@@ -1,5 +1,7 @@
 """What the manual page says beside the commands (see `docgen.texts`). Data only."""
 
+from handctl.devices.inspire.common_cli import settings_examples
+
 FILES = (("hand-before-reset.json", "The snapshot that `factory-reset` writes first. `--backup` changes its name."),)
 EXCEPTIONS = (
     (
@@ -24,21 +26,7 @@ EXAMPLES = (
     ("handctl hand speed 100 100 100 100 100 100 --fake", "Make the next movement slow."),
     ("handctl hand force 200 200 200 200 200 200 --fake", "Make a closing finger stop at 200 g."),
     ("handctl hand set speed_set.index=300 -n --fake", "Show the bytes and send nothing."),
-    ("handctl hand id --fake", "Show the id of the hand."),
-    ("handctl hand id 2 -p /dev/ttyUSB0", "Give the hand another id. Asks first."),
-    ("handctl hand baud --fake", "Show the baud rate code of the hand."),
-    (
-        "handctl hand baud 921600 --save --verify -p /dev/ttyUSB0",
-        "Change the baud rate, save it, and check the hand after a power-cycle.",
-    ),
-    ("handctl hand save -p /dev/ttyUSB0", "Save the present settings. Asks first."),
-    ("handctl hand save -n --fake", "Show the bytes and send nothing."),
-    (
-        "handctl hand factory-reset --backup before-reset.json -p /dev/ttyUSB0",
-        "Write a snapshot, then reset. Asks first.",
-    ),
-    ("handctl hand clear-errors -p /dev/ttyUSB0", "Clear the errors and show which remain."),
-    ("handctl hand clear-errors -n --fake", "Show the bytes and send nothing."),
+    *settings_examples("hand", 921600),
     ("handctl hand calibrate -p /dev/ttyUSB0", "Calibrate the force sensors. The hand must be open and empty."),
     ("handctl hand scan -p /dev/ttyUSB0", "Find the id, the baud rate and the protocol of the hand."),
     ("handctl hand scan --ids 1-10 --baud 115200 -p /dev/ttyUSB0", "Try ten ids at one baud rate."),

@@ -276,9 +276,9 @@ def calibrate(hand: Hand, prompts: Prompts) -> Table:
         bus.out_of_time("the end of the calibration. The calibration is still running")
         hand.journal.warn(
             "no-completion",
-            f"the hand did not report the end within {LISTEN:.0f} s"
+            f"the hand did not report that the calibration ended within {LISTEN:.0f} s"
             if bus.reports
-            else "this connection has no frame that reports the end, so handctl checks the forces instead",
+            else "this connection has no frame that reports the end of a calibration, so handctl checks the forces instead",
             hint="check force_actual: an unloaded hand reads about 0 g",
         )
     after = hand.read(elements_of(hand.map["force_actual"]))

@@ -283,7 +283,7 @@ def _wait_for(bench: Bench, opened: Callable[[], Hand], octets: Sequence[int], c
     bench.prompts.done()
     if found != list(octets):
         raise CheckFailed(
-            f"{hand.bus.where}: the hand there holds the address {'.'.join(map(str, found))}, not {text}",
+            f"{hand.bus.where}: the hand there has the address {'.'.join(map(str, found))}, not {text}",
             hint="check which hand is switched on: only one should be changed. `handctl hand network` shows its address",
             code="other-address",
         )

@@ -6,7 +6,7 @@ every zone is shown as it is sent.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from handctl.devices.inspire.hand.map import DF, MODELS, TP
@@ -112,6 +112,12 @@ def tactile(hand: Hand, zones: Sequence[Zone], *, wide: bool = True) -> Table:
             "no-contact", f"all values are 0: {', '.join(silent)}", hint="press each zone: a dead zone stays at 0"
         )
     return table
+
+
+def reader(hand: Hand, names: Sequence[str]) -> Callable[[], list[Row]]:
+    """What reads the values of these zones, for a log. Raises UsageError, DeviceRefused."""
+    zones = _ready(hand, chosen(names))
+    return lambda: _read(hand, zones)
 
 
 def watch(hand: Hand, zones: Sequence[Zone], *, rate: float, count: int | None, duration: float | None) -> Table:

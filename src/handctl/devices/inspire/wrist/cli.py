@@ -10,7 +10,7 @@ from handctl.command.command_tree import Group
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
-from handctl.command.option_types import Seconds
+from handctl.command.options import Seconds
 from handctl.command.run import Act, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire import identity
@@ -22,10 +22,10 @@ from handctl.model.device import limits_of
 from handctl.model.result import Table
 
 if TYPE_CHECKING:
-    from handctl.command.options import Settings
     from handctl.devices.inspire.can_bus import CanBus
     from handctl.link import ByteLink
     from handctl.model.result import Journal
+    from handctl.model.settings import Settings
 
 
 def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal) -> Wrist:
@@ -46,8 +46,8 @@ cli = Group(
     "wrist",
     family=Family("wrist", open_wrist, 115200, wires=("serial", "can"), ids=True, speeds=tuple(BAUD_RATES.values())),
     first=("scan", "read"),
-    help="Inspire wrist module of the dexterous hand, over RS-232, RS-485 or CAN. For CAN use -p can:INTERFACE:CHANNEL. "
-    "Movements of the wrist do not ask first.",
+    help="Wrist module for Inspire dexterous hands, over RS-232, RS-485 or CAN. For CAN use -p can:INTERFACE:CHANNEL. "
+    "Commands that move the wrist do not ask first.",
 )
 
 FORCE = verbs.forced("Also send a frame that means something else to another device or to the hand's registers.")
@@ -70,7 +70,7 @@ def read(run: Run, address: str, count: int) -> Table:
 @click.argument("address")
 @click.argument("count", type=int)
 def hand_read(run: Run, address: str, count: int) -> Table:
-    """Read COUNT bytes (1 to 252) from ADDRESS in the wrist's hand, undecoded.
+    """Read COUNT bytes (1 to 252) from ADDRESS in the hand, not in the wrist.
 
     Uses flag 11, on CAN flag 0."""
     from handctl.devices.inspire import eb90
@@ -139,7 +139,7 @@ def write(run: Run, address: str, data: str) -> Act:
 @click.argument("data", metavar="HEX")
 @FORCE
 def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Act:
-    """Write bytes to registers of the wrist's hand. Asks first.
+    """Write bytes to registers of the hand, not of the wrist. Asks first.
 
     The wrist manual does not document these registers."""
     from handctl.devices.inspire import raw as by_number

@@ -21,7 +21,7 @@ EXAMPLES = (
     ("handctl wrist scan -p can:socketcan:can0", "Find the id on a CAN bus."),
     ("handctl wrist scan --ids 1-10 -p /dev/ttyUSB0", "Try ten ids on a serial port."),
     ("handctl wrist read 1038 6 --fake", "Read six bytes from address 1038."),
-    ("handctl wrist hand-read 1000 2 -p /dev/ttyUSB0", "Read two bytes from the wrist's hand."),
+    ("handctl wrist hand-read 1000 2 -p /dev/ttyUSB0", "Read two bytes from the hand that the wrist belongs to."),
     ("handctl wrist write 1038 6400 -n --fake", "Show the bytes and send nothing."),
     ("handctl wrist hand-write 1486 2C01 -n --fake", "Show the bytes and send nothing."),
     ('handctl wrist raw -n "EB 90 01 04 30 FC 03 02 36"', "Explain a frame from the manual and send nothing."),

@@ -57,7 +57,7 @@ def stop_steps(context: StopContext) -> StopSequence:
         if taken == REFUSED:
             return Stopped(f"the wrist rejected the command to {meaning}", POWER, DeviceRefused)
         if taken == TAKEN:
-            done = f"the wrist was commanded to {meaning} and acknowledged it. The manual has no stop command"
+            done = f"the wrist was commanded to {meaning} and acknowledged it. The manual documents no stop"
             against = yield from seen_since(
                 lambda: wire.values(ANGLES, 2), lambda: wire.values(ANGLES_SET, 2), [yaw, pitch], STILL, here
             )
@@ -71,7 +71,7 @@ def _unanswered(heard: Pieces) -> Stopped:
     came = instead(heard)
     return Stopped(
         f"{f'no wrist replied: {came}' if came else 'the wrist did not reply'}. Without its present angles, no stop could be "
-        "commanded. If it moves, it goes on to its target",
+        "commanded. If it moves, it continues to its target",
         f"{POWER}. Check the id, the wiring and the power with `handctl wrist scan`",
         ProtocolError if came else NoAnswer,
     )

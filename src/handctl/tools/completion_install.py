@@ -13,7 +13,7 @@ import click
 from handctl.command.command_tree import Command
 from handctl.command.run import Run
 from handctl.errors import OutputError, UsageError
-from handctl.files import atomic_write
+from handctl.files import atomic_write, writing
 from handctl.model.result import Column, Table
 from handctl.system.folders import config_folder, data_folder
 
@@ -96,11 +96,7 @@ def _state(path: Path, text: str) -> str:
 
 def _write(path: Path, text: str) -> None:
     """Whole or not at all."""
-    try:
+    with writing(path, hint="print the script and install it yourself"):
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_write(path) as file:
             file.write(text)
-    except OSError as exc:
-        raise OutputError(
-            f"{path}: cannot be written: {exc.strerror or exc}", hint="print the script and install it yourself"
-        ) from exc

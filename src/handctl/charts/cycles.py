@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from math import floor, log10
 from typing import NamedTuple
 
-from handctl.report.curves import STYLE as CURVES
-from handctl.report.curves import TONES, Box, escape, moment, ticks, times
+from handctl.charts.curves import STYLE as CURVES
+from handctl.charts.curves import TONES, Box, escape, moment, ticks, times
 
 WIDE, HIGH, LEFT, TOP, FOOT = 400, 210, 52, 30, 34
 """A picture of curves or of a histogram, and the room around what is drawn."""

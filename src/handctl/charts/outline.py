@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from handctl.charts.curves import escape
 from handctl.model.outline import Outline, Painted, painted, title
 from handctl.model.result import Row
-from handctl.report.curves import escape
 
 ACROSS, DOWN, WIDE, EDGE = 62, 17, 26, 34
 """Of a bar: from one to the next, a row, its width; and the room for words above and below."""

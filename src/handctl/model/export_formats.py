@@ -1,8 +1,8 @@
-"""The formats that a recording of any family can be exported to; `exports` has a writer for each. Loaded with every family's commands: nothing heavy."""
+"""The formats that a recording of any family can be exported to; `record.exports` has a writer for each. Loaded with every family's commands: nothing heavy."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from handctl.light import NamedTuple
 
 
 class Format(NamedTuple):
