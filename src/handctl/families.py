@@ -60,6 +60,7 @@ class FamilyRow:
     scan      its turn in `handctl scan`, the lowest first: what could disturb others comes late
     tell      its turn when recorded bytes tell whose they are: who takes more for his own comes later
     options   those that only this family has
+    within    role -> the role in whose module it lies, where that is another
     trigger   fastest speed in bit/s at which its device listens, and the bytes on which it acts wherever they stand
     """
 
@@ -72,6 +73,7 @@ class FamilyRow:
         scan: int = 100,
         tell: int = 100,
         options: tuple[OwnOption, ...] = (),
+        within: dict[str, str] = {},  # noqa: B006 - read only
         trigger: tuple[int, bytes] | None = None,
     ) -> None:
         self.help = help
@@ -80,11 +82,15 @@ class FamilyRow:
         self.scan = scan
         self.tell = tell
         self.options = options
+        self.within = within
         self.trigger = trigger
 
     def module(self, role: str) -> str:
         """Where the module of a role is."""
-        return f"{self.package}.{role}"
+        return f"{self.package}.{self.within.get(role, role)}"
+
+
+_OF_INSPIRE = {"write_rules": "explain", "outline": "remedies"}
 
 
 FAMILIES: dict[str, FamilyRow] = {
@@ -94,6 +100,7 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.inspire.eb90",
         scan=3,
         tell=1,
+        within=_OF_INSPIRE,
     ),
     "wrist": FamilyRow(
         "Inspire wrist module for dexterous hands (RS-232, RS-485, CAN)",
@@ -101,6 +108,7 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.inspire.eb90",
         scan=2,
         tell=2,
+        within=_OF_INSPIRE,
     ),
     "barrett": FamilyRow(
         "BarrettHand BH8 series (RS-232)",
@@ -108,6 +116,7 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.barrett.gcl.codec",
         scan=4,
         tell=4,
+        within={"outline": "remedies"},
         options=(
             OwnOption(
                 "interrupt",
@@ -168,6 +177,7 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.inspire.eb90",
         scan=6,
         tell=6,
+        within=_OF_INSPIRE,
         options=(
             OwnOption(
                 "model",

@@ -11,6 +11,14 @@ def number_in(text: str) -> int | None:
     return int(text) if text.isascii() and text.isdigit() and len(text) <= MOST else None
 
 
+def real_in(text: str) -> float:
+    """The number that this is; nan, which lies in no range, when it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
+
+
 def whole(text: str, low: int, high: int) -> int:
     """A whole number from low to high, as a control command or a state file has it. Raises ValueError."""
     digits = number_in(text.removeprefix("-"))

@@ -177,7 +177,7 @@ def test_every_guard_can_be_switched_off_by_name() -> None:
         None, duration=0.5
     )
     assert events(loop) == [] and set(commands_of(loop)) == {100}
-    assert loop.loop.layout.feedback_size == 2
+    assert loop.loop.session.layout.feedback_size == 2
     result = run("barrett", "realtime", "--motors", "1", "--velocity", "100", "--no-guard", "all", "--count", "2",
                  "-p", fake(wire="auto", initialized=1), "--json")  # fmt: skip
     assert (result.code, result.stream[1]["loop"]["guards"]) == (0, [])
@@ -263,7 +263,7 @@ def test_a_paced_sample_does_not_wait_for_the_next_block() -> None:
     loop = Run("wire=auto", receive={0: ("position",)}, temperature=False, motors=(0,))
     stream = loop.loop.run(rate=2.0, count=None, duration=3.0)
     sample = next(stream)
-    assert loop.link.now() - (loop.loop._intake.start + sample.t) < 0.1
+    assert loop.link.now() - (loop.loop.intake.start + sample.t) < 0.1
     assert len([data for data in loop.inside if data == b"A"]) == 1
     stream.close()  # type: ignore[attr-defined]
 

@@ -138,7 +138,7 @@ def test_every_firmware(firmware: str) -> None:
     run = Run(f"firmware={firmware}&temperature=415", controls=example()).go(3)
     assert run.error is None and run.flags() == run.before
     assert run.values("temperature") == [41.0 if firmware == "4.4" else 41.5] * 3
-    assert run.loop.layout.feedback_size == (7 if firmware == "4.4" else 8)
+    assert run.loop.session.layout.feedback_size == (7 if firmware == "4.4" else 8)
     assert hexed(run.inside[0]) == "43 14 7F" and run.stands()
 
 
@@ -197,7 +197,7 @@ def test_never_ahead_of_the_acknowledgement(baud: int, sequential: bool) -> None
     blocks = blocks[test:]
     assert [data for data, _ in blocks] == [b"C\x14\x7f"] * 20
     start = blocks[0][1]
-    size = run.loop.layout.feedback_size
+    size = run.loop.session.layout.feedback_size
     for number, (_, heard) in enumerate(blocks):
         came = heard - start
         assert came == size * number if sequential or not number else came >= size * (number - 1) + 1

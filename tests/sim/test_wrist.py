@@ -387,7 +387,7 @@ def test_both_wires_show_the_same_wrist() -> None:
 
 def test_registers_lie_where_the_manual_has_them() -> None:
     """18 documented bytes and 6 gap bytes; every value is different."""
-    from handctl.sim.wrist.model import WRIST
+    from handctl.sim.wrist.device import WRIST
 
     places = {place for _, first, size, count, *_ in WRIST for place in range(first, first + size * count)}
     assert sorted(set(range(1020, 1044)) - places) == [1029, 1031, 1034, 1035, 1036, 1037]

@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from handctl.errors import CheckFailed, UsageError
 from handctl.model.param import Bound
 from handctl.model.result import Journal, Row, Sample, Table
+from handctl.number_parsing import real_in
 
 Named = Callable[[str], Collection[str]]
 """A name as it is typed -> the paths of the elements that it means. Raises UsageError."""
@@ -35,10 +36,7 @@ def bound_in(text: str, named: Named, option: str) -> Bound:
 def _number(text: str, whole: str, option: str) -> float | None:
     if not text.strip():
         return None
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
+    value = real_in(text)
     if value != value or abs(value) == float("inf"):
         raise UsageError(f"{option} {whole}: {text.strip()!r} is not a number", hint=NEXT)
     return value

@@ -24,17 +24,9 @@ TRAVEL = (17800, 3150)
 BEYOND = 500
 """Counts by which a position may lie outside the travel: fingers differ by tens, HI shifts the origin by IOFF <= 500."""
 POSITIONS = ("P", "BP")
-BAUD_CODES = {
-    6: "600 bit/s",
-    12: "1200 bit/s",
-    24: "2400 bit/s",
-    48: "4800 bit/s",
-    96: "9600 bit/s",
-    192: "19200 bit/s",
-    384: "38400 bit/s",
-}
 SPEEDS = (9600, 38400, 19200, 4800, 2400, 1200, 600)
 """Probing order: factory speed first, then the most likely."""
+BAUD_CODES = {speed // 100: f"{speed} bit/s" for speed in sorted(SPEEDS)}
 
 
 @light(frozen=True, kw_only=True, eq=False)

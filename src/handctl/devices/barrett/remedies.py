@@ -1,7 +1,12 @@
 """What a BarrettHand's status codes and readings mean, and what to do. The codes are those of `gcl.codec.ERRORS`."""
 
-from handctl.devices.barrett.gcl.codec import ERRORS
+from handctl.devices.barrett.gcl.codec import ERRORS, MOTORS
+from handctl.devices.barrett.maintenance.health import LIMIT_TENTHS
+from handctl.devices.barrett.views import STROKE
+from handctl.model.outline import Bar, Measure, Outline
 from handctl.model.remedy import Remedy
+
+_F1, _F2, _F3, _SPREAD = MOTORS
 
 _URGENT = (8192, 1, 2, 16, 4)
 """The codes that come first."""
@@ -19,3 +24,17 @@ REMEDIES = {
     "disabled": Remedy("the motor only moves if it is named (--motors)", "run `handctl barrett set EN=1`", "barrett §5.3.4"),
     "was-hot": Remedy("the board has been hotter than 65 °C", "set OTEMP=650, so that the hand protects itself", "barrett §5.4.2"),
 }  # fmt: skip
+
+OUTLINE = Outline(
+    (Bar(_F1, 0, 6), Bar(_F3, -2, -6), Bar(_F2, 0, 6), Bar(_SPREAD, 0, 2)),
+    {
+        "temperature": Measure("temperature", LIMIT_TENTHS / 10),
+        "force": Measure("strain.{}"),
+        "error": Measure("status.{}"),
+    },
+    errors="status.{}",
+    bend=("position.{}", STROKE[0], 0),
+    ends={_SPREAD: (STROKE[1], 0)},
+    note="Seen from above. The temperature is the board's. A bar is as long as the finger is open.",
+)
+"""The motors of a BarrettHand in their place: F1 and F2 turn round the palm with the spread, F3 is fixed across from them."""

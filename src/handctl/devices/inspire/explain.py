@@ -230,11 +230,8 @@ class InspireExplainer(Cutter):
         """By the header, in Modbus by the function; what is none goes with what stands before it."""
         if cut.mode:
             pdu = pdu_of(raw, cut.mode)
-            return (
-                HOST
-                if modbus_frames.only_reads(pdu) or (pdu[0] == modbus_frames.WRITE_MANY and len(pdu) > 5)
-                else DEVICE
-            )
+            asks = modbus_frames.only_reads(pdu) or (pdu[0] == modbus_frames.WRITE_MANY and len(pdu) > 5)
+            return HOST if asks else DEVICE
         if raw[:2] in (eb90.HOST, eb90.DEVICE):
             self._guess = HOST if raw[:2] == eb90.HOST else DEVICE
         return self._guess
@@ -295,16 +292,6 @@ class InspireExplainer(Cutter):
             direction=direction, raw=raw, meaning=meaning,
             problem="bad-checksum", frame=False, title="bad-checksum", fields={"checksum": f"{raw[-1]:02X}",
             "expected": f"{right:02X}"}, parts=Later(lambda: self._parts(raw)),
-        )  # fmt: skip
-
-    def _made(
-        self, direction: str, raw: bytes, frame: Frame, meaning: str, *, title: str = "", problem: str = "",
-        asks: str = "", answers: str = "", values: Sequence[Value] = (),
-    ) -> ExplainedBytes:  # fmt: skip
-        fields: dict[str, int | str | None] = {"id": frame.id, "flag": f"{frame.flag:02X}", "address": frame.address}
-        return ExplainedBytes(
-            direction=direction, raw=raw, meaning=meaning, title=title,
-            problem=problem, asks=asks, answers=answers, values=values, fields=fields, parts=Later(lambda: self._parts(raw)),
         )  # fmt: skip
 
     def _explain(self, frame: Frame) -> tuple[str, str, str, str, Sequence[Value]]:
@@ -371,14 +358,8 @@ class InspireExplainer(Cutter):
             return words, "", key, "", values
         if self._is_result(frame):
             self._started = 0
-            saved = frame.data[0] == 0
-            return (
-                f"result of the save: {RESULTS[frame.data[0]]}",
-                "result of the save",
-                "",
-                "" if saved else "refused",
-                (),
-            )
+            what = "result of the save"
+            return f"{what}: {RESULTS[frame.data[0]]}", what, "", "refused" if frame.data[0] else "", ()
         if frame.address == eb90.CALIBRATION_END and self._started == self.places["calibrate"]:
             self._started = 0
             return f"end of the calibration, code {frame.data[0]:02X}", "end of the calibration", "", "", ()
@@ -402,10 +383,8 @@ class InspireExplainer(Cutter):
         where, data, reads, writes = f"id {frame.id}", frame.data, frame.flag in READS, frame.flag in WRITES
         if len(frame.payload) <= 2 or not (reads or writes):
             return f"flag {frame.flag:02X}, which is not in the manual, {where}", ()
-        address, space = (
-            int.from_bytes(frame.payload[:2], "little"),
-            self._space(frame.flag in (WRIST_READ, WRIST_WRITE)),
-        )
+        address = int.from_bytes(frame.payload[:2], "little")
+        space = self._space(frame.flag in (WRIST_READ, WRIST_WRITE))
         other = " of the hand's own registers" if self.params is WRIST else " of another register space"
         other = "" if space is not None else other
         if reads and not frame.from_device and len(data) == 1:
@@ -431,10 +410,8 @@ class InspireExplainer(Cutter):
         text = " ".join(map(str, numbers))
         order = f"{FINGERS[0]} to {FINGERS[-1]}"
         if len(frame.payload) != 2 * len(parts):
-            return (
-                f"{kind} command with {plural(len(frame.payload), 'byte')}, {2 * len(parts)} expected: {text}, id {frame.id}",
-                values,
-            )
+            came = f"{plural(len(frame.payload), 'byte')}, {2 * len(parts)} expected"
+            return f"{kind} command with {came}: {text}, id {frame.id}", values
         if frame.from_device:
             return f"{kind} command taken: {name} = {text}, id {frame.id}", values
         return f"{kind} command, {order}: {text}, id {frame.id}", values
@@ -588,12 +565,8 @@ class InspireExplainer(Cutter):
         """The same of what the device says."""
         if pdu[0] & modbus_frames.FAILED:
             code = pdu[1] if len(pdu) > 1 else 0
-            return (
-                f"refused: exception {code:02X}, {modbus_frames.EXCEPTIONS.get(code, 'unknown')}",
-                "refused",
-                None,
-                b"",
-            )
+            text = f"refused: exception {code:02X}, {modbus_frames.EXCEPTIONS.get(code, 'unknown')}"
+            return text, "refused", None, b""
         if pdu[0] != modbus_frames.READ:
             address = int.from_bytes(pdu[1:3], "big")
             return self._acknowledged("accepted", self.params, address), "", address, b""
@@ -604,12 +577,8 @@ class InspireExplainer(Cutter):
         address = int.from_bytes(asked[1:3], "big")
         self._heard(address, data)
         text = self._holds(self.params, address, data)
-        return (
-            text + self._generations.other_generations(address, len(data), writes=False, data=data),
-            "",
-            address,
-            data,
-        )
+        text += self._generations.other_generations(address, len(data), writes=False, data=data)
+        return text, "", address, data
 
 
 def _modbus_parts(raw: bytes, mode: str, values: Sequence[Part], size: int) -> list[Part]:

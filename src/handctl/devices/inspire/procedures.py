@@ -446,15 +446,8 @@ def _factory_reset(hand: RegisterDevice) -> Table:
 
 
 def outcome(hand: RegisterDevice, register: Register, label: str, raw: bytes | None) -> Table:
-    row: Row = {
-        "name": register.name,
-        "finger": None,
-        "address": register.place_of(0),
-        "value": label,
-        "unit": None,
-        "raw": hex_bytes(raw) if raw is not None else None,
-    }
+    told = hex_bytes(raw) if raw is not None else None
     return Table(
-        rows=[row],
+        rows=[{**hand.named(Element(register, 0)), "value": label, "unit": None, "raw": told}],
         columns=(Column("name", "Name"), Column("address", "Address", right=True), Column("value", "Result")),
     )

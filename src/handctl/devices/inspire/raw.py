@@ -51,18 +51,15 @@ def _rows(hand: RegisterDevice, address: int, data: bytes) -> list[Row]:
         start = at if register is None else register.address_of(at)
         for label, group in groupby(range(start, start + len(raw)), partial(_part_of, hand.map)):
             places = list(group)
-            rows.append(
-                {
-                    "name": None,
-                    "finger": None,
-                    "address": places[0] // hand.bus.per,
-                    "value": None,
-                    "unit": None,
-                    "raw": hex_bytes(raw[places[0] - start : places[-1] + 1 - start]),
-                    "label": label,
-                }
-            )
+            part = raw[places[0] - start : places[-1] + 1 - start]
+            rows.append(nameless(places[0] // hand.bus.per, part, label))
     return rows
+
+
+def nameless(address: int, data: bytes, label: str) -> Row:
+    """The row of bytes that have no name."""
+    row: Row = {"name": None, "finger": None, "address": address, "value": None, "unit": None, "raw": hex_bytes(data)}
+    return {**row, "label": label}
 
 
 def _part_of(params: ParamMap[Register], address: int) -> str:

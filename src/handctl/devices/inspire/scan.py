@@ -321,12 +321,8 @@ class Sweep:
                 here.timeout = max(here.timeout, 1.5 * self.journal.line.worst + 0.1)
                 who = self._looked(here) if target.look is not None else None
                 read = int.from_bytes(search.values[number], "little", signed=True)
-                who = who or (
-                    target.own,
-                    None,
-                    "" if target.look is not None else f"{target.value} reads {read}, asked twice",
-                )
-                self._row(who, None, number, "can", "")
+                shown = "" if target.look is not None else f"{target.value} reads {read}, asked twice"
+                self._row(who or (target.own, None, shown), None, number, "can", "")
             summary = (
                 f"{search.probes} read-only probes of {target.value}, {span_text(self.ids)}, {self._seconds:.2f} s"
             )

@@ -355,10 +355,9 @@ class Scanner(Requester):
 
     def _passes(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Iterator[Pass]:
         """Id 1 at every speed first (factory default), then all, then all with more time where that can matter."""
-        rest, patient = (
-            ids,
-            max(FIRST_SECONDS, self._want.patience) if self._want.additional is None else self._want.additional,
-        )
+        rest, patient = ids, self._want.additional
+        if patient is None:
+            patient = max(FIRST_SECONDS, self._want.patience)
         if not self._want.find_all and 1 in ids and len(ids) > 1:
             rest = [i for i in ids if i != 1]
             for speed in speeds:

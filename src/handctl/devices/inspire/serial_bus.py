@@ -47,22 +47,17 @@ HINTS = {
 }
 
 
-OWN_HINTS = {
-    (
-        "hand",
-        "garbage",
-    ): "try --baud 115200, 921600, 57600 and 19200: the baud rate is probably wrong, or this is another kind of device",
-    (
-        "hand",
-        "bad-checksum",
-    ): "check the cable, the ground and the baud rate. Two hands with the same id also cause this: `handctl hand doctor -p LINK` detects that",
+HAND_HINTS = {
+    "garbage": "try --baud 115200, 921600, 57600 and 19200: the baud rate is probably wrong, or this is another kind of device",
+    "bad-checksum": "check the cable, the ground and the baud rate. Two hands with the same id also cause this: `handctl hand doctor -p LINK` detects that",
 }
-"""(family, code) -> the next step where it is another one."""
+"""Code -> the next step with a hand where it is another one."""
 
 
 def hint_for(code: str, family: str) -> str:
     """The next step for a code of `mishap`, with this family's own command names."""
-    return OWN_HINTS.get((family, code), HINTS[code]).replace("handctl exo", f"handctl {family}")
+    hints = {**HINTS, **HAND_HINTS} if family == "hand" else HINTS
+    return hints[code].replace("handctl exo", f"handctl {family}")
 
 
 def mishap(request: bytes, received: bytes, more: int = 0) -> tuple[str, str]:

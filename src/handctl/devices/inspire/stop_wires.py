@@ -114,11 +114,8 @@ class Wire(NamedTuple):
     def memory(self, address: int, count: int) -> Generator[StopStep, Pieces, bytes | None]:
         """So many bytes, asked again for a second; None where nothing answers."""
         step, found = self.asking(address, count)
-        return (
-            yield from settled(
-                self.context, (yield from insist(self.context, step, found, reads=True, ahead=self.first))
-            )
-        )
+        heard = yield from insist(self.context, step, found, reads=True, ahead=self.first)
+        return (yield from settled(self.context, heard))
 
     def values(self, address: int, count: int) -> Read:
         """So many signed 16-bit registers."""

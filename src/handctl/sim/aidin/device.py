@@ -136,8 +136,7 @@ class Device(Model):
 
     def power(self, on: bool) -> None:
         """Off: the origin, the bias, maxtorque and all commands are gone; the fingers stay where they are."""
-        self.powered = on
-        self._replies.clear()
+        super().power(on)
         self.reader.forget()
         self.writer.restart()
         self._unwritten, self._merged = b"", 0

@@ -16,12 +16,8 @@ from handctl.sim.barrett.tables import ABORTED, MOVES, NOT_INITIALIZED, NOT_REAC
 NAMES = ("F1", "F2", "F3", "S")
 TRAVEL = (17841.0, 17862.0, 17883.0, 3158.0)  # place of the closed stop; fingers differ by tens (§5.3.2)
 PLACES = (1071.0, 2092.0, 3113.0, 404.0)  # where the joints are at the first start
-OFFSETS = (
-    50.0,
-    50.0,
-    50.0,
-    0.0,
-)  # place of the origin at the first start: the default IOFF, counted from the open stop (§5.3.4)
+# Place of the origin at the first start: the default IOFF, counted from the open stop (§5.3.4).
+OFFSETS = (50.0, 50.0, 50.0, 0.0)
 NO_LOAD = (112, 119, 126, 255)  # strain readings; the spread has no gauge (§5.3.2), 100 to 140 (§9.4)
 FRICTION = (0.97, 1.0, 1.03, 1.0)  # TC and TO do not hold their speed exactly (§8)
 ODOMETERS = (104233000.0, 98712000.0, 110003000.0, 20117000.0)  # counts

@@ -13,10 +13,11 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+from handctl.sim.bus.wire_pair import BITS
+
 RECEIVERS = ("mid", "sci")
 SAMPLES = {"mid": ((8,), (8,)), "sci": ((5, 9, 13), (15, 17, 19))}
 """Receiver -> samples of the start bit, of the other bits; mid in 16ths of a bit, sci in 32nds: centre of each sample."""
-BITS = [bytes((0, *((byte >> place) % 2 for place in range(8)), 1)) for byte in range(256)]
 PARTS = {"mid": 16, "sci": 32}
 
 

@@ -14,10 +14,6 @@ from handctl.sim import folder_of, kinds, model_class
 from handctl.sim.engine.line import Plug
 from handctl.sim.engine.slcan import ADAPTER_FAULTS
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    pass
-
 Value = str | int | float | bool
 
 # Lines as they are met. The figures are typical ones, not of one product: 16 ms is the timer that USB serial adapters come with,

@@ -25,13 +25,8 @@ if TYPE_CHECKING:
 
     from handctl.sim.engine.model import Rows
 
-TIME, DATE, SET_VALUE, CANCEL, EVENT = (
-    150,
-    151,
-    155,
-    156,
-    160,
-)  # commands; the last is met in the field, not in the manual
+# Commands; the last is met in the field, not in the manual.
+TIME, DATE, SET_VALUE, CANCEL, EVENT = 150, 151, 155, 156, 160
 BODY_SIZES = {150: 0, 151: 0, 152: 0, 153: 0, 154: 0, 155: 4, 156: 2, 157: 2}
 LENGTHS = {"body": 0, "n-4": 2, "n-2": 4, "frame": 6}  # convention -> what the length byte counts beside the body
 ACCEPTED, WRONG_STATE, NOT_ALLOWED = 0, 1, 3  # status codes of field clients; the manual has none
@@ -176,9 +171,8 @@ class Device(Model):
 
     def power(self, on: bool) -> None:
         """A second power-on starts BootTime and the counts of the session anew; the wearer stays where he is."""
-        self.powered = on
+        super().power(on)
         self._inbox.clear()
-        self._replies.clear()
         self._lost = False
         if on and self._started:
             self.boot_time.restart(FIRST_BOOT_MS, self.now)

@@ -7,6 +7,7 @@ Generic: knows bytes, replies and time, no protocol. Both directions are indepen
 
 from __future__ import annotations
 
+from handctl.number_parsing import real_in
 from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, soonest
 
 TYPE_CHECKING = False
@@ -100,10 +101,7 @@ class Plug:
 
 
 def _seconds(text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = -1.0
+    seconds = real_in(text)
     if not 0.0 < seconds <= 1e9:
         raise ValueError(f"{text!r} is not a number of seconds")
     return seconds
@@ -111,10 +109,7 @@ def _seconds(text: str) -> float:
 
 def _pair(text: str) -> tuple[float, float]:
     at, _, seconds = text.partition(":")
-    try:
-        found = float(at), float(seconds)
-    except ValueError:
-        found = (-1.0, -1.0)
+    found = real_in(at), real_in(seconds)
     if not (0.0 <= found[0] <= 1e9 and 0.0 < found[1] <= 1e9):
         raise ValueError(f"unplug={text}: expected AT:SECONDS, for example 2.5:1")
     return found

@@ -223,6 +223,7 @@ class Model:
 
     def power(self, on: bool) -> None:
         self.powered = on
+        self._replies.clear()
 
     def set_faults(self, faults: frozenset[str]) -> None:
         """The faults now present, those of the line included."""

@@ -133,9 +133,8 @@ class Adapter:
     def _passes(self, identifier: int) -> bool:
         """The acceptance filter: two filters over the upper 16 of 29 bits, a 1 in the mask means any."""
         upper = identifier >> 13
-        return any(
-            not (upper ^ (self._code >> shift)) & ~(self._mask >> shift) & 65535 for shift in (16, 0)
-        )  # AC0 AC1 first, then AC2 AC3
+        # AC0 AC1 first, then AC2 AC3
+        return any(not (upper ^ (self._code >> shift)) & ~(self._mask >> shift) & 65535 for shift in (16, 0))
 
     # -- commands -----------------------------------------------------------------------------------------------------
 

@@ -13,6 +13,7 @@ import stat
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from handctl.number_parsing import real_in
 from handctl.sim.engine.model import Model
 from handctl.system import disk
 
@@ -58,10 +59,7 @@ def rows_of(lists: Mapping[str, list[Any]]) -> list[dict[str, Any]]:
 
 def real(text: str, low: float, high: float) -> float:
     """A number that somebody typed, in its range. Raises ValueError."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = high + 1.0
+    value = real_in(text)
     if not low <= value <= high:
         raise ValueError(f"{text!r} is not a number from {low:g} to {high:g}")
     return value

@@ -12,7 +12,7 @@ from handctl.sim.engine.model import Options, Random
 from handctl.sim.exo.hand import Hand
 from handctl.sim.inspire.frames import SERIAL_OPTIONS, Serial, frame
 from handctl.sim.inspire.memory import Element, Space, differ
-from handctl.sim.inspire.servo import heat, strike
+from handctl.sim.inspire.servo import heat, latched_help, strike
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -61,12 +61,7 @@ _FAULTS = {
     "faults": "error bytes 01 02 04 06 18",
     "hot": "all actuators start above the limit and cool down",
     "blocked": "no finger can move",
-    "locked-rotor": "error bit 0 on the little finger",
-    "over-temperature": "error bit 1 on the ring finger, which stays hot",
-    "over-current": "error bit 2 on the middle finger",
-    "motor-abnormal": "error bit 3 on the thumb",
-    "communication": "error bit 4 on the thumb",
-    "unknown-bits": "error bits 5 and 7 on the index finger",
+    **latched_help(("the little finger", "the ring finger", "the middle finger", "the index finger", "the thumb")),
 }
 
 
@@ -103,7 +98,6 @@ class Device(Serial):
     def power(self, on: bool) -> None:
         """Id and speed come from flash (exo §2.3.1, §2.3.2), set points start anew, late frames are gone."""
         super().power(on)
-        self._replies.clear()
         self.hand.power_on()
         if not on:
             return

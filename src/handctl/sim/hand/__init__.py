@@ -1,12 +1,11 @@
 """The simulated RH56 hands, four generations of one maker: DF, TP, F1 and DG2 (RH56 dossier §1).
 
-books.py      the registers of each generation: addresses, sizes, ranges, what a hand shows at power-on
-fingers.py    fingers: they move, meet objects, stall and get warm
-model.py      one hand: memory, flash, triggers, a count of what it was made to do, skin; what its wires have in common
-options.py    what it can be told at its start
-device.py     its wires: EB90 and Modbus RTU, CAN, Modbus TCP
-modbus.py     frames of Modbus RTU and TCP, and what a request does
-control.py    control commands, state file, use
+register_maps.py  the registers of each generation: addresses, sizes, ranges, what a hand shows at power-on
+fingers.py        fingers: they move, meet objects, stall and get warm
+model.py          one hand: memory, flash, triggers, a count of what it was made to do, skin; what its wires
+                  have in common, and what it can be told at its start
+device.py         its wires: EB90 and Modbus RTU, CAN, Modbus TCP, and what a request of Modbus does
+control.py        control commands, state file, use
 """
 
 SUMMARY = "RH56 dexterous hand: generations df, tp, f1 and dg2 (serial, CAN, Modbus)."

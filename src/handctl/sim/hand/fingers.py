@@ -21,10 +21,8 @@ DRIVE_CURRENT = 150.0  # mA more than at rest while a finger moves (100 to 194 w
 STALL_CURRENT = 880.0  # mA more than at rest against an obstacle, below the golden current limits
 STALL_TIME = 0.3  # s against an obstacle until the locked-rotor error
 STIFFNESS = 20.0  # g per thousandth of the way that an object is pressed
-GENTLE, OVERSHOOT = (
-    25,
-    3.44,
-)  # up to this speed none, then g per unit of speed: 100 g became 3453 g at 1000 (dossier §6)
+# Up to this speed none, then g per unit of speed: 100 g became 3453 g at 1000 (dossier §6).
+GENTLE, OVERSHOOT = 25, 3.44
 HOLDING = 0.3  # mA more than at rest for each g
 STROKE = 2000
 
@@ -35,7 +33,7 @@ class Finger(Servo):
     def __init__(
         self, ends: tuple[int, int], found: tuple[int, int, int, int, int, int], rate: float, limit: float
     ) -> None:
-        """`found` are the readings of books.py, `rate` the angle units a second for each unit of speed."""
+        """`found` are the readings of register_maps.py, `rate` the angle units a second for each unit of speed."""
         stroke, angle, force, current, status, degrees = found
         super().__init__(float(degrees), limit)
         self.closed, self.open = ends

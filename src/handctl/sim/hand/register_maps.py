@@ -64,59 +64,47 @@ def _words(*rows: tuple[str, int, int, str, int, int]) -> Rows:
     return tuple((word, 2 * place, 2, count, access, low, high) for word, place, count, access, low, high in rows)
 
 
+# Addresses on F1 and on DG2; 6 elements are one of each finger, and on DG2 one of each motor. Angles are 0.1°. The editions
+# disagree about the ends of angles and forces: the widest are taken here.
 _F1_AND_DG2 = (
-    ("id", 1000, 1, "rw", 1, 254),
-    ("speed", 1001, 1, "rw", 0, 3),
-    ("clear", 1003, 1, "w", 0, 1),
-    ("save", 1004, 1, "w", 0, 1),
-    ("reset", 1005, 1, "w", 0, 1),
-    ("calibrate", 1007, 1, "w", 0, 1),
-    ("action-number", 2160, 1, "rw", 0, 40),
-    ("run", 2162, 1, "rw", 0, 1),
-    ("touch", 3000, 34, "r", 0, 65535),
+    ("id", 1000, 1000, 1, "rw", 1, 254),
+    ("speed", 1001, 1001, 1, "rw", 0, 3),
+    ("clear", 1003, 1003, 1, "w", 0, 1),
+    ("save", 1004, 1004, 1, "w", 0, 1),
+    ("reset", 1005, 1005, 1, "w", 0, 1),
+    ("calibrate", 1007, 1007, 1, "w", 0, 1),
+    ("action-number", 2160, 2160, 1, "rw", 0, 40),
+    ("run", 2162, 2162, 1, "rw", 0, 1),
+    ("touch", 3000, 3000, 34, "r", 0, 65535),
+    ("current-limit", 1016, 1024, 6, "rw", 0, 1500),
+    ("default-force", 1028, 1052, 6, "rw", -1000, 12000),
+    ("stroke-set", 1034, 1066, 6, "rw", -1, 2000),
+    ("angle-set", 1040, 1080, 6, "rw", -1, 1800),
+    ("force-set", 1046, 1094, 6, "rw", -1000, 12000),
+    ("speed-set", 1052, 1108, 6, "rw", -1, 4000),
+    ("stroke", 1058, 1122, 6, "r", LOW, HIGH),
+    ("angle", 1064, 1136, 6, "r", LOW, HIGH),
+    ("force", 1070, 1150, 6, "r", LOW, HIGH),
+    ("current", 1076, 1164, 6, "r", LOW, HIGH),
+    ("error", 1082, 1178, 6, "r", 0, 65535),
+    ("status", 1088, 1192, 6, "r", 0, 65535),
+    ("temperature", 1094, 1206, 6, "r", 0, 65535),
+    ("mode", 1100, 1220, 6, "rw", 0, 2),
+    ("pause", 1130, 1300, 1, "rw", 0, 1),
+    ("stop", 1131, 1301, 1, "rw", 0, 1),
 )
-# Angles are 0.1°. The editions disagree about the ends of angles and forces: the widest are taken here.
 F1: Rows = _words(
-    *_F1_AND_DG2,
-    ("current-limit", 1016, 6, "rw", 0, 1500),
     ("default-speed", 1022, 6, "rw", 0, 4000),
-    ("default-force", 1028, 6, "rw", -1000, 12000),
-    ("stroke-set", 1034, 6, "rw", -1, 2000),
-    ("angle-set", 1040, 6, "rw", -1, 1800),
-    ("force-set", 1046, 6, "rw", -1000, 12000),
-    ("speed-set", 1052, 6, "rw", -1, 4000),
-    ("stroke", 1058, 6, "r", LOW, HIGH),
-    ("angle", 1064, 6, "r", LOW, HIGH),
-    ("force", 1070, 6, "r", LOW, HIGH),
-    ("current", 1076, 6, "r", LOW, HIGH),
-    ("error", 1082, 6, "r", 0, 65535),
-    ("status", 1088, 6, "r", 0, 65535),
-    ("temperature", 1094, 6, "r", 0, 65535),
-    ("mode", 1100, 6, "rw", 0, 2),
-    ("pause", 1130, 1, "rw", 0, 1),
-    ("stop", 1131, 1, "rw", 0, 1),
+    *((word, place, count, access, low, high) for word, place, _, count, access, low, high in _F1_AND_DG2),
 )
 DG2: Rows = _words(
-    *_F1_AND_DG2,
-    ("current-limit", 1024, 13, "rw", 0, 1500),
     ("default-speed", 1038, 13, "rw", 0, 2500),
-    ("default-force", 1052, 13, "rw", -1000, 12000),
-    ("stroke-set", 1066, 13, "rw", -1, 2000),
-    ("angle-set", 1080, 13, "rw", -1, 1800),
-    ("force-set", 1094, 13, "rw", -1000, 12000),
-    ("speed-set", 1108, 13, "rw", -1, 4000),
-    ("stroke", 1122, 13, "r", LOW, HIGH),
-    ("angle", 1136, 13, "r", LOW, HIGH),
-    ("force", 1150, 13, "r", LOW, HIGH),
-    ("current", 1164, 13, "r", LOW, HIGH),
-    ("error", 1178, 13, "r", 0, 65535),
-    ("status", 1192, 13, "r", 0, 65535),
-    ("temperature", 1206, 13, "r", 0, 65535),
-    ("mode", 1220, 13, "rw", 0, 2),
-    ("pause", 1300, 1, "rw", 0, 1),
-    ("stop", 1301, 1, "rw", 0, 1),
     ("built-in-number", 1431, 1, "rw", 0, 40),
     ("run-built-in", 1432, 1, "rw", 0, 1),
+    *(
+        (word, place, 13 if count == 6 else count, access, low, high)
+        for word, _, place, count, access, low, high in _F1_AND_DG2
+    ),
 )
 
 

@@ -95,6 +95,16 @@ def strike(servos: Sequence[Servo], faults: frozenset[str], every: Sequence[int]
             servo.cool_down()
 
 
+def latched_help(places: Sequence[str], latched: Latched = LATCHED) -> dict[str, str]:
+    """What these faults are, of actuators with these names."""
+    texts = {}
+    for name, (place, byte) in latched.items():
+        bits = [str(bit) for bit in range(8) if byte >> bit & 1]
+        hot = ", which stays hot" if byte == OVER_TEMPERATURE else ""
+        texts[name] = f"error bit{'s' if len(bits) > 1 else ''} {' and '.join(bits)} on {places[place]}{hot}"
+    return texts
+
+
 def heat(servos: Sequence[Servo], faults: frozenset[str]) -> None:
     """Behind a power-on: with the fault "hot" all begin above the limit."""
     for number, servo in enumerate(servos) if "hot" in faults else ():

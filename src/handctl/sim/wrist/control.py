@@ -15,7 +15,7 @@ from handctl.sim.hand.control import check_fingers, fingers_of, poke, use_finger
 from handctl.sim.hand.fingers import CALIBRATION
 from handctl.sim.inspire.memory import MEMORY, poking
 from handctl.sim.wrist.body import AXES, PITCH, YAW
-from handctl.sim.wrist.model import KEPT, Module
+from handctl.sim.wrist.device import KEPT, Module
 
 HELP = (
     "set ADDRESS HEX | get ADDRESS COUNT | hand-set ADDRESS HEX | hand-get ADDRESS COUNT"
@@ -112,9 +112,8 @@ def restore(device: Module, state: dict[str, Any]) -> None:
     wrist, hand = device.wrist.memory_of(state["wrist"]), device.hand.memory_of(state["carrier"])
     body, actuators = checked(state, OF_BODY, 2), checked(state, OF_ACTUATORS, 2)
     carrier, fingers = device.carrier, state.get("fingers", {})
-    found = (
-        check_fingers(carrier.body, fingers, CALIBRATION) if "rows" in fingers else None
-    )  # an older file has no rows
+    # an older file has no rows
+    found = check_fingers(carrier.body, fingers, CALIBRATION) if "rows" in fingers else None
     device.wrist.memory, device.hand.memory = wrist, hand
     if found is not None:
         use_fingers(carrier.body, *found)

@@ -302,24 +302,12 @@ def open_position(patient: ExaminedHand) -> list[Finding]:
 
 
 CHECKS: dict[str, Check] = {
-    "firmware": firmware,
-    "status": status,
-    "can_move": can_move,
-    "parameters": parameters,
-    "over_temperature_limit": over_temperature_limit,
-    "temperature": temperature,
-    "odometer": odometer,
-    "strain": strain_,
-    "repeatable": repeatable,
-    "strain_limits": strain_limits,
-    "velocities": velocities,
-    "init_settings": init_settings,
-    "breakaway": breakaway,
-    "equal_fingers": equal_fingers,
-    "close_target": close_target,
-    "spread_greasing": spread_greasing,
-    "open_position": open_position,
-}
+    check.__name__.rstrip("_"): check
+    for check in (
+        firmware, status, can_move, parameters, over_temperature_limit, temperature, odometer, strain_, repeatable,
+        strain_limits, velocities, init_settings, breakaway, equal_fingers, close_target, spread_greasing, open_position,
+    )
+}  # fmt: skip
 
 
 # -- communication ------------------------------------------------------------------------------------------------

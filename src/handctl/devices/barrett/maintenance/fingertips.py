@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from math import cos, radians, sin
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
@@ -229,14 +229,12 @@ def now(hand: BarrettHand) -> Table:
     return table_of(Tips(hand).rows())
 
 
-def stream(hand: BarrettHand, *, rate: float, count: int | None, duration: float | None) -> Table:
+def stream(hand: BarrettHand, **timing: Any) -> Table:
     ranges = dict(zip(JOINTS, ((0.0, limit) for limit in LIMITS), strict=True))
     return live(
         hand,
         Tips(hand).rows,
-        rate=rate,
-        count=count,
-        duration=duration,
+        **timing,
         columns=COLUMNS,
         ranges=ranges | {"tip_x": (-REACH, REACH), "tip_y": (-REACH, REACH), "tip_z": (0.0, REACH)},
         decimals=dict.fromkeys((*JOINTS, *AXES), 1),

@@ -6,6 +6,7 @@ A reading is without load only when the fingers stand open at their stops; `prep
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 from handctl.devices.barrett import motion
 from handctl.devices.barrett.device import BarrettHand
@@ -174,16 +175,14 @@ def deviation(value: int) -> tuple[int | None, str]:
     return 0, "ok"
 
 
-def stream(hand: BarrettHand, *, rate: float, count: int | None, duration: float | None) -> Table:
+def stream(hand: BarrettHand, **timing: Any) -> Table:
     """Readings as a stream: the bar's ends are 100 and 140, and half full is the middle of the window."""
     warn_if_loaded(hand)
     low, high = health.NO_LOAD
     return live(
         hand,
         partial(_adjusting, hand),
-        rate=rate,
-        count=count,
-        duration=duration,
+        **timing,
         columns=(*hand.columns[:5], Column("label", "Window")),
         ranges={"strain": (float(low), float(high))},
         flags=frozenset({"beside_window"}),

@@ -19,6 +19,9 @@ from handctl.model.param import Element, Number
 COEFFICIENTS = ("LCVC", "LFVC", "LFDPC")
 LIMITING = ("TSTOP", "CT", "HSG", "LSG", "IVEL", "SAMPLE")
 """What the guards go by."""
+Flags = Mapping[tuple[str, int], int]
+"""(mnemonic, motor index) -> value; 0 for those of the whole hand."""
+Values = list[tuple[Element, Number]]
 LATER = {"breakaway_position", "analog"}
 """Feedback of firmware 4.4 (dossier 6.5)."""
 
@@ -83,11 +86,7 @@ class Prepared(NamedTuple):
 
 
 def prepare(
-    hand: BarrettHand,
-    flag_request: FlagRequest,
-    controls: Controls | None,
-    undo: list[tuple[Element, Number]],
-    cycle: float,
+    hand: BarrettHand, flag_request: FlagRequest, controls: Controls | None, undo: Values, cycle: float
 ) -> Prepared:
     """Read the flags, set what was asked and differs, and say how the blocks look then.
 
@@ -124,13 +123,8 @@ def prepare(
     return Prepared(layout, shown, temperature, limits, heat, discards)
 
 
-def _write(
-    hand: BarrettHand,
-    now: Mapping[tuple[str, int], int],
-    wanted: Mapping[tuple[str, int], int],
-    undo: list[tuple[Element, Number]],
-) -> None:
-    changes: list[tuple[Element, Number]] = [
+def _write(hand: BarrettHand, now: Flags, wanted: Flags, undo: Values) -> None:
+    changes: Values = [
         (Element(BARRETT.by_mnemonic(name), index), value)
         for (name, index), value in wanted.items()
         if now[(name, index)] != value
@@ -143,9 +137,7 @@ def _write(
 # -- what the guards need -------------------------------------------------------------------------------------------
 
 
-def _for_guards(
-    flag_request: FlagRequest, wanted: Mapping[tuple[str, int], int], index: int
-) -> dict[tuple[str, int], int]:
+def _for_guards(flag_request: FlagRequest, wanted: Flags, index: int) -> dict[tuple[str, int], int]:
     """Feedback without which a guard of a driven motor would see nothing: it is taken in, and not shown."""
     more: dict[tuple[str, int], int] = {}
     if flag_request.guards & {"stall", "window"} and not (wanted["LFAP", index] or wanted["LFDP", index]):
@@ -157,7 +149,7 @@ def _for_guards(
     return more
 
 
-def _limits(now: Mapping[tuple[str, int], int], index: int) -> Limits:
+def _limits(now: Flags, index: int) -> Limits:
     factor, divisor = now["LCVC", index], now["LFDPC", index]
     return Limits(
         speed=factor / 16 / sample_seconds(now["SAMPLE", index]),
@@ -171,12 +163,7 @@ def _limits(now: Mapping[tuple[str, int], int], index: int) -> Limits:
 
 
 def _delta_unit(
-    hand: BarrettHand,
-    flag_request: FlagRequest,
-    controls: Controls | None,
-    now: Mapping[tuple[str, int], int],
-    index: int,
-    cycle: float,
+    hand: BarrettHand, flag_request: FlagRequest, controls: Controls | None, now: Flags, index: int, cycle: float
 ) -> int:
     """LFDPC: what was asked for; else as much as keeps the fastest command within a byte, twice over (§6.2.3)."""
     if flag_request.delta_unit is not None or controls is None:
@@ -192,7 +179,7 @@ def _delta_unit(
     return max(now["LFDPC", index], min(needed, 255))
 
 
-def _heat(hand: BarrettHand, flag_request: FlagRequest, now: Mapping[tuple[str, int], int]) -> int:
+def _heat(hand: BarrettHand, flag_request: FlagRequest, now: Flags) -> int:
     """The limit in 0.1 °C. Raises CheckFailed when the board is above it before anything moves."""
     limit = now["OTEMP", 0] if 0 < now["OTEMP", 0] < LIMIT_TENTHS else LIMIT_TENTHS
     if "heat" in flag_request.guards and now["TEMP", 0] > limit:
@@ -259,7 +246,7 @@ def _fitted(
     return wanted
 
 
-def _selection(now: Mapping[tuple[str, int], int], index: int) -> Selection:
+def _selection(now: Flags, index: int) -> Selection:
     return Selection(
         tuple(name for name, flag in CONTROL.items() if now[(flag, index)]),
         tuple(name for name, flag in FEEDBACK.items() if now.get((flag, index))),
@@ -267,7 +254,7 @@ def _selection(now: Mapping[tuple[str, int], int], index: int) -> Selection:
     )
 
 
-def _refuse_zero(now: Mapping[tuple[str, int], int], motors: tuple[int, ...], *, sends: bool) -> None:
+def _refuse_zero(now: Flags, motors: tuple[int, ...], *, sends: bool) -> None:
     """A coefficient of 0 divides by zero or always stops the motor (dossier 3.1)."""
     for index in motors:
         for name, used in (

@@ -22,7 +22,6 @@ from handctl.devices.barrett.realtime.blocks import (
     NEITHER,
     Decoder,
     Feedback,
-    Layout,
     LoopError,
     Values,
     still,
@@ -71,23 +70,13 @@ class RealtimeLoop:
         self.session = Session(hand, flag_request, drives=controls is not None)
         self._guide = prompts
         self._sequential = sequential
-        self._intake = Intake(hand, flag_request, measuring=measuring)
+        self.intake = Intake(hand, flag_request, measuring=measuring)
 
     # -- the whole run -------------------------------------------------------------------------------------------
 
-    @property
-    def layout(self) -> Layout:
-        """The structure of the blocks."""
-        return self.session.layout
-
-    @property
-    def velocity_points(self) -> dict[int, list[tuple[float, int, int]]]:
-        """Time, position and velocity per motor, of a loop that measures."""
-        return self._intake.velocity_points
-
     def summary(self) -> dict[str, Any]:
         """Rate, latencies, floors and what the guards did, for the closing envelope."""
-        return self._intake.summary(drives=self.controls is not None, overlapped=not self._sequential)
+        return self.intake.summary(drives=self.controls is not None, overlapped=not self._sequential)
 
     @property
     def failure(self) -> HandctlError | None:
@@ -145,7 +134,7 @@ class RealtimeLoop:
         longest = max(1 / rate if rate else 0.0, line.wire_seconds(9 + 23) or 0.035)
         prepared = prepare(self.hand, self.flag_request, self.controls, self.session.undo, longest)
         self.session.layout = prepared.layout
-        self._intake.prepared = prepared
+        self.intake.prepared = prepared
         self.session.decoder = Decoder(self.session.layout)
 
     def _stop_for_reader(self) -> HandctlError:
@@ -163,12 +152,12 @@ class RealtimeLoop:
     def _enter(self) -> None:
         """`FGET P` (the reference of the deltas, and where the guards begin), then LOOP and its acknowledgement."""
         hand, session = self.hand, self.session
-        prepared = self._intake.prepared
+        prepared = self.intake.prepared
         start: dict[int, int] = {}
         if prepared.limits or any("delta" in motor.feedback for motor in session.layout.motors.values()):
             places = hand.numbers(BARRETT.elements("P", motors=self.flag_request.motors))
             start = dict(zip(self.flag_request.motors, places, strict=True))
-        self._intake.begin(start)
+        self.intake.begin(start)
         session.enter()
 
     def _self_test(self) -> None:
@@ -185,7 +174,7 @@ class RealtimeLoop:
             exc.text = f"{exc.text} (self-test of overlapped blocks, nothing moved)"
             exc.hint = f"leave --overlapped out. {exc.hint}"
             raise
-        self._intake.forget()
+        self.intake.forget()
         self.session.stood = False
 
     # -- blocks --------------------------------------------------------------------------------------------------
@@ -193,7 +182,7 @@ class RealtimeLoop:
     def _exchange(
         self, controls: Controls | None, rate: float, count: int | None, duration: float | None
     ) -> Iterator[Sample]:
-        link, bound, decoder, intake = self.hand.link, self.hand.line.bound, self.session.decoder, self._intake
+        link, bound, decoder, intake = self.hand.link, self.hand.line.bound, self.session.decoder, self.intake
         sent: deque[Sent] = deque()
         proved: deque[Taken] = deque()
         last: Taken | None = None  # has come, but nothing behind it yet
@@ -292,8 +281,8 @@ class RealtimeLoop:
         if controls is None:
             block = FEEDBACK_ONLY if feedback else NEITHER
         else:
-            if self._intake.guards is not None:
-                values, held = self._allowed(self._intake.guards, values, now)
+            if self.intake.guards is not None:
+                values, held = self._allowed(self.intake.guards, values, now)
             values = {index: dict(names) for index, names in values.items()}
             block = session.layout.control(values, feedback=feedback)
         with self._guide.counting() as presses:
@@ -310,14 +299,14 @@ class RealtimeLoop:
 
     def _allowed(self, guards: Guards, values: Values, now: float) -> tuple[Values, dict[int, str]]:
         try:
-            return guards.allow(values, now, self._intake.cycle)
+            return guards.allow(values, now, self.intake.cycle)
         except UsageError as exc:
             raise CheckFailed(f"{exc.text}. The loop has ended", hint=exc.hint, code=exc.code) from exc
 
     def _answer(self, sent: deque[Sent]) -> Feedback | None:
         """The answer to the oldest block; None once when its acknowledgement has come."""
         decoder, line = self.session.decoder, self.hand.line
-        deadline = self.session.block_deadline(sent[0].at)
+        deadline = line.link.deadline(max(0.0, sent[0].at + self.session.patience - line.link.now()))
         while True:
             answer = self._next_answer()
             if isinstance(answer, LoopError):
@@ -360,18 +349,18 @@ class RealtimeLoop:
         if decoder.received:
             self.hand.journal.counters.bad_frames += 1
             return ProtocolError(
-                f"{name}: a feedback block of {self.layout.feedback_size} bytes stopped after "
+                f"{name}: a feedback block of {self.session.layout.feedback_size} bytes stopped after "
                 f"{decoder.received.hex(' ').upper()}",
                 hint="check the cable and run it again: bytes were lost on the line, or the flags changed",
                 code="cut-short",
             )
         return NoAnswer(
-            f"{name}: block {self._intake.answers + 1} was not acknowledged",
+            f"{name}: block {self.intake.answers + 1} was not acknowledged",
             hint="check the cable and the hand's power. --timeout allows a slow link more time",
         )
 
     def _refused(self, error: LoopError) -> HandctlError:
-        answer = Answer(f"RealTime block {self._intake.answers + 1}", (), error.status, b"")
+        answer = Answer(f"RealTime block {self.intake.answers + 1}", (), error.status, b"")
         if error.status:
             return self.hand.refusal(answer)
         return DeviceRefused(

@@ -304,7 +304,7 @@ def measured(run: Run, loop: RealtimeLoop, blocks: int, rate: float) -> Table:
 
 
 def _fits(loop: RealtimeLoop) -> Iterable[Row]:
-    for index, points in loop.velocity_points.items():
+    for index, points in loop.intake.velocity_points.items():
         unit = velocity_unit(points)
         if unit is not None:
             yield {"name": f"velocity_unit.{MOTORS[index]}", "value": round(unit, 2), "unit": "cts/s"}

@@ -18,7 +18,6 @@ from handctl.devices.barrett.realtime.blocks import ACKNOWLEDGE, Decoder, Layout
 from handctl.devices.barrett.realtime.flags import FlagRequest, asked_flags
 from handctl.devices.barrett.realtime.schedule import Controls
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
-from handctl.link import Deadline
 from handctl.link.deadman import Guard, Shot
 from handctl.model.param import Element, Number, Step
 from handctl.model.stop_sequence import BEAT
@@ -115,10 +114,6 @@ class Session:
         size = self.layout.control_size + self.layout.feedback_size
         least = BLOCK_SECONDS if self.drives else WATCH_SECONDS
         return line.timeout if line.timeout is not None else max(least, 10 * line.wire_seconds(size))
-
-    def block_deadline(self, sent_at: float) -> Deadline:
-        """How long the answer to a block may take."""
-        return self.hand.link.deadline(max(0.0, sent_at + self.patience - self.hand.link.now()))
 
     def give_up(self) -> None:
         """The link is lost: no byte can reach the hand, nothing is to be put back."""

@@ -1,9 +1,14 @@
-"""What recorded bytes of the EH55BF1 mean."""
+"""What recorded bytes of the EH55BF1 mean, and which of them write."""
 
-from handctl.devices.inspire.explain import InspireExplainer
+from handctl.devices.inspire.explain import InspireExplainer, InspireWriteRules
 from handctl.devices.inspire.map import EXO
 
 
 def explainer() -> InspireExplainer:
     """For the EH55BF1."""
     return InspireExplainer(EXO)
+
+
+def words() -> InspireWriteRules:
+    """For the EH55BF1."""
+    return InspireWriteRules(explainer())

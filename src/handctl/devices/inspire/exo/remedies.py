@@ -1,5 +1,7 @@
 """What an EH55BF1's error bits and readings mean, and what to do. The bits: exo §2.3.12; what clears them: exo §2.3.3."""
 
+from handctl.devices.inspire.map import FINGERS
+from handctl.model.outline import Measure, Outline, hand
 from handctl.model.remedy import UNKNOWN, Remedy
 
 _CLEAR = "then run `handctl exo clear-errors`"
@@ -15,3 +17,16 @@ REMEDIES = {
     "supply": Remedy("the hand measures no supply voltage", "check the power supply and its plug", "exo §2.3"),
     "range": Remedy("a reading is outside the documented range", "run `handctl exo doctor`: the sensor, or the type of the hand, may be wrong", "exo §2.3"),
 }  # fmt: skip
+
+OUTLINE = Outline(
+    hand(FINGERS[:4], ("thumb", "thumb_rotation")),
+    {
+        "temperature": Measure("temperature.{}", 100),
+        "force": Measure("force_actual.{}", 1000),
+        "error": Measure("error.{}"),
+    },
+    errors="error.{}",
+    bend=("position_actual.{}", 0, 1000),
+    note="A right hand seen from its palm. A bar is as long as the finger is open.",
+)
+"""The fingers of an EH55BF1 in their place. The ends of temperature and force are those of their ranges (exo §2.3.10, §2.3.13)."""

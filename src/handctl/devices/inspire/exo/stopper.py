@@ -25,17 +25,17 @@ POWER = "switch the power off if the hand still pushes or moves"
 
 def stop_steps(context: StopContext) -> StopSequence:
     """Forces to 0, then a hold, each repeated until the hand has acknowledged it; then a second check."""
-    number, came = context.number, list[bytes]()
+    number, came, wire = context.number, list[bytes](), Wire(context, first=lead(context))
     step, wrist = asks(number, eb90.WRIST_READ)
     if not context.proven:
-        came += yield StopStep(step, QUICK, lambda pieces: answer(pieces, wrist), reads=True, ahead=lead(context))
+        came += yield StopStep(step, QUICK, lambda pieces: answer(pieces, wrist), reads=True, ahead=wire.first)
         if answer(came, wrist):
             return Stopped("this is a wrist, not an exoskeleton hand. Nothing was written", OF_A_WRIST, DeviceRefused)
     force = Step("all forces to 0", eb90.command_request(number, eb90.FORCE_COMMAND, [0] * FINGERS), moves=True)
     told = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
     meaning, late = "", False
     for _ in range(context.tries):
-        heard = yield from insist(context, force, lambda pieces: answer(pieces, told), ahead=lead(context))
+        heard = yield from insist(context, force, lambda pieces: answer(pieces, told), ahead=wire.first)
         came += heard.came
         if heard.found is None:
             break
@@ -50,7 +50,7 @@ def stop_steps(context: StopContext) -> StopSequence:
         if answer(pieces, taken) is None:
             continue
         wanted: list[int | None] = [*(places if meaning.startswith("hold") else [None] * FINGERS), *[0] * FINGERS]
-        now = yield from _targets(context)
+        now = yield from _targets(wire)
         if now is not None and not _alike(wanted, now):
             if not late:
                 late = True  # the answer was that of a force that was commanded before: it begins alike
@@ -58,8 +58,8 @@ def stop_steps(context: StopContext) -> StopSequence:
             wanted = [None] * len(wanted)  # this hand does not show its commands there (the manual does not say)
         done = f"the hand acknowledged two commands: all forces to 0, then {meaning}. The manual documents no stop"
         against = yield from seen_since(
-            lambda: Wire(context, first=lead(context)).values(POSITION_ACTUAL, MEASURED),
-            lambda: _targets(context),
+            lambda: wire.values(POSITION_ACTUAL, MEASURED),
+            lambda: _targets(wire),
             wanted,
             STILL,
             places,
@@ -82,9 +82,8 @@ def _alike(wanted: list[int | None], now: list[int]) -> bool:
     return all(one in (None, other) for one, other in zip(wanted, now, strict=True))
 
 
-def _targets(context: StopContext) -> Read:
+def _targets(wire: Wire) -> Read:
     """The places that it is commanded to, and the forces; None where they are not answered."""
-    wire = Wire(context, first=lead(context))
     places = yield from wire.values(POSITION_SET, FINGERS)
     forces = (yield from wire.values(FORCE_SET, FINGERS)) if places is not None else None
     return None if places is None or forces is None else [*places, *forces]

@@ -176,12 +176,8 @@ def look(bus: RegisterBus, other: RegisterBus | None = None) -> Found:
     if other is not None and asked.ask("hand", STATES) is None and asked.unheard is not None and _answers(other):
         raise asked.unheard
     kind = asked.who(BYTE_HAND)
-    if kind is F1_HAND:
-        return Found(kind, F1, asked.evidence)
-    if kind is DG2_HAND:
-        return Found(kind, DG2, asked.evidence)
     if kind is not BYTE_HAND:
-        return Found(kind, None, asked.evidence)
+        return Found(kind, next((model for model, shown in KINDS.items() if shown is kind), None), asked.evidence)
     model, more = _of_bytes(bus, asked)
     return Found(kind, model, "; ".join(filter(None, (asked.evidence, more))))
 
@@ -231,9 +227,8 @@ class ModelGate(FamilyGate):
     """
 
     def __init__(self, typed: str | None, assumed: bool) -> None:
-        super().__init__(
-            BYTE_HAND, assumed and typed is not None
-        )  # what was neither looked at nor typed is not written to
+        # what was neither looked at nor typed is not written to
+        super().__init__(BYTE_HAND, assumed and typed is not None)
         self.typed = typed
         self.unasked = assumed
         """Whether --assume-identity is given: whoever is there is read, by the map of bytes where none was typed."""

@@ -109,84 +109,64 @@ BYTE_MAP: ParamMap[Any] = ParamMap("hand", [
 """DF and TP (rh56 §3.1)."""
 
 
-def _word_map(kind: str, places: dict[str, int], elements: tuple[str, ...]) -> ParamMap[Any]:
-    """The map of a generation that counts words: the same names, one word each (rh56 §3.2)."""
-    rows = []
-    for name, place in places.items():
-        like = None if name == "mode" else BYTE_MAP[name]
-        vector = name not in ("id", "baud_code") and (like is None or bool(like.elements))
-        fields: dict[str, Any] = {
-            "doc": like.doc if like is not None and "0 closed" not in like.doc and "0 open" not in like.doc else _WORD_DOCS[name],
-            "source": "rh56 §3.2", "per": 2, "models": (kind,), "elements": elements if vector else (),
-        }  # fmt: skip
-        if like is not None:
-            fields |= {
-                "bits": like.bits,
-                "choices": like.choices,
-                "access": like.access,
-                "kind": like.kind,
-                "acts": like.acts,
-            }
-            fields |= {"low": 1, "high": 1} if like.trigger else {}
-            fields |= {"strands": like.strands, "verb": like.verb, "persistent": like.persistent}
-        if name in ("id", "baud_code", "error", "status", "temperature") or (like is not None and like.trigger):
-            fields["signed"] = False
-        fields |= _WORD_FIELDS.get(name, {})
-        rows.append(_row(2 * place, name, **fields))
-    return ParamMap("hand", rows)
-
-
-_WORD_DOCS = {
-    "stroke_set": "commanded stroke, -1 leaves an actuator as it is",
-    "angle_set": "commanded angle, -1 leaves an actuator as it is",
-    "stroke_actual": "measured stroke",
-    "angle_actual": "measured angle",
-    "mode": "0 speed and force, 1 force loop, 2 impedance",
-}
-_TENTHS: dict[str, Any] = {"unit": "0.1 °"}
+_LIKE = (
+    "doc",
+    "unit",
+    "special",
+    "bits",
+    "choices",
+    "access",
+    "kind",
+    "acts",
+    "strands",
+    "verb",
+    "persistent",
+    "signed",
+)
+_WORDS = {
+    "id": (1000, 1000), "baud_code": (1001, 1001), "clear_errors": (1003, 1003), "save": (1004, 1004),
+    "factory_reset": (1005, 1005), "calibrate_force": (1007, 1007), "current_limit": (1016, 1024),
+    "default_speed": (1022, 1038), "default_force": (1028, 1052), "stroke_set": (1034, 1066), "angle_set": (1040, 1080),
+    "force_limit": (1046, 1094), "speed_set": (1052, 1108), "stroke_actual": (1058, 1122), "angle_actual": (1064, 1136),
+    "force_actual": (1070, 1150), "current": (1076, 1164), "error": (1082, 1178), "status": (1088, 1192),
+    "temperature": (1094, 1206), "mode": (1100, 1220),
+}  # fmt: skip
+"""Name -> address on F1, on DG2 (rh56 §3.2)."""
 _WORD_FIELDS: dict[str, dict[str, Any]] = {
-    "id": {"low": 1, "high": 254},
-    "current_limit": {"unit": "mA"},
     "default_speed": {"low": 0, "high": 4000},
-    "default_force": {"unit": "g"},
-    "stroke_set": {"special": _LEFT, "low": 0, "high": 2000},
-    "angle_set": {"special": _LEFT, **_TENTHS},
-    "force_limit": {"special": _LEFT, "unit": "g"},
-    "speed_set": {"special": _LEFT, "low": 0, "high": 4000},
-    "angle_actual": _TENTHS,
-    "force_actual": {"unit": "g"},
-    "current": {"unit": "mA"},
-    "temperature": {"unit": "°C", "low": 0, "high": 100, "special": _WARM},
+    "stroke_set": {"doc": "commanded stroke, -1 leaves an actuator as it is", "low": 0, "high": 2000},
+    "angle_set": {"doc": "commanded angle, -1 leaves an actuator as it is", "unit": "0.1 °"},
+    "speed_set": {"low": 0, "high": 4000},
+    "stroke_actual": {"doc": "measured stroke"},
+    "angle_actual": {"doc": "measured angle", "unit": "0.1 °"},
+    "temperature": {"low": 0, "high": 100},
     "mode": {
+        "doc": "0 speed and force, 1 force loop, 2 impedance",
         "access": "rw",
         "kind": SETTING,
         "acts": MOVES,
         "choices": {0: "speed and force", 1: "force loop", 2: "impedance"},
     },
 }
+"""What is not as on DF and TP; of what each finger has, no other limit is claimed."""
 
-F1_MAP = _word_map(
-    F1,
-    {
-        "id": 1000, "baud_code": 1001, "clear_errors": 1003, "save": 1004, "factory_reset": 1005, "calibrate_force": 1007,
-        "current_limit": 1016, "default_speed": 1022, "default_force": 1028, "stroke_set": 1034, "angle_set": 1040,
-        "force_limit": 1046, "speed_set": 1052, "stroke_actual": 1058, "angle_actual": 1064, "force_actual": 1070,
-        "current": 1076, "error": 1082, "status": 1088, "temperature": 1094, "mode": 1100,
-    },
-    FINGERS,
-)  # fmt: skip
+
+def _word_map(kind: str, which: int, elements: tuple[str, ...]) -> ParamMap[Any]:
+    """The map of a generation that counts words: the same names, one word each (rh56 §3.2)."""
+    rows = []
+    for name, places in _WORDS.items():
+        like = BYTE_MAP.get(name)
+        each = like is None or bool(like.elements)
+        fields = {key: getattr(like, key) for key in (_LIKE if each else (*_LIKE, "low", "high")) if like is not None}
+        fields |= {"source": "rh56 §3.2", "per": 2, "models": (kind,), "elements": elements if each else ()}
+        rows.append(_row(2 * places[which], name, **(fields | _WORD_FIELDS.get(name, {}))))
+    return ParamMap("hand", rows)
+
+
+F1_MAP = _word_map(F1, 0, FINGERS)
 """RH56F1 (rh56 §3.2). The limits of angles and forces differ between its three editions: none is claimed."""
 
-DG2_MAP = _word_map(
-    DG2,
-    {
-        "id": 1000, "baud_code": 1001, "clear_errors": 1003, "save": 1004, "factory_reset": 1005, "calibrate_force": 1007,
-        "current_limit": 1024, "default_speed": 1038, "default_force": 1052, "stroke_set": 1066, "angle_set": 1080,
-        "force_limit": 1094, "speed_set": 1108, "stroke_actual": 1122, "angle_actual": 1136, "force_actual": 1150,
-        "current": 1164, "error": 1178, "status": 1192, "temperature": 1206, "mode": 1220,
-    },
-    ACTUATORS,
-)  # fmt: skip
+DG2_MAP = _word_map(DG2, 1, ACTUATORS)
 """RH5DG2 (rh56 §3.2). Which way its angles grow is not known."""
 
 MAPS = {DF: BYTE_MAP, TP: BYTE_MAP, F1: F1_MAP, DG2: DG2_MAP}

@@ -153,12 +153,8 @@ def refresh(device: Hand) -> Row4:
             seen = data
     often = f"more than {1 / REFRESH:.0f} reads per second return the same readings again"
     if len(changes) < 3:
-        return (
-            "refresh",
-            "ok",
-            f"the readings of the resting hand did not change. It refreshes them every 31 ms: {often}",
-            "",
-        )
+        text = f"the readings of the resting hand did not change. It refreshes them every 31 ms: {often}"
+        return "refresh", "ok", text, ""
     period = (changes[-1] - changes[0]) / (len(changes) - 1)
     text = f"the readings change every {1000 * period:.0f} ms: {often}"
     if period > 2 * REFRESH:
@@ -306,11 +302,8 @@ def identify(device: Hand) -> tuple[str, str, str]:
     """Whether it is one: status, evidence, remedy of a check. Read-only. Raises what the bus raises."""
     found = device.gate.seen(device.bus)
     if found.kind.family != FAMILY:
-        return (
-            "fail",
-            f"this is {found.kind.words}: {found.evidence}",
-            f"use `{found.kind.command}`, the command for it",
-        )
+        command = f"use `{found.kind.command}`, the command for it"
+        return "fail", f"this is {found.kind.words}: {found.evidence}", command
     if found.model is None:
         return "warning", f"{found.words}: {found.evidence}", LABEL
     return "ok", f"{found.words}: {found.evidence}", ""

@@ -1,6 +1,7 @@
 """What an RH56's error bits, status codes and readings mean, and what to do (rh56 §3.1, §9)."""
 
-from handctl.devices.inspire.hand.map import HOT, STATUS
+from handctl.devices.inspire.hand.map import FINGERS, HOT, STATUS
+from handctl.model.outline import Measure, Outline, hand
 from handctl.model.remedy import UNKNOWN, Remedy
 
 _CLEAR = "then run `handctl hand clear-errors`"
@@ -21,3 +22,12 @@ REMEDIES = {
     UNKNOWN: Remedy("the manual does not have this bit", "run `handctl hand report FILE`, and send it to the vendor", "rh56 §3.1"),
     "range": Remedy("a reading is outside the documented range", "run `handctl hand doctor`, and check --model", "rh56 §3.1"),
 }  # fmt: skip
+
+OUTLINE = Outline(
+    hand(FINGERS[:4], FINGERS[4:]),
+    {"temperature": Measure("temperature.{}", HOT), "force": Measure("force_actual.{}"), "error": Measure("error.{}")},
+    errors="error.{}",
+    bend=("angle_actual.{}", 0, 1000),
+    note="A right hand seen from its palm. A bar is as long as the finger is open.",
+)
+"""The fingers of an RH56 in their place. Where the actuators of an RH5DG2 are is not known."""

@@ -129,7 +129,7 @@ class Wrist(RegisterDevice):
         """
         targets = {
             axis_of(element.param.name): value
-            for element, value in sorted(changes, key=_axis_first)
+            for element, value in sorted(changes, key=lambda change: change[0].param.name)  # pitch first, as shown
             if element.param.moves
         }
         time = next((int(value) for element, value in changes if element.param.name == "move_time"), None)
@@ -164,10 +164,6 @@ class Wrist(RegisterDevice):
 def axis_of(name: str) -> str:
     """``pitch_actual`` -> ``pitch``."""
     return name.partition("_")[0]
-
-
-def _axis_first(change: tuple[Element, Number]) -> str:
-    return change[0].param.name  # pitch before yaw, as they are shown
 
 
 def value_text(row: Row) -> str:

@@ -1,9 +1,14 @@
-"""What recorded bytes of the wrist module and the hand behind it, on both wires mean."""
+"""What recorded bytes of the wrist module and the hand behind it mean, on both wires, and which of them write."""
 
-from handctl.devices.inspire.explain import InspireExplainer
+from handctl.devices.inspire.explain import InspireExplainer, InspireWriteRules
 from handctl.devices.inspire.map import WRIST
 
 
 def explainer() -> InspireExplainer:
     """For the wrist module and the hand behind it, on both wires."""
     return InspireExplainer(WRIST)
+
+
+def words() -> InspireWriteRules:
+    """For the wrist module and the hand behind it, on both wires."""
+    return InspireWriteRules(explainer())

@@ -12,7 +12,7 @@ from handctl.devices.inspire.can_bus import CanBus, related
 from handctl.devices.inspire.explain import CAN_MISPRINTS, MISPRINTS, InspireExplainer
 from handctl.devices.inspire.identity import identify_alone
 from handctl.devices.inspire.map import EXO, WRIST
-from handctl.devices.inspire.raw import RAW_COLUMNS, changes_of, check_values, judge_read_back, refused
+from handctl.devices.inspire.raw import RAW_COLUMNS, changes_of, check_values, judge_read_back, nameless, refused
 from handctl.devices.inspire.serial_bus import Bus
 from handctl.devices.inspire.wrist.device import Wrist
 from handctl.errors import Aftermath, NoAnswer, ProtocolError, UsageError
@@ -202,8 +202,7 @@ def hand_read(wrist: Wrist, address: int, count: int) -> Table:
 
 
 def _hand_row(wrist: Wrist, address: int, data: bytes, label: str) -> Table:
-    row: Row = {"name": None, "finger": None, "address": address, "value": None, "unit": None, "raw": hex_bytes(data)}
-    return Table(rows=[{**row, "label": label}], columns=wrist.columns, plain=("raw",))
+    return Table(rows=[nameless(address, data, label)], columns=wrist.columns, plain=("raw",))
 
 
 def plan_hand_write(wrist: Wrist, address: int, data: bytes, force: bool) -> Step:

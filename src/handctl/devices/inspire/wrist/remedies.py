@@ -1,5 +1,6 @@
 """What a wrist module's error bits and readings mean, and what to do. Its bits are assumed to be those of the hand."""
 
+from handctl.model.outline import Bar, Measure, Outline
 from handctl.model.remedy import UNKNOWN, Remedy
 
 _CYCLE = "then power-cycle the wrist: the manual has no command to clear its errors"
@@ -13,3 +14,11 @@ REMEDIES = {
     UNKNOWN: Remedy("the manual does not have this bit", "run `handctl wrist report FILE`, and send it to the vendor", "wrist §2.1"),
     "range": Remedy("an angle is outside the range of the module", "check that it is a wrist module: `handctl wrist doctor`", "wrist §1"),
 }  # fmt: skip
+
+OUTLINE = Outline(
+    (Bar("1", 0, -4), Bar("2", 0, -4)),
+    {"temperature": Measure("temperature_{}"), "error": Measure("error_{}")},
+    errors="error_{}",
+    palm=0,
+)
+"""The two actuators of the wrist module, side by side. Which is on which side is not in the manual."""
