@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 
 from handctl.devices.inspire import modbus_frames
 from handctl.devices.inspire.modbus_frames import TCP_PORT, Answer, RtuDecoder, TcpDecoder
-from handctl.devices.inspire.register_bus import MOST, ByteBus
+from handctl.devices.inspire.register_bus import FEWER, MOST, ByteBus
 from handctl.devices.inspire.serial_bus import shorten
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, CanFrame, Deadline
@@ -39,6 +39,11 @@ class Owed:
 
     def __bool__(self) -> bool:
         return bool(self._open)
+
+    @property
+    def alone(self) -> bool:
+        """Whether one question is open: what comes can answer no other."""
+        return len(self._open) == 1
 
     def given_up(self, number: int, pdu: bytes) -> None:
         """The answer may still come."""
@@ -371,6 +376,9 @@ class ModbusBus(ByteBus):
         code, text = "garbage", f"received {plural(len(received), 'byte')} instead of a valid Modbus reply"
         if received == request:
             code, text = "echo", "only our own bytes came back"
+        elif (size := self._fewer(request, received, odd)) is not None:
+            self._owed.settled()  # it was answered, as far as it goes
+            code, text = FEWER, f"the reply has {plural(size, 'byte')}, fewer than were asked for"
         elif odd:
             code, text = "stale", "received a valid reply, but to a different request"
         elif self._cut_short(request, received):
@@ -379,6 +387,16 @@ class ModbusBus(ByteBus):
             code, text = "wrong-id", f"id {received[0]} replied instead"
         hint = OTHER_SERVICE_HINT if code == "garbage" and self.tcp else HINTS[code]
         return ProtocolError(f"{self.where}: {text} {came}", hint=hint, code=code, came=received)
+
+    def _fewer(self, request: bytes, received: bytes, odd: Sequence[Answer]) -> int | None:
+        """Bytes of an answer to this read that has fewer than were asked for; None where it may answer something else."""
+        pdu = (
+            odd[0].pdu if odd else b"" if self.tcp or not _whole(received) or received[0] != self.id else received[1:-2]
+        )
+        asked = modbus_frames.reply_size(self.pdu_of(request)) - 2
+        reads = self.only_reads(request) and self._owed.alone and pdu[:1] == bytes([modbus_frames.READ])
+        mine = len(odd) < 2 and (not odd or self._is_mine(odd[0]))
+        return len(pdu) - 2 if reads and mine and pdu[1] == len(pdu) - 2 < asked else None
 
     def _cut_short(self, request: bytes, received: bytes) -> bool:
         """Whether this begins as the answer does."""
@@ -393,6 +411,7 @@ def _whole(frame: bytes) -> bool:
 
 
 HINTS = {
+    FEWER: "read fewer registers at once: this hand may not have all of them",
     "garbage": "check the baud rate (115200 or 921600) and the kind of device: try --protocol eb90, or `handctl scan`",
     "echo": "check the wiring: an echo or a short returns our own bytes, and no device replies",
     "stale": "check for another program or a second master on this line",
