@@ -83,6 +83,12 @@ class Feedback:
         return value if value is not None else ProtocolError("the hand does not send it", code=MISSING)
 
 
+def keys_in(data: bytes) -> list[str]:
+    """Keys of the manual in text that has none of them as it should be: in another spelling, or within something else."""
+    letters = "".join(chr(byte) for byte in data if chr(byte).isalpha()).lower()
+    return [key for key in ALL if key.replace("_", "") in letters] if data.isascii() else []
+
+
 def values_of(param: AidinParam, wire: Wire) -> list[Number]:
     """A whole array in the parameter's unit."""
     return [param.from_wire(number) for number in wire]
