@@ -142,8 +142,39 @@ class ModbusBus(ByteBus):
     def _words(self, address: int, count: int, retries: int | None) -> bytes:
         words = -(-count // 2)
         request = modbus_frames.read_request(address // self.per, words)
-        answer = self.repeated(retries, self.exchange, request)
+        try:
+            answer = self.repeated(retries, self.exchange, request)
+        except ProtocolError as exc:
+            raise self.other_form(
+                exc, lambda came: self._differences(request, came), lambda: self._again(request)
+            ) from exc
         return modbus_frames.to_memory(answer.data)[:count]
+
+    def _again(self, pdu: bytes) -> Sequence[str]:
+        """How the reply to another question differs from one."""
+        spans = [modbus_frames.read_request(span[0] // self.per, 1) for span in self.first_questions]
+        other = next((span for span in spans if span != pdu), spans[0])
+        try:
+            self.exchange(other)
+        except ProtocolError as exc:
+            return self._differences(other, exc.came)
+        except (NoAnswer, DeviceRefused):
+            pass
+        return ()
+
+    def _differences(self, pdu: bytes, received: bytes) -> list[str]:
+        """How one frame in place of the reply to a read differs from that, in ways that a firmware may have; [] = it is none."""
+        data, size = received.removeprefix(self._framed(pdu, 0)), modbus_frames.reply_size(pdu)
+        if self.tcp or len(data) != size + 3:
+            return []
+        found = [f"unit {data[0]}"] if data[0] in (0, 255) else [] if data[0] == self.id else [""]
+        if data[1] != pdu[0]:
+            found.append(f"function {data[1]:02X}" if data[1] == modbus_frames.READ + 1 else "")
+        if data[2] != size - 2:
+            found.append("a count of words" if 2 * data[2] == size - 2 else "")
+        if (crc := modbus_frames.crc(data[:-2])) != data[-2:]:
+            found.append("the CRC with its high byte first" if crc[::-1] == data[-2:] else "")
+        return [] if "" in found else found
 
     def _is_unpacked(self, retries: int | None) -> bool:
         """Whether the bytes of a byte group come one to a register: the six temperatures tell (rh56 §2.2).
