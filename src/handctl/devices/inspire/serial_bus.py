@@ -127,7 +127,7 @@ def differences(request: bytes, received: bytes) -> list[str]:
     if data[2] != request[2]:
         found.append(f"id {data[2]}")
     if data[4] != request[4]:
-        found.append(f"flag {data[4]:02X}")
+        found.append("" if data[4] in (eb90.READ, eb90.WRIST_READ) else f"flag {data[4]:02X}")
     if data[5:7] != address:
         found.append("no address" if size == -2 else places.get(data[5:7], ""))
     if data[-1] != total:
@@ -229,6 +229,8 @@ class Bus(ByteBus):
         try:
             answer = self.repeated(retries, self.exchange, request, [prefix], reply_size=count + 8)
         except ProtocolError as exc:
+            if exc.code == FEWER:
+                raise  # it has come whole, and says what it is
             raise self.other_form(exc, lambda came: differences(request, came), lambda: self._again(request)) from exc
         self._met.add(target)
         return answer.data
