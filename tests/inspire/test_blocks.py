@@ -170,17 +170,22 @@ def test_a_group_that_is_not_there_leaves_the_others() -> None:
 
 
 def test_a_group_that_is_silent_while_all_are_is_not_called_missing() -> None:
-    """Everything falls silent behind the first block."""
-    asked: list[int] = []
+    """It answers no read across gaps, and nothing at all from its errors on."""
+    over: list[bool] = []
 
     def answer(request: bytes) -> list[Reply]:
-        asked.append(request[7])
-        body = bytes([request[2], request[7] + 3, 0x11]) + request[5:7] + bytes(request[7])
-        return [(0.001, b"\x90\xeb" + body + bytes([sum(body) % 256]))] if len(asked) == 1 else []
+        address, count = int.from_bytes(request[5:7], "little"), request[7]
+        over.extend([True] * (address == 1606))
+        body = bytes([request[2], count + 3, 0x11]) + request[5:7] + bytes(count)
+        good = count <= 12 and not over
+        return [(0.001, b"\x90\xeb" + body + bytes([sum(body) % 256]))] if good else []
 
-    table = hand_on(ScriptedLink(answer)).dump()
+    hand = hand_on(ScriptedLink(answer))
+    table = hand.dump()
+    assert {row["name"] for row in table.rows if "error" in row} == {"error", "temperature"}
     assert table.failure is not None
     assert table.failure.exit_code == 4
+    assert "not-on-this-firmware" not in codes(hand)
 
 
 @pytest.mark.parametrize("reply", [None, "90 EB 01 9A 11 C0 05 00 00", "00 55 AA", "90 EB 01 05 11 C0 05 2E 02 0D"])

@@ -16,13 +16,14 @@ from handctl.devices.barrett.map import BARRETT, implausible, with_sign
 from handctl.devices.ekso.map import SETTINGS
 from tests.contract.cell import tried
 from tests.contract.commands import ELSEWHERE, SECONDS, commands, scratch_of
+from tests.contract.facts import facts_of
 from tests.search.contact_worlds import WORLDS, Case
 from tests.search.suite import Listed, bounded, parts
 from tests.support.odd_barrett import odd, replaced
 
 FOREIGN = {
     *("garbage", "echo", "echo-differs", "no-answer", "bad-line", "damaged", "cut-short", "stale", "late", "wrong-id"),
-    *("bad-checksum", "wrong-command", "first-byte-lost", "other-device", "unknown-device", "not-an-exo"),
+    *("bad-checksum", "wrong-command", "first-byte-lost", "other-device", "unknown-device"),
     *("other-model", "bad-json"),
 }
 """Codes of errors that speak of another device or of a disturbed line."""
@@ -162,6 +163,8 @@ class Contact(Listed):
         single = (case.lacks or not case.proved) and (command not in TELLING or nothing)
         foreign = codes & FOREIGN - (SILENT if single else set())
         foreign -= {"late"} if family == "ekso" else set()  # a note beside what is said
+        if command in facts_of(family).writes and case.prints is not None:
+            foreign -= {"unknown-device"}  # what it shows must be plausible before a write
         assert not foreign or usual in (4, 5), f"exit {code}, {foreign}: another device?"
         if case.lacks:
             assert code in (0, usual) or (single and code in (2, 4, 5, 6, 7)), f"exit {code}, not {usual}: {codes}"
@@ -188,12 +191,22 @@ class Contact(Listed):
     def wanted(self) -> Iterable[str]:
         for family in ("barrett", *WORLDS):
             yield from (f"command {family} {command}" for command in _named(family))
-            yield from (f"{family} {name}" for name, _ in cases_of(family))
+            yield from (f"{family} {_kind(name, case)}" for name, case in cases_of(family))
 
     def shows(self, cell: str) -> Iterator[str]:
         _, family, command, name = parts(cell)
         yield f"command {family} {command}"
-        yield f"{family} {name}"
+        yield f"{family} {_kind(name, dict(_cases_of(family))[name])}"
+
+
+@cache
+def _cases_of(family: str) -> tuple[tuple[str, Case], ...]:
+    return tuple(cases_of(family))
+
+
+def _kind(name: str, case: Case) -> str:
+    """What a device has a pin for: the quantity where it shows another number, which of them does not matter."""
+    return f"number of {case.prints[0]}" if case.prints is not None else name
 
 
 def _named(family: str) -> list[str]:
@@ -226,12 +239,16 @@ def _judge_numbers(name: str, number: int, rows: list[Any], code: int) -> None:
             assert -35 <= row["value"] <= 215, row
 
 
+UNREAD = {"diff", "force", "position"}
+"""What shows readings that came otherwise than by a read, or two of each."""
+
+
 def _judge_marks(command: str, case: Case, rows: list[Any], said: set[str]) -> None:
     """A number is read as it is, or not at all; where no device of the manual has it, the look at its health says so."""
     assert case.prints is not None
     path, number = case.prints
     shown = [row for row in rows if str(row.get("path")).startswith(path) and row.get("value") is not None]
-    for row in shown if command != "diff" else ():
+    for row in shown if command not in UNREAD else ():
         assert abs(row["value"] - number) < 1e-6 * max(1, abs(number)), f"{number:g} is read as {row['value']}"
     if shown and command == "status" and case.strange:
         assert said & {"unhealthy", "remark"}, f"{path} {number:g} is not marked: {said}"

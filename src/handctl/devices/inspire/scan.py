@@ -24,6 +24,7 @@ from handctl.devices.inspire.scan_wire import CanSearch, Findings, Requester, Rt
 from handctl.devices.inspire.serial_bus import Bus, frames_of_others, hint_for
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline, FrameLink, Link
+from handctl.model.device import OTHER_FORM
 from handctl.model.param import ids_in
 from handctl.model.prompts import Progress
 from handctl.model.result import Journal, Row
@@ -383,11 +384,29 @@ class Sweep:
             )
         task.twins = sorted({number for _, number in self.collided})
         if not task.rows:
-            task.failure = nothing(
-                self.link.name, self.names, self.lead.family, found, task.twins, summary
-            ) or self._silence(found.cut, summary)
+            task.failure = (
+                self._other_form(link, found, speeds)
+                or nothing(self.link.name, self.names, self.lead.family, found, task.twins, summary)
+                or self._silence(found.cut, summary)
+            )
         for speed in speeds if task.baud is None else [None]:
             task.tried[speed] = task.failure.code if task.failure is not None else "found"
+
+    def _other_form(self, link: ByteLink, found: Findings, speeds: Sequence[int | None]) -> ProtocolError | None:
+        """The error of a device whose replies are evident, and have another form than the manual's; None where there is none."""
+        header = found.came[:2] in (eb90.DEVICE, eb90.HOST) and len(found.came) > 2
+        number = next(iter(found.damaged), found.came[2] if header else 0) or self.ids[0]
+        if not (found.damaged or header) or number not in self.ids or found.cut or self.collided or link.replayed:
+            return None
+        bus = Bus(link, number, self.journal, retries=0, bound=self.bound, family=self.lead.family)
+        try:
+            with at_speed(link, speeds[0]):
+                bus.read(*bus.first_questions[0])
+        except ProtocolError as exc:
+            return exc if exc.code == OTHER_FORM else None
+        except (NoAnswer, DeviceRefused):
+            pass
+        return None
 
     def _left_out(self, link: ByteLink, speeds: Sequence[int | None]) -> list[str]:
         """What was not asked, and how to ask it: a BarrettHand could take its bytes for a command, or for firmware."""
