@@ -40,3 +40,22 @@ def test_a_message_that_is_not_there_is_left_out(message: str, instead: bytes | 
     assert "not-on-this-firmware" in status.codes()
     assert len(dump.rows) == usual - {"settings": 22, "data": 27, "feedback": 17}[message]
     assert not [row for row in (*dump.rows, *status.rows) if "error" in row]
+
+
+def test_what_alone_is_not_answered_is_asked_with_reads_only() -> None:
+    """A write was answered last: nothing of it is sent to look who is there."""
+    from handctl.devices.ekso.frames import Command
+    from handctl.devices.ekso.map import EKSO
+    from handctl.model.param import elements_of
+    from tests.ekso.support import Unit, ekso_on
+
+    unit = Unit()
+    unit.on = {SERVICES["feedback"]: lambda _msg_id, _body: []}
+    ekso = ekso_on(unit)
+    ekso.port.exchange(Command.CANCEL_ACTION, b"\1\0")
+    assert ekso.asked("feedback")[0].error is not None
+    assert unit.commands().count(int(Command.CANCEL_ACTION)) == 1
+    sent = len(unit.sent)
+    readings = ekso.read([*elements_of(EKSO["walk_time"]), *elements_of(EKSO["step_length"])])
+    assert [reading.value is None for reading in readings] == [True, False]
+    assert len(unit.sent) == sent + 1

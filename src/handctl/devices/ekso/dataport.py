@@ -170,9 +170,10 @@ class DataPort(Line):
 
     def lacks(self, command: Command) -> bool:
         """Whether this read alone is not answered: what was answered last, or the clock, is before and behind it, twice."""
-        known = Command(self._last[0]) if self._last is not None else command
-        if known is command:
-            known = Command.GET_DATE if command is Command.GET_TIME else Command.GET_TIME
+        last = EXCHANGES[self._last[0]] if self._last is not None else None
+        known = Command.GET_DATE if command is Command.GET_TIME else Command.GET_TIME
+        if last is not None and not last.writes and last.command != command:
+            known = Command(last.command)
         for _ in range(2):
             for asked in (known, command):
                 try:

@@ -142,6 +142,8 @@ class Ekso(Device):
         self._find_length = find_length
         self.writer: Writer | None = None
         self.known: tuple[int, ...] | None = None
+        self._lacking: dict[str, NotPresent] = {}
+        """Messages that this firmware does not have."""
 
     @property
     def port(self) -> DataPort:
@@ -180,31 +182,34 @@ class Ekso(Device):
         """Read elements with one request per message. Raises what went wrong when nothing could be read."""
         found: dict[str, list[Reading] | HandctlError] = {}
         with self.keeping(lambda: _picked(elements, found)):
-            for message in dict.fromkeys(_word(element).message for element in elements):
+            messages = dict.fromkeys(_word(element).message for element in elements)
+            known = self._lacking if messages.keys() - self._lacking.keys() else {}
+            for message in messages:
                 try:
-                    found[message] = self.readings(message)
+                    found[message] = known.get(message) or self.readings(message)
                 except (NoAnswer, ProtocolError) as exc:
                     found[message] = exc
         errors = [entry for entry in found.values() if isinstance(entry, HandctlError)]
         if errors and len(errors) == len(found):
             raise errors[0]
-        for message, error in found.items():
-            if isinstance(error, HandctlError) and self._lacks(message, error):
-                found[message] = NotPresent.shown_by(error)
-        return _picked(elements, found)
+        return _picked(elements, {message: self._judged(message, one) for message, one in found.items()})
 
-    def _lacks(self, message: str, error: HandctlError) -> bool:
-        return error.code in OPEN and self.port.lacks(READS[message])
+    def _judged(self, message: str, found: list[Reading] | HandctlError) -> list[Reading] | HandctlError:
+        """NotPresent, from now on, for a message that alone is silent, or only acknowledged."""
+        if isinstance(found, NoAnswer | ProtocolError) and found.code in OPEN and self.port.lacks(READS[message]):
+            found = self._lacking[message] = NotPresent.shown_by(found)
+        return found
 
     def asked(self, message: str) -> list[Reading]:
         """`readings`; of a message that alone is silent, or only acknowledged, words that are not present. Raises what `readings` raises."""
         try:
             return self.readings(message)
         except (NoAnswer, ProtocolError) as exc:
-            if not self._lacks(message, exc):
+            error = self._judged(message, exc)
+            if not isinstance(error, NotPresent):
                 raise
             words = MESSAGES.get(message) or [clock for clock in CLOCKS if clock.name == message]
-            return _unread(words, NotPresent.shown_by(exc))
+            return _unread(words, error)
 
     def ask_ahead(self, elements: Sequence[Element]) -> None:
         """Send the request of the next `read` of these elements already, when it is a single one."""

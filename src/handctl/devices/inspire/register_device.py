@@ -176,7 +176,12 @@ class BlockReader:
             except FAILS as exc:
                 failed = exc
                 break
-            self._most, failed = min(self._most, len(group.span) - 1), None
+            if failed is not None:
+                self._bus.journal.warn(
+                    "block-silent",
+                    f"no reply to {len(group.span)} bytes at {group.address}: handctl reads its elements one by one",
+                )
+                self._most, failed = min(self._most, len(group.span) - 1), None
         if failed is not None:
             if memory.blocks and self._lacks(span, memory, failed, len(group.span)):
                 failed = self._absent[group.name] = NotPresent.shown_by(failed)
