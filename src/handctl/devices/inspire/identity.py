@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import eb90, modbus_frames
-from handctl.devices.inspire.register_bus import FEWER, READS, RegisterBus, Span
+from handctl.devices.inspire.register_bus import READS, RegisterBus, Span
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.light import NamedTuple
 from handctl.link import FrameLink
@@ -119,8 +119,7 @@ def _words(data: bytes | None) -> list[int]:
 
 
 NOT_SHOWN = "not-shown"
-OPEN = (NoAnswer.default_code, FEWER)
-"""Codes of a read that a device may not have, and have others."""
+"""Code of a device that answers, and does not show which one it is."""
 UNHEARD = (NoAnswer.default_code, "echo")
 """Codes of a device that has not understood the question: silence, or only our own bytes."""
 
@@ -248,7 +247,11 @@ class IdentityCheck:
 
     def _not_shown(self) -> ProtocolError | None:
         """The error of a device that answers a first question, and not those that show which one it is; None where nobody does."""
-        if self._failure is None or self._failure.code not in OPEN or self._bus.over:
+        if (
+            self._failure is None
+            or self._failure.code not in (NoAnswer.default_code, self._bus.fewer)
+            or self._bus.over
+        ):
             return None
         spans = self._bus.at("hand").first_questions
         came = [f"{span[0]}: {hex_bytes(data)}" for span in spans if (data := self.ask("hand", span)) is not None]
@@ -266,7 +269,7 @@ class IdentityCheck:
     def _silent(self) -> bool:
         """Whether asking on makes sense: zeros, silence, a refused address, our own bytes. What else came is a stranger's, or destroyed."""
         failure = self._failure
-        return failure is None or isinstance(failure, DeviceRefused) or failure.code in (*UNHEARD, FEWER)
+        return failure is None or isinstance(failure, DeviceRefused) or failure.code in (*UNHEARD, self._bus.fewer)
 
     @property
     def unheard(self) -> HandctlError | None:
