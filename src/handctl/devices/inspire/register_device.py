@@ -34,6 +34,7 @@ from handctl.model.param import Element, Number, ParamMap, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Column, Row, Table, hex_bytes
 from handctl.model.stop_sequence import Stopped, interrupted, on_early_end
+from handctl.wording import plural
 
 FAILS = (NoAnswer, ProtocolError, DeviceRefused)
 """What ends one read and leaves the others possible; Modbus refuses an address by an exception (rh56 §2.2)."""
@@ -179,7 +180,7 @@ class BlockReader:
             if failed is not None:
                 self._bus.journal.warn(
                     "block-silent",
-                    f"no reply to {len(group.span)} bytes at {group.address}: handctl reads its elements one by one",
+                    f"no reply to {plural(len(group.span), 'byte')} at {group.address}: handctl reads its elements one by one",
                 )
                 self._most, failed = min(self._most, len(group.span) - 1), None
         if failed is not None:
