@@ -18,7 +18,7 @@ from handctl.devices.inspire.can_bus import CanBus
 from handctl.devices.inspire.identity import EXO, SIX_HINT, WRIST, IdentityCheck, Kind, Row4, same_id
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.modbus_frames import RTU_SPEED
-from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus, Span, at_speed, other_speed
+from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, FEWER, RegisterBus, Span, at_speed, other_speed
 from handctl.devices.inspire.register_device import RegisterDevice
 from handctl.devices.inspire.scan_wire import CanSearch, Findings, Requester, RtuSearch, Scanner, Wanted
 from handctl.devices.inspire.serial_bus import Bus, frames_of_others, hint_for
@@ -395,15 +395,16 @@ class Sweep:
     def _other_form(self, link: ByteLink, found: Findings, speeds: Sequence[int | None]) -> ProtocolError | None:
         """The error of a device whose replies are evident, and have another form than the manual's; None where there is none."""
         header = found.came[:2] in (eb90.DEVICE, eb90.HOST) and len(found.came) > 2
-        number = next(iter(found.damaged), found.came[2] if header else 0) or self.ids[0]
-        if not (found.damaged or header) or number not in self.ids or found.cut or self.collided or link.replayed:
+        if not (found.damaged or header) or found.cut or self.collided or link.replayed:
             return None
+        number = next(iter(found.damaged), found.came[2] if header else 0)
+        number = number if number in self.ids else self.ids[0]
         bus = Bus(link, number, self.journal, retries=0, bound=self.bound, family=self.lead.family)
         try:
             with at_speed(link, speeds[0]):
                 bus.read(*bus.first_questions[0])
         except ProtocolError as exc:
-            return exc if exc.code == OTHER_FORM else None
+            return exc if exc.code in (OTHER_FORM, FEWER) else None
         except (NoAnswer, DeviceRefused):
             pass
         return None
