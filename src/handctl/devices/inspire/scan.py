@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from handctl.devices.inspire import can_frames, eb90
 from handctl.devices.inspire.can_bus import CanBus
-from handctl.devices.inspire.identity import EXO, SIX_HINT, WRIST, IdentityCheck, Kind, Row4, same_id
+from handctl.devices.inspire.identity import EXO, NOT_SHOWN, SIX_HINT, WRIST, IdentityCheck, Kind, Row4, same_id
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.modbus_frames import RTU_SPEED
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, FEWER, RegisterBus, Span, at_speed, other_speed
@@ -149,10 +149,13 @@ class Sweep:
         strange = [row for row in task.rows if row["family"] not in self.families]
         for row in strange:
             text = f"id {row['id']}{at_text(row['baud'])} is not of the family {self.names}: {row['evidence']}"
-            self.journal.warn("other-device", text)
+            self.journal.warn("other-device" if row["family"] else NOT_SHOWN, text)
         if strange and len(strange) == len(task.rows):
+            known = strange[0]["family"] is not None
             task.failure = DeviceRefused(
-                f"{self.link.name}: no {self.names}, but {strange[0]['evidence']}", hint=SIX_HINT, code="other-device"
+                f"{self.link.name}: no {self.names}, but {strange[0]['evidence']}",
+                hint=SIX_HINT if known else "check the type plate: what it replies does not show which device it is",
+                code="other-device" if known else NOT_SHOWN,
             )
         elif task.rows and not task.find_all:
             self.journal.info("first", "the scan ended at the first device", hint="add --all to look for more")
