@@ -166,7 +166,14 @@ class DeviceRefused(HandctlError):
 
 
 class NotPresent(DeviceRefused):
-    """The device says that it does not have what was asked for: another firmware, another model."""
+    """The device does not have what was asked for: another firmware, another model. It says so, or is silent to that alone."""
+
+    @classmethod
+    def shown_by(cls, met: HandctlError) -> NotPresent:
+        """What was `met` shows it. Exit code and code stay those of that."""
+        made = cls(met.text, hint=met.hint, code=met.code, came=met.came)
+        made.exit_code = met.exit_code
+        return made
 
 
 class NotRunning(DeviceRefused):

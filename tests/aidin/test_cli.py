@@ -274,9 +274,16 @@ def test_a_target_that_was_missed_stands_beside_the_value() -> None:
 
 
 def test_what_could_not_be_read_is_a_question_mark_with_its_reason() -> None:
-    lines = lines_of("status", link=fake(fault="missing-key"))
+    lines = lines_of("get", "motor_pos", "current_state", link=fake(fault="missing-key"))
     assert lines["current"] == ["m3", "?", "?", "?", "?", "?", "raw"]
-    assert "current_state: the hand does not send it" in run("aidin", "status", "-p", fake(fault="missing-key")).out
+    result = run("aidin", "get", "motor_pos", "current_state", "-p", fake(fault="missing-key"))
+    assert result.code == 5 and "current_state: the hand does not send it" in result.out
+
+
+def test_a_key_that_the_hand_does_not_send_is_left_out_of_status() -> None:
+    result = run("aidin", "status", "-p", fake(fault="missing-key"), "--json")
+    assert result.code == 0 and "not-on-this-firmware" in result.said, result
+    assert {row["name"] for row in result.rows} == {"motor_pos", "joint_pos", "task_space_pos", "sensor_state"}
 
 
 def test_what_is_out_of_range_has_a_star() -> None:

@@ -138,7 +138,6 @@ def test_keys_in_objects_of_their_own_are_merged() -> None:
 
 
 BAD = {
-    "missing": ({"current_state": None}, "current_state", "missing-key"),
     "short": ({"motor_pos": [1] * 14}, "motor_pos", "bad-length"),
     "long": ({"task_space_pos": [1.0] * 16}, "task_space_pos", "bad-length"),
     "text": ({"motor_pos": ["1"] + [2] * 14}, "motor_pos", "bad-type"),
@@ -163,6 +162,16 @@ def test_a_bad_key_is_refused_by_itself(changes: dict[str, object], key: str, co
     assert len(table.rows) == 95
     assert table.failure is not None and table.failure.exit_code == 5
     assert (table.failure.code, key in table.failure.text) == (code, True)
+
+
+@each_row("polled", [False, True], ids=["stream", "poll"])
+def test_a_key_that_does_not_come_is_left_out(polled: bool) -> None:
+    content = {key: value for key, value in feedback().items() if key != "current_state"}
+    hand = hand_on(poller(content) if polled else streamer(content))
+    table = hand.dump()
+    assert table.failure is None
+    assert {row["key"] for row in table.rows} == {*content}
+    assert "not-on-this-firmware" in [message.code for message in hand.journal.messages]
 
 
 def test_one_bad_object_is_passed_over() -> None:

@@ -8,7 +8,7 @@ from handctl.command.get_set_watch import select
 from handctl.devices.inspire.map import EXO
 from handctl.devices.inspire.register_device import Memory, plan
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
-from handctl.model.param import elements_of
+from handctl.model.param import Element, elements_of
 from tests.support.scripted import Reply, ScriptedLink, codes, fake_hand, hand_on, hexed, message, unhex
 
 READ_HEAD = "EB 90 01 04 11 E8 03 0A 0B"
@@ -121,7 +121,7 @@ def test_silence_to_the_first_block_and_its_first_group_is_nobody() -> None:
     with pytest.raises(NoAnswer) as caught:
         hand.dump()
     assert caught.value.exit_code == 4
-    assert requests_of(link) == [(1000, 10), (1000, 10), (1000, 1), (1000, 1)]
+    assert requests_of(link) == [(1000, 10), (1000, 10), (1000, 1), (1000, 1), (1546, 2)]
 
 
 def test_a_single_group_is_never_asked_as_a_block() -> None:
@@ -157,17 +157,35 @@ def without(address: int, size: int, reply: bytes | None = None) -> ScriptedLink
     return ScriptedLink(answer)
 
 
-def test_a_group_that_cannot_be_read_leaves_the_others() -> None:
-    """cli contract, section 4: a row that could not be read has `error`, and the others are still there."""
+def test_a_group_that_is_not_there_leaves_the_others() -> None:
+    """What answered before answers again, and that group alone does not, twice: this firmware does not have it."""
     hand = hand_on(without(1594, 10))
     table = hand.dump()
-    failed = [row for row in table.rows if "error" in row]
-    assert [row["name"] for row in failed] == ["current"] * 5
-    assert all("value" not in row for row in failed)
+    assert table.failure is None
+    assert not [row for row in table.rows if "error" in row or row["name"] == "current"]
     assert sum("value" in row for row in table.rows) == 37
+    assert "not-on-this-firmware" in codes(hand)
+    (found,) = hand.read([Element(hand.map["current"], 0)])
+    assert (found.value, found.error and found.error.exit_code) == (None, 4)
+
+
+def test_a_group_that_is_silent_while_all_are_is_not_called_missing() -> None:
+    """It answers no read across gaps, and nothing at all from its errors on."""
+    over: list[bool] = []
+
+    def answer(request: bytes) -> list[Reply]:
+        address, count = int.from_bytes(request[5:7], "little"), request[7]
+        over.extend([True] * (address == 1606))
+        body = bytes([request[2], count + 3, 0x11]) + request[5:7] + bytes(count)
+        good = count <= 12 and not over
+        return [(0.001, b"\x90\xeb" + body + bytes([sum(body) % 256]))] if good else []
+
+    hand = hand_on(ScriptedLink(answer))
+    table = hand.dump()
+    assert {row["name"] for row in table.rows if "error" in row} == {"error", "temperature"}
     assert table.failure is not None
-    assert (table.failure.exit_code, table.failure.code) == (4, "no-answer")
-    assert "current" in table.failure.text
+    assert table.failure.exit_code == 4
+    assert "not-on-this-firmware" not in codes(hand)
 
 
 @pytest.mark.parametrize("reply", [None, "90 EB 01 9A 11 C0 05 00 00", "00 55 AA", "90 EB 01 05 11 C0 05 2E 02 0D"])
@@ -196,10 +214,13 @@ def test_an_unreadable_second_block_never_ends_the_first(reply: str) -> None:
     assert {row["name"] for row in table.rows if "value" in row} >= {"id", "baud_code"}
 
 
-def test_a_snapshot_refuses_to_be_partial() -> None:
+def test_a_snapshot_leaves_out_what_this_firmware_lacks_and_refuses_to_be_partial() -> None:
     from handctl.command.snapshots import read_values
 
-    with pytest.raises(NoAnswer) as caught:
-        hand = hand_on(without(1498, 10))
-        read_values(hand, hand.map.kept())
+    hand = hand_on(without(1498, 10))
+    assert "force_set.little" not in read_values(hand, hand.map.kept())
+    with pytest.raises(HandctlError) as caught:
+        hand = hand_on(without(1486, 22))
+        read_values(hand, hand.map.kept(), needed={"force_set.little"})
+    assert caught.value.exit_code == 4
     assert "force_set.little" in caught.value.text

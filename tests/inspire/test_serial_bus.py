@@ -372,7 +372,7 @@ def test_a_babbling_line_ends_too(what: str) -> None:
         pytest.param("90 EB 01", "cut-short", id="cut after three"),
         pytest.param(f"{READ_VOLTAGE} 90 EB 01 05 11", "cut-short", id="echo, then cut"),
         pytest.param(LATE_POSITIONS, "stale", id="another question"),
-        pytest.param("90 EB 01 04 11 C0 05 2E 09", "stale", id="another length"),
+        pytest.param("90 EB 01 04 11 C0 05 2E 09", "fewer-bytes", id="another length"),
         pytest.param("90 EB 01 04 12 ED 03 01 08", "stale", id="an ack"),
         pytest.param("EB 90 01 04 11 E8 03 01 02", "stale", id="the request of a second master"),
         pytest.param("90 90 EB A7 EB 90 64 18 EB", "garbage", id="junk of a wrong speed that holds a header"),

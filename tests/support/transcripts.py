@@ -14,7 +14,7 @@ KINDS = ("accept", "twin", "resync", "reject", "never")
 WORDS = ("host", "id", "gives", "fails", "notes", "sim", "not")
 EXIT_CODES = {
     "no-answer": 4,
-    **dict.fromkeys(("bad-checksum", "cut-short", "stale", "wrong-id", "echo", "garbage"), 5),
+    **dict.fromkeys(("bad-checksum", "cut-short", "stale", "fewer-bytes", "wrong-id", "echo", "garbage"), 5),
     **dict.fromkeys(("refused", "save-failed"), 6),
     **dict.fromkeys(("read-back", "errors-remain"), 7),
 }

@@ -25,7 +25,7 @@ from handctl.errors import (
 )
 from handctl.light import NamedTuple
 from handctl.model.param import Changes, Element, FromTo, Number, ParamMap, Reading, elements_of
-from handctl.model.result import Column, Finding, Grid, Journal, Row, Table
+from handctl.model.result import Column, Finding, Grid, Journal, Row, Table, hex_bytes
 from handctl.model.settings import Settings
 from handctl.model.stop_sequence import (
     StopContext,
@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from handctl.model.param import Step
     from handctl.model.prompts import Prompts
 
+OTHER_FORM = "other-form"
+"""Code of a device whose replies are not those of the manual, in the same way each time."""
 RETRIES = 2
 """Repetitions of a read that got no valid answer, unless --retries says otherwise."""
 
@@ -159,6 +161,25 @@ class Line:
             if self.over:
                 break
         raise error
+
+    def other_form(
+        self, exc: ProtocolError, differs: Callable[[bytes], Sequence[str]], again: Callable[[], Sequence[str]]
+    ) -> ProtocolError:
+        """`exc`; or, where what came instead `differs` from a reply in the same known ways twice, the error that says so.
+
+        Contact need only be evident; a value is read from nothing but what the manual describes. `again` asks something
+        else that is harmless, and returns how what came then differs.
+        """
+        ways = [] if self.over or self.link.replayed else list(differs(exc.came))
+        if not ways or list(again()) != ways:
+            return exc
+        made = exc.reworded(
+            f"{self.where}: the device replies, but not as the manual has it: {', '.join(ways)} (received {hex_bytes(exc.came[:40])})",
+            hint="report the bytes shown: it may have another firmware. handctl reads no values from such replies",
+            code=OTHER_FORM,
+        )
+        assert isinstance(made, ProtocolError)
+        return made
 
     def unanswered(self, request: str, allowed: float, since: float, hint: str) -> NoAnswer:
         """The error of silence: `request` was sent at the moment `since`, and `allowed` seconds were to be waited.
@@ -363,18 +384,26 @@ class Device(ABC):
         """The error of a table of which these readings `failed`."""
         return failed[0].error
 
+    def lacks(self, error: HandctlError) -> bool:
+        """Whether this error of one reading, among others that came, shows that this firmware does not have it."""
+        return isinstance(error, NotPresent)
+
     def present(self, readings: Sequence[Reading]) -> list[Reading]:
-        """The readings without what this firmware says it does not have, which is told once; all of them where it has none.
+        """The readings without what this firmware does not have, which is told once; all of them where that is most of it.
 
         For what reads everything. Who asks for one thing by name is told that it is refused.
         """
-        absent = [reading for reading in readings if isinstance(reading.error, NotPresent)]
-        if not absent or all(reading.value is None for reading in readings):
+        absent = [one for one in readings if one.error is not None and self.lacks(one.error)]
+        lacks = dict.fromkeys(reading.element.param.name for reading in absent)
+        has = {reading.element.param.name for reading in readings if reading.value is not None}
+        if not absent or len(lacks) > len(has):
             return list(readings)
-        names = ", ".join(dict.fromkeys(reading.element.param.name for reading in absent))
+        names = ", ".join(lacks)
         text = f"not on this firmware: {names}"
         if not any(message.text == text for message in self.journal.messages):
-            self.journal.info("not-on-this-firmware", text, hint=f"it replied: {said_of(self._line.where, absent[0])}")
+            said, why = said_of(self._line.where, absent[0]), absent[0].error
+            refused = why is not None and why.exit_code == NotPresent.exit_code
+            self.journal.info("not-on-this-firmware", text, hint=f"it replied: {said}" if refused else said)
         return [reading for reading in readings if reading not in absent]
 
     @contextmanager

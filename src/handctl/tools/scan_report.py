@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from handctl.errors import HandctlError, Interrupted, NoAnswer, ProtocolError, joined
+from handctl.model.device import OTHER_FORM
 from handctl.model.line_quality import LineQuality
 from handctl.model.result import Column, Journal, Row, Table, hex_bytes
 from handctl.wording import plural
@@ -140,8 +141,7 @@ def _nothing(search: Search) -> HandctlError:
     met = {error.code: error for error in search.met.values() if error.code != NoAnswer.default_code}
     if not met:
         return NoAnswer(f"{name}: complete silence. {tried}", hint=SILENCE, code=NoAnswer.default_code)
-    if "boot-monitor" in met:
-        known = met["boot-monitor"]
+    if (known := next((met[code] for code in CONTACT if code in met), None)) is not None:
         return ProtocolError(joined(known.text, tried), hint=known.hint, code=known.code)
     if met.keys() <= {"echo", "echo-differs"}:
         hint = "check the wiring: this is an echo or a short between TX and RX, not a device"
@@ -149,6 +149,8 @@ def _nothing(search: Search) -> HandctlError:
     return ProtocolError(f"{name}: data arrived, but no valid reply. {tried}", hint=GARBAGE, code="garbage")
 
 
+CONTACT = ("boot-monitor", OTHER_FORM, "bad-length")
+"""Codes of what is evidently a device of that family, and yet gives no valid reply."""
 SILENCE = (
     "check power, cable, crossed TX and RX, RS-232 on RS-485. --all waits longer for each reply. For a CAN adapter give "
     "-p can:slcan:PORT"

@@ -8,6 +8,24 @@ MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
+        "inspire-any-silence-is-a-missing-register",
+        "evidence believed",
+        "handctl.devices.inspire.register_device",
+        "BlockReader._group",
+        "if memory.blocks and self._lacks(span, memory, failed, len(group.span)):",
+        "if memory.blocks:",
+        "tests/inspire/test_blocks.py::test_a_group_that_is_silent_while_all_are_is_not_called_missing",
+    ),
+    mistake(
+        "inspire-writes-to-what-shows-itself-in-part",
+        "false identity",
+        "handctl.devices.inspire.hand.generation",
+        "ModelGate._judge",
+        "if found.in_part:",
+        "if False:",
+        "tests/inspire/test_contact.py::test_a_hand_that_shows_itself_in_part_is_read_and_not_written_to",
+    ),
+    mistake(
         "inspire-echo-of-a-save-is-an-acknowledgement",
         "evidence believed",
         "handctl.devices.inspire.can_bus",

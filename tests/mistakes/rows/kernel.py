@@ -10,6 +10,24 @@ RENDER = "handctl.screen.render"
 
 ROWS = (
     mistake(
+        "one-damaged-reply-is-a-form",
+        "evidence believed",
+        "handctl.model.device",
+        "Line.other_form",
+        "if not ways or list(again()) != ways:",
+        "if not ways:",
+        "tests/inspire/test_contact.py::test_one_reply_of_another_form_is_the_line",
+    ),
+    mistake(
+        "most-of-a-device-is-not-on-this-firmware",
+        "swallowed error",
+        "handctl.model.device",
+        "Device.present",
+        "if not absent or len(lacks) > len(has):",
+        "if not absent:",
+        "tests/inspire/test_blocks.py::test_a_second_block_that_fails_leaves_the_first",
+    ),
+    mistake(
         "param-range-off-by-one",
         "range off by one",
         PARAM,

@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, contextmanager
 
 from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.exchange_settings import ExchangeMode
-from handctl.devices.aidin.feedback import Wire, number_of
+from handctl.devices.aidin.feedback import MISSING, Wire, number_of
 from handctl.devices.aidin.json_codec import TERMINATORS, Out, encode
 from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, AidinParam, Mode, some
 from handctl.errors import Aftermath, HandctlError, LinkError, ProtocolError
@@ -77,6 +77,10 @@ class AidinHand(Device):
         """See Device: of a stream, when the bytes of the last reading came."""
         follows = self.conversation.each and self.conversation.exchange is ExchangeMode.STREAM
         return self.conversation.came if follows else None
+
+    def lacks(self, error: HandctlError) -> bool:
+        """A key that stayed away while another came three times."""
+        return error.code == MISSING
 
     def named(self, element: Element) -> Row:
         param, index = param_of(element), element.index

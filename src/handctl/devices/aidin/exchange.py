@@ -10,14 +10,14 @@ from collections.abc import Callable
 
 from handctl.devices.aidin import exchange_settings as table
 from handctl.devices.aidin.exchange_settings import FIND_OUT, ExchangeMode, ExchangeSettings
-from handctl.devices.aidin.feedback import ALL, Feedback, Quality, Wire, named
+from handctl.devices.aidin.feedback import ALL, Feedback, Quality, Wire, keys_in, named
 from handctl.devices.aidin.json_codec import Decoder, MalformedObject
 from handctl.devices.aidin.map import FEEDBACK, AidinParam
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline
 from handctl.model.clock_comparison import Moment
 from handctl.model.decoder import frames_in
-from handctl.model.device import Gate, Line
+from handctl.model.device import OTHER_FORM, Gate, Line
 from handctl.model.result import Journal, hex_bytes
 
 LISTEN = 0.3
@@ -42,6 +42,8 @@ WRITE_SECONDS = 1.0
 BAD_IN_A_ROW = 3
 MOST_UNKNOWN, LONGEST_NAME = 20, 40
 READS_AT_ONCE = 256
+KEPT, SHOWN = 1024, 64
+"""Bytes that are no feedback: looked at for what they are, and shown."""
 
 
 class Conversation(Line):
@@ -375,7 +377,7 @@ class Conversation(Line):
             if ours and self.journal.counters.sent:  # before anything was sent it cannot have come back
                 self._echoes += 1
             else:
-                self._strange = self._strange or self._decoder.taken[:64]
+                self._strange = self._strange or self._decoder.taken[:KEPT]
                 self._since = (self._since + self._decoder.taken)[:64]
                 self._note_unknown(content)
             return False
@@ -400,7 +402,7 @@ class Conversation(Line):
     def _note_bad(self, exc: ProtocolError) -> None:
         assert isinstance(exc, MalformedObject)
         counters = self.journal.counters
-        self._junk = (self._junk + exc.data)[:64]
+        self._junk = (self._junk + exc.data)[:KEPT]
         self._since = (self._since + exc.data)[:64]
         if exc.stray:
             counters.stray_bytes += len(exc.data)
@@ -409,6 +411,8 @@ class Conversation(Line):
         self._why = self._why or exc.text.partition(": b")[0]  # its bytes are told beside it
         self._bad_in_a_row += 1
         if self._bad_in_a_row >= BAD_IN_A_ROW:
+            if len(keys_in(exc.data)) > 1 and not counters.received:
+                raise self._told(exc.data, why=self._why)
             raise ProtocolError(
                 f"{self.link.name}: {BAD_IN_A_ROW} corrupted objects in a row, the last one: {exc.text}; "
                 f"its bytes begin {hex_bytes(exc.data[:16])}",
@@ -490,7 +494,15 @@ class Conversation(Line):
         if not seen:
             echo = "check the address and the port: this is an echo server, not the hand"
             return ProtocolError(f"{name}: only our own object came back, and no feedback", hint=echo, code="echo")
+        keys, seen = keys_in(seen), seen[:SHOWN]
         shown = "".join(chr(byte) if 32 <= byte < 127 else "." for byte in seen)
+        if len(keys) > 1 and not more:
+            return ProtocolError(
+                f"{name}: the hand sends feedback, but not as the manual has it{f', {why}' if why else ''}: {shown} …",
+                hint="report the bytes shown: it may have another firmware. handctl reads no values from such feedback",
+                code=OTHER_FORM,
+                came=seen,
+            )
         hint = "check the address and the port: this is another server or another kind of hand. The AIDIN-hand sends JSON on TCP port 8000"
         if whole:
             hint = f"this JSON object has no key from the manual: it may be a report from the hand itself. Otherwise {hint}"

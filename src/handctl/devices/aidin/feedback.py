@@ -7,6 +7,8 @@ from handctl.devices.aidin.map import FEEDBACK, AidinParam
 from handctl.errors import ProtocolError
 from handctl.model.param import Element, Number
 
+MISSING = "missing-key"
+"""Code of a key that the hand does not send."""
 Wire = tuple[int, ...] | tuple[float, ...]
 ALL = tuple(param.key for param in FEEDBACK)
 
@@ -78,7 +80,13 @@ class Feedback:
         if error is not None:
             return error
         value = self.values.get(key)
-        return value if value is not None else ProtocolError("the hand does not send it", code="missing-key")
+        return value if value is not None else ProtocolError("the hand does not send it", code=MISSING)
+
+
+def keys_in(data: bytes) -> list[str]:
+    """Keys of the manual in text that has none of them as it should be: in another spelling, or within something else."""
+    letters = "".join(chr(byte) for byte in data if chr(byte).isalpha()).lower()
+    return [key for key in ALL if key.replace("_", "") in letters] if data.isascii() else []
 
 
 def values_of(param: AidinParam, wire: Wire) -> list[Number]:

@@ -7,14 +7,17 @@ counted.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from handctl.devices.ekso.frames import (
+    BODY_BYTES,
     EXCHANGES,
     OVERHEAD,
     Command,
     Decoder,
     Frame,
+    differences,
     encode,
     key_of,
     name_of,
@@ -140,6 +143,8 @@ class DataPort(Line):
         self._met = False
         """Whether an answer of an EksoNR came since the port was opened."""
         self._last: tuple[int, int] | None = None
+        self._differs: list[str] = []
+        """How what came last in place of an answer differs from one."""
         self._given_up: tuple[bytes, Deadline] | None = None  # a request that Ctrl-C left without its answer
         self._ahead: tuple[bytes, Deadline] | None = None
 
@@ -147,7 +152,39 @@ class DataPort(Line):
 
     def read(self, command: Command) -> Frame:
         """The answer to a read, repeated with a new msgID when none comes. Raises NoAnswer, ProtocolError, LinkError."""
-        return self.repeated(None, self.exchange, command)
+        try:
+            return self.repeated(None, self.exchange, command)
+        except ProtocolError as exc:
+            if exc.code == "bad-length":
+                raise  # it has come whole, and says what it is
+            raise self.other_form(exc, lambda _: self._differs, lambda: self._again(command)) from exc
+
+    def _again(self, command: Command) -> Sequence[str]:
+        """How the reply to another question differs from one."""
+        self._differs = []
+        try:
+            self.exchange(Command.GET_DATE if command is Command.GET_TIME else Command.GET_TIME)
+        except (NoAnswer, ProtocolError):
+            return self._differs
+        return ()
+
+    def lacks(self, command: Command) -> bool:
+        """Whether this read alone is not answered: what was answered last, or the clock, is before and behind it, twice."""
+        last = EXCHANGES[self._last[0]] if self._last is not None else None
+        known = Command.GET_DATE if command is Command.GET_TIME else Command.GET_TIME
+        if last is not None and not last.writes and last.command != command:
+            known = Command(last.command)
+        for _ in range(2):
+            for asked in (known, command):
+                try:
+                    self.exchange(asked)
+                except (NoAnswer, ProtocolError):
+                    if asked is not command or self.over:
+                        return False
+                else:
+                    if asked is command:
+                        return False
+        return True
 
     def settings_raw(self) -> tuple[int, ...]:
         """The 22 words of GetSettings as raw integers, each in its field's own sign."""
@@ -381,6 +418,12 @@ class DataPort(Line):
             request = f"{name_of(attempt.request[0])} ({sent})"
             return self.unanswered(request, self.timeout, self.sent_at, HINTS["silence"])
         code, text = attempt.mishap()
+        self._differs = differences(attempt.request, came)
+        if len(self._differs) == 1 and self._differs[0].endswith(BODY_BYTES):
+            code, text = (
+                "bad-length",
+                f"the reply to {name_of(attempt.request[0])} has {self._differs[0]}, with a good CRC",
+            )
         shown = hex_bytes(came[:SHOWN]) + (f" … ({len(came)} bytes)" if len(came) > SHOWN else "")
         text = f"{self.where}: {text}. sent {sent}, received {shown}"
         return ProtocolError(text, hint=HINTS[code], code=code, came=came)

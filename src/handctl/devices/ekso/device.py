@@ -32,6 +32,7 @@ from handctl.errors import (
     Interrupted,
     LinkError,
     NoAnswer,
+    NotPresent,
     ProtocolError,
 )
 from handctl.model.device import Device
@@ -90,10 +91,14 @@ def dump_view(rows: list[Row]) -> list[Grid]:
     if clocks:
         line = "  ".join(str(row.get("value", "?")) for row in clocks)
         grids.append(Grid(("Date and time",), ((line,),), title="EksoNR"))
-    for message in MESSAGES:
+    for message in dict.fromkeys(row["message"] for row in rows if row["message"] in MESSAGES):
         (grid,) = words_view([row for row in rows if row["message"] == message])
         grids.append(grid._replace(title=message.capitalize()))
     return grids
+
+
+OPEN = ("no-answer", "echo", "acknowledged", "bad-length")
+"""Codes of a message that this firmware may not have, where it has others."""
 
 
 class Ekso(Device):
@@ -137,6 +142,8 @@ class Ekso(Device):
         self._find_length = find_length
         self.writer: Writer | None = None
         self.known: tuple[int, ...] | None = None
+        self._lacking: dict[str, NotPresent] = {}
+        """Messages that this firmware does not have."""
 
     @property
     def port(self) -> DataPort:
@@ -175,15 +182,34 @@ class Ekso(Device):
         """Read elements with one request per message. Raises what went wrong when nothing could be read."""
         found: dict[str, list[Reading] | HandctlError] = {}
         with self.keeping(lambda: _picked(elements, found)):
-            for message in dict.fromkeys(_word(element).message for element in elements):
+            messages = dict.fromkeys(_word(element).message for element in elements)
+            known = self._lacking if messages.keys() - self._lacking.keys() else {}
+            for message in messages:
                 try:
-                    found[message] = self.readings(message)
+                    found[message] = known.get(message) or self.readings(message)
                 except (NoAnswer, ProtocolError) as exc:
                     found[message] = exc
         errors = [entry for entry in found.values() if isinstance(entry, HandctlError)]
         if errors and len(errors) == len(found):
             raise errors[0]
-        return _picked(elements, found)
+        return _picked(elements, {message: self._judged(message, one) for message, one in found.items()})
+
+    def _judged(self, message: str, found: list[Reading] | HandctlError) -> list[Reading] | HandctlError:
+        """NotPresent, from now on, for a message that alone is silent, or only acknowledged."""
+        if isinstance(found, NoAnswer | ProtocolError) and found.code in OPEN and self.port.lacks(READS[message]):
+            found = self._lacking[message] = NotPresent.shown_by(found)
+        return found
+
+    def asked(self, message: str) -> list[Reading]:
+        """`readings`; of a message that alone is silent, or only acknowledged, words that are not present. Raises what `readings` raises."""
+        try:
+            return self.readings(message)
+        except (NoAnswer, ProtocolError) as exc:
+            error = self._judged(message, exc)
+            if not isinstance(error, NotPresent):
+                raise
+            words = MESSAGES.get(message) or [clock for clock in CLOCKS if clock.name == message]
+            return _unread(words, error)
 
     def ask_ahead(self, elements: Sequence[Element]) -> None:
         """Send the request of the next `read` of these elements already, when it is a single one."""
@@ -230,40 +256,51 @@ class Ekso(Device):
         """GetTime or GetDate as one row, ``14:05:37`` or ``2026-11-20``; the raw integer has its bytes."""
         return self.row(*self.readings(what))
 
-    def now(self) -> tuple[Row, Row]:
+    def _clocks(self) -> list[Reading]:
         """Date and time that belong together: the date is read before and after the time (two messages)."""
-        date = self.clock_row("date")
+        date = self.asked("date")
         for _ in range(3):
-            time = self.clock_row("time")
-            again = self.clock_row("date")
-            if again["value"] == date["value"]:
+            time = self.asked("time")
+            again = self.asked("date") if date[0].value is not None else date
+            if again[0].raw == date[0].raw:
                 break
             date = again
+        return [*date, *time]
+
+    def now(self) -> tuple[Row, Row]:
+        """The same as rows. Raises what kept one from being read."""
+        readings = self._clocks()
+        for reading in readings:
+            if reading.error is not None:
+                raise reading.error
+        date, time = map(self.row, readings)
         return date, time
 
     def dump(self) -> Table:
         """Everything that can be read: date, time, 22 settings, 27 words of data, 17 of feedback."""
-        rows: list[Row] = []
-        failure: HandctlError | None = None
+        found: list[Reading] = []
         columns = (Column("message", "Message"), *self.columns)
+
+        def rows(readings: Sequence[Reading]) -> list[Row]:
+            return [{**self.row(reading), "message": _word(reading.element).message} for reading in readings]
+
         for message, words in MESSAGES.items():
             try:
-                readings = self.readings(message)
+                found += self.asked(message)
             except (NoAnswer, ProtocolError) as exc:
-                if not rows:
+                if not found:
                     raise
-                failure, readings = exc, _unread(words, exc)
+                found += _unread(words, exc)
             except (HandctlError, KeyboardInterrupt):
-                self.journal.keep(Table(rows=rows, columns=columns, view=dump_view))
+                self.journal.keep(Table(rows=rows(found), columns=columns, view=dump_view))
                 raise
-            rows += [{**self.row(reading), "message": message} for reading in readings]
         try:
-            clocks: Sequence[Row] = self.now()
+            found = [*self._clocks(), *found]
         except (NoAnswer, ProtocolError) as exc:
-            failure = failure or exc
-            clocks = [self.row(reading) for reading in _unread(CLOCKS, exc)]
-        rows = [{**row, "message": row["name"]} for row in clocks] + rows
-        return Table(rows=rows, columns=columns, view=dump_view, failure=failure)
+            found = [*_unread(CLOCKS, exc), *found]
+        found = self.present(found)
+        failure = next((reading.error for reading in found if reading.error is not None), None)
+        return Table(rows=rows(found), columns=columns, view=dump_view, failure=failure)
 
     def status(self, check: bool) -> Table:
         """The health summary; with `check`, findings give exit code 7."""

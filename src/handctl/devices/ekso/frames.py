@@ -188,6 +188,33 @@ def status_text(word: int) -> str:
     return f"{text}, state 0x{word >> 8 & 0xFF:02X}" if code == 1 else text
 
 
+def differences(request: bytes, received: bytes) -> list[str]:
+    """How one frame in place of the reply to a read differs from that, in ways that a firmware may have; [] = it is none."""
+    data, sizes = received.removeprefix(request), EXCHANGES[request[0]].answers
+    if len(data) <= OVERHEAD or data[0] ^ request[0] not in (0, 0x40, 0x80):
+        return []
+    found = [f"bit {(data[0] ^ request[0]).bit_length() - 1} of the command inverted"] if data[0] != request[0] else []
+    asked, told = key_of(request)[1], int.from_bytes(data[2:4], "big")
+    if told != asked:
+        ways = {int.from_bytes(request[3:1:-1], "big"): "the msgID with its low byte first", 0: "msgID 0"}
+        found.append(ways.get(told, ""))
+    size, right = len(data) - OVERHEAD, crc(data[:-2]).to_bytes(2, "big")
+    if data[-2:] != right:
+        checks = {
+            right[::-1]: "the CRC with its low byte first",
+            bytes(255 - byte for byte in right): "an inverted CRC",
+            (sum(data[:-2]) & 0xFFFF).to_bytes(2, "big"): "a sum in place of the CRC",
+        }
+        found.append(checks.get(data[-2:], ""))
+    if size not in sizes:
+        found.append(f"{size - sizes[-1]:+d} {BODY_BYTES}")
+    if data[1] - size not in LENGTH_MODES.values():
+        odd = "the length in words" if data[1] == size // 2 else f"a length byte that is {data[1] - size:+d}"
+        found.append(odd if data[1] else "length byte 0")
+    return [] if "" in found else found
+
+
+BODY_BYTES = "body bytes"
 ORDERS = {
     met: sorted(LENGTH_MODES.items(), key=lambda item: (item[0] != met, -item[1])) for met in (None, *LENGTH_MODES)
 }

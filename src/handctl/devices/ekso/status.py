@@ -27,22 +27,27 @@ CLOCK_SECONDS = 60.0
 
 
 def status(ekso: Ekso, check: bool) -> Table:
-    """Read data twice, settings, feedback and clock. Raises the error if the data cannot be read."""
-    first, moment = ekso.readings("data"), ekso.port.moment
+    """Read data twice, settings, feedback and clock. Raises the error of one that cannot be read, unless this firmware lacks it."""
+    first, moment = ekso.asked("data"), ekso.port.moment
     ekso.link.sleep(APART)
-    second, later = ekso.readings("data"), ekso.port.moment
-    settings = ekso.readings("settings")
-    feedback = ekso.readings("feedback")
-    passed = (boot_ms(_raws(second)) - boot_ms(_raws(first))) % 2**32
-    rows = [ekso.row(reading) for reading in (*second[:25], *feedback[:3], *settings)]
-    boot = boot_ms(_raws(second))
-    rows.append(_row("boot_ms", boot, boot, "ms", boot_text(boot)))
-    findings = [
-        *_boot(passed, later.since(moment), boot, boot_ms(_raws(feedback))),
-        *unfit(_values(second), _values(settings)),
-    ]
-    for text in _remarks(second, settings):
-        ekso.journal.info("remark", text)
+    second, later = (ekso.readings("data") if first[0].value is not None else first), ekso.port.moment
+    settings = ekso.asked("settings")
+    feedback = ekso.asked("feedback")
+    there = ekso.present([*second, *settings, *feedback])
+    data = second if second[0] in there else []
+    settings = [reading for reading in settings if reading in there]
+    feedback = [reading for reading in feedback if reading in there]
+    rows = [ekso.row(reading) for reading in (*data[:25], *feedback[:3], *settings)]
+    findings = []
+    if data:
+        boot = boot_ms(_raws(data))
+        rows.append(_row("boot_ms", boot, boot, "ms", boot_text(boot)))
+        passed = (boot - boot_ms(_raws(first))) % 2**32
+        findings += _boot(passed, later.since(moment), boot, boot_ms(_raws(feedback)) if feedback else boot)
+    if data and settings:
+        findings += unfit(_values(data), _values(settings))
+        for text in _remarks(data, settings):
+            ekso.journal.info("remark", text)
     table = Table(rows=rows, columns=ekso.columns, view=status_view)
     try:
         rows += _clock(ekso)

@@ -25,6 +25,7 @@ class CanBus(RegisterBus):
     link: FrameLink
     max_count = can_frames.MAX_COUNT
     wire = "can"
+    fewer = "cut-short"
     spaces: ClassVar = {
         "hand": (can_frames.READ_HAND, can_frames.WRITE_HAND),
         "wrist": (can_frames.READ_WRIST, can_frames.WRITE_WRIST),
@@ -159,7 +160,12 @@ class CanBus(RegisterBus):
 
     def mishap(self, request: CanFrame, odd: Sequence[CanFrame]) -> ProtocolError:
         """The error for a frame with the same flag and address that is not a reply."""
-        others = [frame for frame in odd if frame != request]
+        ids = [can_frames.parse_identifier(frame.can_id).hand_id for frame in odd]
+        others = [
+            frame
+            for _, frame in sorted(zip(ids, odd, strict=True), key=lambda one: one[0] != self.id)
+            if frame != request
+        ]
         if not others:
             code, text = "echo", f"only our own frame came back: {request}"
         elif (other := can_frames.parse_identifier(others[0].can_id).hand_id) != self.id:

@@ -64,7 +64,8 @@ ITS_CURRENT = READS[eb90.WRIST_READ][0]
 
 def is_wrist(at: At) -> str:
     """Only a wrist module has registers behind flag 30 (wrist §2.2)."""
-    return "the wrist's flag (30, on CAN 4) gets a reply" if at(*ITS_CURRENT) is not None else ""
+    replies = [span for span in READS[eb90.WRIST_READ] if at(*span) is not None]
+    return "the wrist's flag (30, on CAN 4) gets a reply" if replies else ""
 
 
 def is_six_wide(at: At) -> str:
@@ -117,6 +118,8 @@ def _words(data: bytes | None) -> list[int]:
     return eb90.unpack_s16(data or b"")
 
 
+NOT_SHOWN = "not-shown"
+"""Code of a device that answers, and does not show which one it is."""
 UNHEARD = (NoAnswer.default_code, "echo")
 """Codes of a device that has not understood the question: silence, or only our own bytes."""
 
@@ -155,6 +158,13 @@ TABLE = (
     Sign("hand", ((1136, 26), (1206, 26)), is_dg2, DG2_HAND),
 )
 """In the order of their weight: a hand that carries a wrist shows both, an EH55BF1 only what every hand shows."""
+MORE_WRIST = (Sign("wrist", READS[eb90.WRIST_READ][1:], is_wrist, WRIST),)
+"""For one that does not have the first of them."""
+PARTS = (
+    Sign("hand", ((1618, 6),), is_six_wide, BYTE_HAND),
+    Sign("hand", ((SPEEDS[0], SPEEDS[1] + STROKES[1]),), is_six_wide, BYTE_HAND),
+)
+"""Enough to read from a hand that does not answer the read of all its states; nothing is written to it."""
 
 
 SIX_FINGERS = "this is not an EH55BF1 but a hand with six actuators (an RH56, or the hand of a wrist module)"
@@ -176,6 +186,8 @@ class IdentityCheck:
         self._memory: dict[tuple[str, Span], bytes | None] = {}
         self._failure: HandctlError | None = None
         self.evidence = ""
+        self.in_part = False
+        """Whether only a part shows who it is: enough to read."""
 
     def contradiction(self, own: Kind) -> Kind | None:
         """Who else than `own` is proved by what is held, and by one question more where it does not tell; None = nobody."""
@@ -212,7 +224,7 @@ class IdentityCheck:
         ):  # with a wrist on it or not: it is the hand's own flag that is asked and written
             kind = self._try(states)
         elif own is WRIST:  # flag 30 is nobody else's: its answer is enough
-            kind = self._try(wrist)
+            kind = self._try(wrist) or (self._try(MORE_WRIST) if self._silent else None)
             if kind is None and self._silent:
                 self.evidence = "there is no reply to the wrist's flag (30, on CAN 4)"
                 kind = self._try(states)
@@ -222,19 +234,42 @@ class IdentityCheck:
                 return kind  # enough for what only reads
             if kind is not None or self._silent:
                 kind = self._try(wrist) or kind
+        if kind is None and self._silent and own.family == BYTE_HAND.family:
+            kind = self._try(PARTS)
+            self.in_part = kind is not None
         if kind is None and self._silent:
             kind = self._try(more)
             if kind is None and own.family == BYTE_HAND.family:
                 kind = self._try(more, due=True)
         if kind is None:
-            raise self._failure or self._unknown()
+            raise self._not_shown() or self._failure or self._unknown()
         return kind
+
+    def _not_shown(self) -> ProtocolError | None:
+        """The error of a device that answers a first question, and not those that show which one it is; None where nobody does."""
+        if (
+            self._failure is None
+            or self._failure.code not in (NoAnswer.default_code, self._bus.fewer)
+            or self._bus.over
+        ):
+            return None
+        spans = self._bus.at("hand").first_questions
+        came = [f"{span[0]}: {hex_bytes(data)}" for span in spans if (data := self.ask("hand", span)) is not None]
+        return (
+            ProtocolError(
+                f"{self._bus.where}: a device replies ({'; '.join(came)}), but not to the reads that show which one it is",
+                hint="check the type plate, then add --model to read a hand. --assume-identity skips this check",
+                code=NOT_SHOWN,
+            )
+            if came
+            else None
+        )
 
     @property
     def _silent(self) -> bool:
         """Whether asking on makes sense: zeros, silence, a refused address, our own bytes. What else came is a stranger's, or destroyed."""
         failure = self._failure
-        return failure is None or isinstance(failure, DeviceRefused) or self.unheard is not None
+        return failure is None or isinstance(failure, DeviceRefused) or failure.code in (*UNHEARD, self._bus.fewer)
 
     @property
     def unheard(self) -> HandctlError | None:

@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 
 from handctl.devices.inspire import modbus_frames
 from handctl.devices.inspire.modbus_frames import TCP_PORT, Answer, RtuDecoder, TcpDecoder
-from handctl.devices.inspire.register_bus import MOST, ByteBus
+from handctl.devices.inspire.register_bus import FEWER, MOST, ByteBus
 from handctl.devices.inspire.serial_bus import shorten
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, CanFrame, Deadline
@@ -39,6 +39,11 @@ class Owed:
 
     def __bool__(self) -> bool:
         return bool(self._open)
+
+    @property
+    def alone(self) -> bool:
+        """Whether one question is open: what comes can answer no other."""
+        return len(self._open) == 1
 
     def given_up(self, number: int, pdu: bytes) -> None:
         """The answer may still come."""
@@ -137,8 +142,39 @@ class ModbusBus(ByteBus):
     def _words(self, address: int, count: int, retries: int | None) -> bytes:
         words = -(-count // 2)
         request = modbus_frames.read_request(address // self.per, words)
-        answer = self.repeated(retries, self.exchange, request)
+        try:
+            answer = self.repeated(retries, self.exchange, request)
+        except ProtocolError as exc:
+            raise self.other_form(
+                exc, lambda came: self._differences(request, came), lambda: self._again(request)
+            ) from exc
         return modbus_frames.to_memory(answer.data)[:count]
+
+    def _again(self, pdu: bytes) -> Sequence[str]:
+        """How the reply to another question differs from one."""
+        spans = [modbus_frames.read_request(span[0] // self.per, 1) for span in self.first_questions]
+        other = next((span for span in spans if span != pdu), spans[0])
+        try:
+            self.exchange(other)
+        except ProtocolError as exc:
+            return self._differences(other, exc.came)
+        except (NoAnswer, DeviceRefused):
+            pass
+        return ()
+
+    def _differences(self, pdu: bytes, received: bytes) -> list[str]:
+        """How one frame in place of the reply to a read differs from that, in ways that a firmware may have; [] = it is none."""
+        data, size = received.removeprefix(self._framed(pdu, 0)), modbus_frames.reply_size(pdu)
+        if self.tcp or len(data) != size + 3:
+            return []
+        found = [f"unit {data[0]}"] if data[0] in (0, 255) else [] if data[0] == self.id else [""]
+        if data[1] != pdu[0]:
+            found.append(f"function {data[1]:02X}" if data[1] == modbus_frames.READ + 1 else "")
+        if data[2] != size - 2:
+            found.append("a count of words" if 2 * data[2] == size - 2 else "")
+        if (crc := modbus_frames.crc(data[:-2])) != data[-2:]:
+            found.append("the CRC with its high byte first" if crc[::-1] == data[-2:] else "")
+        return [] if "" in found else found
 
     def _is_unpacked(self, retries: int | None) -> bool:
         """Whether the bytes of a byte group come one to a register: the six temperatures tell (rh56 §2.2).
@@ -371,6 +407,9 @@ class ModbusBus(ByteBus):
         code, text = "garbage", f"received {plural(len(received), 'byte')} instead of a valid Modbus reply"
         if received == request:
             code, text = "echo", "only our own bytes came back"
+        elif (size := self._fewer(request, received, odd)) is not None:
+            self._owed.settled()  # it was answered, as far as it goes
+            code, text = FEWER, f"the reply has {plural(size, 'byte')}, fewer than were asked for"
         elif odd:
             code, text = "stale", "received a valid reply, but to a different request"
         elif self._cut_short(request, received):
@@ -379,6 +418,16 @@ class ModbusBus(ByteBus):
             code, text = "wrong-id", f"id {received[0]} replied instead"
         hint = OTHER_SERVICE_HINT if code == "garbage" and self.tcp else HINTS[code]
         return ProtocolError(f"{self.where}: {text} {came}", hint=hint, code=code, came=received)
+
+    def _fewer(self, request: bytes, received: bytes, odd: Sequence[Answer]) -> int | None:
+        """Bytes of an answer to this read that has fewer than were asked for; None where it may answer something else."""
+        pdu = (
+            odd[0].pdu if odd else b"" if self.tcp or not _whole(received) or received[0] != self.id else received[1:-2]
+        )
+        asked = modbus_frames.reply_size(self.pdu_of(request)) - 2
+        reads = self.only_reads(request) and self._owed.alone and pdu[:1] == bytes([modbus_frames.READ])
+        mine = len(odd) < 2 and (not odd or self._is_mine(odd[0]))
+        return len(pdu) - 2 if reads and mine and pdu[1] == len(pdu) - 2 < asked else None
 
     def _cut_short(self, request: bytes, received: bytes) -> bool:
         """Whether this begins as the answer does."""
@@ -393,6 +442,7 @@ def _whole(frame: bytes) -> bool:
 
 
 HINTS = {
+    FEWER: "read fewer registers at once: this hand may not have all of them",
     "garbage": "check the baud rate (115200 or 921600) and the kind of device: try --protocol eb90, or `handctl scan`",
     "echo": "check the wiring: an echo or a short returns our own bytes, and no device replies",
     "stale": "check for another program or a second master on this line",

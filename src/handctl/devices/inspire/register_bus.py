@@ -69,6 +69,8 @@ def ahead(baud: int | None) -> bytes:
 
 # -- one device id ----------------------------------------------------------------------------------------------------
 
+FEWER = "fewer-bytes"
+"""Code of an answer to our read that has fewer bytes than were asked for."""
 DEFAULT_TIMEOUT = 0.3
 """Seconds of silence allowed per reply beyond wire time: USB (4 ms), FTDI latency (16 ms) and Bluetooth with room."""
 
@@ -126,6 +128,7 @@ class RegisterBus(Line, ABC):
     gate      looks who is there before the first frame that is no read, and at what was read; None = nobody looks
     presence  the span that tells whether anybody is there; its answer is longer than its question, so an echo never passes for it
     reports   the device sends the end of a save or a calibration by itself
+    fewer     code of an answer that has fewer bytes than were asked for
     per       bytes at one address of the wire: 2 where the device counts words; addresses here are bytes
     round_trip   seconds that the last answer took, its bytes included
     """
@@ -137,6 +140,7 @@ class RegisterBus(Line, ABC):
     round_trip: float | None = None
     presence: tuple[int, int] = (1472, 2)
     reports = False
+    fewer = FEWER
     per = 1
     wire = "eb90"
 
@@ -163,6 +167,12 @@ class RegisterBus(Line, ABC):
     @abstractmethod
     def check_id(device_id: int, /) -> None:
         """Refuse an id that this wire does not have. Raises UsageError."""
+
+    @property
+    def first_questions(self) -> tuple[Span, ...]:
+        """What nobody else acts on, and every device with this register space answers."""
+        wrist, _ = self.spaces.get("wrist", (None, None))
+        return READS[eb90.WRIST_READ if self.read_flag == wrist else eb90.READ] if self.per == 1 else (self.presence,)
 
     @property
     def serial(self) -> bool:

@@ -14,10 +14,19 @@ from functools import lru_cache
 from typing import TypeVar
 
 from handctl.devices.inspire.eb90 import MAX_COUNT
-from handctl.devices.inspire.identity import refuse_twins, within
+from handctl.devices.inspire.identity import AT_WORK, refuse_twins, within
 from handctl.devices.inspire.map import BAUD_RATES, Register, register_of
-from handctl.devices.inspire.register_bus import FLOOD, RegisterBus, may_still_move
-from handctl.errors import Aftermath, CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.devices.inspire.register_bus import FLOOD, RegisterBus, Span, may_still_move
+from handctl.errors import (
+    Aftermath,
+    CheckFailed,
+    DeviceRefused,
+    HandctlError,
+    NoAnswer,
+    NotPresent,
+    ProtocolError,
+    UsageError,
+)
 from handctl.light import NamedTuple
 from handctl.model.device import Device
 from handctl.model.movement import Arrival, Goal, Seen, Stillness, Watch, judged, marked, watch, with_arrival
@@ -25,6 +34,7 @@ from handctl.model.param import Element, Number, ParamMap, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Column, Row, Table, hex_bytes
 from handctl.model.stop_sequence import Stopped, interrupted, on_early_end
+from handctl.wording import plural
 
 FAILS = (NoAnswer, ProtocolError, DeviceRefused)
 """What ends one read and leaves the others possible; Modbus refuses an address by an exception (rh56 §2.2)."""
@@ -73,6 +83,10 @@ class BlockReader:
     def __init__(self, bus: RegisterBus) -> None:
         self._bus = bus
         self._across_gaps = True
+        self._most = bus.max_count
+        """Bytes of the longest group that may be answered: longer ones were not, but in parts."""
+        self._absent: dict[str, NotPresent] = {}
+        """Groups that this device lacks: asked for once."""
 
     def read(self, registers: Iterable[Register], memory: Memory | None = None) -> Memory:
         """Read `registers` into `memory`. Groups that fail are in its `errors`; raises when nothing at all could be read."""
@@ -103,14 +117,9 @@ class BlockReader:
         try:
             # Twice silent means that this device does not answer across gaps, or not at all: the groups will tell.
             data = bus.read(block.address, block.size, retries=min(bus.retries, 1))
-        except (NoAnswer, DeviceRefused) as exc:
-            if not memory.blocks:
-                first = block.groups[0]
-                try:
-                    data = bus.read(first.address, len(first.span), retries=min(bus.retries, 1))
-                except (NoAnswer, DeviceRefused):
-                    raise exc from None
-                memory.blocks.append((first.address, data))
+        except FAILS as exc:
+            if not self._leaves_open(exc) or not (memory.blocks or self._anybody(block, memory)):
+                raise
             self._across_gaps = False
             what = "no reply to a read of" if isinstance(exc, NoAnswer) else "the device refused a read of"
             bus.journal.warn(
@@ -121,16 +130,89 @@ class BlockReader:
         memory.blocks.append((block.address, data))
         return True
 
+    def _anybody(self, block: Block, memory: Memory) -> bool:
+        """Whether the first group of a block that was not answered is, or else a question in another place."""
+        first, bus = block.groups[0], self._bus
+        other = next(
+            (span for span in reversed(bus.first_questions) if span[0] not in first.span and bus.quiet(*span)), None
+        )
+        for span, retries in (((first.address, len(first.span)), min(bus.retries, 1)), (other, 0)):
+            try:
+                if span is not None:
+                    memory.blocks.append((span[0], bus.read(*span, retries=retries)))
+                    return True
+            except FAILS as exc:
+                if not self._leaves_open(exc):
+                    break
+        return False
+
     def _groups(self, block: Block, memory: Memory) -> None:
         for group in block.groups:
             if memory.bytes_at(group.address, len(group.span)) is not None:
                 continue
             try:
-                memory.blocks.append((group.address, self._bus.read(group.address, len(group.span))))
+                self._group(group, memory)
             except FAILS as exc:
-                if not memory.blocks:
+                if not (memory.blocks or isinstance(exc, NotPresent)):
                     raise
                 memory.errors[group.name] = exc
+
+    def _group(self, group: Register, memory: Memory) -> None:
+        """One group, by its elements where the device answers shorter reads only. Raises what it does not answer, NotPresent where it lacks that."""
+        if group.name in self._absent:
+            raise self._absent[group.name]
+        span, failed = (group.address, len(group.span)), None
+        if span[1] <= self._most or group.count == 1:
+            try:
+                memory.blocks.append((span[0], self._bus.read(*span)))
+                return
+            except FAILS as exc:
+                if not memory.blocks or not self._leaves_open(exc):
+                    raise
+                failed = exc
+        for index in range(group.count) if group.count > 1 else ():
+            span = group.address_of(index), group.size
+            try:
+                memory.blocks.append((span[0], self._bus.read(*span, retries=None if failed is None else 0)))
+            except FAILS as exc:
+                failed = exc
+                break
+            if failed is not None:
+                self._bus.journal.warn(
+                    "block-silent",
+                    f"no reply to {plural(len(group.span), 'byte')} at {group.address}: handctl reads its elements one by one",
+                )
+                self._most, failed = min(self._most, len(group.span) - 1), None
+        if failed is not None:
+            if memory.blocks and self._lacks(span, memory, failed, len(group.span)):
+                failed = self._absent[group.name] = NotPresent.shown_by(failed)
+            raise failed
+
+    def _lacks(self, span: Span, memory: Memory, failed: HandctlError, whole: int) -> bool:
+        """Whether the device refuses, or is silent to, this alone: what it answered before it answers again, and not this, twice."""
+        bus = self._bus
+        if bus.wire == "can" and whole == 1:
+            return False  # two bytes are asked for there, and the other one need not exist
+        if isinstance(failed, DeviceRefused) and failed.code not in AT_WORK:
+            return True
+        address, data = min(memory.blocks, key=lambda block: len(block[1]))
+        for _ in range(2):
+            try:
+                bus.read(address, len(data), retries=0)
+            except FAILS:
+                return False
+            try:
+                bus.read(*span, retries=0)
+            except FAILS as exc:
+                if not self._leaves_open(exc) or bus.over:
+                    return False
+            else:
+                return False
+        return True
+
+    def _leaves_open(self, exc: HandctlError) -> bool:
+        """Whether this may come of a read that is too long, or of a register that is not there: silence, a refusal, fewer bytes."""
+        return isinstance(exc, NoAnswer | DeviceRefused) or exc.code == self._bus.fewer
 
 
 # -- one device -------------------------------------------------------------------------------------------------------

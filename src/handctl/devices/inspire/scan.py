@@ -15,15 +15,16 @@ from typing import NamedTuple
 
 from handctl.devices.inspire import can_frames, eb90
 from handctl.devices.inspire.can_bus import CanBus
-from handctl.devices.inspire.identity import EXO, SIX_HINT, WRIST, IdentityCheck, Kind, Row4, same_id
+from handctl.devices.inspire.identity import EXO, NOT_SHOWN, SIX_HINT, WRIST, IdentityCheck, Kind, Row4, same_id
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.modbus_frames import RTU_SPEED
-from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus, Span, at_speed, other_speed
+from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, FEWER, RegisterBus, Span, at_speed, other_speed
 from handctl.devices.inspire.register_device import RegisterDevice
 from handctl.devices.inspire.scan_wire import CanSearch, Findings, Requester, RtuSearch, Scanner, Wanted
 from handctl.devices.inspire.serial_bus import Bus, frames_of_others, hint_for
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline, FrameLink, Link
+from handctl.model.device import OTHER_FORM
 from handctl.model.param import ids_in
 from handctl.model.prompts import Progress
 from handctl.model.result import Journal, Row
@@ -148,10 +149,13 @@ class Sweep:
         strange = [row for row in task.rows if row["family"] not in self.families]
         for row in strange:
             text = f"id {row['id']}{at_text(row['baud'])} is not of the family {self.names}: {row['evidence']}"
-            self.journal.warn("other-device", text)
+            self.journal.warn("other-device" if row["family"] else NOT_SHOWN, text)
         if strange and len(strange) == len(task.rows):
+            known = strange[0]["family"] is not None
             task.failure = DeviceRefused(
-                f"{self.link.name}: no {self.names}, but {strange[0]['evidence']}", hint=SIX_HINT, code="other-device"
+                f"{self.link.name}: no {self.names}, but {strange[0]['evidence']}",
+                hint=SIX_HINT if known else "check the type plate: what it replies does not show which device it is",
+                code="other-device" if known else NOT_SHOWN,
             )
         elif task.rows and not task.find_all:
             self.journal.info("first", "the scan ended at the first device", hint="add --all to look for more")
@@ -379,11 +383,30 @@ class Sweep:
             )
         task.twins = sorted({number for _, number in self.collided})
         if not task.rows:
-            task.failure = nothing(
-                self.link.name, self.names, self.lead.family, found, task.twins, summary
-            ) or self._silence(found.cut, summary)
+            task.failure = (
+                self._other_form(link, found, speeds)
+                or nothing(self.link.name, self.names, self.lead.family, found, task.twins, summary)
+                or self._silence(found.cut, summary)
+            )
         for speed in speeds if task.baud is None else [None]:
             task.tried[speed] = task.failure.code if task.failure is not None else "found"
+
+    def _other_form(self, link: ByteLink, found: Findings, speeds: Sequence[int | None]) -> ProtocolError | None:
+        """The error of a device whose replies are evident, and have another form than the manual's; None where there is none."""
+        header = found.came[:2] in (eb90.DEVICE, eb90.HOST) and len(found.came) > 2
+        if not (found.damaged or header) or found.cut or self.collided or link.replayed:
+            return None
+        number = next(iter(found.damaged), found.came[2] if header else 0)
+        number = number if number in self.ids else self.ids[0]
+        bus = Bus(link, number, self.journal, retries=0, bound=self.bound, family=self.lead.family)
+        try:
+            with at_speed(link, speeds[0]):
+                bus.read(*bus.first_questions[0])
+        except ProtocolError as exc:
+            return exc if exc.code in (OTHER_FORM, FEWER) else None
+        except (NoAnswer, DeviceRefused):
+            pass
+        return None
 
     def _left_out(self, link: ByteLink, speeds: Sequence[int | None]) -> list[str]:
         """What was not asked, and how to ask it: a BarrettHand could take its bytes for a command, or for firmware."""

@@ -10,8 +10,8 @@ from typing import ClassVar
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
-from handctl.devices.inspire.register_bus import FRESH, ByteBus, ahead, question
-from handctl.errors import JUDGED, DeviceRefused, HandctlError, ProtocolError
+from handctl.devices.inspire.register_bus import FEWER, FRESH, ByteBus, ahead, question
+from handctl.errors import JUDGED, DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.link import CanFrame, Deadline
 from handctl.model.decoder import frames_in
 from handctl.model.other_devices import harmless
@@ -42,6 +42,7 @@ HINTS = {
     "bad-checksum": "check the cable, the ground and the baud rate, and that only one device has this id: bytes were corrupted on the line",
     "cut-short": "check the cable and the adapter, and that no other program reads the port: the reply was cut off",
     "stale": "check for another program or a second master on this line: the frame is valid, but is a reply to a different request",
+    FEWER: "read fewer bytes at once, or a register by itself: this device may not have all of them",
     "first-byte-lost": "use another RS-485 adapter, or make this one switch its direction sooner: it swallows the first byte of each reply",
     "garbage": "try --baud 115200, 57600 and 19200: the baud rate is probably wrong, or this is another kind of device",
 }
@@ -87,12 +88,50 @@ def mishap(request: bytes, received: bytes, more: int = 0) -> tuple[str, str]:
             return "wrong-id", f"id {frame.id} replied instead"
     if bad_sums:
         return "bad-checksum", "the reply's checksum is wrong"
+    asked = bytes([request[4]]) + request[5:7] if request[3:4] == b"\x04" else None
+    for frame in replies:
+        if bytes([frame.flag]) + frame.payload[:2] == asked and len(frame.data) < request[7]:
+            return FEWER, f"the reply has {plural(len(frame.data), 'byte')}, not the {request[7]} that were asked for"
     if frames:
         return "stale", "received a valid frame, but it is not a reply to this request"
     # At a wrong speed 90 EB may come by chance: with the id behind it, or nothing, it is the beginning of an answer.
     if pending >= 2 and (rest.endswith(eb90.DEVICE) or eb90.DEVICE + request[2:3] in rest):
         return "cut-short", f"the reply was cut off after {plural(len(rest) + more, 'byte')}"
     return "garbage", f"received {plural(len(rest) + more, 'byte')} instead of a valid frame"
+
+
+def differences(request: bytes, received: bytes) -> list[str]:
+    """How one frame in place of the reply to a read differs from that, in ways that a firmware may have; [] = it is none."""
+    data, count = received.removeprefix(request), request[7] if len(request) == 9 else 0
+    size, address = len(data) - count - REPLY_SIZE, request[5:7]
+    if not count or abs(size) > 2 or data[:2] not in (eb90.DEVICE, eb90.HOST) or len(data) < 7:
+        return []
+    total = sum(data[2:-1]) & 0xFF
+    sums = {
+        (sum(eb90.DEVICE) + total) & 0xFF: "a checksum with the header",
+        -total & 0xFF: "a checksum of which the sum is 0",
+        total ^ 0xFF: "an inverted checksum",
+    }
+    places = {
+        address[::-1]: "the address with its high byte first",
+        (int.from_bytes(address, "little") // 2).to_bytes(2, "little"): "the address in words",
+    }
+    found = []
+    if data[:2] == eb90.HOST:
+        found.append("the header of a request")
+    if data[2] != request[2]:
+        found.append(f"id {data[2]}")
+    if data[4] != request[4]:
+        found.append("" if data[4] in (eb90.READ, eb90.WRIST_READ) else f"flag {data[4]:02X}")
+    if data[5:7] != address:
+        found.append("no address" if size == -2 else places.get(data[5:7], ""))
+    if data[-1] != total:
+        found.append("no checksum" if size == -1 and data[5:7] == address else sums.get(data[-1], ""))
+    if data[3] != count + 3 and "no address" not in found:
+        found.append(f"a length byte that is {data[3] - count - 3:+d}" if data[3] else "length byte 0")
+    elif size and not found:
+        found.append(f"{size:+d} data bytes")
+    return [] if "" in found or data[2] not in (request[2], 0, 255) else found
 
 
 def others_speak(request: bytes, received: bytes) -> bool:
@@ -115,6 +154,10 @@ def _damaged(received: bytes, device_id: int | None) -> bool:
     sniffer.feed(received)
     list(frames_in(sniffer, lambda _error: named.append(sniffer.rejected[2])))
     return device_id in named
+
+
+REPLY_SIZE = 8
+"""Bytes of the reply to a read beside its data."""
 
 
 def shorten(data: bytes, limit: int = 40) -> str:
@@ -178,9 +221,34 @@ class Bus(ByteBus):
         prefix = eb90.read_reply_prefix(target, address, count, self.read_flag)
         if not self._met and not self._quiet(request):
             self._ask_quietly(target, retries)
-        answer = self.repeated(retries, self.exchange, request, [prefix], reply_size=count + 8)
+        try:
+            answer = self.repeated(retries, self.exchange, request, [prefix], reply_size=count + 8)
+        except ProtocolError as exc:
+            if exc.code == FEWER:
+                raise  # it has come whole, and says what it is
+            raise self.other_form(exc, lambda came: differences(request, came), lambda: self._again(request)) from exc
         self._met.add(target)
         return answer.data
+
+    def _again(self, request: bytes) -> Sequence[str]:
+        """How the reply to another question differs from one."""
+        span = next(
+            span for span in self.first_questions if span[0] // self.per != int.from_bytes(request[5:7], "little")
+        )
+        if not self.quiet(*span):
+            return ()
+        other = eb90.read_request(request[2], span[0] // self.per, span[1], self.read_flag)
+        try:
+            self.exchange(
+                other,
+                [eb90.read_reply_prefix(request[2], span[0] // self.per, span[1], self.read_flag)],
+                reply_size=span[1] + 8,
+            )
+        except ProtocolError as exc:
+            return differences(other, exc.came)
+        except NoAnswer:
+            pass
+        return ()
 
     def quiet(self, address: int, count: int) -> bool:
         request = eb90.read_request(self.id, address // self.per, count, self.read_flag)

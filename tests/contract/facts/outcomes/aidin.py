@@ -51,7 +51,7 @@ LINE: dict[str, Codes] = {
 DEVICE: dict[str, dict[str, Codes]] = {
     "extra-key": {}, "no-homing": {}, "unclosed": {}, "touched": {}, "stiff": {}, "shaky-sensor": {},
     "not-json": every(5), "braces": every(5),
-    "missing-key": every(0, status=5, stop=5, currents=5),
+    "missing-key": every(0, stop=5, currents=5),
     "wrong-length": every(5, get=0, stop=0, max_torque=0, currents=0),
     "nan": every(0, status=5, get=5, bias=5, joints=5),
     "wrong-type": every(5, get=0, max_torque=0, joints=5),

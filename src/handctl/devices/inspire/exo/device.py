@@ -10,6 +10,7 @@ is said before and after.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.identity import identify_alone
@@ -142,7 +143,7 @@ class ExoHand(RegisterDevice):
     def status(self, check: bool) -> Table:
         """The health summary for each finger. With `check`, any finding is a CheckFailed (exit code 7)."""
         names = ("id", "baud_code", "system_voltage", "position_set", "force_set", *LIVE)
-        readings = self.read([element for name in names for element in elements_of(EXO[name])])
+        readings = self.present(self.read([element for name in names for element in elements_of(EXO[name])]))
         table = self.table(readings)
         table.view = status_view
         findings = unhealthy(readings)
@@ -302,11 +303,15 @@ def status_view(rows: list[Row]) -> list[Grid]:
     columns = ("position_actual", "position_set", "force_actual", "force_set", "current", "temperature", "error")
     lines = tuple((finger, *(text(name, finger) for name in columns)) for finger in FINGERS)
     rotation = ("rotation", text("position_actual", "thumb_rotation"), *[""] * 6)
-    code = at[("baud_code", None)].get("value")
+
+    def single(name: str) -> Any:
+        return at.get((name, None), {}).get("value")
+
+    code = single("baud_code")
     head = (
-        f"id {at[('id', None)].get('value', '?')}, "
+        f"id {single('id') or '?'}, "
         f"{BAUD_RATES.get(code, '?') if isinstance(code, int) else '?'} bit/s (code {code if code is not None else '?'}), "
-        f"supply {at[('system_voltage', None)].get('value', '?')} (raw, scale unknown)"
+        f"supply {'?' if (supply := single('system_voltage')) is None else supply} (raw, scale unknown)"
     )
     notes = (
         "Position: 0 bent to 1000 open. Force (raw): set + opens the hand, measured + means that the user closes it.",

@@ -29,11 +29,11 @@ from handctl.devices.inspire.hand.map import (
     TP,
     HandRegister,
 )
-from handctl.devices.inspire.identity import BYTE_HAND, UNHEARD, naming_twins, stranger
+from handctl.devices.inspire.identity import BYTE_HAND, NOT_SHOWN, UNHEARD, naming_twins, stranger
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.devices.inspire.register_device import BlockReader, RegisterDevice, T
-from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
-from handctl.model.device import Course, Release
+from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.model.device import OTHER_FORM, Course, Release
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
 from handctl.model.result import Cell, Finding, Grid, Row, Table
 from handctl.model.stop_sequence import StopContext
@@ -171,7 +171,9 @@ class Hand(RegisterDevice):
             other.pause(BETWEEN_PROTOCOLS)
             try:
                 answer = ask()
-            except HandctlError:
+            except HandctlError as second:
+                if isinstance(second, DeviceRefused) or second.code in (NOT_SHOWN, OTHER_FORM):
+                    raise  # it speaks there
                 self.bus, self._reader = first, BlockReader(first)
                 raise exc from None
             self.journal.info("protocol", f"{other.where}: it does not reply in EB90, but does in Modbus RTU")
@@ -234,14 +236,14 @@ class Hand(RegisterDevice):
     def dump(self) -> Table:
         """Everything documented, in two reads on DF (rh56 §5)."""
         self.know()
-        readings = self.read([e for one in self.has if one.readable for e in elements_of(one)])
+        readings = self.present(self.read([e for one in self.has if one.readable for e in elements_of(one)]))
         return self._with_blocks(self.table(readings))
 
     def status(self, check: bool) -> Table:
         """The health summary for each finger. With `check`, any finding gives exit code 7."""
         self.know()
         names = [one for one in self.has if one.name in SHOWN]
-        readings = self.read([element for one in names for element in elements_of(one)])
+        readings = self.present(self.read([element for one in names for element in elements_of(one)]))
         table = self.table(readings)
         table.view = lambda rows: status_view(rows, self._spoken())
         return self.judge(table, unhealthy(readings), check)

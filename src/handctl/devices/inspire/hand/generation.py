@@ -153,11 +153,12 @@ LABEL = "read the label on the hand and add --model df, tp, f1 or dg2"
 
 
 class Found(NamedTuple):
-    """What a look found: the device, its generation (None = open), and what shows it."""
+    """What a look found: the device, its generation (None = open), and what shows it; `in_part`: enough to read only."""
 
     kind: Kind
     model: str | None
     evidence: str
+    in_part: bool = False
 
     @property
     def words(self) -> str:
@@ -179,7 +180,7 @@ def look(bus: RegisterBus, other: RegisterBus | None = None) -> Found:
     if kind is not BYTE_HAND:
         return Found(kind, next((model for model, shown in KINDS.items() if shown is kind), None), asked.evidence)
     model, more = _of_bytes(bus, asked)
-    return Found(kind, model, "; ".join(filter(None, (asked.evidence, more))))
+    return Found(kind, model, "; ".join(filter(None, (asked.evidence, more))), asked.in_part)
 
 
 def _answers(bus: RegisterBus) -> bool:
@@ -262,6 +263,12 @@ class ModelGate(FamilyGate):
         if found.kind.family != "hand":
             raise stranger(bus, found.kind, BYTE_HAND, found.evidence)
         contradiction(bus, found, typed)
+        if found.in_part:
+            raise DeviceRefused(
+                f"{bus.where}: {found.words}: {found.evidence}, but no reply to the read of all its states ({STATES[0]})",
+                hint="check the label on the hand. --assume-identity with --model skips this check. Nothing was written.",
+                code="in-part",
+            )
         if typed is None and found.model not in (DF, TP):
             raise DeviceRefused(
                 f"{bus.where}: {found.words}: {found.evidence}. The same addresses do different things on another generation",

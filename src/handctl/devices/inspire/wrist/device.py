@@ -186,10 +186,11 @@ def status_view(rows: list[Row]) -> list[Grid]:
     at = {row["name"]: row for row in rows}
 
     def text(name: str) -> str | Cell:
-        return Cell("?", "bad") if "error" in at[name] else value_text(at[name])
+        row = at.get(name, {"error": ""})
+        return Cell("?", "bad") if "error" in row else value_text(row)
 
     def errors(name: str) -> str | Cell:
-        row = at[name]
+        row = at.get(name, {"error": ""})
         return Cell("?", "bad") if "error" in row else Cell(row["label"] or "ok", "bad" if row["value"] else "good")
 
     axes = (("pitch", text("pitch_actual"), text("pitch_set")), ("yaw", text("yaw_actual"), text("yaw_set")))

@@ -1,0 +1,129 @@
+"""Contact with a device that is not the one in the books: frames of another form, a register less, shorter reads."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from tests.contract.cell import tried, wrote
+from tests.contract.commands import scratch_of
+from tests.search.contact_worlds import EB90, RTU, Change, reads_only
+from tests.support.cli import Result, run
+from tests.support.odd_devices import odd_registers
+
+STATES = (1606, 18)
+
+
+def asked(family: str, *words: str, **options: str) -> Result:
+    link = "&".join([f"fake://{family}?clock=virtual", *(f"{name}={value}" for name, value in options.items())])
+    return run(family, *words, "-p", link, "--json")
+
+
+@pytest.mark.parametrize("name", ["length with the sum", "flag with bit 7", "sum inverted", "address left out", "id 0"])
+@pytest.mark.parametrize("family", ["exo", "wrist"])
+def test_replies_of_another_form_are_contact_and_no_value(family: str, name: str) -> None:
+    with odd_registers(every=reads_only(EB90[name])):
+        result = asked(family, "status")
+    assert result.code == 5, result
+    assert "other-form" in result.codes()
+    assert not result.rows
+
+
+@pytest.mark.parametrize("fault", ["bad-checksum", "cut-short", "noise", "loopback", "wrong-id"])
+def test_a_disturbed_line_is_no_other_form(fault: str) -> None:
+    result = asked("exo", "status", fault=fault)
+    assert "other-form" not in result.codes(), result
+
+
+def test_one_reply_of_another_form_is_the_line() -> None:
+    """The next question is answered as it should be: then the first was damaged by chance."""
+    change, count = reads_only(EB90["sum inverted"]), iter(range(3))
+
+    def at_first(data: bytes) -> bytes:
+        return change(data) if next(count, None) is not None else data
+
+    with odd_registers(every=at_first):
+        result = asked("exo", "get", "system_voltage")
+    assert result.code == 5, result
+    assert "bad-checksum" in result.codes()
+
+
+@pytest.mark.parametrize("change", RTU.values(), ids=RTU)
+def test_modbus_replies_of_another_form(change: Change) -> None:
+    with odd_registers(every=change):
+        result = asked("hand", "status", speaks="modbus")
+    assert result.code == 5, result
+    assert "other-form" in result.codes()
+
+
+@pytest.mark.parametrize("most", [2, 4, 8, 10, 16, 64])
+def test_a_device_that_answers_shorter_reads_only(most: int) -> None:
+    """Groups, and their elements where these are too long, are read one by one: the values are the same."""
+    usual = asked("exo", "status").values
+    for short in (False, True):
+        with odd_registers(most=most, short=short):
+            result = asked("exo", "status")
+        assert (result.code, result.values) == (0, usual), result
+        assert "not-on-this-firmware" not in result.codes()
+
+
+@pytest.mark.parametrize(
+    ("family", "span", "name", "options"),
+    [
+        ("exo", (1594, 10), "current", {}),
+        ("exo", (1000, 1), "id", {}),
+        ("exo", (1472, 2), "system_voltage", {}),
+        ("wrist", (1024, 2), "current_1024", {}),
+        ("wrist", (1038, 2), "yaw_set", {"bus": "can"}),
+        ("hand", STATES, "error", {}),
+        ("hand", (1594, 12), "current", {"speaks": "modbus"}),
+        ("hand", (1606, 6), "error", {"bus": "modbus-tcp", "model": "tp"}),
+        ("hand", (1618, 6), "temperature", {"bus": "can"}),
+    ],
+)
+@pytest.mark.parametrize("verb", ["status", "dump"])
+def test_a_register_that_is_not_there_is_left_out(
+    verb: str, family: str, span: tuple[int, int], name: str, options: dict[str, str]
+) -> None:
+    usual = asked(family, verb, **options).values
+    with odd_registers(without=(span,)):
+        result = asked(family, verb, **options)
+    assert result.code == 0, result
+    assert "not-on-this-firmware" in result.codes()
+    assert set(usual) - set(result.values)
+    assert not {row["name"] for row in result.rows} & {name}
+    assert not [row for row in result.rows if "error" in row]
+
+
+def test_a_hand_that_shows_itself_in_part_is_read_and_not_written_to(tmp_path: Path) -> None:
+    scratch_of(tmp_path)
+    with odd_registers(without=((1606, 6),)):
+        assert asked("hand", "status").code == 0
+        result, _, envelope, passed = tried("hand", "set", tmp_path)
+    assert result.code == 6
+    assert "in-part" in {message["code"] for message in envelope["messages"]}
+    assert not wrote("hand", "set", passed)
+
+
+def test_a_wrist_is_one_whichever_of_its_currents_it_has(tmp_path: Path) -> None:
+    for span in ((1024, 2), (1026, 2)):
+        with odd_registers(without=(span,)):
+            assert tried("wrist", "move", tmp_path)[0].code == 0
+
+
+def test_silence_to_one_register_by_name_stays_silence() -> None:
+    with odd_registers(without=((1594, 10),)):
+        assert asked("exo", "get", "current").code == 4
+        result = asked("exo", "get", "current", "system_voltage")
+    assert (result.code, "no-answer" in result.codes()) == (4, True)
+
+
+at_every_read = partial(odd_registers, without=((0, 65536),))
+
+
+def test_a_device_that_answers_nothing_is_silent() -> None:
+    for family, options in (("exo", {}), ("wrist", {}), ("hand", {"speaks": "eb90"})):
+        with at_every_read():
+            assert asked(family, "status", **options).code == 4
