@@ -167,11 +167,11 @@ def wrist() -> Cases:
 
 def rtu(change: Callable[[bytes], bytes]) -> Change:
     """What becomes of unit and PDU."""
-    from handctl.sim.hand import modbus
+    from handctl.sim.hand import device as simulated
 
     def changed(data: bytes) -> bytes:
         inner = change(data[:-2])
-        return inner + modbus.crc(inner)
+        return inner + simulated.crc(inner)
 
     return changed
 

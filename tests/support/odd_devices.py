@@ -14,7 +14,6 @@ from typing import Any
 from handctl.sim.aidin.text import Writer
 from handctl.sim.ekso import device as ekso
 from handctl.sim.hand import device as hand
-from handctl.sim.hand import modbus
 from handctl.sim.hand.model import Hand
 from handctl.sim.inspire import frames
 from tests.support.swap import swapped
@@ -85,17 +84,17 @@ def odd_registers(
 
         return shown
 
-    refused = modbus._exception
+    refused = hand._exception
 
     def excepted(function: int, code: int) -> bytes:
-        return refused(function, exception if exception and code == modbus.BAD_ADDRESS else code)
+        return refused(function, exception if exception and code == hand.BAD_ADDRESS else code)
 
     with swapped(
         (frames, "Reply", reply),
         (hand, "Reply", reply),
         (frames.Asked, "read", reading(frames.Asked.read)),
         (Hand, "read", reading(Hand.read)),
-        (modbus, "_exception", excepted),
+        (hand, "_exception", excepted),
     ):
         yield
 

@@ -32,8 +32,8 @@ DEVICE: dict[str, dict[str, Codes]] = {
     "foreign": {"status-check": {7}, **{key: {6} for key in WRITES}},
     "block-silent": {}, "save-fails": {},
 }  # fmt: skip
-# a register of Modbus is two bytes, of which the second may be undocumented: what cannot be read says so beside the rest
-HALF: dict[str, dict[str, Codes]] = {"block-silent": {key: {6} for key in WIDE}, "high-half": {}}
+# a register of Modbus is two bytes, of which the second may be undocumented: what cannot be read is not on this firmware
+HALF: dict[str, dict[str, Codes]] = {"block-silent": {}, "high-half": {}}
 OLD: dict[str, dict[str, Codes]] = {"rtu-unpacked": {}, "no-late-frames": {}}
 
 
