@@ -11,6 +11,7 @@ from tests.contract.cell import tried, wrote
 from tests.contract.commands import scratch_of
 from tests.search.contact_worlds import EB90, RTU, Change, reads_only
 from tests.support.cli import Result, run
+from tests.support.each_row import each_row
 from tests.support.odd_devices import odd_registers
 
 STATES = (1606, 18)
@@ -69,7 +70,7 @@ def test_a_device_that_answers_shorter_reads_only(most: int) -> None:
         assert "not-on-this-firmware" not in result.codes()
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("family", "span", "name", "options"),
     [
         ("exo", (1594, 10), "current", {}),
