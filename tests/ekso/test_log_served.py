@@ -121,8 +121,8 @@ def test_ten_unplugs_of_a_real_port_in_one_log(bench: Bench) -> None:
 
 def test_the_port_that_came_back_is_locked_as_the_first_was(bench: Bench) -> None:
     process = bench.log("--count", "60", "--silence", "20")
-    first = bench.unplug()
-    assert bench.replug() != first
+    bench.unplug()
+    bench.replug()  # usually as another terminal: somebody else may have taken that one meanwhile
     bench.longer(5)
     for name in (bench.name, os.readlink(bench.name)):
         busy = run("ekso", "time", "-p", name, "--json")

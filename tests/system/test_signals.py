@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
@@ -25,13 +26,20 @@ def ctrl_c() -> Iterator[Callable[[], None]]:
     other = threading.Thread(target=over.wait, daemon=True)
     other.start()
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    taken, tell = os.pipe()
+    os.set_blocking(tell, False)
+    woken = signal.set_wakeup_fd(tell)
 
     def press() -> None:
         signal.pthread_kill(other.ident or 0, signal.SIGINT)
-        for _ in range(100_000):  # the other thread has taken it by then, and Python looked often
+        os.read(taken, 1)  # the other thread has taken it
+        for _ in range(1000):  # and Python looked often
             other.is_alive()
 
     yield press
+    signal.set_wakeup_fd(woken)
+    os.close(taken)
+    os.close(tell)
     signal.signal(signal.SIGINT, before)
     over.set()
     other.join()

@@ -10,7 +10,7 @@ ROWS = (
         LIES,
         "src/handctl/guides/links.md",
         "",
-        "To type even less, give the device a name with `devices add`. The name is stored as a table in the configuration file. To store `--model` and `--side` of an RH56 hand too, add two lines yourself:",
+        "To type even less, give the device a name with `devices add`. The name is stored as a table in the configuration file. To store `--model` and `--side` of an RH56 hand too, add the last two of these lines yourself:",
         "To type even less, give the device a name with `devices add`. The name is stored as a table in the configuration file:",
         "tests/docs/test_named.py::test_what_a_topic_is_said_to_show_is_in_it",
     ),
