@@ -28,7 +28,7 @@ def test_the_lines_of_install_work_as_printed(tmp_path: Path) -> None:
     for name in ("pyproject.toml", "README.md"):
         shutil.copy(PROJECT / name, copy / name)
     kept = [line for line in LINES if "pytest" not in line]
-    assert len(LINES) == 7 and len(kept) == 6
+    assert len(LINES) == 8 and len(kept) == 7
     kept = [line for line in kept if line.split()[0] not in OPTIONAL or shutil.which(line.split()[0])]
     home = tmp_path / "home"
     home.mkdir()

@@ -274,14 +274,19 @@ def test_who_is_at_work_is_asked_again_and_is_no_other_device(wire: str, code: i
 
 @each_row("wire", MODBUS)
 @each_row("code", [2, 4])
-def test_who_refuses_the_states_in_modbus_is_no_exo(wire: str, code: int) -> None:
-    """Whatever it is that does not show its states: an EH55BF1 speaks EB90 only."""
+@each_row("six", [True, False])
+def test_who_refuses_the_states_in_modbus_is_no_exo(wire: str, code: int, six: bool) -> None:
+    """Whatever it is that does not show its states, nor its sixth finger elsewhere: an EH55BF1 speaks EB90 only."""
+    memory, refused = golden("tp"), {(1606, 9)}
+    if not six:
+        memory[1623] = 0
+        refused.add((1522, 12))
 
     def stateless(request: bytes, answer: bytes) -> Pieces:
-        first, count = struct.unpack_from(">HH", request, 8 if wire == TCP else 2)
-        return exception(wire, code)(request, answer) if (first, count) == (1606, 9) else as_it_is(request, answer)
+        span = struct.unpack_from(">HH", request, 8 if wire == TCP else 2)
+        return exception(wire, code)(request, answer) if span in refused else as_it_is(request, answer)
 
-    hand = host(Odd(wire, golden("tp"), stateless), typed=None)
+    hand = host(Odd(wire, memory, stateless), typed=None)
     try:
         assert hand.found().kind.family == "hand"
     except HandctlError as exc:

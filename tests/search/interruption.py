@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+from handctl.families import FAMILIES
 from tests.barrett.panel import download, panel
 from tests.barrett.srecords import END, HEADER, record
 from tests.search.suite import Suite, key, parts
@@ -303,7 +304,7 @@ CASES = [
     Case("machine", "completion zsh --install --json", 0.8, completes("data/zsh/site-functions/_handctl"), fresh=("data/zsh/site-functions/_handctl",)),
     Case("machine", "completion fish --install --json", 0.8, completes("config/fish/completions/handctl.fish"), fresh=("config/fish/completions/handctl.fish",)),
     Case("machine", "ekso export {}/gait.csv -o {}/gait.mot --format mot", 0.3, motion_is_whole, ("ekso log {}/gait.csv -p fake://ekso?clock=virtual --count 20 --rate 50 --force",), fresh=("gait.mot",)),
-    *(Case("machine", f"{family} export {{}}/gait.csv --to xdf -o {{}}/gait.xdf", 0.3, streams_are_whole, (f"{family} log {{}}/gait.csv -p fake://{family}?clock=virtual --count 20 --force",), fresh=("gait.xdf",)) for family in ("exo", "hand", "wrist", "barrett", "aidin")),
+    *(Case("machine", f"{family} export {{}}/gait.csv --to xdf -o {{}}/gait.xdf", 0.3, streams_are_whole, (f"{family} log {{}}/gait.csv -p fake://{family}?clock=virtual --count 20 --force",), fresh=("gait.xdf",)) for family in FAMILIES if family != "ekso"),
     Case("machine", "ekso gait {}/walk.csv --steps {}/steps.csv", 0.3, strides_are_whole, ("ekso log {}/walk.csv -p fake://ekso?clock=virtual&posture=walking --count 2000 --force",), fresh=("steps.csv",)),
 ]  # fmt: skip
 DOWNLOAD = "barrett firmware download"

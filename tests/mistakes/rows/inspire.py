@@ -430,6 +430,15 @@ ROWS = (
         "tests/inspire/test_identity.py::test_a_wrist_whose_first_answer_is_lost_is_no_hand",
     ),
     mistake(
+        "kind-that-the-wire-cannot-carry",
+        "identity left out",
+        "handctl.devices.inspire.identity",
+        "IdentityCheck._try",
+        "if self._bus.wire not in sign.kind.wires:",
+        'if self._bus.wire == "none":',
+        "tests/inspire/test_rh56_hostile.py::test_who_refuses_the_states_in_modbus_is_no_exo",
+    ),
+    mistake(
         "id-for-two-devices",
         "identity left out",
         "handctl.devices.inspire.identity",
