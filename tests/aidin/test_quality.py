@@ -153,7 +153,7 @@ def test_a_quantity_that_cannot_be_read_does_not_end_with_0() -> None:
 def test_a_hand_whose_every_object_is_damaged_is_told_what_is_wrong_with_it() -> None:
     twice = line(feedback()).replace(b'{"motor_pos"', b'{"motor_pos":[1],"motor_pos"', 1)
     with pytest.raises(
-        ProtocolError, match=r"feedback, but not as the manual has it, an object that contains 'motor_pos' twice: "
+        ProtocolError, match=r"feedback, but not as the manual has it \(an object that contains 'motor_pos' twice\): "
     ):
         hand_on(ScriptedLink(lambda _: [(0.01, twice)])).dump()
 
@@ -184,3 +184,9 @@ def test_a_log_of_a_stream_that_turns_to_other_data_ends(fault: str, code: int, 
     link = f"fake://aidin?clock=virtual&start=homed&fault={fault}&after=20"
     done = run("aidin", "log", tmp_path / "a.csv", "--count", "40", "--silence", "5", "-p", link, "--json")
     assert done.code == code and done.rows[0]["rows"] >= 15, done
+
+
+def test_objects_that_are_cut_off_are_damage_and_no_other_form() -> None:
+    """Their keys are the manual's: the line has lost the rest."""
+    result = run("aidin", "get", "joint_pos", "-p", "fake://aidin?clock=virtual&start=homed&fault=truncate", "--json")
+    assert (result.code, result.error["code"]) == (5, "bad-json")

@@ -364,9 +364,9 @@ def test_status_with_unread_registers_shows_question_marks() -> None:
     table = wrist.status(True)
     assert isinstance(table.failure, NoAnswer)
     assert [row["name"] for row in table.rows if "error" in row] == [
-        "error_1", "error_2", "temperature_1", "temperature_2", "pitch_set", "move_time",
+        "error_1", "error_2", "temperature_1", "temperature_2", "yaw_set", "pitch_set", "move_time",
     ]  # fmt: skip
-    assert "not-on-this-firmware" in [entry.code for entry in wrist.journal.messages]
+    assert "not-on-this-firmware" not in [entry.code for entry in wrist.journal.messages]
     assert status_view(table.rows)[0].lines[0][1] == "-3.45"
 
 

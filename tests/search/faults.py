@@ -108,6 +108,12 @@ class Cell:
         return {row["path"]: row["value"] for row in self.rows if row.get("value") is not None and "path" in row}
 
     @property
+    def lacking(self) -> set[str]:
+        """The quantities of which it was told that this firmware does not have them."""
+        told = (one["text"] for one in self.envelope["messages"] if one["code"] == "not-on-this-firmware")
+        return {name for text in told for name in re.findall(r"\w+", text.partition(":")[2])}
+
+    @property
     def held(self) -> dict[str, Any]:
         """What the device holds behind it, field by field, once it has come to rest."""
         if not self.spy.lines:
@@ -255,6 +261,7 @@ def holds(cell: Cell, fault: str, variant: str) -> None:
     sound(cell, fault)
     codes = table.codes(cell.wire, fault, cell.row, variant)
     assert cell.result.code in codes, (sorted(codes), cell)
+    assert fault in table.lacks or not cell.lacking, (cell.lacking, cell)
     if not table.is_told(fault, cell.row.name):
         return
     truthful(cell, fault)
@@ -316,8 +323,7 @@ def truthful(cell: Cell, fault: str) -> None:
 def complete(cell: Cell, fault: str, *, line: bool) -> None:
     """Success: everything is there and right, and the device holds what was written."""
     wanted = usual(cell.family, cell.wire, cell.row.name)
-    told = " ".join(one["text"] for one in cell.envelope["messages"] if one["code"] == "not-on-this-firmware")
-    lacking = {path for path in wanted.paths if re.search(rf"\b{path.partition('.')[0]}\b", told)}
+    lacking = {path for path in wanted.paths if path.partition(".")[0] in cell.lacking}
     assert frozenset(cell.values) | lacking == wanted.paths, (frozenset(cell.values) ^ wanted.paths, cell)
     if not line or cell.row.kind == "stream":
         return

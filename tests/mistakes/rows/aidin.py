@@ -101,6 +101,15 @@ ROWS = (
         "tests/aidin/test_motion.py::test_a_program_that_was_held_up_looks_before_it_judges",
     ),
     mistake(
+        "an-object-that-was-cut-off-told-as-a-firmware",
+        "evidence believed",
+        "handctl.devices.aidin.exchange",
+        "Conversation._note_bad",
+        "self._cut = self._cut or exc.cut",
+        "pass",
+        "tests/aidin/test_quality.py::test_objects_that_are_cut_off_are_damage_and_no_other_form",
+    ),
+    mistake(
         "aidin-currents-end-without-a-stop",
         "stop not sent",
         "handctl.devices.aidin.motion",

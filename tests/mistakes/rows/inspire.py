@@ -430,6 +430,15 @@ ROWS = (
         "tests/inspire/test_identity.py::test_a_wrist_whose_first_answer_is_lost_is_no_hand",
     ),
     mistake(
+        "silence-of-two-hands-told-as-a-firmware",
+        "evidence believed",
+        "handctl.devices.inspire.register_device",
+        "BlockReader._lacks",
+        "self.in_doubt = True",
+        "pass",
+        "tests/inspire/test_wrist.py::test_status_with_unread_registers_shows_question_marks",
+    ),
+    mistake(
         "kind-that-the-wire-cannot-carry",
         "identity left out",
         "handctl.devices.inspire.identity",

@@ -88,6 +88,7 @@ class Conversation(Line):
         self._decoder = Decoder()
         self._bad_in_a_row = 0
         self._junk = b""
+        self._cut = False  # one of them had no end: the line does that, no firmware
         self._why = ""  # what is wrong with the first object that was damaged
         self._echoes = 0
         self._heard = 0.0  # when anything came last
@@ -408,10 +409,11 @@ class Conversation(Line):
             counters.stray_bytes += len(exc.data)
             return
         counters.bad_frames += 1
+        self._cut = self._cut or exc.cut
         self._why = self._why or exc.text.partition(": b")[0]  # its bytes are told beside it
         self._bad_in_a_row += 1
         if self._bad_in_a_row >= BAD_IN_A_ROW:
-            if len(keys_in(exc.data)) > 1 and not counters.received:
+            if len(keys_in(exc.data)) > 1 and not (counters.received or self._cut):
                 raise self._told(exc.data, why=self._why)
             raise ProtocolError(
                 f"{self.link.name}: {BAD_IN_A_ROW} corrupted objects in a row, the last one: {exc.text}; "
@@ -496,9 +498,9 @@ class Conversation(Line):
             return ProtocolError(f"{name}: only our own object came back, and no feedback", hint=echo, code="echo")
         keys, seen = keys_in(seen), seen[:SHOWN]
         shown = "".join(chr(byte) if 32 <= byte < 127 else "." for byte in seen)
-        if len(keys) > 1 and not more:
+        if len(keys) > 1 and not more and not self._cut:
             return ProtocolError(
-                f"{name}: the hand sends feedback, but not as the manual has it{f', {why}' if why else ''}: {shown} …",
+                f"{name}: the hand sends feedback, but not as the manual has it{f' ({why})' if why else ''}: {shown} …",
                 hint="report the bytes shown: it may have another firmware. handctl reads no values from such feedback",
                 code=OTHER_FORM,
                 came=seen,

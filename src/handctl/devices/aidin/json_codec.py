@@ -41,12 +41,13 @@ Out = int | float | Sequence[int] | Sequence[float]
 
 
 class MalformedObject(ProtocolError):
-    """Bytes dropped by the decoder, in `data`; `stray`: no object had begun in them."""
+    """Bytes dropped by the decoder, in `data`; `stray`: no object had begun in them; `cut`: one that lost its end."""
 
-    def __init__(self, text: str, data: bytes, *, stray: bool = False) -> None:
+    def __init__(self, text: str, data: bytes, *, stray: bool = False, cut: bool = False) -> None:
         super().__init__(text, code="garbage" if stray else "bad-json")
         self.data = data
         self.stray = stray
+        self.cut = cut
 
 
 class WrongNumbers(ProtocolError):
@@ -164,11 +165,13 @@ class Decoder:
         while True:
             found = (_OUTSIDE if self._string < 0 else _INSIDE).search(buffer, self._position)
             if self._string >= 0 and (found.start() if found else len(buffer)) - self._string > LONGEST_STRING:
-                raise self._drop("a string without an end")
+                raise self._drop("a string without an end", cut=True)
             if found is None:
                 self._position = max(self._position, len(buffer))
                 if len(buffer) > LARGEST_IN:
-                    raise self._drop(f"an object without an end in {len(buffer)} byte{'s' * (len(buffer) != 1)}")
+                    raise self._drop(
+                        f"an object without an end in {len(buffer)} byte{'s' * (len(buffer) != 1)}", cut=True
+                    )
                 return None
             token, place, self._position = found[0], found.start(), found.end()
             if self._string >= 0:
@@ -177,7 +180,7 @@ class Decoder:
                 elif token == b'"':
                     self._string = -1
                 else:
-                    raise self._drop("a string without an end")
+                    raise self._drop("a string without an end", cut=True)
             elif token == b'"':
                 self._string = place
             elif token == b"{":
@@ -199,15 +202,15 @@ class Decoder:
         if self._depth >= DEEPEST:
             raise self._drop("objects within objects", place)
         if self._depth and not before.endswith((b":", b",", b"[")):
-            raise self._drop("an object that was cut off")
+            raise self._drop("an object that was cut off", cut=True)
         self._depth += 1
 
-    def _drop(self, what: str, place: int = 0) -> MalformedObject:
+    def _drop(self, what: str, place: int = 0, *, cut: bool = False) -> MalformedObject:
         """Drop the header only, or up to `place`, so that an object that begins within the rest is still found."""
         place = place or self._buffer.find(b"{", 1)
         data = self._use(len(self._buffer) if place < 0 else place)
         self._restart()
-        return MalformedObject(f"{what}: {data[:48]!r}", data)
+        return MalformedObject(f"{what}: {data[:48]!r}", data, cut=cut)
 
 
 class Twice(Exception):

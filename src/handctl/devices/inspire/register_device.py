@@ -87,6 +87,8 @@ class BlockReader:
         """Bytes of the longest group that may be answered: longer ones were not, but in parts."""
         self._absent: dict[str, NotPresent] = {}
         """Groups that this device lacks: asked for once."""
+        self.in_doubt = False
+        """Whether several groups are silent on CAN, as with a second device of this id: then their silence shows nothing."""
 
     def read(self, registers: Iterable[Register], memory: Memory | None = None) -> Memory:
         """Read `registers` into `memory`. Groups that fail are in its `errors`; raises when nothing at all could be read."""
@@ -196,7 +198,8 @@ class BlockReader:
         if isinstance(failed, DeviceRefused) and failed.code not in AT_WORK:
             return True
         if bus.wire == "can" and self._absent:
-            return False  # silence of several things may come of a second device with this id
+            self.in_doubt = True
+            return False
         address, data = min(memory.blocks, key=lambda block: len(block[1]))
         for _ in range(2):
             try:
@@ -290,6 +293,10 @@ class RegisterDevice(Device):
         self._moving = True
 
     # -- reading -------------------------------------------------------------------------------------------------
+
+    def lacks(self, error: HandctlError) -> bool:
+        """See Device."""
+        return super().lacks(error) and not self._reader.in_doubt
 
     def read(self, elements: Sequence[Element]) -> list[Reading]:
         registers = {element.param.name: register_of(element) for element in elements}

@@ -92,6 +92,7 @@ class Outcomes:
     timed       beginnings of paths that count time
     erratic     faults that change the words of the host: nothing is said of what goes out
     again       commands that may repeat what they write
+    lacks       faults by which the device lacks something: of no other one it may be told that its firmware does
     also        what this family must show besides
     seconds     virtual seconds that a command may take on the worst line
     """
@@ -109,6 +110,7 @@ class Outcomes:
     timed: tuple[str, ...] = ()
     erratic: frozenset[str] = frozenset()
     again: frozenset[str] = frozenset()
+    lacks: frozenset[str] = frozenset()
     also: Callable[[Any], None] = lambda cell: None
     seconds: float = 90.0
 

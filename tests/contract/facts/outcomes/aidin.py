@@ -126,6 +126,7 @@ OUTCOMES = Outcomes(
         # a whole object takes seconds: enough to read, too old to move by
         **{("", "dribble", name): {4, 5} for name in MOVING}, ("", "dribble", "stop"): {0, 5}, ("", "dribble", "bias"): {0, 7},
     },
+    lacks=frozenset({"missing-key"}),
     untold=frozenset({
         *((fault, "") for fault in ("degrees", "swapped", "stuck", "frozen", "nan", "wrong-type", "shaky-sensor")),
         *((fault, name) for fault in ("deaf", "refuse") for name in ("stop", "max-torque")),

@@ -111,6 +111,7 @@ OUTCOMES = Outcomes(
     # An RTU answer names no address, and answers that overlap may form a whole one: no frame shows that. Nor does a
     # connection show which of two hands with one IP address has taken it: `doctor` asks on two.
     # On CAN the answer to a write of 01 is the frame of the write: of what cannot be read back no echo is told.
+    lacks=frozenset({"block-silent"}),
     untold=frozenset(
         {
             ("high-half", ""),
