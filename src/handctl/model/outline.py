@@ -1,24 +1,19 @@
 """A device as people see it: its fingers or joints as bars in their place, coloured by one quantity of them.
 
-Which finger is where stands beside the family's map, in its module `outline`. Knows rows, and no terminal and no page.
+A family has its OUTLINE in its module `outline`, or next to its remedies: `describe` loads those, so what draws is imported late. Knows rows, and no terminal and no page.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from functools import cache
 from importlib import import_module
 from itertools import product
-from typing import NamedTuple
 
 from handctl.families import FAMILIES
-from handctl.model.bound import shown_value
+from handctl.light import NamedTuple, field, light
 from handctl.model.param import NEAR
 from handctl.model.result import Cell, Grid, Row
-from handctl.system.terminal import FINE
-
-FULL, EMPTY, PALM = "████", "░░░░" if FINE else "....", "▒" if FINE else ":"
-
 
 MOST = 8
 """Letters of a value above a bar; a longer one, which is a list of error bits, stands below the picture."""
@@ -39,7 +34,7 @@ class Measure(NamedTuple):
     most: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@light(frozen=True)
 class Outline:
     """bars      from left to right
     measures  what `--picture` takes -> the quantity, the usual one first
@@ -105,7 +100,7 @@ def painted(outline: Outline, by: str, rows: Iterable[Row]) -> list[Painted]:
 def _painted(outline: Outline, measure: Measure, bar: Bar, at: Mapping[str, Row]) -> Painted:
     row = at.get(measure.path.format(bar.part), {})
     wrong = at.get(outline.errors.format(bar.part), {}).get("errors") if outline.errors else None
-    value = shown_value(row)
+    value = _value(row)
     if row.get("doubt"):
         row, value = {**row, "error": row["doubt"]}, None
     text, tone = ("?" if "error" in row else "-", "dim") if value is None else (f"{value:g}", "good")
@@ -116,13 +111,19 @@ def _painted(outline: Outline, measure: Measure, bar: Bar, at: Mapping[str, Row]
     return Painted(bar, row, _share(outline, bar, at), text, "bad" if wrong or row.get("errors") else tone)
 
 
+def _value(row: Row) -> float | None:
+    from handctl.model.bound import shown_value
+
+    return shown_value(row)
+
+
 def _share(outline: Outline, bar: Bar, at: Mapping[str, Row]) -> float:
     if outline.bend is None:
         return 1.0
     path, bent, straight = outline.bend
     bent, straight = outline.ends.get(bar.part, (bent, straight))
     row = at.get(path.format(bar.part), {})
-    value = shown_value(row)
+    value = _value(row)
     if value is None or row.get("doubt"):
         return 1.0
     return min(1.0, max(0.0, (value - bent) / (straight - bent)))
@@ -147,8 +148,9 @@ def drawn(outline: Outline, by: str, rows: Sequence[Row]) -> Grid:
     long = [one for one in bars if len(one.text) > MOST]
     said = ["error" if one in long else one.text for one in bars]
     lines: list[tuple[str | Cell, ...]] = [tuple(Cell(text, one.tone) for text, one in zip(said, bars, strict=True))]
+    full, _, inner = _characters()
     ground = [
-        Cell(PALM * max(len(FULL), len(said[number]), len(one.bar.part)), "dim")
+        Cell(inner * max(len(full), len(said[number]), len(one.bar.part)), "dim")
         if palm and palm[0] <= number <= palm[-1]
         else ""
         for number, one in enumerate(bars)
@@ -164,10 +166,19 @@ def drawn(outline: Outline, by: str, rows: Sequence[Row]) -> Grid:
     )
 
 
+@cache
+def _characters() -> tuple[str, str, str]:
+    """Of a bar, of what it lacks, and of the palm."""
+    from handctl.system.terminal import FINE
+
+    return ("████", "░░░░", "▒") if FINE else ("████", "....", ":")
+
+
 def _cell(one: Painted, row: int) -> Cell | None:
     """The piece of a bar in a row; None where it is not."""
     _, foot, length = one.bar
     place = row - foot if length > 0 else foot - 1 - row
     if not 0 <= place < abs(length):
         return None
-    return Cell(FULL if place < max(1, round(one.share * abs(length))) else EMPTY, one.tone)
+    full, empty, _ = _characters()
+    return Cell(full if place < max(1, round(one.share * abs(length))) else empty, one.tone)

@@ -25,12 +25,12 @@ from handctl.devices.aidin.check_findings import (
     pushes,
 )
 from handctl.devices.aidin.device import LARGEST_RADIAN, AidinHand, step_of, stop_after, stopped_if_cut_short
-from handctl.devices.aidin.exchange import PERIOD
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.feedback import Wire, values_of
 from handctl.devices.aidin.map import ENCODERS
 from handctl.devices.aidin.motion import ramp
 from handctl.devices.aidin.procedures import AT_STOP, STILL, check_homed, moving, named, stroke
+from handctl.devices.aidin.stopper import PERIOD
 from handctl.devices.aidin.targets import Goal
 from handctl.errors import CheckFailed, HandctlError
 from handctl.model.checks import table_of

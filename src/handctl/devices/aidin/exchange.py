@@ -13,6 +13,7 @@ from handctl.devices.aidin.exchange_settings import FIND_OUT, ExchangeMode, Exch
 from handctl.devices.aidin.feedback import ALL, Feedback, Quality, Wire, keys_in, named
 from handctl.devices.aidin.json_codec import Decoder, MalformedObject
 from handctl.devices.aidin.map import FEEDBACK, AidinParam
+from handctl.devices.aidin.stopper import PERIOD
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline
 from handctl.model.clock_comparison import Moment
@@ -30,7 +31,6 @@ SLOWEST = 1.2
 """Seconds of listening, with nothing asked, in which a stream of 1 Hz shows itself."""
 FIRST_POLL = 0.5
 POLL = 0.2
-PERIOD = 0.02
 SETTLE = 0.03
 """Seconds after an answer in which the other keys may follow in objects of their own."""
 CYCLES = 3

@@ -22,10 +22,10 @@ from handctl.devices.aidin.device import (
     stop_after,
     stopped_if_cut_short,
 )
-from handctl.devices.aidin.exchange import PERIOD
 from handctl.devices.aidin.feedback import Feedback, Wire, values_of
 from handctl.devices.aidin.map import AIDIN, Mode, Target
 from handctl.devices.aidin.procedures import SHORT, check_homed, connect_or_command, named
+from handctl.devices.aidin.stopper import PERIOD
 from handctl.devices.aidin.targets import COUPLED, Goal, axes_of
 from handctl.errors import Aftermath, CheckFailed, HandctlError, NoAnswer
 from handctl.model.movement import (
