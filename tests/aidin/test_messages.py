@@ -224,7 +224,9 @@ def test_numbers_refused(value: object, int_range: tuple[int, int] | None, code:
 
 
 @given(
-    st.recursive(st.none() | st.booleans() | st.floats() | st.integers() | st.text(), lambda x: st.lists(x, max_size=4))
+    st.recursive(
+        st.none() | st.booleans() | st.floats() | st.integers() | st.text('aé\0"\\1'), lambda x: st.lists(x, max_size=4)
+    )
     | st.lists(st.floats() | st.integers(), min_size=3, max_size=3)
 )
 @example([1, -2.5, 10**30])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import cycle
-
 import pytest
 
 from handctl.command.family import Family, load
@@ -32,7 +30,7 @@ class Flooded(ByteLink):
 
     def __init__(self, pattern: bytes, rate: int) -> None:
         self.clock = self._taken = 0.0
-        self._bytes, self._rate = cycle(pattern), rate
+        self._pattern, self._place, self._rate = pattern, 0, rate
 
     def now(self) -> float:
         return self.clock
@@ -50,7 +48,9 @@ class Flooded(ByteLink):
             self.clock += 0.001
         count = min(size, int((self.clock - self._taken) * self._rate))
         self._taken = self.clock
-        return bytes(next(self._bytes) for _ in range(count))
+        begin = self._place % len(self._pattern)
+        self._place = begin + count
+        return (self._pattern * (self._place // len(self._pattern) + 1))[begin : self._place]
 
     def set_baud(self, baud: int) -> None:
         self.baud = baud

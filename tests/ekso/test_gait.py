@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from collections import Counter
 from pathlib import Path
 
@@ -158,11 +159,18 @@ def test_a_histogram_counts_each_value_once() -> None:
 # -- as a command -------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def log(tmp_path: Path) -> Path:
-    path = tmp_path / "walk.csv"
+@pytest.fixture(scope="module")
+def walked(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Made once, because a walk of half a minute takes a second or two."""
+    path = tmp_path_factory.mktemp("walk") / "walk.csv"
     assert run("ekso", "log", path, "--duration", "30", "-p", "fake://ekso?clock=virtual&posture=walking").code == 0
     return path
+
+
+@pytest.fixture
+def log(tmp_path: Path, walked: Path) -> Path:
+    shutil.copytree(walked.parent, tmp_path, dirs_exist_ok=True)
+    return tmp_path / walked.name
 
 
 def test_the_command_lists_every_stride(log: Path) -> None:

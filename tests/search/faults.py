@@ -230,8 +230,9 @@ def said(cell: Cell) -> dict[str, Any]:
     return {
         f"{place}.{key}": value
         for place, row in enumerate(cell.rows)
+        if not any(str(row.get(word)).startswith(timed) for word in ("path", "name"))
         for key, value in row.items()
-        if key not in PASSING and not any(str(row.get(word)).startswith(timed) for word in ("path", "name"))
+        if key not in PASSING
     }
 
 

@@ -7,8 +7,9 @@ once, and its finger is left alone. A hand that goes where no way leads is stopp
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from itertools import count
-from math import degrees
+from math import degrees, inf
 
 from handctl.devices.aidin import motion
 from handctl.devices.aidin.check_findings import (
@@ -161,6 +162,13 @@ def _reach(index: int) -> float:
     return (AMOUNT + BEYOND) * stroke(index)
 
 
+@cache
+def _turn(index: int) -> float:
+    """Degrees that a joint may be away from where it was; q4 has no range, so nothing is known of it."""
+    limit = JOINTS.limit(index)
+    return inf if limit is None else TURN * (limit[1] - limit[0])
+
+
 # -- there and back --------------------------------------------------------------------------------------------------
 
 
@@ -261,8 +269,7 @@ class _Mover:
         if any(abs(joint) > LARGEST_RADIAN for joint in (*joints, *self._joints)):
             return  # no angles in radians, so nothing is known of them
         for index, (one, other) in enumerate(zip(joints, self._joints, strict=True)):
-            limit = JOINTS.limit(index)
-            if limit is not None and abs(degrees(one - other)) > TURN * (limit[1] - limit[0]):
+            if abs(degrees(one - other)) > _turn(index):
                 angles = [degrees(joint) for joint in joints]
                 raise self._astray(named(JOINTS, [index], angles), "turned further than this check moves it")
 

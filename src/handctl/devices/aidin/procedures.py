@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import cache
 
 from handctl.devices.aidin.device import (
     AidinHand,
@@ -191,6 +192,7 @@ def _verdict(way: TravelDirection, known: bool, went: bool) -> Verdict:
     return Verdict.UNPROVEN
 
 
+@cache
 def stroke(index: int) -> float:
     limit = MOTOR_POS.limit(index)
     assert limit is not None
