@@ -51,16 +51,16 @@ class FamilyRow:
                 probe    `tools.probes.FamilyProbe`: looks for its device and pings it
                 stopper  `stop_steps`: the bytes of its stop, see `model.stop_sequence`
                 explain  `explainer`: makes a `model.explainer.Explainer` of recorded bytes
-                writes   `words`: makes the `model.write_ledger.WriteRules` that tell which of its bytes write, and what acknowledges them
+                write_rules  in `explain`, `words`: makes the `model.write_ledger.WriteRules` that tell which of its bytes write, and
+                         what acknowledges them
                 remedies  optional, `REMEDIES`: what a finding means and what to do, see `model.remedy`
-                outline  optional, `OUTLINE`: its fingers or joints in their place, see `model.outline`
+                outline  optional, in `remedies`, `OUTLINE`: its fingers or joints in their place, see `model.outline`
                 page     optional, see `docgen.texts`: EXAMPLES, FILES and `section` of its manual page
     codec     module of its frame, which has the manual's name; `sign` in it says what in bytes that came shows its
               protocol, "" = nothing
     scan      its turn in `handctl scan`, the lowest first: what could disturb others comes late
     tell      its turn when recorded bytes tell whose they are: who takes more for his own comes later
     options   those that only this family has
-    within    role -> the role in whose module it lies, where that is another
     trigger   fastest speed in bit/s at which its device listens, and the bytes on which it acts wherever they stand
     """
 
@@ -73,7 +73,6 @@ class FamilyRow:
         scan: int = 100,
         tell: int = 100,
         options: tuple[OwnOption, ...] = (),
-        within: dict[str, str] = {},  # noqa: B006 - read only
         trigger: tuple[int, bytes] | None = None,
     ) -> None:
         self.help = help
@@ -82,16 +81,15 @@ class FamilyRow:
         self.scan = scan
         self.tell = tell
         self.options = options
-        self.within = within
         self.trigger = trigger
 
     def module(self, role: str) -> str:
         """Where the module of a role is."""
-        return f"{self.package}.{self.within.get(role, role)}"
+        return f"{self.package}.{_WITHIN.get(role, role)}"
 
 
-_OF_INSPIRE = {"write_rules": "explain", "outline": "remedies"}
-
+_WITHIN = {"write_rules": "explain", "outline": "remedies"}
+"""Role -> the role in whose module it lies."""
 
 FAMILIES: dict[str, FamilyRow] = {
     "exo": FamilyRow(
@@ -100,7 +98,6 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.inspire.eb90",
         scan=3,
         tell=1,
-        within=_OF_INSPIRE,
     ),
     "wrist": FamilyRow(
         "Inspire wrist module for dexterous hands (RS-232, RS-485, CAN)",
@@ -108,7 +105,6 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.inspire.eb90",
         scan=2,
         tell=2,
-        within=_OF_INSPIRE,
     ),
     "barrett": FamilyRow(
         "BarrettHand BH8 series (RS-232)",
@@ -116,7 +112,6 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.barrett.gcl.codec",
         scan=4,
         tell=4,
-        within={"outline": "remedies"},
         options=(
             OwnOption(
                 "interrupt",
@@ -177,7 +172,6 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.inspire.eb90",
         scan=6,
         tell=6,
-        within=_OF_INSPIRE,
         options=(
             OwnOption(
                 "model",

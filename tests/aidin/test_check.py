@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from handctl.devices.aidin.check import check
-from handctl.devices.aidin.check_findings import FINDINGS
+from handctl.devices.aidin.check import FINDINGS, check
 from handctl.errors import CheckFailed, Interrupted, NoAnswer, ProtocolError
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table

@@ -8,8 +8,7 @@ import pytest
 
 from handctl.devices.aidin.exchange_settings import ExchangeMode, ExchangeSettings
 from handctl.devices.aidin.map import CURRENTS
-from handctl.devices.aidin.motion import currents
-from handctl.devices.aidin.targets import Goal, parse
+from handctl.devices.aidin.motion import Goal, currents, parse
 from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, ProtocolError
 from handctl.model.prompts import Prompts
 from tests.aidin.support import (  # fmt: skip

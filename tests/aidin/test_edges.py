@@ -10,8 +10,7 @@ import pytest
 from handctl.devices.aidin import device, motion, procedures
 from handctl.devices.aidin.exchange import LISTEN_LONGEST
 from handctl.devices.aidin.map import CURRENTS, ENCODERS
-from handctl.devices.aidin.motion import currents
-from handctl.devices.aidin.targets import parse
+from handctl.devices.aidin.motion import currents, parse
 from handctl.errors import CheckFailed, Interrupted, NoAnswer, ProtocolError, UsageError
 from handctl.link import Deadline
 from handctl.model.prompts import Presses, Prompts

@@ -14,8 +14,7 @@ from handctl.devices.aidin import motion
 from handctl.devices.aidin import procedures as modes
 from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.map import ANGLES, CURRENTS, ENCODERS, TIPS, Target
-from handctl.devices.aidin.motion import currents
-from handctl.devices.aidin.targets import parse
+from handctl.devices.aidin.motion import currents, parse
 from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import Deadline
 from handctl.model.prompts import Prompts

@@ -9,7 +9,7 @@ import pytest
 
 from handctl.devices.aidin import motion, procedures
 from handctl.devices.aidin.map import ANGLES, ENCODERS, TIPS
-from handctl.devices.aidin.targets import parse
+from handctl.devices.aidin.motion import parse
 from handctl.errors import CheckFailed, Interrupted, LinkError, NoAnswer, ProtocolError
 from handctl.model import stop_sequence
 from handctl.model.prompts import Prompts

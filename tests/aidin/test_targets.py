@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.aidin.map import ANGLES, CURRENTS, ENCODERS, TIPS
-from handctl.devices.aidin.motion import ramp
-from handctl.devices.aidin.targets import Goal, axes_of, parse
+from handctl.devices.aidin.motion import Goal, axes_of, parse, ramp
 from handctl.errors import CheckFailed, UsageError
 from handctl.model.movement import Seen, Stillness, Watch
 from tests.support.each_row import each_row

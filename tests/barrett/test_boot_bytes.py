@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from handctl.sim.barrett.uart import resample
+from handctl.sim.bus.wire_pair import resample
 from tests.barrett import unanswered
 from tests.barrett.line_receiver import MONITOR, TRIGGER, bursts, heard, hears
 from tests.barrett.unanswered import Way

@@ -6,7 +6,7 @@ import pytest
 
 from handctl.devices.barrett.gcl.codec import Answer
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
-from handctl.sim.barrett.uart import RECEIVERS, resample
+from handctl.sim.bus.wire_pair import RECEIVERS, resample
 from tests.barrett.support import (
     ABORT,
     PROMPT,

@@ -26,7 +26,7 @@ from handctl.files import state_path
 from handctl.link import Deadline
 from handctl.model.other_devices import renamed
 from handctl.sim.barrett.board import STATES
-from handctl.sim.barrett.uart import RECEIVERS, resample
+from handctl.sim.bus.wire_pair import RECEIVERS, resample
 from tests.barrett.support import Simulated, codes, hand_on
 from tests.barrett.sweep import Row, begin, files, leaves, lines, outcome, reads, starts, words
 from tests.barrett.sweep import sweep as commands_begun

@@ -11,7 +11,7 @@ from handctl.devices.barrett.map import SPEEDS
 from handctl.devices.barrett.stopper import power_off
 from handctl.model.settings import Settings
 from handctl.model.stop_sequence import SILENCE, StopContext, unheard
-from handctl.sim.barrett.uart import RECEIVERS, resample
+from handctl.sim.bus.wire_pair import RECEIVERS, resample
 from tests.support.cli import Result, Spy, run, spying
 from tests.support.each_row import each_row
 

@@ -24,8 +24,8 @@ MOST_LINES = 300
 """Code lines of a family and its simulator."""
 MOST_GENERATED = 16
 """Files that the generator changes for a new family, besides its own two pages."""
-FILES = ("device", "codec", "map", "probe", "cli", "write_rules", "explain", "stopper")
-DEVICE, CODEC, MAP, PROBE, CLI, WRITES, EXPLAIN, STOPPER = (f"src/handctl/devices/{NAME}/{file}.py" for file in FILES)
+FILES = ("device", "codec", "map", "probe", "cli", "explain", "stopper")
+DEVICE, CODEC, MAP, PROBE, CLI, EXPLAIN, STOPPER = (f"src/handctl/devices/{NAME}/{file}.py" for file in FILES)
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +117,7 @@ MUTANTS = {
     "a look that asks nothing": (DEVICE, "lambda: self.value(POSITION))", "lambda: 0)"),
     "a register that moves without being marked": (MAP, " acts=MOVES, verb", " verb"),
     "arrived under a blocked finger": (DEVICE, "Seen(self.conversation.value(POSITION))", "Seen(target)"),
-    "a refusal told as confirmed": (WRITES, 'frame.kind != "E"', "True"),
+    "a refusal told as confirmed": (EXPLAIN, 'frame.kind != "E"', "True"),
     "a register explained by another's name": (
         EXPLAIN,
         "key, asks = rest[0]",

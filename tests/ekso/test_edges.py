@@ -11,9 +11,9 @@ import pytest
 from handctl.command.console import TerminalPrompts
 from handctl.devices.ekso.audit import AuditLog
 from handctl.devices.ekso.device import Ekso, one_setting
+from handctl.devices.ekso.explain import EksoWriteRules
 from handctl.devices.ekso.frames import Command, cancel_body, encode
 from handctl.devices.ekso.setting_writer import Writer
-from handctl.devices.ekso.write_rules import EksoWriteRules
 from handctl.errors import NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.record import recording as recording_module
 from handctl.record.recording import Limits

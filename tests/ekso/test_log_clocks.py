@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from handctl.model.clock_comparison import WITHIN_MS
-from handctl.sim.ekso.clock import SIZES, Unrest
+from handctl.sim.ekso.body import SIZES, Unrest
 from handctl.sim.engine.model import Random
 from tests.ekso.commands import unit
 from tests.support.cli import Result, run

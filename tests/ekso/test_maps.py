@@ -9,7 +9,7 @@ import pytest
 from handctl.devices.ekso.frames import Command, encode
 from handctl.devices.ekso.map import DATA, EKSO, FEEDBACK, SETTINGS, Word
 from handctl.sim import create
-from handctl.sim.ekso import tables
+from handctl.sim.ekso import device
 from handctl.sim.ekso.device import crc
 from tests.ekso.commands import DATA_WORDS, FEEDBACK_WORDS, SETTING_WORDS
 from tests.support.each_row import each_row
@@ -47,10 +47,10 @@ WRITABLE = tuple(param for param in SETTINGS if param.writable)
 
 def test_both_books_have_the_same_names_ids_and_places() -> None:
     assert [(param.word, param.name, param.id) for param in SETTINGS] == [
-        (place, row[0], row[1]) for place, row in enumerate(tables.SETTINGS)
+        (place, row[0], row[1]) for place, row in enumerate(device.SETTINGS)
     ]
-    assert [param.word for param in DATA] == list(range(tables.DATA_COUNT))
-    assert [param.word for param in FEEDBACK] == list(range(tables.FEEDBACK_COUNT))
+    assert [param.word for param in DATA] == list(range(device.DATA_COUNT))
+    assert [param.word for param in FEEDBACK] == list(range(device.FEEDBACK_COUNT))
     assert sorted(param.id for param in WRITABLE if param.id is not None) == list(range(200, 220))
 
 
@@ -85,7 +85,7 @@ def test_what_is_set_by_id_is_read_in_its_word(param: Word) -> None:
 
 
 def _judged(param: Word, raw: int) -> int:
-    return tables.judge_value(param.word, raw % 65536)
+    return device.judge_value(param.word, raw % 65536)
 
 
 @pytest.mark.parametrize("param", named(tuple(param for param in WRITABLE if param.choices)))
@@ -101,7 +101,7 @@ def test_both_books_list_the_same_codes(param: Word) -> None:
 @pytest.mark.parametrize("param", named(tuple(param for param in WRITABLE if not param.choices)))
 def test_what_the_unit_takes_fits_the_map(param: Word) -> None:
     """The unit's own (invented) limits lie within the wire type; only shifts go below 0."""
-    allowed = tables.SETTINGS[param.word][2]
+    allowed = device.SETTINGS[param.word][2]
     assert isinstance(allowed, range) and param.id is not None
     for raw, status in ((allowed[0], 0), (allowed[-1], 0), (allowed[-1] + 1, 2), (allowed[0] - 1, 2)):
         unit = Unit()

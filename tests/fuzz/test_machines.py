@@ -25,7 +25,7 @@ from hypothesis.stateful import (
 from handctl.devices.aidin import motion as aidin_motion
 from handctl.devices.aidin import procedures as modes
 from handctl.devices.aidin.map import AIDIN, ENCODERS
-from handctl.devices.aidin.targets import parse
+from handctl.devices.aidin.motion import parse
 from handctl.devices.barrett import motion as barrett_motion
 from handctl.devices.barrett.map import BARRETT
 from handctl.devices.inspire import procedures

@@ -17,7 +17,7 @@ from unittest import mock
 
 import handctl.sim
 from handctl.link import fake, tcp
-from handctl.sim.barrett.uart import resample
+from handctl.sim.bus.wire_pair import resample
 from tests.harm.excuses import EXCUSES
 from tests.harm.lines import Line as CommandLine
 from tests.harm.states import State

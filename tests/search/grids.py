@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from handctl.sim.barrett.board import STATES
-from handctl.sim.barrett.uart import RECEIVERS
+from handctl.sim.bus.wire_pair import RECEIVERS
 from tests.barrett import test_states
 from tests.barrett.sweep import LOADS, TOOLS, WINDOWS, files, leaves, outcome, starts
 from tests.inspire import test_scan_lines

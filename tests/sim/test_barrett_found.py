@@ -9,7 +9,7 @@ import pytest
 
 from handctl.sim import create
 from handctl.sim.barrett.board import STATES
-from handctl.sim.barrett.uart import resample
+from handctl.sim.bus.wire_pair import resample
 
 
 class Bench:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from handctl.sim.barrett.uart import resample
+from handctl.sim.bus.wire_pair import resample
 from tests.sim.barrett_bench import GLOBALS, MOTOR_33, PROMPT, Bench, ready
 from tests.support.each_row import each_row
 

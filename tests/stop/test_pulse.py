@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from handctl.devices.aidin.map import CURRENTS
-from handctl.devices.aidin.motion import currents
-from handctl.devices.aidin.targets import parse
+from handctl.devices.aidin.motion import currents, parse
 from handctl.devices.barrett.map import SPEEDS
 from handctl.devices.barrett.realtime.schedule import Controls
 from handctl.link import deadman

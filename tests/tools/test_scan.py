@@ -19,7 +19,7 @@ from handctl.families import FAMILIES, SCANNED
 from handctl.link import ByteLink, Deadline
 from handctl.link.lock import hold
 from handctl.model.result import Journal, Row
-from handctl.sim.barrett.uart import resample
+from handctl.sim.bus.wire_pair import resample
 from handctl.tools import scan, scan_report
 from handctl.tools.probes import probe_of
 from handctl.tools.scan_order import plan

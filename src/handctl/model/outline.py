@@ -1,6 +1,6 @@
 """A device as people see it: its fingers or joints as bars in their place, coloured by one quantity of them.
 
-A family has its OUTLINE in its module `outline`, or next to its remedies: `describe` loads those, so what draws is imported late. Knows rows, and no terminal and no page.
+A family has its OUTLINE next to its remedies: `describe` loads those, so what draws is imported late. Knows rows, and no terminal and no page.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Painted(NamedTuple):
 def outline_of(kind: str) -> Outline | None:
     """The outline of a family, None where it has none."""
     try:
-        found: Outline = import_module(FAMILIES[kind].module("outline")).OUTLINE
+        found: Outline | None = getattr(import_module(FAMILIES[kind].module("outline")), "OUTLINE", None)
     except ModuleNotFoundError:
         return None
     return found

@@ -3,7 +3,7 @@
 from tests.mistakes.table import mistake
 
 MESSAGES = "handctl.devices.aidin.json_codec"
-TARGETS = "handctl.devices.aidin.targets"
+TARGETS = "handctl.devices.aidin.motion"
 
 ROWS = (
     mistake(
@@ -232,7 +232,7 @@ ROWS = (
     mistake(
         "aidin-check-blames-motors-of-a-hand-that-did-nothing",
         "evidence believed",
-        "handctl.devices.aidin.check_findings",
+        "handctl.devices.aidin.check",
         "motors",
         "if not any(trip.others or trip.moved(trip.index) or trip.turned > TURNED or trip.current >= FLOWS for trip in made):",
         "if not made:",
@@ -241,7 +241,7 @@ ROWS = (
     mistake(
         "aidin-check-compares-no-current",
         "evidence believed",
-        "handctl.devices.aidin.check_findings",
+        "handctl.devices.aidin.check",
         "compared",
         "if 1 / UNEVEN <= trip.effort / usual <= UNEVEN:",
         "if True:",

@@ -504,7 +504,7 @@ ROWS = (
     mistake(
         "explained-by-the-next-finger",
         "finger swapped",
-        "handctl.devices.inspire.register_spans",
+        "handctl.devices.inspire.explain",
         "span_values",
         "Value(Element(register, index).full_name, register.decode(raw), register.unit)",
         "Value(Element(register, index and index - 1).full_name, register.decode(raw), register.unit)",

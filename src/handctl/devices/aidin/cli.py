@@ -145,7 +145,7 @@ def _move(
     run: Run, target: Target, values: tuple[str, ...], assume_homed: bool, expect: str | None, *, rad: bool = False
 ) -> Act:
     from handctl.devices.aidin import motion
-    from handctl.devices.aidin.targets import parse
+    from handctl.devices.aidin.motion import parse
 
     goal = parse(target, values, rad=rad)
     ending = expected(expect)
@@ -224,7 +224,7 @@ def currents(run: Run, values: tuple[str, ...], cap: float, duration: float, ram
     second, holds, ramps down to 0 and stops.
     """
     from handctl.devices.aidin import motion
-    from handctl.devices.aidin.targets import parse
+    from handctl.devices.aidin.motion import parse
 
     goal = parse(CURRENTS, values, cap=cap)
     first = _step(run, "maximum torque 1000, every 20 ms for 0.2 s", Mode.MAXTORQUE, maxtorque=1000)

@@ -1,5 +1,9 @@
 """What the readings of an AIDIN-hand mean, and what to do. It has no error bits."""
 
+from __future__ import annotations
+
+from handctl.devices.aidin.map import FINGERS
+from handctl.model.outline import Measure, Outline, hand
 from handctl.model.remedy import Remedy
 
 REMEDIES = {
@@ -8,3 +12,10 @@ REMEDIES = {
     "all-zero": Remedy("the hand has either just been homed, or just been switched on with the fingers anywhere", "run `handctl aidin home`, unless the hand has been homed since power-on", "aidin, Modes"),
 }  # fmt: skip
 ALL_ZERO = f"all encoders are exactly 0: {REMEDIES['all-zero'].meaning}"
+
+OUTLINE = Outline(
+    hand(FINGERS[:0:-1], FINGERS[:1]),
+    {"force": Measure("sensor_state.{}.fz")},
+    note="A right hand seen from its palm. The force is that along z of the fingertip.",
+)
+"""The fingers of an AIDIN-hand in their place. It has no temperatures and no error bits."""

@@ -3,19 +3,580 @@
 Bytes in, pieces out; knows no link. Three languages share the line: which one is spoken follows from the conversation
 (LOOP was acknowledged; "X" was answered by ":"). The layout of RealTime blocks follows from the flags that were read or
 set before; until one was seen it counts as the factory has it.
+
+Explain the frames of the BarrettHand's three protocols in words. Knows no wire.
+
+GCL (barrett §5): what a command line asks for, what its answer says. RealTime (§6): the flags that shape the blocks, control
+blocks, feedback blocks, the way out. The boot monitor (dossier 7.2): records from the host, their echoes from the monitor:
+FF once;  then per record   FF | address low, address high, count | FF | data       each but the FF is echoed
+
+Which bytes write to a BarrettHand, what acknowledges them, and what to read if nothing does (see `write_ledger`).
+
+A line is acknowledged by its echo and the prompt behind it, refused by ERR n (barrett §5.1.3). What is no query writes.
+In RealTime every block with values is a command, and the loop itself tells which blocks the hand answered. ^C counts where
+something moves or where it was planned: a connection begins with one.
 """
 
 from __future__ import annotations
 
 import re
 from collections import deque
+from collections.abc import Hashable, Iterable, Iterator, Sequence
+from functools import lru_cache
 
-from handctl.devices.barrett import frame_text
-from handctl.devices.barrett.frame_text import Flags, LoopWords, MonitorWords, records
-from handctl.devices.barrett.gcl.codec import Answer, Decoder, explain_status, split
-from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Later, Part, stray
+from handctl.devices.barrett.gcl.codec import (
+    ABORT,
+    CR,
+    KINDS,
+    MOTORS,
+    PROMPT,
+    Answer,
+    Command,
+    Decoder,
+    explain_status,
+    has_prompt,
+    kind_of,
+    motor_prefix,
+    motors_of,
+    split,
+    values,
+)
+from handctl.devices.barrett.gcl.connect_table import FILL, LOOPED, QUESTION, SAFE_ABORT
+from handctl.devices.barrett.map import BARRETT, GclParam
+from handctl.devices.barrett.realtime.blocks import (
+    ACKNOWLEDGE,
+    CONTROL,
+    FEEDBACK,
+    FEEDBACK_ONLY,
+    NEITHER,
+    UNITS,
+    Field,
+    Layout,
+    Selection,
+)
+from handctl.errors import HandctlError
+from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Later, Part, Value, stray
+from handctl.model.param import Number
+from handctl.model.write_ledger import Frame
+from handctl.wording import plural
 
-CR, ABORT = 0x0D, 0x03
+MARK = QUESTION[:1].decode()
+"""The question of a connect without what no motor moves by; ERR 32 is how a hand says that it is there."""
+UNKNOWN_COMMAND = 32
+NAMES = {"\r": "<CR>", "\n": "<LF>", "\x03": "<^C>"}
+
+
+def shown(data: bytes | bytearray) -> str:
+    """Bytes as text, with control characters by name: ``FGET P<CR>``."""
+    return "".join(NAMES.get(chr(b), chr(b) if 32 <= b < 127 else f"<{b:02X}>") for b in data)
+
+
+def lines_of(data: bytes) -> list[str]:
+    """The lines that hold anything, in printable characters."""
+    found = data.replace(b"\r", b"\n").split(b"\n")
+    return [shown(line) for line in found if line.strip()]
+
+
+def line_parts(raw: bytes) -> tuple[Part, ...]:
+    """An answer line by line: echo, data, status, prompt."""
+    parts: list[Part] = []
+    for line in re.findall(rb"[^\r\n]*[\r\n]+|[^\r\n]+", raw):
+        text = shown(line.strip(b"\r\n"))
+        words = text.split()
+        if line.startswith(b"=>"):
+            name, text = "prompt", ""
+        elif len(words) == 2 and words[0] == "ERR" and words[1].isdecimal() and len(words[1]) < 11 and parts:
+            name, text = "status", f"{words[1]}: {explain_status(int(words[1]))}"
+        else:
+            name = "line" if parts else "echo" if text else "line end"
+        parts.append(Part(line, name, text))
+    return tuple(parts)
+
+
+@lru_cache(64)
+def motors(prefix: str) -> Sequence[str]:
+    """``12S`` -> F1, F2, SPREAD; no prefix = all four."""
+    return motors_of(motor_prefix(prefix) if prefix else "")
+
+
+@lru_cache(1024)
+def command_words(text: str) -> tuple[str, str]:
+    """(meaning, problem) of a command line."""
+    if not text:
+        return "an empty line: requests the prompt", ""
+    if text == MARK:
+        return f"{MARK}: requests the prompt, and is not a command", ""
+    prefix, found, words = split(text)
+    if found is None:
+        return f"{text}: not a GCL command", "unknown-command"
+    who = f" of {' '.join(motors(prefix))}" if found.prefix else ""
+    head = f"{text}: "
+    if found.name in ("FGET", "PGET"):
+        names = ", ".join(_name(word) for word in words)
+        return f"{head}read {names or 'nothing'}{who}", ""
+    if found.name in ("FSET", "PSET"):
+        pairs = zip(words[::2], [*words[1::2], "?"], strict=False)
+        return f"{head}set {', '.join(f'{_name(name)} = {_with_unit(name, value)}' for name, value in pairs)}{who}", ""
+    return f"{head}{found.doc}{who and f', for {chr(32).join(motors(prefix))}'}", ""
+
+
+@lru_cache(256)
+def _param(word: str) -> GclParam | None:
+    try:
+        return BARRETT.by_mnemonic(word.upper())
+    except KeyError:
+        return None
+
+
+def _name(word: str) -> str:
+    param = _param(word)
+    return param.name if param is not None else f"{word} (unknown)"
+
+
+def _with_unit(word: str, value: str) -> str:
+    param = _param(word)
+    if param is None or not value.lstrip("-").isdecimal() or len(value) > 11:
+        return value
+    return _texts(param, (int(value),))
+
+
+@lru_cache(1024)
+def answer_words(text: str, found: Answer) -> tuple[str, Sequence[Value], str]:
+    """(meaning, values, problem) of the data lines of an answer."""
+    prefix, kind, words = split(text)
+    if kind is not None and kind.name in ("FGET", "PGET") and words:
+        try:
+            return _gotten(prefix, kind, words, found)
+        except HandctlError as exc:
+            return f"{exc.text}", (), "bad-line"
+    said = " | ".join(found.lines)
+    if said:
+        return f"{text}: {said}", (), ""
+    return (f"{text}: done" if text else "prompt"), (), ""
+
+
+def _gotten(prefix: str, kind: Command, words: list[str], found: Answer) -> tuple[str, Sequence[Value], str]:
+    who = motors(prefix) if kind.name == "FGET" else [""]
+    table = list(zip(words, values(found, len(words), len(who)), strict=False))
+    texts = []
+    for word, numbers in table:
+        param = _param(word)
+        shown_numbers = _texts(param, tuple(numbers)) if param is not None else " ".join(map(str, numbers))
+        texts.append(f"{param.name if param is not None else _name(word)} {shown_numbers}")
+    motor_text = f" ({' '.join(who)})" if kind.name == "FGET" else ""
+    return f"{', '.join(texts)}{motor_text}" if texts else "", Later(lambda: _carried(table, who)), ""
+
+
+def _carried(table: Sequence[tuple[str, list[int]]], who: Sequence[str]) -> Iterator[Value]:
+    for word, numbers in table:
+        param, name = _param(word), _name(word)
+        for motor, number in zip(who, numbers, strict=True):
+            yield Value(f"{name}.{motor}" if motor else name, number, param.unit if param else None)
+
+
+@lru_cache(4096)
+def _texts(param: GclParam, numbers: tuple[int, ...]) -> str:
+    """Numbers with their unit and, where it says more than they do, what they mean."""
+    unit = param.unit or ""
+    labels = list(dict.fromkeys(filter(None, (_label(param, number) for number in numbers))))
+    text = " ".join(map(str, numbers))
+    if unit.startswith("0.1 "):
+        text = " ".join(f"{number / 10:.1f}" for number in numbers) + f" {unit[4:]}"
+    elif unit and not param.choices:
+        text += f" [{unit}]" if unit[0].isdigit() else f" {unit}"
+    return f"{text} ({', '.join(labels)})" if labels else text
+
+
+def _label(param: GclParam, number: Number) -> str | None:
+    """What a number means in words; a flag's yes and no say nothing."""
+    if param.mnemonic == "S":
+        return explain_status(int(number)) if number > 0 else None
+    label = param.label(number)
+    return None if label in ("yes", "no") else label
+
+
+# -- RealTime ----------------------------------------------------------------------------------------------------------
+
+
+LATER = ("LFBP", "LFAIN", "LCT")
+"""Flags that only firmware 4.4 has; not set by the factory."""
+SHAPING = (*CONTROL.values(), *(flag for flag in FEEDBACK.values() if flag not in LATER))
+TOLD = (*SHAPING, *LATER, "LFT")
+LEAVE = 0x03
+LONGEST_ERROR = 64
+
+
+class Flags:
+    """The flags as far as the recording shows them."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[str, str], int] = {}
+
+    @property
+    def complete(self) -> bool:
+        """Whether any of them was seen at all; otherwise blocks are read as the factory has them."""
+        return any(name in SHAPING for name, _ in self._known)
+
+    def note(self, command: str, answer: Answer) -> None:
+        """Learn from an answer to FGET, FSET, PGET or PSET."""
+        prefix, kind, words = split(command)
+        if kind is None or kind.name not in ("FGET", "FSET", "PGET", "PSET") or answer.status:
+            return
+        if not any(name in TOLD for name in words):
+            return
+        who = motors(prefix) if kind.name[0] == "F" else [""]
+        if kind.name.endswith("SET"):
+            rows = [(name, [value] * len(who)) for name, value in zip(words[::2], words[1::2], strict=False)]
+        else:
+            try:
+                table = values(answer, len(words), len(who))
+            except HandctlError:
+                return
+            rows = [(name, [str(number) for number in numbers]) for name, numbers in zip(words, table, strict=True)]
+        for name, texts in rows:
+            for motor, text in zip(who, texts, strict=True):
+                if name in TOLD and text.isdecimal() and len(text) < 6:
+                    self._known[(name, motor)] = int(text)
+
+    def layout(self, prefix: str) -> Layout:
+        """The blocks of a loop over these motors."""
+        selected = {}
+        for motor in motors(prefix):
+            selected[MOTORS.index(motor)] = Selection(
+                tuple(name for name, flag in CONTROL.items() if self._known.get((flag, motor), 1)),
+                tuple(
+                    name for name, flag in FEEDBACK.items() if self._known.get((flag, motor), int(flag not in LATER))
+                ),
+            )
+        temperature = 0
+        if self._known.get(("LFT", "")):
+            temperature = 1 if any(name == "LCT" for name, _ in self._known) else 2
+        return Layout(selected, temperature)
+
+
+def factory_block(direction: str, data: bytes) -> list[ExplainedBytes]:
+    """A block of all four motors with the flags of the factory, as one piece; [] if it has another size."""
+    layout = Flags().layout("")
+    if direction == HOST and data[:1] in (b"C", b"c") and len(data) == layout.control_size:
+        return [control_piece(layout, data, "")]
+    if direction == DEVICE and data[:1] == b"*" and len(data) == layout.feedback_size:
+        return [feedback_piece(layout, data, "")]
+    if direction == HOST and len(data) == 1 and data in b"Aa":
+        return [control_piece(layout, data, "")]
+    if direction == DEVICE and data == b"*":
+        return [ExplainedBytes(direction=DEVICE, raw=data, meaning="* acknowledgement")]
+    known = {HOST: (b"C", b"c"), DEVICE: (b"*",)}[direction]
+    binary = any(byte < 32 or byte > 126 for byte in data[1:].rstrip(b"\r\n"))
+    if data[:1] in known and binary and b"=>" not in data:
+        kind = "control" if direction == HOST else "feedback"
+        rest = f"{len(data) - 1} data bytes. Their meaning depends on the flags of the loop"
+        numbers = " ".join(str(byte - 256 if byte > 127 else byte) for byte in data[1:])
+        parts = (Part(data[:1], "header", kind), Part(data[1:], "data", f"as signed bytes: {numbers}"))
+        return [
+            ExplainedBytes(direction=direction, raw=data, meaning=f"RealTime {kind} block with {rest}", parts=parts)
+        ]
+    return []
+
+
+def _told(fields: Iterable[Field]) -> tuple[list[str], list[Value], list[Part]]:
+    """The values of a block: in words by motor, as values, as its parts."""
+    texts: dict[str, str] = {}
+    carried, parts = [], []
+    for index, name, raw, number in fields:
+        motor, unit = MOTORS[index], UNITS.get(name)
+        text = f"{number} {unit}" if unit else str(number)
+        texts[motor] = f"{texts.get(motor, motor)} {name} {text}"
+        carried.append(Value(f"{name}.{motor}", number, unit))
+        parts.append(Part(raw, f"{name}.{motor}", text))
+    return list(texts.values()), carried, parts
+
+
+def control_piece(layout: Layout, block: bytes, key: str) -> ExplainedBytes:
+    """A control block, complete."""
+    header = chr(block[0])
+    full = header in "CA"
+    texts, carried, parts = _told(layout.fields(block, control=True) if len(block) > 1 else ())
+    asked = Part(block[:1], "header", "reply with feedback" if full else "reply with * only")
+    data, back = ", ".join(texts) or "no control values", "feedback" if full else "acknowledgement"
+    return ExplainedBytes(
+        direction=HOST, raw=block, meaning=f"{header}: {data}, requests {back}", title=f"block {header}", asks=key,
+        values=tuple(carried), parts=(asked, *parts), fields={"header": header},
+    )  # fmt: skip
+
+
+def feedback_piece(layout: Layout, block: bytes, key: str) -> ExplainedBytes:
+    """A feedback block, complete."""
+    texts, carried, parts = _told(layout.fields(block))
+    tenths = layout.decode(block).temperature
+    if tenths is not None:
+        celsius = tenths / 10
+        texts.append(f"temperature {celsius:.1f} °C")
+        carried.append(Value("temperature", celsius, "°C"))
+        parts.append(Part(block[-layout.temperature :], "temperature", f"{celsius:.1f} °C"))
+    return ExplainedBytes(
+        direction=DEVICE, raw=block, meaning=f"* {', '.join(texts) or 'no feedback values'}", title="feedback",
+        answers=key, values=tuple(carried), parts=(Part(block[:1], "acknowledgement", "*"), *parts),
+    )  # fmt: skip
+
+
+class LoopWords:
+    """One stay in RealTime."""
+
+    def __init__(self, layout: Layout, known: bool) -> None:
+        self._layout = layout
+        self._known = known
+        self._out = bytearray()
+        self._asked: deque[tuple[str, bool]] = deque(maxlen=64)
+        self._count = 0
+        self.leaving = False
+
+    @property
+    def summary(self) -> str:
+        """``control 9 bytes, feedback 21 bytes``, and whether the flags were seen."""
+        sizes = f"control {self._layout.control_size} bytes, feedback {self._layout.feedback_size} bytes"
+        return sizes + ("" if self._known else " (factory flags, because none were read before)")
+
+    def flush(self) -> list[ExplainedBytes]:
+        """What is left of an unfinished block."""
+        raw = bytes(self._out)
+        self._out.clear()
+        return [stray(HOST, raw, "an unfinished control block", "cut-short")] if raw else []
+
+    def host(self, data: bytes) -> tuple[list[ExplainedBytes], bytes]:
+        """Blocks from the host, and what follows a ^C."""
+        self._out += data
+        pieces = []
+        while self._out and not self.leaving:
+            header = self._out[0]
+            if header == LEAVE:
+                pieces.append(ExplainedBytes(direction=HOST, raw=b"\x03", meaning="^C: leave RealTime", asks="leave"))
+                del self._out[:1]
+                self.leaving = True
+            elif chr(header) in "CcAa":
+                size = self._layout.control_size if chr(header) in "Cc" else 1
+                if len(self._out) < size:
+                    break
+                block = bytes(self._out[:size])
+                del self._out[:size]
+                self._count += 1
+                key = f"block {self._count}"
+                self._asked.append((key, chr(header) in "CA"))
+                pieces.append(control_piece(self._layout, block, key))
+            else:
+                raw = bytes(self._out)
+                self._out.clear()
+                why = f"{shown(raw)}: not the start of a block. The hand leaves RealTime with ERR 2048"
+                pieces.append(stray(HOST, raw, why, "bad-block"))
+        rest = bytes(self._out) if self.leaving else b""
+        if self.leaving:
+            self._out.clear()
+        return pieces, rest
+
+    def device(self, data: bytes) -> tuple[list[ExplainedBytes], bytes, bool]:
+        """Answers of the hand, what is not complete yet, and whether RealTime is over."""
+        pieces: list[ExplainedBytes] = []
+        while data:
+            if data[0] in (0x0A, 0x0D):
+                end = data.find(PROMPT)
+                if end < 0 and len(data) <= LONGEST_ERROR:
+                    return pieces, data, False
+                return [*pieces, self._end(data, end)], data[len(data) if end < 0 else _behind(data, end) :], end >= 0
+            if data[0] != ACKNOWLEDGE or not self._asked:
+                why = "unexpected bytes" if data[0] == ACKNOWLEDGE else "* or an error was expected here"
+                end = data.find(b"\n") if self.leaving else -1
+                raw = data[:end] if end > 0 else data
+                pieces.append(stray(DEVICE, raw, why, "bad-block"))
+                data = data[len(raw) :]
+                continue
+            key, full = self._asked[0]
+            size = self._layout.feedback_size if full else 1
+            if len(data) < size:
+                return pieces, data, False
+            self._asked.popleft()
+            block, data = data[:size], data[size:]
+            if size > 1:
+                pieces.append(feedback_piece(self._layout, block, key))
+            else:
+                pieces.append(ExplainedBytes(direction=DEVICE, raw=block, meaning="* acknowledgement", answers=key))
+        return pieces, data, False
+
+    def _end(self, data: bytes, end: int) -> ExplainedBytes:
+        """The prompt in the place of an acknowledgement: the hand is back in supervisory mode."""
+        if end < 0:
+            return stray(DEVICE, data, "ERR and a prompt were expected here", "bad-block")
+        words = data[:end].split()
+        status = int(words[1]) if len(words) == 2 and words[1].isdigit() and len(words[1]) < 11 else 0
+        why = f"ERR {status}: {explain_status(status)}. " if status else ""
+        key = "leave" if self.leaving else self._asked[0][0] if self._asked else ""
+        return ExplainedBytes(
+            direction=DEVICE, raw=data[: _behind(data, end)], meaning=f"{why}RealTime has ended, prompt", answers=key,
+            problem="refused" if status else "", fields={"status": status},
+        )  # fmt: skip
+
+
+def _behind(data: bytes, end: int) -> int:
+    """The position after the prompt, with its blank if that has arrived."""
+    return end + 3 if data[end + 2 : end + 3] == b" " else end + 2
+
+
+# -- the boot monitor --------------------------------------------------------------------------------------------------
+
+
+TRIGGER = 0xFF
+HEAD = 5
+"""Bytes of a record before its data: trigger, address, count, trigger."""
+
+
+def record_parts(raw: bytes) -> tuple[Part, ...]:
+    """A whole record field by field."""
+    address, count = int.from_bytes(raw[1:3], "little"), raw[3]
+    return (
+        Part(raw[:1], "trigger", "not echoed"), Part(raw[1:2], "address low", f"{raw[1]:02X}"),
+        Part(raw[2:3], "address high", f"address {address:04X}h"), Part(raw[3:4], "count", f"{count} data bytes"),
+        Part(raw[4:5], "trigger", "not echoed"), Part(raw[5:], "data", f"{address:04X}h to {address + count - 1:04X}h"),
+    )  # fmt: skip
+
+
+def record_piece(raw: bytes, key: str = "") -> ExplainedBytes:
+    """A whole record."""
+    address, count = int.from_bytes(raw[1:3], "little"), raw[3]
+    return ExplainedBytes(
+        direction=HOST, raw=raw, meaning=f"download record: {count} bytes at {address:04X}h", asks=key,
+        fields={"address": address, "count": count}, parts=record_parts(raw),
+    )  # fmt: skip
+
+
+def records(data: bytes) -> list[ExplainedBytes]:
+    """The pieces of download bytes as the host sends them, from a trigger on; [] if they are none."""
+    pieces: list[ExplainedBytes] = []
+    if data[:2] == b"\xff\xff" and _whole(data[1:]):
+        pieces.append(ExplainedBytes(direction=HOST, raw=data[:1], meaning="the first trigger of a download"))
+        data = data[1:]
+    while data:
+        size = _whole(data)
+        if not size:
+            return []
+        pieces.append(record_piece(data[:size]))
+        data = data[size:]
+    return pieces
+
+
+def _whole(data: bytes) -> int:
+    """Bytes of the record that begins here, 0 = none."""
+    if len(data) < HEAD + 1 or data[0] != TRIGGER or data[4] != TRIGGER or not data[3]:
+        return 0
+    return HEAD + data[3] if len(data) >= HEAD + data[3] else 0
+
+
+class MonitorWords:
+    """One download. A record is explained once it is complete, its echo once every byte has come back.
+
+    Whether the monitor echoes the triggers too is found out with the first echo.
+    """
+
+    def __init__(self) -> None:
+        self._out = bytearray()
+        self._back = bytearray()
+        self._awaited: deque[tuple[int, str]] = deque()
+        """(byte, "" | "trigger" | "first") of everything that was sent and may come back."""
+        self._ends: deque[tuple[str, int, int]] = deque()
+        """(key, address, bytes) of the records on their way."""
+        self._begun = False
+        self._echoes: bool | None = None
+        self._count = 0
+
+    def flush(self) -> list[ExplainedBytes]:
+        """What is not complete."""
+        pieces = self._told()
+        if self._out:
+            pieces.append(
+                stray(HOST, bytes(self._out), f"an unfinished record: {plural(len(self._out), 'byte')}", "cut-short")
+            )
+        self._out.clear()
+        self._awaited.clear()
+        return pieces
+
+    def host(self, data: bytes) -> tuple[list[ExplainedBytes], bytes]:
+        """Records, and what follows the download: anything but a trigger where a record begins."""
+        pieces: list[ExplainedBytes] = []
+        for place, byte in enumerate(data):
+            if not self._out and byte != TRIGGER:
+                return pieces, data[place:]
+            if not self._begun:
+                self._begun = True
+                self._awaited.append((byte, "first"))
+                pieces.append(ExplainedBytes(direction=HOST, raw=b"\xff", meaning="the first trigger of a download"))
+                continue
+            self._out.append(byte)
+            size = len(self._out)
+            self._awaited.append((byte, "trigger" if size in (1, HEAD) else ""))
+            if size == HEAD and not self._out[3]:
+                pieces.append(stray(HOST, bytes(self._out), "a record without data"))
+                self._out.clear()
+            elif size > HEAD and size == HEAD + self._out[3]:
+                self._count += 1
+                key = f"record {self._count}"
+                self._ends.append((key, int.from_bytes(self._out[1:3], "little"), size))
+                pieces.append(record_piece(bytes(self._out), key))
+                self._out.clear()
+        return pieces, b""
+
+    def device(self, data: bytes) -> list[ExplainedBytes]:
+        """Echoes. One that differs is explained together with the byte sent."""
+        pieces: list[ExplainedBytes] = []
+        for byte in data:
+            self._decide(byte)
+            while self._awaited and self._awaited[0][1] and not self._echoes:
+                self._awaited.popleft()
+            if not self._awaited:
+                pieces += self._odd(byte, f"{byte:02X} arrived although nothing was expected")
+                continue
+            sent, kind = self._awaited.popleft()
+            if byte != sent:
+                pieces += self._odd(byte, f"wrong echo: sent {sent:02X}, received {byte:02X}")
+            elif kind == "first":
+                pieces.append(ExplainedBytes(direction=DEVICE, raw=bytes([byte]), meaning="echo of the first trigger"))
+            else:
+                self._back.append(byte)
+                pieces += self._whole_echo()
+        return pieces + self._whole_echo()
+
+    def _decide(self, byte: int) -> None:
+        """With the first echo: a trigger that comes back, unless the first address byte looks the same."""
+        if self._echoes is None and self._awaited:
+            first = next((sent for sent, kind in self._awaited if not kind), None)
+            self._echoes = byte == TRIGGER and bool(self._awaited[0][1]) and first != TRIGGER
+
+    def _whole_echo(self) -> list[ExplainedBytes]:
+        """The echo of the oldest record, once it is complete."""
+        if not self._ends:
+            return []
+        key, address, size = self._ends[0]
+        size -= 0 if self._echoes else 2
+        if len(self._back) < size:
+            return []
+        self._ends.popleft()
+        raw = bytes(self._back[:size])
+        del self._back[:size]
+        text = f"echo of the record at {address:04X}h: {size} bytes, all correct"
+        return [ExplainedBytes(direction=DEVICE, raw=raw, meaning=text, answers=key)]
+
+    def _odd(self, byte: int, text: str) -> list[ExplainedBytes]:
+        """A byte that is not an echo; the record's echo can no longer be complete."""
+        return [*self._told(), ExplainedBytes(direction=DEVICE, raw=bytes([byte]), meaning=text, problem="wrong-echo")]
+
+    def _told(self) -> list[ExplainedBytes]:
+        """The echoes so far, before something else is explained."""
+        raw = bytes(self._back)
+        self._back.clear()
+        if raw and self._ends:
+            self._ends.popleft()
+        return [ExplainedBytes(direction=DEVICE, raw=raw, meaning=f"echoes: {len(raw)} bytes")] if raw else []
+
+
+# -- the frames of the three protocols in words -----------------------------------------------------------------------
+
+
 _ENDS = re.compile(rb"[\r\x03]")
 OFFERS = (b"X", b"XX")
 OFFER = "X: requests a download from the boot monitor"
@@ -69,11 +630,11 @@ class BarrettExplainer:
                 meaning = f"echo of {self._asked[0].command}: the rest of the reply comes at the new baud rate"
                 pieces.append(_piece(DEVICE, raw, meaning, answers=self._asked[0].key))
                 continue
-            block = frame_text.factory_block(direction, raw) if raw and b"=>" not in raw else []
+            block = factory_block(direction, raw) if raw and b"=>" not in raw else []
             pieces += block  # a recording that begins inside RealTime
             if raw and not block:
                 what = "a command without its CR" if direction == HOST else "a reply without its prompt"
-                pieces.append(stray(direction, raw, f"{what}: {frame_text.shown(raw)}", "cut-short"))
+                pieces.append(stray(direction, raw, f"{what}: {shown(raw)}", "cut-short"))
         self._asked.clear()
         return pieces
 
@@ -83,7 +644,7 @@ class BarrettExplainer:
     def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[ExplainedBytes]:
         """See Explainer. Blocks are read with factory flags, all four motors."""
         direction = side or _side(data)
-        whole = records(data) or frame_text.factory_block(direction, data)
+        whole = records(data) or factory_block(direction, data)
         if whole:
             return whole
         if direction == DEVICE:
@@ -124,16 +685,14 @@ class BarrettExplainer:
 
     def _typed_byte(self, byte: int) -> list[ExplainedBytes]:
         pieces: list[ExplainedBytes] = []
-        if byte == CR:
+        if byte == CR[0]:
             command = self._typed.decode("ascii", "replace")
             raw = bytes(self._typed) + b"\r"
             self._typed.clear()
             return [self._command(command, raw)]
-        if byte == ABORT:
+        if byte == ABORT[0]:
             if self._typed:
-                pieces.append(
-                    stray(HOST, bytes(self._typed), f"an unfinished command: {frame_text.shown(self._typed)}")
-                )
+                pieces.append(stray(HOST, bytes(self._typed), f"an unfinished command: {shown(self._typed)}"))
                 self._typed.clear()
             key = "" if self._asked else self._expect("")
             return [*pieces, _piece(HOST, b"\x03", "^C: abort", asks=key)]
@@ -151,17 +710,17 @@ class BarrettExplainer:
         return key
 
     def _command(self, command: str, raw: bytes) -> ExplainedBytes:
-        if command.strip("\0") == frame_text.MARK:
-            meaning, _ = frame_text.command(frame_text.MARK)
+        if command.strip("\0") == MARK:
+            meaning, _ = command_words(MARK)
             return _piece(HOST, raw, meaning, asks=self._expect(command.lstrip("\0")))
         if not (command.isascii() and command.isprintable()):
-            return stray(HOST, raw, f"not a command: {frame_text.shown(raw)}")
+            return stray(HOST, raw, f"not a command: {shown(raw)}")
         if not command and self._asked and self._came:
             return _piece(HOST, raw, "an empty line")  # to an answer that has already begun, e.g. behind a new speed
         fields = {"command": command}
         parts = (Part(raw[:-1], "command", command), Part(raw[-1:], "CR", ""))
         key = self._expect(command)
-        meaning, problem = frame_text.command(command)
+        meaning, problem = command_words(command)
         return _piece(HOST, raw, meaning, problem=problem, asks=key, fields=fields, parts=parts)
 
     # -- from the hand ------------------------------------------------------------------------------------------------
@@ -232,15 +791,15 @@ class BarrettExplainer:
         if end < 0 or (end and came[end - 1] not in (10, 13)):
             return None
         size = end + 3 if came[end + 2 : end + 3] == b" " else end + 2
-        lines = frame_text.lines(came[:end])
+        lines = lines_of(came[:end])
         text = f"prompt, after {' | '.join(lines)}" if lines else "prompt"
-        return self._take(_piece(DEVICE, came[:size], text, parts=frame_text.line_parts(came[:size])))
+        return self._take(_piece(DEVICE, came[:size], text, parts=line_parts(came[:size])))
 
     def _answer(self, asked: Asked, answer: Answer) -> ExplainedBytes:
         raw = answer.raw if answer.raw.endswith(b"=> ") else answer.raw[: answer.raw.rfind(b"=>") + 2]
         self._flags.note(asked.command, answer)
-        meaning, values, problem = frame_text.answer(asked.command, answer)
-        if asked.command.startswith(frame_text.MARK) and answer.status == frame_text.UNKNOWN_COMMAND:
+        meaning, values, problem = answer_words(asked.command, answer)
+        if asked.command.startswith(MARK) and answer.status == UNKNOWN_COMMAND:
             meaning = "prompt: the hand is connected"
         elif answer.status:
             problem = "refused" if answer.status != 16384 else ""
@@ -249,7 +808,7 @@ class BarrettExplainer:
         fields = {"command": asked.command, "status": answer.status}
         return _piece(
             DEVICE, raw, meaning, problem=problem, answers=asked.key, fields=fields, values=values,
-            title=f"reply to {asked.command}", parts=Later(lambda: frame_text.line_parts(raw)),
+            title=f"reply to {asked.command}", parts=Later(lambda: line_parts(raw)),
         )  # fmt: skip
 
     def _entered(self, came: bytes, asked: Asked, place: int) -> list[ExplainedBytes]:
@@ -300,3 +859,109 @@ def _side(data: bytes) -> str:
 
 
 explainer = BarrettExplainer
+
+
+# -- which of these bytes write, and what acknowledges them -----------------------------------------------------------
+
+
+LONGEST = 4096
+"""Bytes that are kept of an answer."""
+
+
+class BarrettWriteRules:
+    """One connection."""
+
+    def __init__(self) -> None:
+        self._number = 0
+        self._key: Hashable = None
+        self._kind = ""
+        self._decoder: Decoder | None = None
+        self._echo = b""
+        self._tail = b""
+        self._loop = self._moves = self._stopping = False
+
+    def sent(self, data: bytes, can_id: int | None) -> Sequence[Frame]:
+        """See WriteRules."""
+        if data in (QUESTION, FILL, LOOPED):  # of the connect: no state of the hand carries them out
+            self._decoder = None
+            return ()
+        if data.strip(SAFE_ABORT) == b"":
+            return self._aborted(data)
+        if self._loop:
+            return () if data in (FEEDBACK_ONLY, NEITHER) else (Frame(data, None, data, group="block"),)
+        if _asks(data):
+            self._decoder = None
+            return ()
+        text = data.removesuffix(CR).decode("ascii", "replace").strip()
+        self._number += 1
+        self._key, self._kind = self._number, kind_of(text)
+        self._decoder = Decoder(text)
+        self._echo = text.encode("ascii", "replace").upper()
+        self._tail, self._stopping = b"", False
+        self._moves = self._moves or KINDS[self._kind].moves
+        self._loop = self._kind == "loop"
+        return (Frame(data, self._key, data),)
+
+    def came(self, data: bytes, can_id: int | None) -> Iterable[tuple[Hashable, bool]]:
+        """See WriteRules."""
+        if self._stopping:
+            self._tail = (self._tail + data)[-16:]
+            if not has_prompt(b"\n" + self._tail.lstrip()):
+                return ()
+            self._stopping = self._moves = False
+            return ((ABORT, True),)
+        if self._decoder is None:
+            return ()
+        if self._kind == "loop":
+            return self._entered(data)
+        self._decoder.feed(data)
+        answer = self._decoder.next()
+        if answer is None:
+            if len(self._decoder.received) > LONGEST:
+                self._decoder = None
+            return ()
+        self._decoder = None
+        if answer.lines and not answer.status and self._kind != "reset":
+            return ()  # perhaps a spoiled ERR: it says nothing
+        self._moves = False
+        return ((self._key, not answer.status),)
+
+    def planned(self, data: bytes, can_id: int | None) -> Hashable:
+        """See WriteRules."""
+        return None if _asks(data) else data
+
+    def next(self, data: bytes, can_id: int | None) -> str:
+        """See WriteRules."""
+        text = data.removesuffix(CR).decode("ascii", "replace")
+        _, known, words = split(text)
+        if known is not None and known.name in ("FSET", "PSET") and words:
+            return f"`handctl barrett get {' '.join(words[::2])}`"
+        return KINDS[kind_of(text)].next
+
+    def _aborted(self, data: bytes) -> Sequence[Frame]:
+        """^C: what it interrupts is not acknowledged any more; the prompt that follows may be of either."""
+        moving = self._moves or self._loop
+        self._loop, self._decoder = False, None
+        self._tail, self._stopping = b"", True
+        return (Frame(data, ABORT, data, group="^C", unasked=not moving),)
+
+    def _entered(self, data: bytes) -> Iterable[tuple[Hashable, bool]]:
+        """The reply to LOOP: * after the echo, or ERR and the prompt."""
+        self._tail = (self._tail + data)[-LONGEST:]
+        size = len(self._echo)
+        if self._tail[:size].upper() == self._echo and self._tail[size : size + 1] == bytes([ACKNOWLEDGE]):
+            self._decoder = None
+            return ((self._key, True),)
+        if b"ERR" in self._tail and has_prompt(self._tail):
+            self._decoder, self._loop = None, False
+            return ((self._key, False),)
+        return ()
+
+
+def _asks(data: bytes) -> bool:
+    """Whether it is an empty line or a query."""
+    text = data.removesuffix(CR).decode("ascii", "replace").strip()
+    return not text or kind_of(text) == "query"
+
+
+words = BarrettWriteRules

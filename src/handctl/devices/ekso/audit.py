@@ -2,6 +2,10 @@
 
 No log, no write. The user's own log is always written, because the policy remembers by it; --audit names a further one.
 Knows files and nothing of the device.
+
+`ekso policy`: every limit of this tool for writing a setting, as a table. Never a limit of the device.
+
+It decides nothing: the limits are in `map` (the largest steps), `change` and `setting_writer`.
 """
 
 from __future__ import annotations
@@ -18,8 +22,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from handctl.devices.ekso import write_checks
-from handctl.errors import OutputError
+from handctl.devices.ekso.change import APART, MOST_SPEED
+from handctl.devices.ekso.map import SETTINGS, Word
+from handctl.errors import HandctlError, OutputError, UsageError
 from handctl.files import clash, in_turn, opened, state_path
+from handctl.model.clock_comparison import WITHIN_MS
+from handctl.model.result import Column, Journal, Row, Table
 from handctl.system import disk, locks
 
 TURN_SECONDS = 0.2
@@ -301,6 +309,8 @@ def _digest(data: bytes) -> str:
 
 WINDOW = 10.0
 """Seconds: a step is measured against each value of so long."""
+BETWEEN_WRITES = 1.0
+"""Seconds from one SetValue to the next."""
 NOT_SENT = "not sent"
 """How the verdict on a write begins that never went out."""
 
@@ -413,3 +423,82 @@ def _refuse(audit: AuditLog, gate: str) -> None:
         f"{audit.path}: {wrong}, so handctl does not know what was written last, and when",
         f"repeat the command in {WINDOW:.0f} s, when the last write no longer matters.{more} Nothing was sent.",
     )
+
+
+# -- `ekso policy`: every limit of this tool for writing a setting, as a table ----------------------------------------
+
+
+COLUMNS = (
+    Column("name", "Setting"),
+    Column("id", "ID", right=True),
+    Column("rule", "Rule"),
+    Column("value", "Value", right=True),
+    Column("unit", "Unit"),
+    Column("override", "Override"),
+)
+GENERAL: tuple[tuple[str, float | str, str | None], ...] = (
+    ("posture", "sitting, standing", None),
+    ("joint_speed_below", MOST_SPEED, "deg/s"),
+    ("looks_apart", APART, "s"),
+    ("boot_time_within", WITHIN_MS, "ms"),
+    ("settings_at_once", 1, None),
+    ("between_writes", BETWEEN_WRITES, "s"),
+    ("step_within", WINDOW, "s"),
+)
+"""What holds for every setting; no override. The audit log remembers the last writes, so it holds over several runs."""
+
+
+def policy() -> Table:
+    """Rows `name` ("*" = every setting), `id`, `rule`, `value`, `unit`, `override` (whether --override-step-limit lifts it).
+
+    Rules of a setting: step (largest change at once), posture, asked_twice (labels), read_only.
+    """
+    rows = [_row(None, rule, value, unit) for rule, value, unit in GENERAL]
+    return Table(rows=[*rows, *(row for param in SETTINGS for row in _rules(param))], columns=COLUMNS)
+
+
+MOST_TOLD = 3
+
+
+def look_through(audit: AuditLog, journal: Journal) -> HandctlError | None:
+    """Check the audit log: a note if it is unchanged, otherwise the failure. Raises UsageError."""
+    checked = audit.checked(whole=True)
+    if checked.findings and not checked.chained + checked.unchained:
+        raise UsageError(
+            f"{audit.path}: not an audit log: {next(told(checked))}", hint="name the audit log with --audit FILE"
+        )
+    count = checked.unchained
+    older = f" Entries from an older handctl, without a hash: {count}. These cannot be checked." if count else ""
+    if not checked.findings:
+        journal.info(
+            "audit",
+            f"{audit.path}: {checked.chained} entries, none was edited, removed or moved.{older} Entries removed from the end would not be noticed",
+        )
+        return None
+    places = list(told(checked))
+    more = f", and {len(places) - MOST_TOLD} more" if len(places) > MOST_TOLD else ""
+    return write_checks.refusal(
+        write_checks.EDITED,
+        f"{audit.path}: the audit log was changed after it was written: {'; '.join(places[:MOST_TOLD])}{more}.{older}",
+        "find out who has access to the file, and compare it with a backup. If you move the log away, a new one starts",
+    )
+
+
+def _rules(param: Word) -> list[Row]:
+    if not param.writable:
+        return [_row(param, "read_only", param.note, None)]
+    rows = []
+    if param.step is not None:
+        # a step in codes counts within 0 %..100 %, 5 % a code; of labels without order there is none
+        value, unit = (param.step * 5, "%") if param.choices else (param.step, param.unit)
+        rows.append(_row(param, "step", value, unit, override=not param.firm))
+    if param.sitting:
+        rows.append(_row(param, "posture", "sitting", None))
+    if param.twice:
+        rows.append(_row(param, "asked_twice", ", ".join(param.twice), None))
+    return rows or [_row(param, "step", None, None)]
+
+
+def _row(param: Word | None, rule: str, value: float | str | None, unit: str | None, *, override: bool = False) -> Row:
+    name, number = (param.name, param.id) if param is not None else ("*", None)
+    return {"name": name, "id": number, "rule": rule, "value": value, "unit": unit, "override": override}

@@ -248,7 +248,7 @@ def policy(run: Run, audit: str | None) -> Table:
     """
     from pathlib import Path
 
-    from handctl.devices.ekso import policy as rules
+    from handctl.devices.ekso import audit as rules
     from handctl.devices.ekso.audit import AuditLog, default_path
 
     table = rules.policy()

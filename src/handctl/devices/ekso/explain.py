@@ -2,16 +2,34 @@
 
 Bytes in, pieces out; knows no link. There is no start byte: a frame is where a command, a length that it may have and a
 fitting CRC stand. Both directions have the same shape; the size of the body tells a request from its answer.
+
+Which bytes write to an EksoNR, what acknowledges them, and what to read if nothing does (see `write_ledger`).
+
+The answer repeats command and msgID; its status word says accepted (0) or why not (ekso §6). A bare acknowledgement,
+which may be an echo, proves nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from functools import lru_cache
 
-from handctl.devices.ekso.frames import EXCHANGES, LENGTH_MODES, OVERHEAD, Command, crc, name_of, status_text, unpack
+from handctl.devices.ekso.frames import (
+    EXCHANGES,
+    LENGTH_MODES,
+    OVERHEAD,
+    READS,
+    Command,
+    Decoder,
+    Frame,
+    crc,
+    name_of,
+    status_text,
+    unpack,
+)
 from handctl.devices.ekso.map import CLOCKS, EKSO, MESSAGES, Word, boot_ms, boot_text
 from handctl.model.explainer import DEVICE, HOST, Cut, Cutter, ExplainedBytes, Later, Part, Value, stray
+from handctl.model.write_ledger import Answered
 from handctl.wording import plural
 
 LONGEST = max(size for row in EXCHANGES.values() for size in row.answers) + OVERHEAD + max(LENGTH_MODES.values())
@@ -207,3 +225,38 @@ def _setting(body: bytes) -> Explained:
 
 
 explainer = EksoExplainer
+
+
+# -- which of these bytes write, and what acknowledges them -----------------------------------------------------------
+
+
+CRC_BYTES = 2
+
+
+class EksoWriteRules(Answered[Frame]):
+    """One connection."""
+
+    def key(self, request: bytes) -> Hashable:
+        return request[:1] + request[2:4] if request and request[0] not in READS.values() else None
+
+    def same(self, request: bytes) -> Hashable:
+        """The bytes without the running msgID and the sum over it."""
+        return request[:2] + request[4:-CRC_BYTES]
+
+    def decoder(self, request: bytes) -> Decoder:
+        decoder = Decoder()
+        decoder.expect(request)
+        return decoder
+
+    def verdict(self, frame: Frame, request: bytes) -> tuple[Hashable, bool] | None:
+        """CancelAction and its answer are of one length: what equals the request is an echo."""
+        if not frame.answers(request) or len(frame.body) != 2:
+            return None
+        return self.key(request), frame.status & 0xFF == 0
+
+    def next(self, data: bytes, can_id: int | None) -> str:
+        """See WriteRules."""
+        return "`handctl ekso feedback`" if data[0] == Command.CANCEL_ACTION else "`handctl ekso settings`"
+
+
+words = EksoWriteRules

@@ -1,5 +1,8 @@
 """What handctl finds in the data of an EksoNR, and what to do. The device itself reports no errors; the limits are handctl's."""
 
+from __future__ import annotations
+
+from handctl.model.outline import Bar, Measure, Outline
 from handctl.model.remedy import Remedy
 
 _SERVICE = "run `handctl ekso report FILE`, and have the sensor checked by Ekso's service"
@@ -14,3 +17,11 @@ REMEDIES = {
     "hip": Remedy("the sensor on that side may be wrong", _SERVICE, "ekso §6, GetData"),
     "clock": Remedy("date and time cannot be read", "run `handctl ekso time` again", "ekso §6, GetTime"),
 }  # fmt: skip
+
+OUTLINE = Outline(
+    (Bar("left_knee", -4, -4), Bar("left_hip", 0, -4), Bar("right_hip", 0, -4), Bar("right_knee", -4, -4)),
+    {"current": Measure("{}_current"), "angle": Measure("{}_angle")},
+    palm=0,
+    note="Seen from behind the wearer.",
+)
+"""The joints of an EksoNR in their place: hips below the trunk, knees below the hips."""

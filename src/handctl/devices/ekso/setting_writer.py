@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from handctl.devices.ekso import write_checks
-from handctl.devices.ekso.audit import NOT_SENT, WINDOW, AuditLog, recent
+from handctl.devices.ekso.audit import BETWEEN_WRITES, NOT_SENT, WINDOW, AuditLog, recent
 from handctl.devices.ekso.change import APART, Change, Raws, differences, judge, limit_of, moving
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.frames import Command, Frame
@@ -29,8 +29,6 @@ from handctl.model.prompts import Prompts
 from handctl.model.result import hex_bytes
 from handctl.wording import plural
 
-BETWEEN_WRITES = 1.0
-"""Seconds from one SetValue to the next."""
 SHORTEST_WAIT = 0.05
 """Seconds: two clocks that disagree by a rounding must not make a wait of nothing."""
 LOOK_AGAIN = "check with `handctl ekso settings` and start again"

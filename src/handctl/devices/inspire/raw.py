@@ -8,11 +8,10 @@ from functools import partial
 from itertools import groupby
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.explain import InspireExplainer
+from handctl.devices.inspire.explain import InspireExplainer, stretches
 from handctl.devices.inspire.map import ALONE, EXO, Register
 from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.devices.inspire.register_device import RegisterDevice
-from handctl.devices.inspire.register_spans import stretches
 from handctl.devices.inspire.serial_bus import PATIENCE, Bus, hint_for, mishap, others_speak, shorten
 from handctl.errors import CheckFailed, DeviceRefused, ProtocolError, UsageError
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes

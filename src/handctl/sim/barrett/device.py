@@ -289,9 +289,9 @@ class Device(Board):
         return data[:place] + bytes([data[place] ^ 128]) + data[place + 1 :]
 
     def mishear(self, data: bytes, sent: int, heard: int) -> bytes | None:
-        from handctl.sim.barrett import uart
+        from handctl.sim.bus.wire_pair import resample
 
-        return uart.resample(data, sent, heard, self.given["uart"])
+        return resample(data, sent, heard, self.given["uart"])
 
 
 def switches(options: Options) -> list[float]:

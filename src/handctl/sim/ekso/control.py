@@ -6,10 +6,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from handctl.number_parsing import whole
-from handctl.sim.ekso import tables
-from handctl.sim.ekso.body import POSTURES
-from handctl.sim.ekso.clock import WRAP
-from handctl.sim.ekso.device import Device
+from handctl.sim.ekso.body import POSTURES, WRAP
+from handctl.sim.ekso.device import DATA_COUNT, FEEDBACK, SETTING_COUNT, Device, place_of
 from handctl.sim.engine.model import NOTHING
 from handctl.sim.engine.statefile import Fields, checked, columns, kept, real, spread
 
@@ -37,9 +35,9 @@ def command(device: Device, words: list[str]) -> str | None:
         case ["counts"]:
             return f"set {device.sets} cancel {device.cancels} violations {device.violations}"
         case ["get", name]:
-            return f"{device.settings[tables.place_of(name)]}"
+            return f"{device.settings[place_of(name)]}"
         case ["data", word]:
-            return f"{device.data_words(NOTHING)[whole(word, 0, tables.DATA_COUNT - 1)]}"
+            return f"{device.data_words(NOTHING)[whole(word, 0, DATA_COUNT - 1)]}"
         case ["clocks"]:
             events = " ".join(f"{at:.3f}:{kind}={ms}" for at, kind, ms in device.unrest.events)
             return f"clocks drift={device.unrest.drift} {events}".rstrip()
@@ -61,9 +59,9 @@ def command(device: Device, words: list[str]) -> str | None:
             pitch, hip, knee = (real(text, -180.0, 180.0) for text in numbers)
             device.body.frozen = (pitch, 0.0, hip, knee, hip, knee)
         case ["set", name, raw]:
-            device.settings[tables.place_of(name)] = _word(raw)
+            device.settings[place_of(name)] = _word(raw)
         case ["data", word, raw]:
-            device.pinned[whole(word, 0, tables.DATA_COUNT - 1)] = _word(raw)
+            device.pinned[whole(word, 0, DATA_COUNT - 1)] = _word(raw)
         case ["state", digits] if len(digits) == 4:
             device.pinned[18] = _hex(digits)
         case ["reboot"]:
@@ -92,8 +90,8 @@ def snapshot(device: Device) -> dict[str, Any]:
 
 def restore(device: Device, state: dict[str, Any]) -> None:
     """All or nothing: everything is read and checked before anything is used."""
-    settings = _row(state["settings"], tables.SETTING_COUNT)
-    feedback = _row(state["feedback"], len(tables.FEEDBACK))
+    settings = _row(state["settings"], SETTING_COUNT)
+    feedback = _row(state["feedback"], len(FEEDBACK))
     boot_ms = state["boot_ms"]
     if not isinstance(boot_ms, int) or not 0 <= boot_ms < WRAP:  # a float is looked for in a range one by one
         raise ValueError(f"boot_ms {boot_ms!r} is not a number of two words")

@@ -6,6 +6,10 @@ Written from the manual and its dossier alone, by other means than the host: dec
 
 The manual is silent on much: length byte, status codes, states, and everything that goes wrong. What a guess fills is
 marked so here; nothing seen here is evidence about a real device.
+
+Tables of the simulated EksoNR: settings with their places, limits and power-on values, presets (manual §6).
+
+A transcription of its own, raw numbers throughout. Limits are invented; the codes are those that field clients know.
 """
 
 from __future__ import annotations
@@ -14,10 +18,84 @@ import struct
 from functools import lru_cache
 from math import ceil, floor
 
-from handctl.sim.ekso import tables
-from handctl.sim.ekso.body import LEFT, POSTURES, RIGHT, Body, hips
-from handctl.sim.ekso.clock import FIRST_BOOT_MS, SIZES, WRAP, BootTime, Calendar, Unrest
+from handctl.number_parsing import number_in
+from handctl.sim.ekso.body import (
+    FIRST_BOOT_MS,
+    LEFT,
+    POSTURES,
+    RIGHT,
+    SIZES,
+    WRAP,
+    Body,
+    BootTime,
+    Calendar,
+    Unrest,
+    hips,
+)
 from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, soonest
+
+# Per word of GetSettings: (name, ParameterID or None, values that SetValue takes, power-on value). The order of the
+# words is not that of the IDs. A range is a limit in hundredths (status 2 beyond it), a set is a list of codes (status
+# 3 for others). The power-on codes differ as far as their short lists allow, and from their neighbours in either table.
+SETTINGS: tuple[tuple[str, int | None, range | frozenset[int], int], ...] = (
+    ("upper_leg_length", 200, range(1000, 2501), 1680),
+    ("lower_leg_length", 201, range(1000, 2501), 1640),
+    ("step_length", 202, range(400, 2401), 1475),
+    ("step_height", 203, range(601), 175),
+    ("swing_time", 204, range(40, 251), 110),
+    ("stand_time", 205, range(501), 65),
+    ("knee_flexion", 206, range(4001), 1250),
+    ("hip_flexion", 207, range(4001), 820),
+    ("forward_shift", 208, range(-500, 501), -150),
+    ("lateral_shift", 209, range(-500, 501), 85),
+    ("walk_mode", 212, frozenset(range(4)), 3),
+    ("stand_mode", 210, frozenset(range(2)), 1),
+    ("target_sounds", 213, frozenset(range(4)), 0),
+    ("injury_mode", 215, frozenset(range(4)), 2),
+    ("left_swing_assist", 216, frozenset(range(28)), 8),
+    ("right_swing_assist", 218, frozenset(range(28)), 14),
+    ("left_stance_support", 217, frozenset(range(6)), 4),
+    ("right_stance_support", 219, frozenset(range(6)), 5),
+    ("swing_complete", None, frozenset(), 6),
+    ("pilot_id", None, frozenset(), 4711),
+    ("sit_mode", 211, frozenset(range(2)), 0),
+    ("lean_allowance", 214, frozenset(range(3)), 2),
+)
+PLACE = {row[1]: place for place, row in enumerate(SETTINGS) if row[1] is not None}
+NAMES = tuple(row[0] for row in SETTINGS)
+SETTING_COUNT, DATA_COUNT, FEEDBACK_COUNT = 22, 27, 17  # words
+POWER_ON = tuple(row[3] % 65536 for row in SETTINGS)
+
+# GetFeedback up to the two words of BootTime: steps, s upright, s walked, then what scales by 10.
+FEEDBACK = (214, 1530, 417, 385, 270, 405, 295, 550, 640, 575, 665, 142, 147, 11, 13)
+
+# Values of the synthetic transcripts.
+VECTOR_SETTINGS = (1700, 1600, 1550, 200, 90, 50, 500, 300, 65461, 125, 2, 1, 3, 0, 10, 12, 2, 3, 4, 7, 1, 2)
+VECTOR_FEEDBACK = (312, 1240, 655, 425, 300, 450, 315, 600, 700, 620, 710, 152, 156, 9, 9)
+VECTOR_DATA = {2: 95, 3: 610, 4: 120, 5: 480, 10: 65351, 12: 65496, 14: 210, 16: 65481, 18: 8256, 21: 0, 22: 125}
+VECTOR_ANGLES = (4.5, -0.75, 22.1, 8.4, -6.35, 3.2)
+VECTOR_BOOT = 5000001
+
+PRESETS = ("clinic", "vectors", "order", "sign")
+LADDERS = {"order": (384, 257), "sign": (61440, 17)}  # words that all differ: the first, and the step to the next
+
+
+def place_of(word: str) -> int:
+    """The word of a setting by its name or its ParameterID; ValueError when there is none."""
+    if word in NAMES:
+        return NAMES.index(word)
+    if (number := number_in(word)) in PLACE:
+        return PLACE[number]
+    raise ValueError(f"unknown setting {word!r}. Known: {', '.join(NAMES)}, or a ParameterID, 200 to 219")
+
+
+def judge_value(place: int, raw: int) -> int:
+    """Status code for a value, 0..65535: 0 good, 2 out of range, 3 not a listed code."""
+    allowed = SETTINGS[place][2]
+    if raw in allowed or (raw >= 32768 and raw - 65536 in allowed):  # only the shifts go below 0
+        return 0
+    return 2 if isinstance(allowed, range) else 3
+
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -39,7 +117,7 @@ CODES = range(10, 22)  # words of GetSettings that hold codes, the PilotID aside
 PILOT_ID, STEP_LENGTH, SWING_TIME = 19, 2, 4
 
 _OPTIONS: Rows = {
-    "preset": (tables.PRESETS, "values at the first start: clinic (default), vectors (the synthetic transcripts), order or sign (ladders)"),
+    "preset": (PRESETS, "values at the first start: clinic (default), vectors (the synthetic transcripts), order or sign (ladders)"),
     "posture": (("standing", POSTURES), f"at the first start: {', '.join(POSTURES)} (default standing)"),
     "boot": ((None, 0, WRAP - 1), "BootTime at the first start in ms, 0..4294967295, made odd (default 7654321, vectors: 5000001)"),
     "rtc": (None, "the device's date and time, YYYY-MM-DDTHH:MM:SS (default 2026-11-20T14:05:37)"),
@@ -99,17 +177,17 @@ class Device(Model):
         given = self.given
         self.preset = given["preset"]
         vectors = self.preset == "vectors"
-        found = tables.VECTOR_SETTINGS if vectors else tables.POWER_ON
-        self.first_settings = self._ladder(tables.SETTING_COUNT) or found
+        found = VECTOR_SETTINGS if vectors else POWER_ON
+        self.first_settings = self._ladder(SETTING_COUNT) or found
         self.settings = list(self.first_settings)
-        self.feedback = list(tables.VECTOR_FEEDBACK if vectors else tables.FEEDBACK)
+        self.feedback = list(VECTOR_FEEDBACK if vectors else FEEDBACK)
         self.body = Body(given["sway"])
         self.body.pose(given["posture"])
         self.pinned: dict[int, int] = {}  # words of GetData that are not computed
         if vectors and options.text("posture") is None:
-            self.pinned = dict(tables.VECTOR_DATA)
-            self.body.frozen = tables.VECTOR_ANGLES
-        default = tables.VECTOR_BOOT if vectors else 7654321
+            self.pinned = dict(VECTOR_DATA)
+            self.body.frozen = VECTOR_ANGLES
+        default = VECTOR_BOOT if vectors else 7654321
         self.unrest = Unrest.drawn(given["disagree"], random) if given["disagree"] else Unrest(0)
         self.boot_time = BootTime(default if given["boot"] is None else given["boot"], self.unrest.drift)
         self.calendar = Calendar(given["rtc"] or "2026-11-20T14:05:37")
@@ -297,7 +375,7 @@ class Device(Model):
         words: dict[int, Callable[[], Sequence[int]]] = {
             152: lambda: self._settings_words(hits),
             153: lambda: self.data_words(hits),
-            154: lambda: self._ladder(tables.FEEDBACK_COUNT) or [*self.feedback, *self._boot_words(hits)],
+            154: lambda: self._ladder(FEEDBACK_COUNT) or [*self.feedback, *self._boot_words(hits)],
             SET_VALUE: lambda: [self._set(numbers[0], numbers[1], hits)],
             CANCEL: lambda: [self._cancel(numbers[0], hits)],
             157: lambda: [self._refuse_movement()],  # met in the field, not in the manual, as the next two
@@ -311,7 +389,7 @@ class Device(Model):
 
     def _ladder(self, count: int) -> list[int]:
         """Words that all differ, of the presets that have such."""
-        step = tables.LADDERS.get(self.preset)
+        step = LADDERS.get(self.preset)
         return [step[0] + step[1] * place for place in range(count)] if step else []
 
     def _refuse_movement(self) -> int:
@@ -332,7 +410,7 @@ class Device(Model):
 
     def data_words(self, hits: frozenset[str]) -> list[int]:
         """The 27 words of GetData at this moment."""
-        if ladder := self._ladder(tables.DATA_COUNT):
+        if ladder := self._ladder(DATA_COUNT):
             return ladder
         pitch, roll, *joints = self.body.angles()
         words = [_raw(pitch, 100), _raw(roll, 100), *(_raw(value, 1) for value in self.body.pressures())]
@@ -371,8 +449,8 @@ class Device(Model):
             self.thaw().pose("rising")
         if "refuse" in hits:
             return self._status(self.given["refuse-status"], hits)
-        place = tables.PLACE.get(parameter)
-        verdict = NOT_ALLOWED if place is None else tables.judge_value(place, raw)
+        place = PLACE.get(parameter)
+        verdict = NOT_ALLOWED if place is None else judge_value(place, raw)
         if place is None or verdict == NOT_ALLOWED:
             return NOT_ALLOWED
         if self.data_words(hits)[STATE_WORD] // 4096 not in (1, 2):
@@ -380,7 +458,7 @@ class Device(Model):
         if verdict == ACCEPTED and "not-taken" not in hits:
             self.settings[place] = raw
             if "neighbour" in hits:
-                other = (place + 1) % tables.SETTING_COUNT
+                other = (place + 1) % SETTING_COUNT
                 self.settings[other] = (self.settings[other] + 1) % 65536
             self.dirty = True
         return verdict
