@@ -18,8 +18,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from handctl.devices.ekso import write_checks
-from handctl.errors import OutputError
+from handctl.devices.ekso.policy import STEP_SECONDS
+from handctl.errors import HandctlError, OutputError, UsageError
 from handctl.files import clash, in_turn, opened, state_path
+from handctl.model.result import Journal
 from handctl.system import disk, locks
 
 TURN_SECONDS = 0.2
@@ -263,7 +265,7 @@ def check(lines: Iterable[bytes], *, whole: bool = True) -> Checked:
     return Checked(**counts, findings=tuple(findings))
 
 
-def told(checked: Checked) -> Iterator[str]:
+def finding_texts(checked: Checked) -> Iterator[str]:
     """The findings for people: ``line 7 (2026-11-22T10:00:00.000+00:00, intent step_length) was edited, …``."""
     for finding in checked.findings:
         try:
@@ -272,6 +274,34 @@ def told(checked: Checked) -> Iterator[str]:
         except (ValueError, TypeError, KeyError, RecursionError):
             words = "no entry"
         yield f"line {finding.number} ({words}) {finding.text}"
+
+
+MOST_TOLD = 3
+
+
+def check_whole_log(audit: AuditLog, journal: Journal) -> HandctlError | None:
+    """Check the audit log: a note if it is unchanged, otherwise the failure. Raises UsageError."""
+    checked = audit.checked(whole=True)
+    if checked.findings and not checked.chained + checked.unchained:
+        raise UsageError(
+            f"{audit.path}: not an audit log: {next(finding_texts(checked))}",
+            hint="name the audit log with --audit FILE",
+        )
+    count = checked.unchained
+    older = f" Entries from an older handctl, without a hash: {count}. These cannot be checked." if count else ""
+    if not checked.findings:
+        journal.info(
+            "audit",
+            f"{audit.path}: {checked.chained} entries, none was edited, removed or moved.{older} Entries removed from the end would not be noticed",
+        )
+        return None
+    places = list(finding_texts(checked))
+    more = f", and {len(places) - MOST_TOLD} more" if len(places) > MOST_TOLD else ""
+    return write_checks.refusal(
+        write_checks.EDITED,
+        f"{audit.path}: the audit log was changed after it was written: {'; '.join(places[:MOST_TOLD])}{more}.{older}",
+        "find out who has access to the file, and compare it with a backup. If you move the log away, a new one starts",
+    )
 
 
 def _link(line: bytes) -> str | None:
@@ -299,8 +329,6 @@ def _digest(data: bytes) -> str:
 # passed. The wall clock, which is set, decides only over entries of another machine, and one from the future is refused.
 
 
-WINDOW = 10.0
-"""Seconds: a step is measured against each value of so long."""
 NOT_SENT = "not sent"
 """How the verdict on a write begins that never went out."""
 
@@ -315,7 +343,7 @@ class Past(NamedTuple):
 
 
 def recent(audit: AuditLog, now: float) -> list[Past]:
-    """The writes to any EksoNR within the last WINDOW seconds, the newest first; `now` is the link's clock.
+    """The writes to any EksoNR within the last STEP_SECONDS seconds, the newest first; `now` is the link's clock.
 
     A write whose result nobody noted counts. Raises CheckFailed where a log does not tell: nothing may be written then.
     """
@@ -335,7 +363,7 @@ def _recent(audit: AuditLog, now: float) -> list[Past]:
             ended[name] = age, str(entry.get("verdict", "")).startswith(NOT_SENT)
             continue
         age, unsent = ended.pop(name, (age, False))
-        if age > WINDOW:
+        if age > STEP_SECONDS:
             break
         if not unsent:
             found.append(Past(now - age, name, entry["old"]["raw"], entry["new"]["raw"]))
@@ -405,11 +433,11 @@ WRONG = {
 
 def _refuse(audit: AuditLog, gate: str) -> None:
     """Raise CheckFailed for what was done to the log by hand or by a fault, if that may be of the last seconds."""
-    if datetime.now(timezone.utc).timestamp() - audit.changed_at() > WINDOW:
+    if datetime.now(timezone.utc).timestamp() - audit.changed_at() > STEP_SECONDS:
         return
     wrong, more = WRONG[gate]
     raise write_checks.refusal(
         gate,
         f"{audit.path}: {wrong}, so handctl does not know what was written last, and when",
-        f"repeat the command in {WINDOW:.0f} s, when the last write no longer matters.{more} Nothing was sent.",
+        f"repeat the command in {STEP_SECONDS:.0f} s, when the last write no longer matters.{more} Nothing was sent.",
     )

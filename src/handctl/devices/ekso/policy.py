@@ -1,17 +1,64 @@
-"""`ekso policy`: every limit of this tool for writing a setting, as a table. Never a limit of the device.
+"""The limits of this tool for writing a setting, and `ekso policy`, which prints them. They are never limits of the device.
 
-It decides nothing: the limits are in `map` (the largest steps), `change` and `setting_writer`.
+`change` and `setting_writer` apply them. They are in the dossier (6.2, 6.3, 6.6).
 """
 
 from __future__ import annotations
 
-from handctl.devices.ekso.audit import WINDOW, AuditLog, told
-from handctl.devices.ekso.change import APART, MOST_SPEED
-from handctl.devices.ekso.map import SETTINGS, Word
-from handctl.devices.ekso.setting_writer import BETWEEN_WRITES
-from handctl.errors import CheckFailed, UsageError
+from handctl.devices.ekso.map import ASSIST, SETTINGS, Word
+from handctl.light import NamedTuple
 from handctl.model.clock_comparison import WITHIN_MS
-from handctl.model.result import Column, Journal, Row, Table
+from handctl.model.result import Column, Row, Table
+
+READS_APART = 0.1
+"""Seconds between the two readings that show whether the wearer moves."""
+MOST_SPEED = 5.0
+"""deg/s of a hip or knee; above, the wearer moves."""
+BETWEEN_WRITES = 1.0
+"""Seconds from one SetValue to the next."""
+STEP_SECONDS = 10.0
+"""A step is measured against each value of the last so many seconds."""
+
+
+class WriteLimits(NamedTuple):
+    """The limits of one setting.
+
+    step     largest change of one write, in the setting's unit (codes: in codes, within 0..100 %); None = no limit
+    sitting  written only while sitting
+    firm     no override of its limits
+    twice    labels that are confirmed a second time on entering or leaving
+    """
+
+    step: float | None = None
+    sitting: bool = False
+    firm: bool = False
+    twice: tuple[str, ...] = ()
+
+
+_LEG, _ASSIST, _STANCE = (
+    WriteLimits(0.5, True, True),
+    WriteLimits(2, twice=("Adapt", "Max")),
+    WriteLimits(twice=("Flex", "Full")),
+)
+WRITE_LIMITS = {
+    "upper_leg_length": _LEG, "lower_leg_length": _LEG, "step_length": WriteLimits(1.0), "step_height": WriteLimits(0.5),
+    "swing_time": WriteLimits(0.1), "stand_time": WriteLimits(0.25), "knee_flexion": WriteLimits(2.0), "hip_flexion": WriteLimits(2.0),
+    "forward_shift": WriteLimits(0.5), "lateral_shift": WriteLimits(0.5), "walk_mode": WriteLimits(sitting=True),
+    "injury_mode": WriteLimits(sitting=True, twice=("2Free",)), "left_swing_assist": _ASSIST, "right_swing_assist": _ASSIST,
+    "left_stance_support": _STANCE, "right_stance_support": _STANCE,
+}  # fmt: skip
+
+
+def write_limits_of(param: Word) -> WriteLimits:
+    """The limits of a setting."""
+    return WRITE_LIMITS.get(param.name, WriteLimits())
+
+
+def largest_step(param: Word) -> str:
+    """The largest step in words: ``10 %``, ``1.00 in``."""
+    step = write_limits_of(param).step or 0
+    return ASSIST[int(step)] if param.choices is ASSIST else param.shown(step)
+
 
 COLUMNS = (
     Column("name", "Setting"),
@@ -24,16 +71,16 @@ COLUMNS = (
 GENERAL: tuple[tuple[str, float | str, str | None], ...] = (
     ("posture", "sitting, standing", None),
     ("joint_speed_below", MOST_SPEED, "deg/s"),
-    ("looks_apart", APART, "s"),
+    ("looks_apart", READS_APART, "s"),
     ("boot_time_within", WITHIN_MS, "ms"),
     ("settings_at_once", 1, None),
     ("between_writes", BETWEEN_WRITES, "s"),
-    ("step_within", WINDOW, "s"),
+    ("step_within", STEP_SECONDS, "s"),
 )
 """What holds for every setting; no override. The audit log remembers the last writes, so it holds over several runs."""
 
 
-def policy() -> Table:
+def policy_table() -> Table:
     """Rows `name` ("*" = every setting), `id`, `rule`, `value`, `unit`, `override` (whether --override-step-limit lifts it).
 
     Rules of a setting: step (largest change at once), posture, asked_twice (labels), read_only.
@@ -42,45 +89,18 @@ def policy() -> Table:
     return Table(rows=[*rows, *(row for param in SETTINGS for row in _rules(param))], columns=COLUMNS)
 
 
-MOST_TOLD = 3
-
-
-def look_through(audit: AuditLog, journal: Journal) -> CheckFailed | None:
-    """Check the audit log: a note if it is unchanged, otherwise the failure. Raises UsageError."""
-    checked = audit.checked(whole=True)
-    if checked.findings and not checked.chained + checked.unchained:
-        raise UsageError(
-            f"{audit.path}: not an audit log: {next(told(checked))}", hint="name the audit log with --audit FILE"
-        )
-    count = checked.unchained
-    older = f" Entries from an older handctl, without a hash: {count}. These cannot be checked." if count else ""
-    if not checked.findings:
-        journal.info(
-            "audit",
-            f"{audit.path}: {checked.chained} entries, none was edited, removed or moved.{older} Entries removed from the end would not be noticed",
-        )
-        return None
-    places = list(told(checked))
-    more = f", and {len(places) - MOST_TOLD} more" if len(places) > MOST_TOLD else ""
-    return CheckFailed(
-        f"{audit.path}: the audit log was changed after it was written: {'; '.join(places[:MOST_TOLD])}{more}.{older}",
-        hint="find out who has access to the file, and compare it with a backup. If you move the log away, a new one starts",
-        code="audit-edited",
-    )
-
-
 def _rules(param: Word) -> list[Row]:
     if not param.writable:
         return [_row(param, "read_only", param.note, None)]
-    rows = []
-    if param.step is not None:
+    rows, limits = [], write_limits_of(param)
+    if limits.step is not None:
         # a step in codes counts within 0 %..100 %, 5 % a code; of labels without order there is none
-        value, unit = (param.step * 5, "%") if param.choices else (param.step, param.unit)
-        rows.append(_row(param, "step", value, unit, override=not param.firm))
-    if param.sitting:
+        value, unit = (limits.step * 5, "%") if param.choices else (limits.step, param.unit)
+        rows.append(_row(param, "step", value, unit, override=not limits.firm))
+    if limits.sitting:
         rows.append(_row(param, "posture", "sitting", None))
-    if param.twice:
-        rows.append(_row(param, "asked_twice", ", ".join(param.twice), None))
+    if limits.twice:
+        rows.append(_row(param, "asked_twice", ", ".join(limits.twice), None))
     return rows or [_row(param, "step", None, None)]
 
 
