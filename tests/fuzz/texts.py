@@ -11,7 +11,7 @@ import random
 from pathlib import Path
 
 from handctl.command import config, snapshots
-from handctl.command.options import checks
+from handctl.command.config import key_checks
 from handctl.devices.barrett.firmware import srecords
 from handctl.devices.ekso.export import LogFile
 from handctl.errors import LinkError, UsageError
@@ -149,7 +149,7 @@ class Configuration:
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / "config.toml"
-        self._checks = checks()
+        self._checks = key_checks()
 
     def __call__(self, source: random.Random) -> int:
         self._path.write_bytes(damaged(source, CONFIG, CONFIG_TOKENS))

@@ -11,14 +11,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handctl.command.config import Config, from_toml, is_name, lines_of, load, parse, statements
+from handctl.command.config import Config, from_toml, is_name, key_checks, lines_of, load, parse, statements
 from handctl.command.config_edit import change, drop, put, put_all, verified
-from handctl.command.options import checks, config_path, own_options, shared_options
+from handctl.command.options import own_options, shared_options
 from handctl.errors import OutputError, UsageError
 from handctl.families import WIRES
+from handctl.system.folders import config_path
 from tests.support.each_row import each_row
 
-CHECKS = checks()
+CHECKS = key_checks()
 FULL = (
     """\
 # of this bench

@@ -35,14 +35,13 @@ from handctl.command.options import (
     Seconds,
     SharedOption,
     WholeRange,
-    config_path,
-    read_config,
     said,
     words_of,
 )
 from handctl.errors import HandctlError, Interrupted, OutputError
 from handctl.families import COMMANDS, LISTED
 from handctl.model.export_formats import FORMATS
+from handctl.system.folders import config_path
 
 if TYPE_CHECKING:
     from handctl.command.run import Act, Run
@@ -359,6 +358,7 @@ class Root(Group):
             raise click.UsageError(f"`handctl {name}` cannot be one of several commands.", ctx)
         if name in COMMANDS or name.startswith("-") or self.get_command(ctx, name) is not None:
             return super().resolve_command(ctx, args)
+        from handctl.command.config import read_config
         from handctl.command.suggestions import device_in, top
 
         device = device_in(ctx, args)

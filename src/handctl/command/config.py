@@ -8,8 +8,8 @@
     port = "/dev/serial/by-id/usb-FTDI_FT232R_A1-if00-port0"
     id = 2
 
-Nothing in it is ignored: an unknown key, a wrong type or a value out of range is a UsageError with the line. The caller
-provides one check per key. Knows no precedence and does not write.
+Nothing in it is ignored: an unknown key, a wrong type or a value out of range is a UsageError with the line. What a key
+may hold is what its option accepts. Knows no precedence and does not write.
 """
 
 from __future__ import annotations
@@ -17,10 +17,14 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
+import click
+
+from handctl.command.options import lasting_options
 from handctl.errors import UsageError
-from handctl.families import FAMILIES
+from handctl.families import FAMILIES, WIRES
 from handctl.files import NoFile, read
 from handctl.wording import near
 
@@ -100,6 +104,40 @@ def is_name(text: object) -> bool:
         and text.replace("-", "a").replace("_", "a").isalnum()
         and not text.startswith("-")
     )
+
+
+def read_config(path: str, passed: list[UsageError] | None = None) -> Config:
+    """The configuration file, checked; a missing one is empty. Raises UsageError.
+
+    With `passed` what is wrong with an entry is noted there, and the others hold.
+    """
+    return load(path, key_checks(), passed)
+
+
+def key_checks() -> dict[str, Check]:
+    """Key of the configuration file -> what it may hold: every shared option by its name."""
+    return {str(option.name): partial(_checked, option) for option in lasting_options(WIRES)}
+
+
+def _checked(option: click.Parameter, value: Any) -> Any:
+    """A value of the file as the option would have it; texts are not numbers there. Raises ValueError."""
+    kind = option.type
+    if getattr(option, "is_flag", False):
+        if not isinstance(value, bool):
+            raise ValueError("expected true or false")
+        return value
+    if isinstance(kind, click.FloatRange):
+        wanted, text = isinstance(value, int | float), "expected a number"
+    elif kind.name.startswith("integer"):
+        wanted, text = isinstance(value, int), "expected a whole number"
+    else:
+        wanted, text = isinstance(value, str) and bool(value), "expected a text in quotes"
+    if not wanted or isinstance(value, bool):
+        raise ValueError(text)
+    try:
+        return kind.convert(value, option, None)
+    except click.UsageError as exc:
+        raise ValueError(exc.message) from exc
 
 
 def load(path: str, checks: Mapping[str, Check], passed: list[UsageError] | None = None) -> Config:

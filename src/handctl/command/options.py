@@ -9,16 +9,13 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from handctl.errors import UsageError
-from handctl.families import FAMILIES, HISTORY, WIRES, OwnOption
+from handctl.families import FAMILIES, HISTORY, OwnOption
 from handctl.light import NamedTuple
-
-if TYPE_CHECKING:
-    from handctl.command.config import Check, Config
 
 FORMATS = ("table", "plain", "json", "ndjson", "csv", "openmetrics")
 META = "handctl"
@@ -203,58 +200,9 @@ def own_options(kind: str = "") -> tuple[OwnOption, ...]:
     return tuple(sorted(found, key=lambda option: not option.named))
 
 
-def config_path() -> str:
-    """The configuration file: HANDCTL_CONFIG, or handctl/config.toml in the XDG place."""
-    named = os.environ.get("HANDCTL_CONFIG")
-    if named:
-        return named
-    from handctl.system.folders import config_folder
-
-    base = config_folder()
-    return os.path.join(base, "handctl", "config.toml")
-
-
-def read_config(path: str, passed: list[UsageError] | None = None) -> Config:
-    """The configuration file, checked; a missing one is empty. Raises UsageError.
-
-    With `passed` what is wrong with an entry is noted there, and the others hold.
-    """
-    from handctl.command.config import load
-
-    return load(path, checks(), passed)
-
-
-def checks() -> dict[str, Check]:
-    """Key of the configuration file -> what it may hold: every shared option by its name."""
-    from functools import partial
-
-    return {str(option.name): partial(_checked, option) for option in lasting_options(WIRES)}
-
-
 def lasting_options(wires: tuple[str, ...]) -> list[SharedOption]:
     """The shared options that a variable and the configuration file may hold."""
     return [option for option in shared_options(wires, own_options()) if not option.typed]
-
-
-def _checked(option: click.Parameter, value: Any) -> Any:
-    """A value of the file as the option would have it; texts are not numbers there. Raises ValueError."""
-    kind = option.type
-    if getattr(option, "is_flag", False):
-        if not isinstance(value, bool):
-            raise ValueError("expected true or false")
-        return value
-    if isinstance(kind, click.FloatRange):
-        wanted, text = isinstance(value, int | float), "expected a number"
-    elif kind.name.startswith("integer"):
-        wanted, text = isinstance(value, int), "expected a whole number"
-    else:
-        wanted, text = isinstance(value, str) and bool(value), "expected a text in quotes"
-    if not wanted or isinstance(value, bool):
-        raise ValueError(text)
-    try:
-        return kind.convert(value, option, None)
-    except click.UsageError as exc:
-        raise ValueError(exc.message) from exc
 
 
 # -- options that only some commands of one family have -------------------------------------------------------------

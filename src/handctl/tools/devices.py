@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.command.command_tree import Group
+from handctl.command.config import DEVICE_KEYS, NAME_HELP, is_name, key_checks, read_config
 from handctl.command.config_edit import stable_name
 from handctl.command.family import Family, refuse_missing, refuse_serial
-from handctl.command.options import COMMAND_LINE, InFile, Source, checks, config_path, own_options, read_config, said
+from handctl.command.options import COMMAND_LINE, InFile, Source, own_options, said
 from handctl.command.precedence import resolve
 from handctl.command.run import Run
 from handctl.errors import UsageError
@@ -26,6 +27,7 @@ from handctl.files import read_text
 from handctl.link.base import SCHEMES
 from handctl.model.result import Column, Row, Table
 from handctl.model.settings import Settings
+from handctl.system.folders import config_path
 from handctl.tools.probes import family_of
 
 if TYPE_CHECKING:
@@ -91,7 +93,6 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
     Saves the family and, if given, --port, --id, --baud, --timeout, --deadline and --retries. Does not contact the device.
     """
     from handctl.command import config_edit
-    from handctl.command.config import NAME_HELP, is_name
 
     if not is_name(name):
         raise UsageError(f"{name!r} cannot be the name of a device", hint=f"allowed: {NAME_HELP}")
@@ -129,10 +130,10 @@ def _changed(run: Run, config: Config, edit: Callable[[Config], str], values: di
     from handctl.command import config_edit
 
     if run.settings.dry_run:
-        config_edit.verified(config, edit(config), checks(), values, row["name"])
+        config_edit.verified(config, edit(config), key_checks(), values, row["name"])
         run.journal.info("dry-run", "dry run: nothing was written")
     else:
-        config_edit.change(row["file"], checks(), edit, values, row["name"])
+        config_edit.change(row["file"], key_checks(), edit, values, row["name"])
     return Table(rows=[row], columns=(*COLUMNS, *DONE), plain=("name",))
 
 
@@ -181,8 +182,6 @@ def show(run: Run, name: str | None) -> Table:
 
 def _given(run: Run) -> dict[str, Any]:
     """What the command line itself says about the device; what comes from elsewhere is not copied into it."""
-    from handctl.command.config import DEVICE_KEYS
-
     if run.sources.get("device") == COMMAND_LINE:
         raise UsageError("-d names an existing device, not the new one", hint="run the command without -d")
     said = {key: getattr(run.settings, key) for key in DEVICE_KEYS if run.sources.get(key) == COMMAND_LINE}

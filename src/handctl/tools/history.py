@@ -13,13 +13,15 @@ import click
 
 from handctl.command import history
 from handctl.command.command_tree import Command
-from handctl.command.options import COMMAND_LINE, WholeRange, config_path, read_config
+from handctl.command.config import read_config
+from handctl.command.options import COMMAND_LINE, WholeRange
 from handctl.command.run import Run
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
 from handctl.files import why_unwritable
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.model.write_ledger import CONFIRMED, IN_WORDS
+from handctl.system.folders import config_path
 from handctl.wording import near
 
 MEANINGS = 3

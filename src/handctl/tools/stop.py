@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING
 import click
 
 from handctl.command.command_tree import Command
-from handctl.command.config import Device
+from handctl.command.config import Device, read_config
 from handctl.command.family import load
-from handctl.command.options import NAMED, Source, config_path, read_config
+from handctl.command.options import NAMED, Source
 from handctl.command.run import Run
 from handctl.errors import HandctlError, UsageError
 from handctl.families import FAMILIES, SCANNED
 from handctl.link import ByteLink, open_link
 from handctl.link.lock import canonical, hold, last_family
 from handctl.model.result import Journal, Row, Table
+from handctl.system.folders import config_path
 from handctl.tools.probes import family_of, has_speed, probe_of, usual_ports, wire_of
 
 if TYPE_CHECKING:

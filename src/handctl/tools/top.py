@@ -10,8 +10,8 @@ import click
 
 from handctl.command.command_lines import line
 from handctl.command.command_tree import LIMIT, Command, streaming
+from handctl.command.config import read_config
 from handctl.command.get_set_watch import bounds_of
-from handctl.command.options import config_path, read_config
 from handctl.command.run import Run
 from handctl.command.several_devices import DEVICE, LEAVE_SECONDS, POLL_SECONDS, Each, EveryAccess
 from handctl.errors import CheckFailed, UsageError, joined
@@ -19,6 +19,7 @@ from handctl.model.bound import Watchdog
 from handctl.model.param import Bound
 from handctl.model.result import Column, Row, Sample, Table
 from handctl.system import clock
+from handctl.system.folders import config_path
 
 AGAIN_SECONDS = 2.0
 """After so long a silent device is tried again."""
