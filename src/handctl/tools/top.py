@@ -9,9 +9,10 @@ from collections.abc import Iterator, Sequence
 import click
 
 from handctl.command.command_lines import line
-from handctl.command.command_tree import LIMIT, Command, streaming
+from handctl.command.command_tree import Command
 from handctl.command.config import read_config
 from handctl.command.get_set_watch import bounds_of
+from handctl.command.options import LIMIT, streaming
 from handctl.command.run import Run
 from handctl.command.several_devices import DEVICE, LEAVE_SECONDS, POLL_SECONDS, Each, EveryAccess
 from handctl.errors import CheckFailed, UsageError, joined

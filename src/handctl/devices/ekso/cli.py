@@ -10,10 +10,10 @@ import click
 
 from handctl import __version__
 from handctl.command import get_set_watch, snapshots
-from handctl.command.command_tree import LOG, RESAMPLE, SEGMENT, Command, Group, formats_help, log_options
+from handctl.command.command_tree import Command, Group
 from handctl.command.common_commands import NAMES, add_map_verbs
 from handctl.command.family import Family
-from handctl.command.options import InFile, OutFile, Own
+from handctl.command.options import LOG, RESAMPLE, SEGMENT, InFile, OutFile, Own, formats_help, log_options
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.dataport import DataPort

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.command.command_tree import ALWAYS, BOUNDS, Group, streaming
+from handctl.command.command_tree import Group
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.get_set_watch import Unequal, ask_released, bounds_of, tell_listed, within
-from handctl.command.options import COMMAND_LINE, NEGATIVE_NUMBERS, Seconds
+from handctl.command.options import ALWAYS, BOUNDS, COMMAND_LINE, NEGATIVE_NUMBERS, Seconds, streaming
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire.hand.device import Hand
