@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from handctl.model.param import Bound
+from handctl.model.limits import Bound
 from handctl.model.result import Journal, Row, Sample, Table
 from handctl.model.settings import Settings
 from handctl.screen import live

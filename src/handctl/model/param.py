@@ -428,35 +428,6 @@ class Changes(NamedTuple):
         return f"{question}: {', '.join(map(str, self.rows))}"
 
 
-NEAR = 0.9
-"""From this share of a highest value on, a reading is near it."""
-
-
-class Bound(NamedTuple):
-    """The lowest and highest value that some elements may have, in the unit that is shown; None = any.
-
-    paths  of the elements, as `path` in their rows
-    """
-
-    name: str
-    paths: frozenset[str]
-    low: float | None
-    high: float | None
-
-    def beyond(self, value: float) -> float:
-        """How far outside the value lies; 0 = inside. The ends belong to it."""
-        below = self.low - value if self.low is not None else 0.0
-        above = value - self.high if self.high is not None else 0.0
-        return max(0.0, below, above)
-
-    @property
-    def words(self) -> str:
-        """The bound as a person would say it."""
-        if self.low is None:
-            return f"at most {self.high:g}"
-        return f"at least {self.low:g}" if self.high is None else f"{self.low:g} to {self.high:g}"
-
-
 def ids_in(text: str, check: Callable[[int], object]) -> list[int]:
     """``1-254`` or ``1,2,10-20`` of an option --ids -> ids in that order, each once; `check` refuses what is none.
 

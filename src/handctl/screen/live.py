@@ -21,7 +21,7 @@ from rich.text import Text
 from handctl import interrupts
 from handctl.errors import STOPPED, Interrupted
 from handctl.light import replace
-from handctl.model.param import NEAR
+from handctl.model.limits import severity
 from handctl.model.result import Row, Sample, Table
 from handctl.screen.csv_output import Wide
 from handctl.screen.drawing import axis, bar, chart, spark
@@ -32,7 +32,7 @@ from handctl.system.terminal import FINE
 from handctl.wording import plural, sentence
 
 if TYPE_CHECKING:
-    from handctl.model.param import Bound
+    from handctl.model.limits import Bound
     from handctl.screen.render import Context
 
 ENDS = "▕▏" if FINE else "││"
@@ -136,15 +136,7 @@ class Series:
         """2 = past a bound that was set or documented, 1 = near one or outside the documented range, 0 = neither."""
         if self.value is None or self.doubtful:
             return 0
-        if any(bound.beyond(self.value) for bound in self.bounds):
-            return 2
-        highs = [bound.high for bound in self.bounds if bound.high is not None and bound.high > 0]
-        if self.highest is not None and not highs:
-            if self.value >= self.highest:
-                return 2
-            highs = [self.highest]
-        low, high = (self.limits if self.documented else None) or (self.value, self.value)
-        return int(any(self.value >= NEAR * end for end in highs) or not low <= self.value <= high)
+        return severity(self.value, self.bounds, self.highest, self.limits if self.documented else None)
 
     def scale(self) -> tuple[float, float]:
         """The bar's ends: the documented range, widened by what was seen outside it."""
