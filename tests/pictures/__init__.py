@@ -88,7 +88,7 @@ def draw(name: str) -> str:
 
     with (
         tempfile.TemporaryDirectory() as folder,
-        mock.patch("handctl.screen.tables.console_for", lambda _sink: recorder),
+        mock.patch("handctl.screen.tables.console_on", lambda _file, _color: recorder),
         mock.patch("handctl.screen.live.watched", draw_last),
     ):
         link = f"fake://exo?seed=7&clock=virtual&jitter=1&state={folder}/state.json"
