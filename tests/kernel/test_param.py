@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from handctl.errors import UsageError
-from handctl.model.param import Param, ParamMap, bit_names, elements_of, exact_decimal
+from handctl.model.param import Param, ParamMap, bit_names, elements_of
+from handctl.number_parsing import exact_decimal
 from tests.support.each_row import each_row
 
 POSITION = Param(

@@ -12,7 +12,7 @@ from typing import Generic, TypeVar
 
 from handctl.errors import HandctlError, UsageError
 from handctl.light import NamedTuple, field, light
-from handctl.number_parsing import number_in
+from handctl.number_parsing import number_in, typed_number
 from handctl.wording import near, plural
 
 Number = int | float
@@ -168,11 +168,7 @@ class Param:
 
     def _number(self, text: str, where: str) -> Number:
         try:
-            if "_" in text:
-                raise ValueError(text)  # Python's digit grouping is nobody's input
-            if not self.decimals:
-                return int(text, 0) if text.lower().lstrip("+-").startswith("0x") else int(text, 10)
-            return exact_decimal(text, self.decimals)
+            return typed_number(text, self.decimals)
         except ValueError as exc:
             kind = f"a number with at most {self.decimals} decimals" if self.decimals else "a whole number"
             raise UsageError(
@@ -485,19 +481,6 @@ def bit_names(value: int, names: Sequence[str]) -> str:
         if value >> bit & 1
     ]
     return ", ".join(found) or "ok"
-
-
-def exact_decimal(text: str, decimals: int) -> float:
-    """Parse a decimal number that must not need more than `decimals` decimals. Raises ValueError."""
-    from decimal import Decimal, InvalidOperation
-
-    try:
-        value = Decimal(text)
-    except InvalidOperation as exc:
-        raise ValueError(text) from exc
-    if not value.is_finite() or abs(value) > 10**9 or value != round(value, decimals):
-        raise ValueError(text)
-    return float(value)
 
 
 BASES = {
