@@ -32,13 +32,8 @@ def typed_number(text: str, decimals: int = 0) -> int | float:
     """The number that a person typed: a whole one, also in hex (``0x1F``), or one with at most `decimals`. Raises ValueError."""
     if "_" in text:
         raise ValueError(text)  # Python's digit grouping is nobody's input
-    if decimals:
-        return exact_decimal(text, decimals)
-    return int(text, 0) if text.lower().lstrip("+-").startswith("0x") else int(text, 10)
-
-
-def exact_decimal(text: str, decimals: int) -> float:
-    """Parse a decimal number that must not need more than `decimals` decimals. Raises ValueError."""
+    if not decimals:
+        return int(text, 0) if text.lower().lstrip("+-").startswith("0x") else int(text, 10)
     from decimal import Decimal, InvalidOperation
 
     try:

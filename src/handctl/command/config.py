@@ -106,14 +106,6 @@ def is_name(text: object) -> bool:
     )
 
 
-def read_config(path: str, passed: list[UsageError] | None = None) -> Config:
-    """The configuration file, checked; a missing one is empty. Raises UsageError.
-
-    With `passed` what is wrong with an entry is noted there, and the others hold.
-    """
-    return load(path, key_checks(), passed)
-
-
 def key_checks() -> dict[str, Check]:
     """Key of the configuration file -> what it may hold: every shared option by its name."""
     return {str(option.name): partial(_checked, option) for option in lasting_options(WIRES)}
@@ -140,7 +132,7 @@ def _checked(option: click.Parameter, value: Any) -> Any:
         raise ValueError(exc.message) from exc
 
 
-def load(path: str, checks: Mapping[str, Check], passed: list[UsageError] | None = None) -> Config:
+def read_config(path: str, passed: list[UsageError] | None = None) -> Config:
     """Read and check the file; one that is missing is empty. Raises UsageError.
 
     With `passed` an entry that is wrong is noted there and left out; what is no TOML is an error all the same.
@@ -155,15 +147,15 @@ def load(path: str, checks: Mapping[str, Check], passed: list[UsageError] | None
     except UnicodeDecodeError as exc:
         line = content[: exc.start].count(b"\n") + 1
         raise _wrong(path, line, f"byte {content[exc.start]:02X} is not UTF-8", "save the file as UTF-8") from exc
-    return parse(path, text, checks, passed)
+    return parse(path, text, passed)
 
 
-def parse(path: str, text: str, checks: Mapping[str, Check], passed: list[UsageError] | None = None) -> Config:
-    """The configuration in `text`; `path` is for the messages. Raises UsageError, see `load`."""
+def parse(path: str, text: str, passed: list[UsageError] | None = None) -> Config:
+    """The configuration in `text`; `path` is for the messages. Raises UsageError, see `read_config`."""
     data = _toml(path, text)
-    book = _Book(path, lines_of(text), checks, passed)
+    book = _Book(path, lines_of(text), passed)
     tables = data.pop("devices", {})
-    values = book.entries((), data, tuple(checks), "option")
+    values = book.entries((), data, tuple(book.checks), "option")
     devices: dict[str, Device] = {}
     with book.noted():
         if not isinstance(tables, dict):
@@ -200,17 +192,11 @@ def _toml(path: str, text: str) -> dict[str, Any]:
 class _Book:
     """Check the entries of one file and know the line of each."""
 
-    def __init__(
-        self,
-        path: str,
-        lines: Mapping[tuple[str, ...], int],
-        checks: Mapping[str, Check],
-        passed: list[UsageError] | None,
-    ) -> None:
+    def __init__(self, path: str, lines: Mapping[tuple[str, ...], int], passed: list[UsageError] | None) -> None:
         self._path = path
         self._passed = passed
         self._lines = lines
-        self._checks = checks
+        self.checks = key_checks()
 
     def line(self, place: tuple[str, ...]) -> int | None:
         while place and place not in self._lines:
@@ -246,7 +232,7 @@ class _Book:
             meant = f"Did you mean {' or '.join(close)}? " if close else ""
             raise self.wrong(place, f"{key}: no such {what}", f"{meant}Known: {', '.join(known)}")
         try:
-            return Entry(self._checks[key](value), self.line(place))
+            return Entry(self.checks[key](value), self.line(place))
         except ValueError as exc:
             shown = repr(value) if isinstance(value, str | int | float) else "the value"
             raise self.wrong(place, f"{key} = {shown}: {exc}", "correct that line") from exc

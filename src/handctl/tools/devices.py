@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.command.command_tree import Group
-from handctl.command.config import DEVICE_KEYS, NAME_HELP, is_name, key_checks, read_config
+from handctl.command.config import DEVICE_KEYS, NAME_HELP, is_name, read_config
 from handctl.command.config_edit import stable_name
 from handctl.command.family import Family, refuse_missing, refuse_serial
 from handctl.command.options import COMMAND_LINE, InFile, Source, own_options, said
@@ -130,10 +130,10 @@ def _changed(run: Run, config: Config, edit: Callable[[Config], str], values: di
     from handctl.command import config_edit
 
     if run.settings.dry_run:
-        config_edit.verified(config, edit(config), key_checks(), values, row["name"])
+        config_edit.verified(config, edit(config), values, row["name"])
         run.journal.info("dry-run", "dry run: nothing was written")
     else:
-        config_edit.change(row["file"], key_checks(), edit, values, row["name"])
+        config_edit.change(row["file"], edit, values, row["name"])
     return Table(rows=[row], columns=(*COLUMNS, *DONE), plain=("name",))
 
 

@@ -579,11 +579,9 @@ def _named(run: Run, found: Sequence[Paired], names: dict[str, str], force: bool
                 f"{taken[0]!r} has been named in the meantime", hint="add --force to replace it", code="name-taken"
             )
 
-    from handctl.command.config import key_checks
-
     path = config_path()
     rows = [_row(one, names[one.side], wanted[names[one.side]], path) for one in found]
-    config_edit.put_all(path, key_checks(), wanted, allow)
+    config_edit.put_all(path, wanted, allow)
     run.journal.info("next", "you can now use both names", hint=f"try `handctl -d {names['left']} hand status`")
     return Table(rows=rows, columns=PAIR_COLUMNS, plain=("name", "side", "link", "id"))
 
