@@ -27,7 +27,6 @@ from handctl.errors import HandctlError, UsageError
 from handctl.families import FAMILIES, HISTORY
 from handctl.model.result import Row
 from handctl.model.settings import Settings
-from handctl.system.folders import config_path
 from handctl.wording import sentence
 
 HOST = ("timeout", "deadline", "retries", "trace", "history", "assume_identity")
@@ -267,7 +266,7 @@ def connect(family: str, link: Any = None, **settings: Any) -> Device:
         if link is None:
             from handctl.command.config import read_config
 
-            device = read_config(config_path()).find(family)
+            device = read_config().find(family)
             settings = {key: entry.value for key, entry in device.entries.items()} | settings
             family, link = device.kind, settings.pop("port")
         return _opened(family, str(link), settings)

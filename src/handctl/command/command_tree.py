@@ -36,7 +36,6 @@ from handctl.command.options import (
 )
 from handctl.errors import HandctlError, Interrupted, OutputError
 from handctl.families import COMMANDS, LISTED
-from handctl.system.folders import config_path
 
 if TYPE_CHECKING:
     from handctl.command.run import Act, Run
@@ -231,7 +230,7 @@ class Root(Group):
         device = device_in(ctx, args)
         if device is None:
             raise click.UsageError(f"No such command {name!r}.{top(args)}", ctx)
-        kind = read_config(config_path()).find(device).kind
+        kind = read_config().find(device).kind
         return kind, self.get_command(ctx, kind), args
 
     def listed(self, ctx: click.Context) -> list[tuple[str, str, str]]:

@@ -26,6 +26,7 @@ from handctl.command.options import lasting_options
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, WIRES
 from handctl.files import NoFile, read
+from handctl.system.folders import config_path
 from handctl.wording import near
 
 Check = Callable[[Any], Any]
@@ -132,11 +133,12 @@ def _checked(option: click.Parameter, value: Any) -> Any:
         raise ValueError(exc.message) from exc
 
 
-def read_config(path: str, passed: list[UsageError] | None = None) -> Config:
-    """Read and check the file; one that is missing is empty. Raises UsageError.
+def read_config(path: str = "", passed: list[UsageError] | None = None) -> Config:
+    """Read and check the user's configuration file, or that at `path`; one that is missing is empty. Raises UsageError.
 
     With `passed` an entry that is wrong is noted there and left out; what is no TOML is an error all the same.
     """
+    path = path or config_path()
     hint = "make it readable, or set HANDCTL_CONFIG to another file"
     try:
         content = read(path, "the configuration file", MOST_BYTES, hint=hint, code="config")

@@ -16,7 +16,6 @@ from handctl import __version__
 from handctl.command.console import print_message
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError, joined
 from handctl.screen.sanitize import utf8_stdout
-from handctl.system.folders import config_path
 from handctl.wording import sentence, utc
 
 if TYPE_CHECKING:
@@ -169,7 +168,7 @@ def in_file(key: str) -> Any:
     from handctl.command.config import read_config
 
     try:
-        entry = read_config(config_path()).values.get(key)
+        entry = read_config().values.get(key)
     except HandctlError:
         return None
     return entry.value if entry is not None else None

@@ -26,7 +26,6 @@ from handctl.screen.render import default_view
 from handctl.stop.device_access import DeviceAccess, report
 from handctl.stop.stop_listener import STOP_SECONDS
 from handctl.system import clock
-from handctl.system.folders import config_path
 from handctl.wording import plural
 
 TAKES = ("status", "dump", "get", "watch", "snapshot", "diff", "report", "stop")
@@ -68,7 +67,7 @@ def _named(text: str, *, urgent: bool) -> tuple[str, ...]:
     """The names, each once. Raises UsageError; with `urgent`, errors in entries of other devices are ignored."""
     from handctl.command.config import read_config
 
-    config = read_config(config_path(), [] if urgent else None)
+    config = read_config(passed=[] if urgent else None)
     names = list(config.devices) if text == "*" else [name.strip() for name in text.split(",") if name.strip()]
     if not names:
         raise UsageError(f"-d {text}: no devices are named", hint="`handctl devices add NAME FAMILY -p LINK` adds one")

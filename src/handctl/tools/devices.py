@@ -27,7 +27,6 @@ from handctl.files import read_text
 from handctl.link.base import SCHEMES
 from handctl.model.result import Column, Row, Table
 from handctl.model.settings import Settings
-from handctl.system.folders import config_path
 from handctl.tools.probes import family_of
 
 if TYPE_CHECKING:
@@ -71,11 +70,13 @@ def told(device: Device) -> Row:
 @cli.verb("list", offline=True)
 def list_devices(run: Run) -> Table:
     """List the named devices."""
-    path = config_path()
-    rows = [told(device) for device in read_config(path).devices.values()]
+    config = read_config()
+    rows = [told(device) for device in config.devices.values()]
     if not rows:
         run.journal.info(
-            "no-devices", f"{path} has no named devices", "name one with `handctl devices add NAME FAMILY -p LINK`"
+            "no-devices",
+            f"{config.path} has no named devices",
+            "name one with `handctl devices add NAME FAMILY -p LINK`",
         )
     return Table(rows=rows, columns=COLUMNS)
 
@@ -111,15 +112,16 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
         )
     check(run, family, given)
     values = {"kind": family, **given}
-    path = config_path()
-    present = read_config(path)
+    present = read_config()
     done = "replaced" if name in present.devices else "added"
 
     def edit(config: Config) -> str:
         _refuse_taken(config, name, force)
         return config_edit.put(config, name, values)
 
-    changed = _changed(run, present, edit, values, {**row_of(name, family, given), "file": path, "result": done})
+    changed = _changed(
+        run, present, edit, values, {**row_of(name, family, given), "file": present.path, "result": done}
+    )
     if not run.settings.dry_run:
         run.journal.info("next", f"{name!r} can be used now", f"try `handctl -d {name} {family} status`")
     return changed
@@ -143,13 +145,14 @@ def remove(run: Run, name: str) -> Table:
     """Delete a name from the configuration file. The rest of the file is unchanged."""
     from handctl.command import config_edit
 
-    path = config_path()
-    config = read_config(path)
+    config = read_config()
     device = config.find(name)
     default = config.values.get("device")
     if default is not None and default.value == name:
-        raise UsageError(f"{path}, line {default.line}: {name!r} is the default device", hint="delete that line first")
-    row = {**told(device), "file": path, "result": "removed"}
+        raise UsageError(
+            f"{config.path}, line {default.line}: {name!r} is the default device", hint="delete that line first"
+        )
+    row = {**told(device), "file": config.path, "result": "removed"}
     return _changed(run, config, lambda now: config_edit.drop(now, name), {}, row)
 
 

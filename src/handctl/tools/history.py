@@ -21,7 +21,6 @@ from handctl.families import FAMILIES
 from handctl.files import why_unwritable
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.model.write_ledger import CONFIRMED, IN_WORDS
-from handctl.system.folders import config_path
 from handctl.wording import near
 
 MEANINGS = 3
@@ -83,7 +82,7 @@ def _chooser(device: str | None) -> Callable[[Row], bool]:
         return lambda row: True
     if device in FAMILIES:
         return lambda row: row["kind"] == device
-    named = read_config(config_path(), []).devices
+    named = read_config(passed=[]).devices
     if (
         device not in named
         and re.fullmatch(r"[\w-]+", device)

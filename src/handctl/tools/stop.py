@@ -102,7 +102,7 @@ def _place(link: str, kind: str) -> str:
 def _named_at(link: str) -> list[Device]:
     """The named devices whose LINK is the same port. Errors in the file are ignored."""
     try:
-        devices = read_config(config_path(), []).devices.values()
+        devices = read_config(passed=[]).devices.values()
     except UsageError:
         return []
     ports = [(one, one.entries["port"].value) for one in devices if "port" in one.entries]

@@ -19,7 +19,6 @@ from handctl.errors import CheckFailed, UsageError, joined
 from handctl.model.limits import Bound, Watchdog
 from handctl.model.result import Column, Row, Sample, Table
 from handctl.system import clock
-from handctl.system.folders import config_path
 
 AGAIN_SECONDS = 2.0
 """After so long a silent device is tried again."""
@@ -46,7 +45,7 @@ def cli(
     Without DEVICE: every device in the configuration file. Read-only. If a device stops replying, its card stays and
     handctl keeps trying. In a pipe, prints a stream of rows. `handctl devices add` names a device.
     """
-    config = read_config(config_path(), None)
+    config = read_config()
     chosen = list(dict.fromkeys(names or ([run.settings.device] if run.settings.device else config.devices)))
     if not chosen:
         raise UsageError("no devices are named", hint="`handctl devices add NAME FAMILY -p LINK` adds one")

@@ -476,12 +476,7 @@ def _check_mode(text: str) -> str:
     return text
 
 
-def add_length_mode(command: Command) -> None:
-    """Give a command the option that says what the length byte of requests counts."""
-    command.params.append(Own(["--length-mode"], "ekso", _check_mode))
-
-
 add_gait(cli)
 for _name, _command in cli.commands.items():
     if _name not in ("describe", "export", "gait", "policy") and isinstance(_command, Command):
-        add_length_mode(_command)
+        _command.params.append(Own(["--length-mode"], "ekso", _check_mode))

@@ -510,7 +510,7 @@ def _check_names(names: dict[str, str], force: bool) -> None:
             raise UsageError(f"{name!r} cannot be the name of a device", hint=f"allowed: {NAME_HELP}")
     if names["left"] == names["right"]:
         raise UsageError("both hands would have the same name", hint="give --left and --right different names")
-    taken = [name for name in names.values() if name in read_config(config_path()).devices]
+    taken = [name for name in names.values() if name in read_config().devices]
     if taken and not force:
         raise UsageError(
             f"{' and '.join(map(repr, taken))} already named in {config_path()}",
