@@ -23,7 +23,6 @@ from handctl.command.command_tree import Command
 from handctl.command.connection import Session
 from handctl.command.family import Family, load
 from handctl.command.library_call import Confirm, Line
-from handctl.command.options import config_path, read_config
 from handctl.errors import HandctlError, UsageError
 from handctl.families import FAMILIES, HISTORY
 from handctl.model.result import Row
@@ -265,7 +264,9 @@ def connect(family: str, link: Any = None, **settings: Any) -> Device:
     """
     try:
         if link is None:
-            device = read_config(config_path()).find(family)
+            from handctl.command.config import read_config
+
+            device = read_config().find(family)
             settings = {key: entry.value for key, entry in device.entries.items()} | settings
             family, link = device.kind, settings.pop("port")
         return _opened(family, str(link), settings)

@@ -26,3 +26,20 @@ def whole(text: str, low: int, high: int) -> int:
     if number is None or not low <= number <= high:
         raise ValueError(f"{text!r} is not a whole number from {low} to {high}")
     return number
+
+
+def typed_number(text: str, decimals: int = 0) -> int | float:
+    """The number that a person typed: a whole one, also in hex (``0x1F``), or one with at most `decimals`. Raises ValueError."""
+    if "_" in text:
+        raise ValueError(text)  # Python's digit grouping is nobody's input
+    if not decimals:
+        return int(text, 0) if text.lower().lstrip("+-").startswith("0x") else int(text, 10)
+    from decimal import Decimal, InvalidOperation
+
+    try:
+        value = Decimal(text)
+    except InvalidOperation as exc:
+        raise ValueError(text) from exc
+    if not value.is_finite() or abs(value) > 10**9 or value != round(value, decimals):
+        raise ValueError(text)
+    return float(value)

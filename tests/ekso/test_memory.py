@@ -14,8 +14,9 @@ from typing import Any
 import pytest
 
 from handctl.command.console import TerminalPrompts
-from handctl.devices.ekso.audit import WINDOW, AuditLog, Past, logs, recent
+from handctl.devices.ekso.audit import AuditLog, Past, logs, recent
 from handctl.devices.ekso.map import EKSO
+from handctl.devices.ekso.policy import STEP_SECONDS, write_limits_of
 from handctl.devices.ekso.setting_writer import Writer
 from handctl.errors import CheckFailed, DeviceRefused, Interrupted, NoAnswer, OutputError, UsageError
 from tests.ekso.bench import Bench, change
@@ -78,7 +79,7 @@ def test_small_steps_in_a_row_do_not_walk_away_either(bench: Bench) -> None:
         again(bench)
     assert bench.failing(UsageError, "step_length=16.6").code == "step-limit"
     assert bench.set("step_length=15.5") == [15.5], "the way back is free"
-    bench.unit.sleep(WINDOW + 1)
+    bench.unit.sleep(STEP_SECONDS + 1)
     again(bench)
     assert bench.set("step_length=16.5") == [16.5]
 
@@ -255,7 +256,7 @@ def test_a_damaged_end_is_refused_until_it_is_old(tmp_path: Path, damage: bytes)
     with pytest.raises(CheckFailed) as caught:
         recent(log, 1000.0)
     assert caught.value.code == "audit-damaged"
-    os.utime(log.path, (time.time() - WINDOW - 1,) * 2)
+    os.utime(log.path, (time.time() - STEP_SECONDS - 1,) * 2)
     assert recent(log, 1000.0) == []
     assert ages(tmp_path, damage + entry(ago=60).encode()) == [], "what stands before an old entry is older"
 
@@ -287,7 +288,9 @@ def test_a_log_without_memory_is_no_log(place: str, tmp_path: Path) -> None:
 )  # fmt: skip
 def test_the_way(name: str, old: int, new: int, expected: list[int]) -> None:
     assert [one.new for one in change(name, old, new).way(False)] == expected
-    assert [one.new for one in change(name, old, new).way(True)] == ([new] if not EKSO[name].firm else expected)
+    assert [one.new for one in change(name, old, new).way(True)] == (
+        [new] if not write_limits_of(EKSO[name]).firm else expected
+    )
 
 
 def far_away(folder: Path) -> tuple[str, Path]:
@@ -305,9 +308,9 @@ def test_restore_leads_back_in_permitted_steps(tmp_path: Path) -> None:
         result = do("restore", file, *ME, "--trace", trace, port=port)
     assert result.code == 0, result
     assert values(trace) == [1650, 1550, 1475]
-    assert spy.now >= 2 * WINDOW
+    assert spy.now >= 2 * STEP_SECONDS
     at = [float(line.split()[0]) for line in trace.read_text().splitlines() if " > 9B" in line]
-    assert all(b - a >= WINDOW for a, b in pairwise(at))
+    assert all(b - a >= STEP_SECONDS for a, b in pairwise(at))
     assert "3 steps (16.50, 15.50, 14.75), about 20 s" in result.err and "waiting 10 s" in result.err
     assert do("diff", file, port=port).code == 0
     states = [row["state"] for row in result.json["writes"]]
@@ -342,7 +345,7 @@ def test_ctrl_c_in_a_wait_says_where_it_stands_and_the_next_run_goes_on(bench: B
     assert bench.set("step_length=15.5") == [15.5]
     assert [int.from_bytes(body[2:], "big") for body in bench.unit.written()] == [1725, 1625, 1550]
     at = [when for when, request in zip(bench.unit.sent_at, bench.unit.sent, strict=True) if request[0] == SET]
-    assert at[1] - at[0] >= WINDOW, "the log remembers the first run"
+    assert at[1] - at[0] >= STEP_SECONDS, "the log remembers the first run"
 
 
 def test_somebody_else_who_writes_all_the_time_ends_the_waits(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:

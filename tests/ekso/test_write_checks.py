@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from handctl.command import console
-from handctl.devices.ekso import change, setting_writer, write_checks
-from handctl.devices.ekso.audit import WINDOW, AuditLog
+from handctl.devices.ekso import change, policy, write_checks
+from handctl.devices.ekso.audit import AuditLog
 from handctl.devices.ekso.map import DRIVEN, SETTINGS
 from handctl.model.clock_comparison import WITHIN_MS
 from tests.ekso.commands import ME
@@ -224,13 +224,13 @@ def test_a_gate_that_is_asked_twice_is_one_gate() -> None:
 def test_the_numbers_in_the_words_are_those_of_the_policy() -> None:
     words = {name: f"{gate.looked_at} {gate.refused}" for name, gate in write_checks.GATES.items()}
     for name, number in (
-        (write_checks.STILL, f"{change.APART} s"), (write_checks.FRESH, f"{WITHIN_MS} ms"),
-        (write_checks.SPEED, f"{change.MOST_SPEED:.0f} deg/s"), (write_checks.PACE, f"{WINDOW:.0f} s"), (write_checks.WAITED, f"{3 * WINDOW:.0f} s"),
-        (write_checks.EDITED, f"{WINDOW:.0f} s"), (write_checks.DAMAGED, f"{WINDOW:.0f} s"), (write_checks.READ_BACK, f"{len(SETTINGS)} settings"),
+        (write_checks.STILL, f"{policy.READS_APART} s"), (write_checks.FRESH, f"{WITHIN_MS} ms"),
+        (write_checks.SPEED, f"{policy.MOST_SPEED:.0f} deg/s"), (write_checks.PACE, f"{policy.STEP_SECONDS:.0f} s"), (write_checks.WAITED, f"{3 * policy.STEP_SECONDS:.0f} s"),
+        (write_checks.EDITED, f"{policy.STEP_SECONDS:.0f} s"), (write_checks.DAMAGED, f"{policy.STEP_SECONDS:.0f} s"), (write_checks.READ_BACK, f"{len(SETTINGS)} settings"),
         (write_checks.DRIVEN, f"0x{DRIVEN:04X}"),
     ):  # fmt: skip
         assert number in words[name], name
-    assert setting_writer.BETWEEN_WRITES < WINDOW
+    assert policy.BETWEEN_WRITES < policy.STEP_SECONDS
 
 
 def test_the_page_shows_every_line() -> None:

@@ -11,7 +11,6 @@ import random
 from pathlib import Path
 
 from handctl.command import config, snapshots
-from handctl.command.options import checks
 from handctl.devices.barrett.firmware import srecords
 from handctl.devices.ekso.export import LogFile
 from handctl.errors import LinkError, UsageError
@@ -149,12 +148,11 @@ class Configuration:
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / "config.toml"
-        self._checks = checks()
 
     def __call__(self, source: random.Random) -> int:
         self._path.write_bytes(damaged(source, CONFIG, CONFIG_TOKENS))
         try:
-            found = config.load(str(self._path), self._checks)
+            found = config.read_config(str(self._path))
         except UsageError as exc:
             assert exc.exit_code == 2
             assert exc.hint

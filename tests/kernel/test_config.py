@@ -11,14 +11,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handctl.command.config import Config, from_toml, is_name, lines_of, load, parse, statements
+from handctl.command.config import Config, from_toml, is_name, key_checks, lines_of, parse, read_config, statements
 from handctl.command.config_edit import change, drop, put, put_all, verified
-from handctl.command.options import checks, config_path, own_options, shared_options
+from handctl.command.options import own_options, shared_options
 from handctl.errors import OutputError, UsageError
 from handctl.families import WIRES
+from handctl.system.folders import config_path
 from tests.support.each_row import each_row
 
-CHECKS = checks()
+CHECKS = key_checks()
 FULL = (
     """\
 # of this bench
@@ -48,7 +49,7 @@ EXO = {"kind": "exo", "port": "/dev/ttyUSB5"}
 
 
 def read(text: str) -> Config:
-    return parse("c.toml", text, CHECKS)
+    return parse("c.toml", text)
 
 
 def refused(text: str) -> str:
@@ -77,7 +78,7 @@ def test_every_value_with_its_line() -> None:
 
 
 def test_a_missing_or_empty_file_is_empty(tmp_path: Path) -> None:
-    assert load(str(tmp_path / "none.toml"), CHECKS)[1:] == ("", {}, {})
+    assert read_config(str(tmp_path / "none.toml"))[1:] == ("", {}, {})
     assert read("")[1:] == ("", {}, {})
     assert read("# only words\n\n").values == {}
 
@@ -142,9 +143,9 @@ def test_a_file_that_is_not_utf_8_or_not_a_file(tmp_path: Path) -> None:
     path = tmp_path / "c.toml"
     path.write_bytes(b'id = 1\nport = "\xff"\n')
     with pytest.raises(UsageError, match=r"c\.toml, line 2: byte FF is not UTF-8"):
-        load(str(path), CHECKS)
+        read_config(str(path))
     with pytest.raises(UsageError, match="cannot be read"):
-        load(str(tmp_path), CHECKS)
+        read_config(str(tmp_path))
 
 
 def test_strings_hide_what_looks_like_toml() -> None:
@@ -234,10 +235,10 @@ def test_what_does_not_read_back_is_not_written(tmp_path: Path) -> None:
     for text in (FULL, FULL + "[devices.a]\n", put(read(FULL), "a", EXO).replace("retries' = 3", "retries' = 4"),
                  put(read(drop(read(FULL), "left")), "a", EXO)):  # fmt: skip
         with pytest.raises(UsageError, match="cannot make this change without changing other entries"):
-            change(str(path), CHECKS, lambda _config, text=text: text, EXO, "a")  # type: ignore[misc]
+            change(str(path), lambda _config, text=text: text, EXO, "a")  # type: ignore[misc]
     inline = read("devices = {l = {kind = 'exo', port = 'x'}}\n")
     with pytest.raises(UsageError, match="cannot make this change without changing other entries"):
-        verified(inline, put(inline, "a", EXO), CHECKS, EXO, "a")
+        verified(inline, put(inline, "a", EXO), EXO, "a")
     assert path.read_text() == FULL
     assert os.listdir(tmp_path) == ["c.toml"]
 
@@ -245,7 +246,7 @@ def test_what_does_not_read_back_is_not_written(tmp_path: Path) -> None:
 def test_several_names_are_written_at_once_or_not_at_all(tmp_path: Path) -> None:
     path = tmp_path / "c.toml"
     path.write_text(FULL)
-    put_all(str(path), CHECKS, {"left": EXO, "spare": EXO}, lambda config: None)
+    put_all(str(path), {"left": EXO, "spare": EXO}, lambda config: None)
     devices = read(path.read_text()).devices
     assert list(devices) == ["left", "right", "spare"]
     assert [devices[name].entries["port"].value for name in ("left", "spare")] == ["/dev/ttyUSB5", "/dev/ttyUSB5"]
@@ -255,9 +256,9 @@ def test_several_names_are_written_at_once_or_not_at_all(tmp_path: Path) -> None
         raise UsageError(f"{len(config.devices)} devices")
 
     with pytest.raises(UsageError, match="3 devices"):
-        put_all(str(path), CHECKS, {"more": EXO}, refuse)
+        put_all(str(path), {"more": EXO}, refuse)
     with pytest.raises(UsageError, match="without changing other entries"):
-        put_all(str(path), CHECKS, {"more": EXO, "odd": {"kind": "exo"}}, lambda config: None)
+        put_all(str(path), {"more": EXO, "odd": {"kind": "exo"}}, lambda config: None)
     assert path.read_text() == before
 
 
@@ -267,7 +268,7 @@ def test_written_in_place_through_a_link_with_the_same_permissions(tmp_path: Pat
     real.write_text("id = 1\n")
     real.chmod(0o640)
     link.symlink_to(real)
-    change(str(link), CHECKS, lambda config: put(config, "a", EXO), EXO, "a")
+    change(str(link), lambda config: put(config, "a", EXO), EXO, "a")
     assert link.is_symlink()
     assert stat.S_IMODE(real.stat().st_mode) == 0o640
     assert real.read_text() == 'id = 1\n\n[devices.a]\nkind = "exo"\nport = "/dev/ttyUSB5"\n'
@@ -277,7 +278,7 @@ def test_written_in_place_through_a_link_with_the_same_permissions(tmp_path: Pat
 def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be written"):
-        change(str(tmp_path / "file" / "c.toml"), CHECKS, lambda config: put(config, "a", EXO), EXO, "a")
+        change(str(tmp_path / "file" / "c.toml"), lambda config: put(config, "a", EXO), EXO, "a")
 
 
 @pytest.mark.real
@@ -285,12 +286,12 @@ def test_of_two_edits_at_once_none_is_lost(tmp_path: Path) -> None:
     path = str(tmp_path / "c.toml")
 
     def add(name: str) -> None:
-        change(path, CHECKS, lambda config: put(config, name, EXO), EXO, name)
+        change(path, lambda config: put(config, name, EXO), EXO, name)
 
     names = [f"d{number}" for number in range(6)]
     with ThreadPoolExecutor(len(names)) as pool:
         list(pool.map(add, names))
-    assert sorted(load(path, CHECKS).devices) == names
+    assert sorted(read_config(path).devices) == names
 
 
 TEXT = st.text(st.characters(exclude_categories=("Cs",)), min_size=1, max_size=12)
@@ -305,8 +306,8 @@ VALUES = st.fixed_dictionaries(
 )
 def test_any_value_reads_back(text: str, name: str, values: dict[str, str | int | float]) -> None:
     config = read(text)
-    new = verified(config, put(config, name, values), CHECKS, values, name)
+    new = verified(config, put(config, name, values), values, name)
     device = from_toml(new)["devices"][name]
     assert device == values
-    without = verified(read(new), drop(read(new), name), CHECKS, {}, name)
+    without = verified(read(new), drop(read(new), name), {}, name)
     assert name not in from_toml(without).get("devices", {})

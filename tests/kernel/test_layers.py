@@ -48,7 +48,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("model*", (*GROUND, "model.*")),
     ("link.fake", ("number_parsing", "errors", "link.base", "sim", "system.*")),
     ("link*", (*GROUND, "link*")),
-    ("screen*", (*GROUND, "model.settings", "model.result", "model.param", "screen.*")),
+    ("screen*", (*GROUND, "model.limits", "model.settings", "model.result", "model.param", "screen.*")),
     (
         "stop*",
         (*GROUND, "command.console", "command.family", "command.options", "command.run", "link*", "model.*", "stop.*"),

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from handctl.errors import UsageError
-from handctl.model.param import Param, ParamMap, bit_names, elements_of, exact_decimal
+from handctl.model.param import Param, ParamMap, bit_names, elements_of
+from handctl.number_parsing import typed_number
 from tests.support.each_row import each_row
 
 POSITION = Param(
@@ -100,7 +101,7 @@ def test_values_that_are_refused(param: Param, text: str) -> None:
 @pytest.mark.parametrize("text", ["1.005", "nan", "inf", "abc", "", "1e999", "1e-999"])
 def test_decimals_are_exact_or_an_error(text: str) -> None:
     with pytest.raises(ValueError):
-        exact_decimal(text, 2)
+        typed_number(text, 2)
 
 
 def test_decimals_survive_the_way_to_raw_and_back() -> None:
@@ -108,7 +109,7 @@ def test_decimals_survive_the_way_to_raw_and_back() -> None:
     for raw in range(-2266, 2213):
         value = ANGLE.from_raw(raw)
         assert ANGLE.to_raw(value) == raw
-        assert ANGLE.to_raw(exact_decimal(f"{value:.2f}", 2)) == raw
+        assert ANGLE.to_raw(typed_number(f"{value:.2f}", 2)) == raw
     assert ANGLE.from_raw(1005) == 10.05
     assert POSITION.from_raw(-1) == -1
     assert isinstance(POSITION.to_raw(5), int)

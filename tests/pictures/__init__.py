@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 from rich.console import Console
 from rich.terminal_theme import TerminalTheme
 
-from handctl.model.result import Sample, Table
+from handctl.model.result import Sample
 from handctl.screen import live
 from tests.support.screen import screen
 
@@ -79,8 +79,7 @@ def draw(name: str) -> str:
         highlight=False, markup=False, emoji=False, legacy_windows=False, file=io.StringIO(),
     )  # fmt: skip
 
-    def draw_last(table: Table, samples: Iterator[Sample], context: Any) -> Iterator[Sample]:
-        view = live.View(table, context)
+    def draw_last(view: live.View, samples: Iterator[Sample], _context: Any) -> Iterator[Sample]:
         for sample in samples:
             view.add(sample)
             yield sample
@@ -88,7 +87,7 @@ def draw(name: str) -> str:
 
     with (
         tempfile.TemporaryDirectory() as folder,
-        mock.patch("handctl.screen.tables.console_for", lambda _sink: recorder),
+        mock.patch("handctl.screen.tables.console_on", lambda _file, _color: recorder),
         mock.patch("handctl.screen.live.watched", draw_last),
     ):
         link = f"fake://exo?seed=7&clock=virtual&jitter=1&state={folder}/state.json"

@@ -37,9 +37,9 @@ def sentences() -> list[str]:
 
 
 COVERED: Mapping[str, tuple[str, str]] = {
-    "`--until` ends them instead": ("kernel/test_bound.py", "test_until_ends_a_stream"),
+    "`--until` ends them instead": ("kernel/test_limits.py", "test_until_ends_a_stream"),
     "A limit for a quantity that was never read": (
-        "kernel/test_bound.py",
+        "kernel/test_limits.py",
         "test_a_limit_that_nothing_was_compared_with",
     ),
     "If the device is still moving or has a new target": ("stop/test_stop_sequence.py", "test_"),

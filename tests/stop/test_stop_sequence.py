@@ -10,7 +10,8 @@ from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.link import Deadline
 from handctl.model.param import Step
 from handctl.model.settings import Settings
-from handctl.model.stop_sequence import Sent, StopContext, drive, insisting, stop_sequence_of, unheard
+from handctl.model.stop_repetition import attempts, single_write_stop
+from handctl.model.stop_sequence import Sent, StopContext, drive, stop_sequence_of, unheard
 from tests.support.cli import run
 from tests.support.scripted import Reply, ScriptedLink
 from tests.support.stop import RELEASE
@@ -101,12 +102,13 @@ def test_a_stop_that_is_one_write_goes_out_until_it_is_acknowledged() -> None:
     step = Step("the stop", b"STOP", moves=True)
     link = ScriptedLink(lambda _: [(0.01, b"ok")] if len(link.sent) == 2 else [])
     context = StopContext(Settings())
-    assert drive(link, insisting(step, b"ok", "it stands", context), []).error is None
+    assert drive(link, single_write_stop(step, b"ok", "it stands", context), []).error is None
     assert link.sent == [b"STOP", b"STOP"]
     silent = ScriptedLink()
-    assert drive(silent, insisting(step, b"ok", "it stands", context), []).error is NoAnswer
-    assert len(silent.sent) == context.tries and 1.0 <= silent.now() < 1.2
-    assert drive(ScriptedLink(lambda _: [(0.01, b"?")]), insisting(step, b"ok", "", context), []).error is ProtocolError
+    assert drive(silent, single_write_stop(step, b"ok", "it stands", context), []).error is NoAnswer
+    assert len(silent.sent) == attempts(context) and 1.0 <= silent.now() < 1.2
+    other = ScriptedLink(lambda _: [(0.01, b"?")])
+    assert drive(other, single_write_stop(step, b"ok", "", context), []).error is ProtocolError
 
 
 def test_who_cannot_listen_sends_what_changes_something() -> None:

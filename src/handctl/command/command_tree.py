@@ -9,7 +9,7 @@ import gc
 import importlib
 import os
 from collections.abc import Callable, Sequence
-from functools import partial, reduce
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -28,27 +28,19 @@ from handctl.command.help_text import (
     write_examples,
 )
 from handctl.command.options import (
-    FiniteRange,
-    Hertz,
     InFile,
     OutFile,
-    Seconds,
     SharedOption,
-    WholeRange,
-    config_path,
-    read_config,
     said,
     words_of,
 )
 from handctl.errors import HandctlError, Interrupted, OutputError
 from handctl.families import COMMANDS, LISTED
-from handctl.model.export_formats import FORMATS
 
 if TYPE_CHECKING:
     from handctl.command.run import Act, Run
     from handctl.model.result import Table
 
-Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 TRAITS = ("heading", "writes", "streams", "stops", "offline", "asks", "family")
 ALONE = ("sim", "completion", "batch", "shell")
 """Commands that are no line of a batch."""
@@ -201,133 +193,6 @@ class Group(Described, click.Group):
         return self.command(name, heading=heading, family=self.family, **traits)  # type: ignore[return-value]
 
 
-def together(*options: Decorator) -> Decorator:
-    """Decorator: these options, in this order."""
-    return lambda body: reduce(lambda made, option: option(made), reversed(options), body)
-
-
-def streaming(rate: float) -> Decorator:
-    """Decorator: the options of a stream, `rate` (with this default), `count` and `duration`."""
-    return together(
-        click.option(
-            "--rate",
-            type=Hertz(),
-            default=rate,
-            show_default=True,
-            metavar="HZ",
-            help="Samples per second (0: as fast as the device replies).",
-        ),
-        click.option("--count", type=WholeRange(min=1), metavar="N", help="End after N samples."),
-        click.option("--duration", type=Seconds(), metavar="S", help="End after S seconds."),
-    )
-
-
-stream_options = streaming(10.0)
-reads_option = click.option(
-    "--count",
-    type=WholeRange(1, 10000),
-    default=100,
-    show_default=True,
-    metavar="N",
-    help="Read the device N times to measure the error rate.",
-)
-"""Of `handctl doctor`, and of a family's."""
-scan_options = together(
-    click.option(
-        "--ids",
-        metavar="FROM-TO",
-        help="Ids to try, such as 1-20. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.",
-    ),
-    click.option(
-        "--all",
-        "find_all",
-        is_flag=True,
-        help="Keep searching after the first device, without a time limit, and search a silent line again with longer timeouts.",
-    ),
-)
-"""How far a search goes."""
-
-
-ALWAYS = click.option("--always", is_flag=True, help="Write settings even if they already have this value.")
-LIMIT = click.option(
-    "--limit",
-    "limits",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="At the end, exit with code 7 if NAME rose above VALUE or left LOWEST..HIGHEST. Can be repeated.",
-)
-UNTIL = click.option(
-    "--until",
-    "until",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.",
-)
-BOUNDS = together(LIMIT, UNTIL)
-
-
-log_options = together(
-    click.argument("file", type=OutFile(additional=(".json",))),
-    streaming(0.0),
-    click.option("--mark", metavar="TEXT", default="", help="Mark the first row with TEXT."),
-    click.option(
-        "--mark-udp",
-        type=WholeRange(0, 65535),
-        metavar="PORT",
-        help="Each datagram to this UDP port of this computer sets a mark with its text (0: any free port).",
-    ),
-    click.option(
-        "--lsl",
-        is_flag=True,
-        help="Send rows and marks on the Lab Streaming Layer, and record the marks that other programs send there. Needs handctl[lsl].",
-    ),
-    click.option("--mark-stdin", is_flag=True, help="Each line on standard input sets a mark with its text."),
-    click.option(
-        "--silence",
-        type=Seconds(),
-        default=60.0,
-        show_default=True,
-        metavar="S",
-        help="End after S seconds without a valid reply. handctl also waits this long for a lost port to come back.",
-    ),
-    click.option("--force", is_flag=True, help="Overwrite FILE."),
-    click.option(
-        "--check",
-        is_flag=True,
-        help="Record nothing: check the recording FILE, and show its segments, breaks and the fit of the two clocks. "
-        "Needs no device. Exit code 7 if it is incomplete or does not match its sidecar.",
-    ),
-    BOUNDS,
-)
-LOG = click.argument("log", metavar="LOG", type=InFile(additional=(".json",)))
-
-
-def formats_help(own: str = "") -> str:
-    """What --to offers."""
-    listed = [
-        f"{name} ({one.about}{', needs handctl[' + name + ']' if one.library else ''})" for name, one in FORMATS.items()
-    ]
-    return f"Output: {own}{', '.join(listed[:-1])} or {listed[-1]}."
-
-
-SEGMENT = click.option("--segment", type=WholeRange(min=1), metavar="N", help="Only segment N.")
-RESAMPLE = click.option(
-    "--rate",
-    type=FiniteRange(min=0, min_open=True, max=1000),
-    metavar="HZ",
-    help="Only for c3d, and mot of an EksoNR: resample to this rate, never across a gap (c3d: default is the rate of the log).",
-)
-export_options = together(
-    LOG, click.option("--to", "kind", type=click.Choice(list(FORMATS)), help=formats_help()), SEGMENT, RESAMPLE
-)
-
-"""FILE, and the options of `recorder.Wishes`."""
-suspendable = click.option(
-    "--may-suspend", is_flag=True, help="Do not stop the motors when this command is suspended (SIGSTOP) for 0.5 s."
-)
-"""For what drives motors that do not stop by themselves."""
-
-
 class Root(Group):
     """The root: lists its commands from `families` and imports the module of the one that is used.
 
@@ -359,12 +224,13 @@ class Root(Group):
             raise click.UsageError(f"`handctl {name}` cannot be one of several commands.", ctx)
         if name in COMMANDS or name.startswith("-") or self.get_command(ctx, name) is not None:
             return super().resolve_command(ctx, args)
+        from handctl.command.config import read_config
         from handctl.command.suggestions import device_in, top
 
         device = device_in(ctx, args)
         if device is None:
             raise click.UsageError(f"No such command {name!r}.{top(args)}", ctx)
-        kind = read_config(config_path()).find(device).kind
+        kind = read_config().find(device).kind
         return kind, self.get_command(ctx, kind), args
 
     def listed(self, ctx: click.Context) -> list[tuple[str, str, str]]:

@@ -15,21 +15,23 @@ from typing import Any
 import click
 
 from handctl.command import get_set_watch
-from handctl.command.command_tree import (
+from handctl.command.command_tree import Group
+from handctl.command.console import is_terminal
+from handctl.command.help_text import columns
+from handctl.command.options import (
     ALWAYS,
     BOUNDS,
     LIMIT,
-    Group,
+    FiniteRange,
+    InFile,
+    OutFile,
     export_options,
     log_options,
     reads_option,
     scan_options,
-    stream_options,
     together,
+    watch_options,
 )
-from handctl.command.console import is_terminal
-from handctl.command.help_text import columns
-from handctl.command.options import FiniteRange, InFile, OutFile
 from handctl.command.run import Act, Run
 from handctl.families import COMMANDS
 from handctl.model.param import COMMAND, ParamMap
@@ -124,7 +126,7 @@ def add_map_verbs(
         return get_set_watch.describe(mapped(run), names)
 
     @click.argument("names", nargs=-1, metavar=NAMES)
-    @stream_options
+    @watch_options
     @BOUNDS
     def watch(
         run: Run,

@@ -8,8 +8,8 @@
     port = "/dev/serial/by-id/usb-FTDI_FT232R_A1-if00-port0"
     id = 2
 
-Nothing in it is ignored: an unknown key, a wrong type or a value out of range is a UsageError with the line. The caller
-provides one check per key. Knows no precedence and does not write.
+Nothing in it is ignored: an unknown key, a wrong type or a value out of range is a UsageError with the line. What a key
+may hold is what its option accepts. Knows no precedence and does not write.
 """
 
 from __future__ import annotations
@@ -17,11 +17,16 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
+import click
+
+from handctl.command.options import lasting_options
 from handctl.errors import UsageError
-from handctl.families import FAMILIES
+from handctl.families import FAMILIES, WIRES
 from handctl.files import NoFile, read
+from handctl.system.folders import config_path
 from handctl.wording import near
 
 Check = Callable[[Any], Any]
@@ -102,11 +107,38 @@ def is_name(text: object) -> bool:
     )
 
 
-def load(path: str, checks: Mapping[str, Check], passed: list[UsageError] | None = None) -> Config:
-    """Read and check the file; one that is missing is empty. Raises UsageError.
+def key_checks() -> dict[str, Check]:
+    """Key of the configuration file -> what it may hold: every shared option by its name."""
+    return {str(option.name): partial(_checked, option) for option in lasting_options(WIRES)}
+
+
+def _checked(option: click.Parameter, value: Any) -> Any:
+    """A value of the file as the option would have it; texts are not numbers there. Raises ValueError."""
+    kind = option.type
+    if getattr(option, "is_flag", False):
+        if not isinstance(value, bool):
+            raise ValueError("expected true or false")
+        return value
+    if isinstance(kind, click.FloatRange):
+        wanted, text = isinstance(value, int | float), "expected a number"
+    elif kind.name.startswith("integer"):
+        wanted, text = isinstance(value, int), "expected a whole number"
+    else:
+        wanted, text = isinstance(value, str) and bool(value), "expected a text in quotes"
+    if not wanted or isinstance(value, bool):
+        raise ValueError(text)
+    try:
+        return kind.convert(value, option, None)
+    except click.UsageError as exc:
+        raise ValueError(exc.message) from exc
+
+
+def read_config(path: str = "", passed: list[UsageError] | None = None) -> Config:
+    """Read and check the user's configuration file, or that at `path`; one that is missing is empty. Raises UsageError.
 
     With `passed` an entry that is wrong is noted there and left out; what is no TOML is an error all the same.
     """
+    path = path or config_path()
     hint = "make it readable, or set HANDCTL_CONFIG to another file"
     try:
         content = read(path, "the configuration file", MOST_BYTES, hint=hint, code="config")
@@ -117,15 +149,15 @@ def load(path: str, checks: Mapping[str, Check], passed: list[UsageError] | None
     except UnicodeDecodeError as exc:
         line = content[: exc.start].count(b"\n") + 1
         raise _wrong(path, line, f"byte {content[exc.start]:02X} is not UTF-8", "save the file as UTF-8") from exc
-    return parse(path, text, checks, passed)
+    return parse(path, text, passed)
 
 
-def parse(path: str, text: str, checks: Mapping[str, Check], passed: list[UsageError] | None = None) -> Config:
-    """The configuration in `text`; `path` is for the messages. Raises UsageError, see `load`."""
+def parse(path: str, text: str, passed: list[UsageError] | None = None) -> Config:
+    """The configuration in `text`; `path` is for the messages. Raises UsageError, see `read_config`."""
     data = _toml(path, text)
-    book = _Book(path, lines_of(text), checks, passed)
+    book = _Book(path, lines_of(text), passed)
     tables = data.pop("devices", {})
-    values = book.entries((), data, tuple(checks), "option")
+    values = book.entries((), data, tuple(book.checks), "option")
     devices: dict[str, Device] = {}
     with book.noted():
         if not isinstance(tables, dict):
@@ -162,17 +194,11 @@ def _toml(path: str, text: str) -> dict[str, Any]:
 class _Book:
     """Check the entries of one file and know the line of each."""
 
-    def __init__(
-        self,
-        path: str,
-        lines: Mapping[tuple[str, ...], int],
-        checks: Mapping[str, Check],
-        passed: list[UsageError] | None,
-    ) -> None:
+    def __init__(self, path: str, lines: Mapping[tuple[str, ...], int], passed: list[UsageError] | None) -> None:
         self._path = path
         self._passed = passed
         self._lines = lines
-        self._checks = checks
+        self.checks = key_checks()
 
     def line(self, place: tuple[str, ...]) -> int | None:
         while place and place not in self._lines:
@@ -208,7 +234,7 @@ class _Book:
             meant = f"Did you mean {' or '.join(close)}? " if close else ""
             raise self.wrong(place, f"{key}: no such {what}", f"{meant}Known: {', '.join(known)}")
         try:
-            return Entry(self._checks[key](value), self.line(place))
+            return Entry(self.checks[key](value), self.line(place))
         except ValueError as exc:
             shown = repr(value) if isinstance(value, str | int | float) else "the value"
             raise self.wrong(place, f"{key} = {shown}: {exc}", "correct that line") from exc

@@ -10,7 +10,7 @@ import contextlib
 import os
 from collections.abc import Callable, Iterator, Mapping
 
-from handctl.command.config import Check, Config, Statement, load, parse, statements
+from handctl.command.config import Config, Statement, parse, read_config, statements
 from handctl.errors import OutputError, UsageError
 from handctl.files import atomic_write, writing
 from handctl.system import clock, locks
@@ -78,30 +78,28 @@ def _toml(value: str | int | float) -> str:
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML's escapes are JSON's
 
 
-def change(path: str, checks: Mapping[str, Check], edit: Callable[[Config], str], wanted: Values, name: str) -> None:
+def change(path: str, edit: Callable[[Config], str], wanted: Values, name: str) -> None:
     """Read the file, `edit` its text, and write it; afterwards device `name` holds `wanted`, {} = there is none.
 
     Two handctl at once wait for each other. Raises UsageError for what is no file, is damaged, or whose edit went wrong,
     OutputError when it cannot be written.
     """
-    _rewrite(path, checks, lambda before: verified(before, edit(before), checks, wanted, name))
+    _rewrite(path, lambda before: verified(before, edit(before), wanted, name))
 
 
-def put_all(
-    path: str, checks: Mapping[str, Check], wanted: Mapping[str, Values], allow: Callable[[Config], None]
-) -> None:
+def put_all(path: str, wanted: Mapping[str, Values], allow: Callable[[Config], None]) -> None:
     """Name several devices at once, all or none; `allow` raises UsageError where the present file forbids it. Raises as `change`."""
 
     def edit(before: Config) -> str:
         allow(before)
         for name, values in wanted.items():
-            before = parse(path, verified(before, put(before, name, values), checks, values, name), checks)
+            before = parse(path, verified(before, put(before, name, values), values, name))
         return before.text
 
-    _rewrite(path, checks, edit)
+    _rewrite(path, edit)
 
 
-def _rewrite(path: str, checks: Mapping[str, Check], edit: Callable[[Config], str]) -> None:
+def _rewrite(path: str, edit: Callable[[Config], str]) -> None:
     target = os.path.realpath(path)
     if os.path.exists(path) and not os.path.isfile(path):  # a device, such as /dev/null, would be replaced
         raise UsageError(
@@ -110,12 +108,12 @@ def _rewrite(path: str, checks: Mapping[str, Check], edit: Callable[[Config], st
     with writing(path, hint="check the folder and its permissions. Nothing was changed.", code="config"):
         os.makedirs(os.path.dirname(target), exist_ok=True)
         with _alone(os.path.dirname(target)):
-            text = edit(load(path, checks))
+            text = edit(read_config(path))
             with atomic_write(target) as file:
                 file.write(text)
 
 
-def verified(before: Config, text: str, checks: Mapping[str, Check], wanted: Values, name: str) -> str:
+def verified(before: Config, text: str, wanted: Values, name: str) -> str:
     """The new text, read back: it says what was meant and all else is as before. Raises UsageError."""
 
     def said(config: Config) -> object:
@@ -132,7 +130,7 @@ def verified(before: Config, text: str, checks: Mapping[str, Check], wanted: Val
         code="config",
     )
     try:
-        after = parse(before.path, text, checks)
+        after = parse(before.path, text)
     except UsageError as exc:
         raise refusal from exc
     device = after.devices.get(name)

@@ -14,7 +14,6 @@ import click
 
 from handctl import __version__
 from handctl.command.console import print_message
-from handctl.command.options import config_path, read_config
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError, joined
 from handctl.screen.sanitize import utf8_stdout
 from handctl.wording import sentence, utc
@@ -166,8 +165,10 @@ def make_envelope(
 
 def in_file(key: str) -> Any:
     """The value of an option in the configuration file, for errors before the settings are known; None if unknown."""
+    from handctl.command.config import read_config
+
     try:
-        entry = read_config(config_path()).values.get(key)
+        entry = read_config().values.get(key)
     except HandctlError:
         return None
     return entry.value if entry is not None else None

@@ -10,15 +10,15 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from handctl.command.run import Act, Asked
-from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError, joined
+from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError, UsageError, joined
 from handctl.model.device import pending, question, released
 from handctl.model.param import PUSHES, SETTING, Changes, Element, FromTo, Number, Param, ParamMap, Reading, Step
-from handctl.model.result import Column, Grid, Row, Sample, Table
+from handctl.model.result import Column, Grid, Journal, Row, Sample, Table
 
 if TYPE_CHECKING:
     from handctl.command.run import Run
-    from handctl.model.bound import Bounds, Named
     from handctl.model.device import Device
+    from handctl.model.limits import Bound, Named
 
 
 def select(params: ParamMap[Any], names: Sequence[str]) -> list[Element]:
@@ -382,13 +382,60 @@ def watch(
     return table
 
 
+class Bounds:
+    """What a person set for one command: `limits` decide the exit code, and `until` where it ends."""
+
+    def __init__(self, limits: Sequence[Bound], until: Sequence[Bound], where: str, journal: Journal) -> None:
+        self.limits = tuple(limits)
+        from handctl.model.limits import Watchdog
+
+        self._dog, self._end = Watchdog(limits), Watchdog(until)
+        self._where, self._journal = where, journal
+
+    def over(self, rows: Iterable[Row], t: float | None = None) -> bool:
+        """Take the rows of a moment, as in `Watchdog.look`; whether they are the last ones."""
+        rows = list(rows)
+        self._dog.look(rows, t)
+        if over := self._end.look(rows, t):
+            self._journal.info("until", f"ended by --until: {'; '.join(self._end.findings())}")
+        return over
+
+    def failure(self) -> CheckFailed | None:
+        """See `Watchdog`."""
+        return self._dog.failure(self._where)
+
+    def kept(self, table: Table) -> Table:
+        """The table, or the stream, with an end where `until` is passed, and exit 7 where one of `limits` is."""
+        if table.samples is None:
+            self.over(table.rows)
+            table.failure = table.failure or self.failure()
+            return table
+        samples = table.samples
+
+        def looked() -> Iterator[Sample]:
+            try:
+                for sample in samples:
+                    over = self.over(sample.rows, sample.t)
+                    yield sample
+                    if over:
+                        break
+            finally:
+                if close := getattr(samples, "close", None):
+                    close()  # so that a device is left
+                table.failure = table.failure or self.failure()
+
+        table.samples = looked()
+        table.bounds = self.limits
+        return table
+
+
 def bounds_of(
     run: Run, named: ParamMap[Any] | Named, limits: Sequence[str], until: Sequence[str] = ()
 ) -> Bounds | None:
     """What --limit and --until give, None where neither is there. Raises UsageError, before anything is read for the command."""
     if not (limits or until):
         return None
-    from handctl.model.bound import Bounds, bound_in
+    from handctl.model.limits import bound_in
 
     if isinstance(named, ParamMap):
         params = meant(run, named, [text.partition("=")[0].strip() for text in (*limits, *until)])

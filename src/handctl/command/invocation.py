@@ -12,21 +12,12 @@ import click
 
 from handctl.command.console import TerminalPrompts, print_message
 from handctl.command.family import Family, in_words, load, on_can, refuse_missing, refuse_serial, wire_in
-from handctl.command.options import (
-    COMMAND_LINE,
-    ENVIRONMENT,
-    FILE,
-    Named,
-    config_path,
-    files_of,
-    refuse_clashes,
-    said,
-    words_of,
-)
+from handctl.command.options import COMMAND_LINE, ENVIRONMENT, FILE, Named, files_of, refuse_clashes, said, words_of
 from handctl.errors import OutputError, UsageError
 from handctl.files import why_unwritable
 from handctl.model.result import Journal
 from handctl.model.settings import Settings
+from handctl.system.folders import config_path
 
 if TYPE_CHECKING:
     from handctl.link import Link

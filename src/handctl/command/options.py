@@ -1,4 +1,4 @@
-"""The options that every command, group and the root accept. Imports click only.
+"""The options: those that every command, group and the root accept, those that several commands share, and their types.
 
 The level nearest the verb wins; `command.precedence` adds the environment and the configuration file.
 """
@@ -8,17 +8,15 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from functools import cache
-from typing import TYPE_CHECKING, Any
+from functools import cache, reduce
+from typing import Any
 
 import click
 
 from handctl.errors import UsageError
-from handctl.families import FAMILIES, HISTORY, WIRES, OwnOption
+from handctl.families import FAMILIES, HISTORY, OwnOption
 from handctl.light import NamedTuple
-
-if TYPE_CHECKING:
-    from handctl.command.config import Check, Config
+from handctl.model.export_formats import FORMATS as EXPORT_FORMATS
 
 FORMATS = ("table", "plain", "json", "ndjson", "csv", "openmetrics")
 META = "handctl"
@@ -203,58 +201,9 @@ def own_options(kind: str = "") -> tuple[OwnOption, ...]:
     return tuple(sorted(found, key=lambda option: not option.named))
 
 
-def config_path() -> str:
-    """The configuration file: HANDCTL_CONFIG, or handctl/config.toml in the XDG place."""
-    named = os.environ.get("HANDCTL_CONFIG")
-    if named:
-        return named
-    from handctl.system.folders import config_folder
-
-    base = config_folder()
-    return os.path.join(base, "handctl", "config.toml")
-
-
-def read_config(path: str, passed: list[UsageError] | None = None) -> Config:
-    """The configuration file, checked; a missing one is empty. Raises UsageError.
-
-    With `passed` what is wrong with an entry is noted there, and the others hold.
-    """
-    from handctl.command.config import load
-
-    return load(path, checks(), passed)
-
-
-def checks() -> dict[str, Check]:
-    """Key of the configuration file -> what it may hold: every shared option by its name."""
-    from functools import partial
-
-    return {str(option.name): partial(_checked, option) for option in lasting_options(WIRES)}
-
-
 def lasting_options(wires: tuple[str, ...]) -> list[SharedOption]:
     """The shared options that a variable and the configuration file may hold."""
     return [option for option in shared_options(wires, own_options()) if not option.typed]
-
-
-def _checked(option: click.Parameter, value: Any) -> Any:
-    """A value of the file as the option would have it; texts are not numbers there. Raises ValueError."""
-    kind = option.type
-    if getattr(option, "is_flag", False):
-        if not isinstance(value, bool):
-            raise ValueError("expected true or false")
-        return value
-    if isinstance(kind, click.FloatRange):
-        wanted, text = isinstance(value, int | float), "expected a number"
-    elif kind.name.startswith("integer"):
-        wanted, text = isinstance(value, int), "expected a whole number"
-    else:
-        wanted, text = isinstance(value, str) and bool(value), "expected a text in quotes"
-    if not wanted or isinstance(value, bool):
-        raise ValueError(text)
-    try:
-        return kind.convert(value, option, None)
-    except click.UsageError as exc:
-        raise ValueError(exc.message) from exc
 
 
 # -- options that only some commands of one family have -------------------------------------------------------------
@@ -418,3 +367,136 @@ def refuse_clashes(inputs: list[Named], outputs: list[Named]) -> None:
                 hint="name a file in another folder. Nothing was opened, and nothing was sent.",
                 code="same-file",
             )
+
+
+# -- options that several commands have -------------------------------------------------------------------------------
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+
+def together(*options: Decorator) -> Decorator:
+    """Decorator: these options, in this order."""
+    return lambda body: reduce(lambda made, option: option(made), reversed(options), body)
+
+
+def streaming(rate: float) -> Decorator:
+    """Decorator: the options of a stream, `rate` (with this default), `count` and `duration`."""
+    return together(
+        click.option(
+            "--rate",
+            type=Hertz(),
+            default=rate,
+            show_default=True,
+            metavar="HZ",
+            help="Samples per second (0: as fast as the device replies).",
+        ),
+        click.option("--count", type=WholeRange(min=1), metavar="N", help="End after N samples."),
+        click.option("--duration", type=Seconds(), metavar="S", help="End after S seconds."),
+    )
+
+
+watch_options = streaming(10.0)
+"""Of `watch`, with the default rate."""
+reads_option = click.option(
+    "--count",
+    type=WholeRange(1, 10000),
+    default=100,
+    show_default=True,
+    metavar="N",
+    help="Read the device N times to measure the error rate.",
+)
+"""Of `handctl doctor`, and of a family's."""
+scan_options = together(
+    click.option(
+        "--ids",
+        metavar="FROM-TO",
+        help="Ids to try, such as 1-20. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.",
+    ),
+    click.option(
+        "--all",
+        "find_all",
+        is_flag=True,
+        help="Keep searching after the first device, without a time limit, and search a silent line again with longer timeouts.",
+    ),
+)
+"""How far a search goes."""
+
+
+ALWAYS = click.option("--always", is_flag=True, help="Write settings even if they already have this value.")
+LIMIT = click.option(
+    "--limit",
+    "limits",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="At the end, exit with code 7 if NAME rose above VALUE or left LOWEST..HIGHEST. Can be repeated.",
+)
+UNTIL = click.option(
+    "--until",
+    "until",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.",
+)
+BOUNDS = together(LIMIT, UNTIL)
+
+
+log_options = together(
+    click.argument("file", type=OutFile(additional=(".json",))),
+    streaming(0.0),
+    click.option("--mark", metavar="TEXT", default="", help="Mark the first row with TEXT."),
+    click.option(
+        "--mark-udp",
+        type=WholeRange(0, 65535),
+        metavar="PORT",
+        help="Each datagram to this UDP port of this computer sets a mark with its text (0: any free port).",
+    ),
+    click.option(
+        "--lsl",
+        is_flag=True,
+        help="Send rows and marks on the Lab Streaming Layer, and record the marks that other programs send there. Needs handctl[lsl].",
+    ),
+    click.option("--mark-stdin", is_flag=True, help="Each line on standard input sets a mark with its text."),
+    click.option(
+        "--silence",
+        type=Seconds(),
+        default=60.0,
+        show_default=True,
+        metavar="S",
+        help="End after S seconds without a valid reply. handctl also waits this long for a lost port to come back.",
+    ),
+    click.option("--force", is_flag=True, help="Overwrite FILE."),
+    click.option(
+        "--check",
+        is_flag=True,
+        help="Record nothing: check the recording FILE, and show its segments, breaks and the fit of the two clocks. "
+        "Needs no device. Exit code 7 if it is incomplete or does not match its sidecar.",
+    ),
+    BOUNDS,
+)
+"""FILE, and the options of `log_command.RequestedOptions`."""
+LOG = click.argument("log", metavar="LOG", type=InFile(additional=(".json",)))
+
+
+def formats_help(own: str = "") -> str:
+    """What --to offers."""
+    listed = [
+        f"{name} ({one.about}{', needs handctl[' + name + ']' if one.library else ''})"
+        for name, one in EXPORT_FORMATS.items()
+    ]
+    return f"Output: {own}{', '.join(listed[:-1])} or {listed[-1]}."
+
+
+SEGMENT = click.option("--segment", type=WholeRange(min=1), metavar="N", help="Only segment N.")
+RESAMPLE = click.option(
+    "--rate",
+    type=FiniteRange(min=0, min_open=True, max=1000),
+    metavar="HZ",
+    help="Only for c3d, and mot of an EksoNR: resample to this rate, never across a gap (c3d: default is the rate of the log).",
+)
+export_options = together(
+    LOG, click.option("--to", "kind", type=click.Choice(list(EXPORT_FORMATS)), help=formats_help()), SEGMENT, RESAMPLE
+)
+suspendable = click.option(
+    "--may-suspend", is_flag=True, help="Do not stop the motors when this command is suspended (SIGSTOP) for 0.5 s."
+)
+"""For what drives motors that do not stop by themselves."""

@@ -20,15 +20,14 @@ from handctl.command.options import (
     WITHOUT_FILE,
     SharedOption,
     Source,
-    config_path,
     lasting_options,
     own_options,
-    read_config,
     said,
     words_of,
 )
 from handctl.errors import UsageError
 from handctl.model.settings import Settings
+from handctl.system.folders import config_path
 
 
 def resolve(ctx: click.Context, wires: tuple[str, ...] = (), device: str = "", *, urgent: bool = False) -> Settings:
@@ -136,6 +135,8 @@ def _from_file(
             )
         if not (with_device and "device" in chosen.values):
             return
+    from handctl.command.config import read_config
+
     config = read_config(path, passed)
     values = {
         option: entry

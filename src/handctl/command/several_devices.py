@@ -17,7 +17,7 @@ import click
 from handctl.command import snapshots
 from handctl.command.command_lines import Line, line
 from handctl.command.library_call import Call
-from handctl.command.options import OutFile, config_path, read_config
+from handctl.command.options import OutFile
 from handctl.command.run import Act, Run
 from handctl.errors import STOPPED, HandctlError, Interrupted, LinkError, UsageError, joined
 from handctl.model.result import Column, Grid, Row, Sample, Table
@@ -65,7 +65,9 @@ def devices_in(words: Sequence[str]) -> tuple[int, str, tuple[str, ...]] | None:
 
 def _named(text: str, *, urgent: bool) -> tuple[str, ...]:
     """The names, each once. Raises UsageError; with `urgent`, errors in entries of other devices are ignored."""
-    config = read_config(config_path(), [] if urgent else None)
+    from handctl.command.config import read_config
+
+    config = read_config(passed=[] if urgent else None)
     names = list(config.devices) if text == "*" else [name.strip() for name in text.split(",") if name.strip()]
     if not names:
         raise UsageError(f"-d {text}: no devices are named", hint="`handctl devices add NAME FAMILY -p LINK` adds one")

@@ -12,7 +12,6 @@ from itertools import product
 
 from handctl.families import FAMILIES
 from handctl.light import NamedTuple, field, light
-from handctl.model.param import NEAR
 from handctl.model.result import Cell, Grid, Row
 
 MOST = 8
@@ -106,13 +105,15 @@ def _painted(outline: Outline, measure: Measure, bar: Bar, at: Mapping[str, Row]
     text, tone = ("?" if "error" in row else "-", "dim") if value is None else (f"{value:g}", "good")
     if value is not None and "errors" in row:
         text = str(row.get("label") or text)
-    if value is not None and measure.most is not None and abs(value) >= NEAR * measure.most:
-        tone = "bad" if abs(value) >= measure.most else "warn"
+    if value is not None:
+        from handctl.model.limits import severity
+
+        tone = ("good", "warn", "bad")[severity(abs(value), highest=measure.most)]
     return Painted(bar, row, _share(outline, bar, at), text, "bad" if wrong or row.get("errors") else tone)
 
 
 def _value(row: Row) -> float | None:
-    from handctl.model.bound import shown_value
+    from handctl.model.limits import shown_value
 
     return shown_value(row)
 

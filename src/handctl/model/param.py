@@ -12,7 +12,7 @@ from typing import Generic, TypeVar
 
 from handctl.errors import HandctlError, UsageError
 from handctl.light import NamedTuple, field, light
-from handctl.number_parsing import number_in
+from handctl.number_parsing import number_in, typed_number
 from handctl.wording import near, plural
 
 Number = int | float
@@ -168,11 +168,7 @@ class Param:
 
     def _number(self, text: str, where: str) -> Number:
         try:
-            if "_" in text:
-                raise ValueError(text)  # Python's digit grouping is nobody's input
-            if not self.decimals:
-                return int(text, 0) if text.lower().lstrip("+-").startswith("0x") else int(text, 10)
-            return exact_decimal(text, self.decimals)
+            return typed_number(text, self.decimals)
         except ValueError as exc:
             kind = f"a number with at most {self.decimals} decimals" if self.decimals else "a whole number"
             raise UsageError(
@@ -428,35 +424,6 @@ class Changes(NamedTuple):
         return f"{question}: {', '.join(map(str, self.rows))}"
 
 
-NEAR = 0.9
-"""From this share of a highest value on, a reading is near it."""
-
-
-class Bound(NamedTuple):
-    """The lowest and highest value that some elements may have, in the unit that is shown; None = any.
-
-    paths  of the elements, as `path` in their rows
-    """
-
-    name: str
-    paths: frozenset[str]
-    low: float | None
-    high: float | None
-
-    def beyond(self, value: float) -> float:
-        """How far outside the value lies; 0 = inside. The ends belong to it."""
-        below = self.low - value if self.low is not None else 0.0
-        above = value - self.high if self.high is not None else 0.0
-        return max(0.0, below, above)
-
-    @property
-    def words(self) -> str:
-        """The bound as a person would say it."""
-        if self.low is None:
-            return f"at most {self.high:g}"
-        return f"at least {self.low:g}" if self.high is None else f"{self.low:g} to {self.high:g}"
-
-
 def ids_in(text: str, check: Callable[[int], object]) -> list[int]:
     """``1-254`` or ``1,2,10-20`` of an option --ids -> ids in that order, each once; `check` refuses what is none.
 
@@ -514,19 +481,6 @@ def bit_names(value: int, names: Sequence[str]) -> str:
         if value >> bit & 1
     ]
     return ", ".join(found) or "ok"
-
-
-def exact_decimal(text: str, decimals: int) -> float:
-    """Parse a decimal number that must not need more than `decimals` decimals. Raises ValueError."""
-    from decimal import Decimal, InvalidOperation
-
-    try:
-        value = Decimal(text)
-    except InvalidOperation as exc:
-        raise ValueError(text) from exc
-    if not value.is_finite() or abs(value) > 10**9 or value != round(value, decimals):
-        raise ValueError(text)
-    return float(value)
 
 
 BASES = {

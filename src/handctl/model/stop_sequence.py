@@ -2,12 +2,12 @@
 
 A family's `stopper` is a module with one function:
 
-    stop_steps(aim) -> Talk    yields `StopStep`s, receives the bytes that came back, returns `Stopped`
+    stop_steps(context) -> StopSequence    yields `StopStep`s, receives the bytes that came back, returns `Stopped`
 
 It does no I/O, so the owner of the link runs it with `carry_out`: the command `stop`, a command that another process asks
 to stop, Ctrl-C inside a command, and the child process of a command that was killed.
 
-Every sequence follows these rules: a step is repeated until it is acknowledged, for up to a second; steps that need no
+Every sequence follows these rules: a step is repeated until it is acknowledged (`stop_repetition`); steps that need no
 position come first; a position is read immediately before each command to hold it; and a device that has acknowledged is
 checked again after a silence, because another program may be commanding it.
 """
@@ -18,11 +18,11 @@ import importlib
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from itertools import groupby
-from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol
 
-from handctl.errors import Aftermath, DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
+from handctl.errors import Aftermath, DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer
 from handctl.families import FAMILIES
-from handctl.light import NamedTuple, light
+from handctl.light import NamedTuple
 from handctl.model.param import Step
 from handctl.model.settings import Settings
 
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from handctl.model.write_ledger import Ledger
 
 WRITE_SECONDS = 1.0
-EACH, WITHIN = 0.15, 1.0
-"""A step goes out again after so many seconds without an acknowledgement, for so many in all."""
 SILENCE = 0.3
 """Seconds without a byte of ours before a stopped device is looked at again: by then another master has spoken."""
 BETWEEN = 0.1
@@ -45,9 +43,6 @@ Pieces = list[bytes]
 """What came back: chunks of a byte stream, or the data of CAN frames that have the identifier of the request."""
 
 
-T = TypeVar("T")
-
-
 class StopContext(NamedTuple):
     """What a stopper knows about the device: the options given, and the wire.
 
@@ -56,7 +51,7 @@ class StopContext(NamedTuple):
     fixed   the baud rate of the port stays: it cannot be changed, or the device is known to use it
     proven  this program has identified the device: its family and its address
     powered keep the motor power on if the movement ends without switching it off
-    within  seconds for which a step is repeated
+    within  seconds for which a step is repeated, 0 for the usual time
     """
 
     settings: Settings
@@ -65,22 +60,12 @@ class StopContext(NamedTuple):
     fixed: bool = False
     proven: bool = False
     powered: bool = False
-    within: float = WITHIN
+    within: float = 0.0
 
     @property
     def number(self) -> int:
         """The id of the device; 1 is that of all as shipped."""
         return self.settings.id if self.settings.id is not None else 1
-
-    @property
-    def each(self) -> float:
-        """Seconds after which a step without an acknowledgement goes out again."""
-        return self.settings.timeout or EACH
-
-    @property
-    def tries(self) -> int:
-        """How often that is, before its second is over."""
-        return max(2, round(self.within / self.each))
 
 
 class StopStep(NamedTuple):
@@ -127,47 +112,6 @@ BEAT = 0.5
 TOO_LATE = "the deadline passed before handctl could confirm that the device has stopped"
 QUIET = Step("listen", b"")
 """Nothing goes out."""
-
-
-@light(frozen=True)
-class StepResult(Generic[T]):
-    """The result of a repeated step: the reply found, or None; all bytes received; and the longest time it can have taken, in s."""
-
-    found: T | None
-    came: Pieces
-    seconds: float
-
-
-def insist(
-    context: StopContext, step: Step, found: Callable[[Pieces], T | None], *, reads: bool = False, ahead: bytes = b""
-) -> Generator[StopStep, Pieces, StepResult[T]]:
-    """The step, again until something is `found` in all that came since, or its second is over."""
-    came: Pieces = []
-    for count in range(context.tries):
-        before = tuple(came)
-        enough = lambda pieces, before=before: found([*before, *pieces]) is not None  # noqa: E731
-        came += yield StopStep(step, context.each, enough, reads, ahead=ahead)
-        if (what := found(came)) is not None:
-            return StepResult(what, came, (count + 1) * context.each)
-    return StepResult(None, came, context.within)
-
-
-def settled(context: StopContext, heard: StepResult[T]) -> Generator[StopStep, Pieces, T | None]:
-    """Return what was found, after waiting for the replies to the repetitions: on a slow line the next request would get them."""
-    if heard.found is not None and heard.seconds > context.each:
-        yield from silence(heard.seconds)
-    return heard.found
-
-
-def insisting(step: Step, answer: bytes, done: str, context: StopContext) -> StopSequence:
-    """A stop that is one write, which is acknowledged by `answer`; what the device has `done` once that came."""
-    heard = yield from insist(context, step, lambda pieces: answer in b"".join(pieces) or None)
-    if heard.found:
-        return Stopped(f"{done}, and acknowledged it")
-    error = ProtocolError if heard.came else NoAnswer
-    return Stopped(
-        f"{step.meaning} was sent and not acknowledged", "switch the power off if the device still moves", error
-    )
 
 
 def silence(seconds: float = SILENCE) -> Generator[StopStep, Pieces, Pieces]:

@@ -123,9 +123,10 @@ def is_seen(how: str, sink: Sink, context: Context) -> bool:
 
 def _stream(table: Table, samples: Generator[Sample, None, None], how: str, sink: Sink, context: Context) -> None:
     if table.live and is_seen(how, sink, context):
-        from handctl.screen.live import watched
+        from handctl.screen.live import View, watched
+        from handctl.screen.top_cards import Cards
 
-        samples = watched(table, samples, context)
+        samples = watched((Cards if table.cards else View)(table, context), samples, context)
         if sink.terminal:
             for _ in samples:
                 sink.samples += 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from itertools import zip_longest
 from typing import IO, TYPE_CHECKING
@@ -14,6 +13,7 @@ from rich.text import Text
 
 from handctl.errors import OutputError
 from handctl.model.result import Cell, Grid
+from handctl.system.terminal import without_color
 
 if TYPE_CHECKING:
     from handctl.screen.output import Sink
@@ -37,16 +37,11 @@ class _Console(Console):
         raise BrokenPipeError
 
 
-def console_for(sink: Sink) -> Console:
-    """A console on the sink that obeys --color (first) and NO_COLOR."""
-    return console_on(sink.file, sink.color)
-
-
 def console_on(file: IO[str], color: str) -> Console:
-    """The same on any file."""
+    """A console on a file that obeys --color (first) and NO_COLOR."""
     return _Console(
         file=file,
-        no_color=color == "never" or (color == "auto" and bool(os.environ.get("NO_COLOR"))),
+        no_color=without_color(color),
         force_terminal=True if color == "always" else None,
         legacy_windows=None if file.isatty() else False,  # no console to ask: colours that are wanted are codes
         highlight=False,
@@ -57,7 +52,7 @@ def console_on(file: IO[str], color: str) -> Console:
 
 def print_grids(grids: Sequence[Grid], sink: Sink, mark: str) -> None:
     """Print `grids`; the first title contains `mark` ("simulated")."""
-    console = console_for(sink)
+    console = console_on(sink.file, sink.color)
     try:
         for number, grid in enumerate(grids):
             if number:

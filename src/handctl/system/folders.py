@@ -14,6 +14,11 @@ def config_folder() -> str:
     return _base("XDG_CONFIG_HOME", "APPDATA", ".config")
 
 
+def config_path() -> str:
+    """The configuration file: HANDCTL_CONFIG, or handctl/config.toml in the user's configuration folder."""
+    return os.environ.get("HANDCTL_CONFIG") or os.path.join(config_folder(), "handctl", "config.toml")
+
+
 def state_folder() -> str:
     """$XDG_STATE_HOME, by default ~/.local/state; on Windows %LOCALAPPDATA%: what this machine keeps for this user."""
     return _base("XDG_STATE_HOME", "LOCALAPPDATA", ".local", "state")

@@ -1,4 +1,4 @@
-"""The terminal: single keys without waiting for a line, editing of lines at a prompt, and pseudo terminals."""
+"""The terminal: single keys without waiting for a line, line editing at a prompt, colour or none, and pseudo terminals."""
 
 from __future__ import annotations
 
@@ -11,6 +11,12 @@ BACKGROUND_SECONDS = 0.5
 """How often a program in the background looks whether it has come back: reading the terminal there would stop the job."""
 AT_ONCE = 64
 """Bytes that are taken at once."""
+
+
+def without_color(color: str) -> bool:
+    """Whether nothing is coloured: --color (auto, always or never), and for auto the variable NO_COLOR."""
+    return color == "never" or (color == "auto" and bool(os.environ.get("NO_COLOR")))
+
 
 if sys.platform == "win32":
     import msvcrt

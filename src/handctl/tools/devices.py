@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.command.command_tree import Group
+from handctl.command.config import DEVICE_KEYS, NAME_HELP, is_name, read_config
 from handctl.command.config_edit import stable_name
 from handctl.command.family import Family, refuse_missing, refuse_serial
-from handctl.command.options import COMMAND_LINE, InFile, Source, checks, config_path, own_options, read_config, said
+from handctl.command.options import COMMAND_LINE, InFile, Source, own_options, said
 from handctl.command.precedence import resolve
 from handctl.command.run import Run
 from handctl.errors import UsageError
@@ -69,11 +70,13 @@ def told(device: Device) -> Row:
 @cli.verb("list", offline=True)
 def list_devices(run: Run) -> Table:
     """List the named devices."""
-    path = config_path()
-    rows = [told(device) for device in read_config(path).devices.values()]
+    config = read_config()
+    rows = [told(device) for device in config.devices.values()]
     if not rows:
         run.journal.info(
-            "no-devices", f"{path} has no named devices", "name one with `handctl devices add NAME FAMILY -p LINK`"
+            "no-devices",
+            f"{config.path} has no named devices",
+            "name one with `handctl devices add NAME FAMILY -p LINK`",
         )
     return Table(rows=rows, columns=COLUMNS)
 
@@ -91,7 +94,6 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
     Saves the family and, if given, --port, --id, --baud, --timeout, --deadline and --retries. Does not contact the device.
     """
     from handctl.command import config_edit
-    from handctl.command.config import NAME_HELP, is_name
 
     if not is_name(name):
         raise UsageError(f"{name!r} cannot be the name of a device", hint=f"allowed: {NAME_HELP}")
@@ -110,15 +112,16 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
         )
     check(run, family, given)
     values = {"kind": family, **given}
-    path = config_path()
-    present = read_config(path)
+    present = read_config()
     done = "replaced" if name in present.devices else "added"
 
     def edit(config: Config) -> str:
         _refuse_taken(config, name, force)
         return config_edit.put(config, name, values)
 
-    changed = _changed(run, present, edit, values, {**row_of(name, family, given), "file": path, "result": done})
+    changed = _changed(
+        run, present, edit, values, {**row_of(name, family, given), "file": present.path, "result": done}
+    )
     if not run.settings.dry_run:
         run.journal.info("next", f"{name!r} can be used now", f"try `handctl -d {name} {family} status`")
     return changed
@@ -129,10 +132,10 @@ def _changed(run: Run, config: Config, edit: Callable[[Config], str], values: di
     from handctl.command import config_edit
 
     if run.settings.dry_run:
-        config_edit.verified(config, edit(config), checks(), values, row["name"])
+        config_edit.verified(config, edit(config), values, row["name"])
         run.journal.info("dry-run", "dry run: nothing was written")
     else:
-        config_edit.change(row["file"], checks(), edit, values, row["name"])
+        config_edit.change(row["file"], edit, values, row["name"])
     return Table(rows=[row], columns=(*COLUMNS, *DONE), plain=("name",))
 
 
@@ -142,13 +145,14 @@ def remove(run: Run, name: str) -> Table:
     """Delete a name from the configuration file. The rest of the file is unchanged."""
     from handctl.command import config_edit
 
-    path = config_path()
-    config = read_config(path)
+    config = read_config()
     device = config.find(name)
     default = config.values.get("device")
     if default is not None and default.value == name:
-        raise UsageError(f"{path}, line {default.line}: {name!r} is the default device", hint="delete that line first")
-    row = {**told(device), "file": path, "result": "removed"}
+        raise UsageError(
+            f"{config.path}, line {default.line}: {name!r} is the default device", hint="delete that line first"
+        )
+    row = {**told(device), "file": config.path, "result": "removed"}
     return _changed(run, config, lambda now: config_edit.drop(now, name), {}, row)
 
 
@@ -181,8 +185,6 @@ def show(run: Run, name: str | None) -> Table:
 
 def _given(run: Run) -> dict[str, Any]:
     """What the command line itself says about the device; what comes from elsewhere is not copied into it."""
-    from handctl.command.config import DEVICE_KEYS
-
     if run.sources.get("device") == COMMAND_LINE:
         raise UsageError("-d names an existing device, not the new one", hint="run the command without -d")
     said = {key: getattr(run.settings, key) for key in DEVICE_KEYS if run.sources.get(key) == COMMAND_LINE}

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.command.command_tree import Command, reads_option
+from handctl.command.command_tree import Command
 from handctl.command.family import Family
+from handctl.command.options import reads_option
 from handctl.command.run import Run
 from handctl.errors import Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES, SCANNED, WIRES

@@ -13,7 +13,8 @@ import click
 
 from handctl.command import history
 from handctl.command.command_tree import Command
-from handctl.command.options import COMMAND_LINE, WholeRange, config_path, read_config
+from handctl.command.config import read_config
+from handctl.command.options import COMMAND_LINE, WholeRange
 from handctl.command.run import Run
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
@@ -81,7 +82,7 @@ def _chooser(device: str | None) -> Callable[[Row], bool]:
         return lambda row: True
     if device in FAMILIES:
         return lambda row: row["kind"] == device
-    named = read_config(config_path(), []).devices
+    named = read_config(passed=[]).devices
     if (
         device not in named
         and re.fullmatch(r"[\w-]+", device)

@@ -28,7 +28,8 @@ from dataclasses import dataclass
 import click
 
 from handctl import __version__
-from handctl.command.command_tree import Command, scan_options
+from handctl.command.command_tree import Command
+from handctl.command.options import scan_options
 from handctl.command.run import Run
 from handctl.errors import Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES, SCANNED

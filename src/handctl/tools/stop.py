@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING
 import click
 
 from handctl.command.command_tree import Command
-from handctl.command.config import Device
+from handctl.command.config import Device, read_config
 from handctl.command.family import load
-from handctl.command.options import NAMED, Source, config_path, read_config
+from handctl.command.options import NAMED, Source
 from handctl.command.run import Run
 from handctl.errors import HandctlError, UsageError
 from handctl.families import FAMILIES, SCANNED
 from handctl.link import ByteLink, open_link
 from handctl.link.lock import canonical, hold, last_family
 from handctl.model.result import Journal, Row, Table
+from handctl.system.folders import config_path
 from handctl.tools.probes import family_of, has_speed, probe_of, usual_ports, wire_of
 
 if TYPE_CHECKING:
@@ -101,7 +102,7 @@ def _place(link: str, kind: str) -> str:
 def _named_at(link: str) -> list[Device]:
     """The named devices whose LINK is the same port. Errors in the file are ignored."""
     try:
-        devices = read_config(config_path(), []).devices.values()
+        devices = read_config(passed=[]).devices.values()
     except UsageError:
         return []
     ports = [(one, one.entries["port"].value) for one in devices if "port" in one.entries]

@@ -9,14 +9,14 @@ from collections.abc import Iterator, Sequence
 import click
 
 from handctl.command.command_lines import line
-from handctl.command.command_tree import LIMIT, Command, streaming
+from handctl.command.command_tree import Command
+from handctl.command.config import read_config
 from handctl.command.get_set_watch import bounds_of
-from handctl.command.options import config_path, read_config
+from handctl.command.options import LIMIT, streaming
 from handctl.command.run import Run
 from handctl.command.several_devices import DEVICE, LEAVE_SECONDS, POLL_SECONDS, Each, EveryAccess
 from handctl.errors import CheckFailed, UsageError, joined
-from handctl.model.bound import Watchdog
-from handctl.model.param import Bound
+from handctl.model.limits import Bound, Watchdog
 from handctl.model.result import Column, Row, Sample, Table
 from handctl.system import clock
 
@@ -45,7 +45,7 @@ def cli(
     Without DEVICE: every device in the configuration file. Read-only. If a device stops replying, its card stays and
     handctl keeps trying. In a pipe, prints a stream of rows. `handctl devices add` names a device.
     """
-    config = read_config(config_path(), None)
+    config = read_config()
     chosen = list(dict.fromkeys(names or ([run.settings.device] if run.settings.device else config.devices)))
     if not chosen:
         raise UsageError("no devices are named", hint="`handctl devices add NAME FAMILY -p LINK` adds one")

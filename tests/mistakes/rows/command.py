@@ -13,7 +13,7 @@ ROWS = (
         "log",
         "failure = _finish(run, recording, before, failure) or (bounds.failure() if bounds is not None else None)",
         "failure = _finish(run, recording, before, failure)",
-        "tests/kernel/test_bound.py::test_a_recording_has_limits_and_an_end",
+        "tests/kernel/test_limits.py::test_a_recording_has_limits_and_an_end",
     ),
     mistake(
         "set-point-that-is-equal-left-out",

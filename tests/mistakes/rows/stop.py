@@ -47,9 +47,9 @@ ROWS = (
     mistake(
         "stop-sent-once",
         "stop sent once",
-        TALK,
-        "StopContext.tries",
-        "return max(2, round(self.within / self.each))",
+        "handctl.model.stop_repetition",
+        "attempts",
+        "return max(2, round((context.within or REPEAT_FOR) / interval(context)))",
         "return 1",
         MATRIX,
     ),
@@ -193,8 +193,8 @@ ROWS = (
     mistake(
         "stop-nothing-came-is-no-error",
         "swallowed error",
-        TALK,
-        "insisting",
+        "handctl.model.stop_repetition",
+        "single_write_stop",
         "error = ProtocolError if heard.came else NoAnswer",
         "error = ProtocolError if heard.came else None",
         "tests/stop/test_stop_sequence.py::test_a_stop_that_is_one_write_goes_out_until_it_is_acknowledged",

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.command.command_tree import Group, suspendable
+from handctl.command.command_tree import Group
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
-from handctl.command.options import NEGATIVE_NUMBERS, FiniteRange
+from handctl.command.options import NEGATIVE_NUMBERS, FiniteRange, suspendable
 from handctl.command.run import Act, Run
 from handctl.devices.aidin.device import AidinHand, object_of, step_of
 from handctl.devices.aidin.exchange import Conversation

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.command import get_set_watch, snapshots
-from handctl.command.command_tree import ALWAYS, Group
+from handctl.command.command_tree import Group
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
-from handctl.command.options import InFile, WholeRange
+from handctl.command.options import ALWAYS, InFile, WholeRange
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.firmware.cli import add_firmware

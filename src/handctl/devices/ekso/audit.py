@@ -22,12 +22,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from handctl.devices.ekso import write_checks
-from handctl.devices.ekso.change import APART, MOST_SPEED
-from handctl.devices.ekso.map import SETTINGS, Word
+from handctl.devices.ekso.policy import STEP_SECONDS
 from handctl.errors import HandctlError, OutputError, UsageError
 from handctl.files import clash, in_turn, opened, state_path
-from handctl.model.clock_comparison import WITHIN_MS
-from handctl.model.result import Column, Journal, Row, Table
+from handctl.model.result import Journal
 from handctl.system import disk, locks
 
 TURN_SECONDS = 0.2
@@ -271,7 +269,7 @@ def check(lines: Iterable[bytes], *, whole: bool = True) -> Checked:
     return Checked(**counts, findings=tuple(findings))
 
 
-def told(checked: Checked) -> Iterator[str]:
+def finding_texts(checked: Checked) -> Iterator[str]:
     """The findings for people: ``line 7 (2026-11-22T10:00:00.000+00:00, intent step_length) was edited, …``."""
     for finding in checked.findings:
         try:
@@ -280,6 +278,34 @@ def told(checked: Checked) -> Iterator[str]:
         except (ValueError, TypeError, KeyError, RecursionError):
             words = "no entry"
         yield f"line {finding.number} ({words}) {finding.text}"
+
+
+MOST_TOLD = 3
+
+
+def check_whole_log(audit: AuditLog, journal: Journal) -> HandctlError | None:
+    """Check the audit log: a note if it is unchanged, otherwise the failure. Raises UsageError."""
+    checked = audit.checked(whole=True)
+    if checked.findings and not checked.chained + checked.unchained:
+        raise UsageError(
+            f"{audit.path}: not an audit log: {next(finding_texts(checked))}",
+            hint="name the audit log with --audit FILE",
+        )
+    count = checked.unchained
+    older = f" Entries from an older handctl, without a hash: {count}. These cannot be checked." if count else ""
+    if not checked.findings:
+        journal.info(
+            "audit",
+            f"{audit.path}: {checked.chained} entries, none was edited, removed or moved.{older} Entries removed from the end would not be noticed",
+        )
+        return None
+    places = list(finding_texts(checked))
+    more = f", and {len(places) - MOST_TOLD} more" if len(places) > MOST_TOLD else ""
+    return write_checks.refusal(
+        write_checks.EDITED,
+        f"{audit.path}: the audit log was changed after it was written: {'; '.join(places[:MOST_TOLD])}{more}.{older}",
+        "find out who has access to the file, and compare it with a backup. If you move the log away, a new one starts",
+    )
 
 
 def _link(line: bytes) -> str | None:
@@ -307,10 +333,6 @@ def _digest(data: bytes) -> str:
 # passed. The wall clock, which is set, decides only over entries of another machine, and one from the future is refused.
 
 
-WINDOW = 10.0
-"""Seconds: a step is measured against each value of so long."""
-BETWEEN_WRITES = 1.0
-"""Seconds from one SetValue to the next."""
 NOT_SENT = "not sent"
 """How the verdict on a write begins that never went out."""
 
@@ -325,7 +347,7 @@ class Past(NamedTuple):
 
 
 def recent(audit: AuditLog, now: float) -> list[Past]:
-    """The writes to any EksoNR within the last WINDOW seconds, the newest first; `now` is the link's clock.
+    """The writes to any EksoNR within the last STEP_SECONDS seconds, the newest first; `now` is the link's clock.
 
     A write whose result nobody noted counts. Raises CheckFailed where a log does not tell: nothing may be written then.
     """
@@ -345,7 +367,7 @@ def _recent(audit: AuditLog, now: float) -> list[Past]:
             ended[name] = age, str(entry.get("verdict", "")).startswith(NOT_SENT)
             continue
         age, unsent = ended.pop(name, (age, False))
-        if age > WINDOW:
+        if age > STEP_SECONDS:
             break
         if not unsent:
             found.append(Past(now - age, name, entry["old"]["raw"], entry["new"]["raw"]))
@@ -415,90 +437,11 @@ WRONG = {
 
 def _refuse(audit: AuditLog, gate: str) -> None:
     """Raise CheckFailed for what was done to the log by hand or by a fault, if that may be of the last seconds."""
-    if datetime.now(timezone.utc).timestamp() - audit.changed_at() > WINDOW:
+    if datetime.now(timezone.utc).timestamp() - audit.changed_at() > STEP_SECONDS:
         return
     wrong, more = WRONG[gate]
     raise write_checks.refusal(
         gate,
         f"{audit.path}: {wrong}, so handctl does not know what was written last, and when",
-        f"repeat the command in {WINDOW:.0f} s, when the last write no longer matters.{more} Nothing was sent.",
+        f"repeat the command in {STEP_SECONDS:.0f} s, when the last write no longer matters.{more} Nothing was sent.",
     )
-
-
-# -- `ekso policy`: every limit of this tool for writing a setting, as a table ----------------------------------------
-
-
-COLUMNS = (
-    Column("name", "Setting"),
-    Column("id", "ID", right=True),
-    Column("rule", "Rule"),
-    Column("value", "Value", right=True),
-    Column("unit", "Unit"),
-    Column("override", "Override"),
-)
-GENERAL: tuple[tuple[str, float | str, str | None], ...] = (
-    ("posture", "sitting, standing", None),
-    ("joint_speed_below", MOST_SPEED, "deg/s"),
-    ("looks_apart", APART, "s"),
-    ("boot_time_within", WITHIN_MS, "ms"),
-    ("settings_at_once", 1, None),
-    ("between_writes", BETWEEN_WRITES, "s"),
-    ("step_within", WINDOW, "s"),
-)
-"""What holds for every setting; no override. The audit log remembers the last writes, so it holds over several runs."""
-
-
-def policy() -> Table:
-    """Rows `name` ("*" = every setting), `id`, `rule`, `value`, `unit`, `override` (whether --override-step-limit lifts it).
-
-    Rules of a setting: step (largest change at once), posture, asked_twice (labels), read_only.
-    """
-    rows = [_row(None, rule, value, unit) for rule, value, unit in GENERAL]
-    return Table(rows=[*rows, *(row for param in SETTINGS for row in _rules(param))], columns=COLUMNS)
-
-
-MOST_TOLD = 3
-
-
-def look_through(audit: AuditLog, journal: Journal) -> HandctlError | None:
-    """Check the audit log: a note if it is unchanged, otherwise the failure. Raises UsageError."""
-    checked = audit.checked(whole=True)
-    if checked.findings and not checked.chained + checked.unchained:
-        raise UsageError(
-            f"{audit.path}: not an audit log: {next(told(checked))}", hint="name the audit log with --audit FILE"
-        )
-    count = checked.unchained
-    older = f" Entries from an older handctl, without a hash: {count}. These cannot be checked." if count else ""
-    if not checked.findings:
-        journal.info(
-            "audit",
-            f"{audit.path}: {checked.chained} entries, none was edited, removed or moved.{older} Entries removed from the end would not be noticed",
-        )
-        return None
-    places = list(told(checked))
-    more = f", and {len(places) - MOST_TOLD} more" if len(places) > MOST_TOLD else ""
-    return write_checks.refusal(
-        write_checks.EDITED,
-        f"{audit.path}: the audit log was changed after it was written: {'; '.join(places[:MOST_TOLD])}{more}.{older}",
-        "find out who has access to the file, and compare it with a backup. If you move the log away, a new one starts",
-    )
-
-
-def _rules(param: Word) -> list[Row]:
-    if not param.writable:
-        return [_row(param, "read_only", param.note, None)]
-    rows = []
-    if param.step is not None:
-        # a step in codes counts within 0 %..100 %, 5 % a code; of labels without order there is none
-        value, unit = (param.step * 5, "%") if param.choices else (param.step, param.unit)
-        rows.append(_row(param, "step", value, unit, override=not param.firm))
-    if param.sitting:
-        rows.append(_row(param, "posture", "sitting", None))
-    if param.twice:
-        rows.append(_row(param, "asked_twice", ", ".join(param.twice), None))
-    return rows or [_row(param, "step", None, None)]
-
-
-def _row(param: Word | None, rule: str, value: float | str | None, unit: str | None, *, override: bool = False) -> Row:
-    name, number = (param.name, param.id) if param is not None else ("*", None)
-    return {"name": name, "id": number, "rule": rule, "value": value, "unit": unit, "override": override}

@@ -1,6 +1,6 @@
 """A change of one setting: its limits, whether the device stands still for it, and its result. Knows no link.
 
-The limits are this tool's policy (`ekso policy` shows them), never those of the device.
+The limits are those of `policy`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from typing import NamedTuple
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.frames import Frame, set_value_body, status_text
 from handctl.devices.ekso.map import (
-    ASSIST,
     DATA,
     DRIVEN,
     NOTHING_SENT,
@@ -25,6 +24,7 @@ from handctl.devices.ekso.map import (
     boot_ms,
     state_text,
 )
+from handctl.devices.ekso.policy import MOST_SPEED, largest_step, write_limits_of
 from handctl.errors import HandctlError, Interrupted
 from handctl.model.clock_comparison import Span
 
@@ -51,14 +51,14 @@ class Change(NamedTuple):
     @property
     def asked_twice(self) -> bool:
         """Whether it enters or leaves a mode that is asked for twice."""
-        return any(self.param.choices.get(raw) in self.param.twice for raw in (self.old, self.new))
+        return any(self.param.choices.get(raw) in write_limits_of(self.param).twice for raw in (self.old, self.new))
 
     def most(self, override: bool) -> int | None:
         """The largest step of this change as a raw value, None where the policy has none."""
-        param = self.param
-        if param.step is None or (param.choices and not {self.old, self.new} <= set(PERCENT_CODES)):
+        param, limits = self.param, write_limits_of(self.param)
+        if limits.step is None or (param.choices and not {self.old, self.new} <= set(PERCENT_CODES)):
             return None
-        return None if override and not param.firm else param.to_raw(param.step)
+        return None if override and not limits.firm else param.to_raw(limits.step)
 
     def way(self, override: bool) -> list[Change]:
         """From the old value to the new one in permitted steps."""
@@ -78,27 +78,18 @@ class Change(NamedTuple):
         """Raise UsageError for a step beyond the policy without `override`."""
         if len(self.way(override)) == 1:
             return
-        firm = self.param.firm
+        firm = write_limits_of(self.param).firm
         instead = "there is no override for leg lengths" if firm else "--override-step-limit"
         raise write_checks.refusal(
             write_checks.STEP,
-            f"{self.text}: more than {limit_of(self.param)} at once is beyond this tool's policy (not the device's limit)",
+            f"{self.text}: more than {largest_step(self.param)} at once is beyond this tool's policy (not the device's limit)",
             f"use smaller steps{': ' if firm else ', or '}{instead}. {NOTHING_SENT}",
         )
-
-
-def limit_of(param: Word) -> str:
-    """The largest step in words: ``10 %``, ``1.00 in``."""
-    return ASSIST[int(param.step or 0)] if param.choices is ASSIST else param.shown(param.step or 0)
 
 
 # -- whether the wearer keeps still: two looks at GetData, before any setting is written --------------------------------
 
 
-APART = 0.1
-"""Seconds between the two looks at the joints."""
-MOST_SPEED = 5.0
-"""deg/s; above, the wearer moves."""
 STATE = 18
 JOINTS = tuple(param for param in DATA if param.name.endswith(("hip_angle", "knee_angle")))
 

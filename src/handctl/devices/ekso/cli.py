@@ -10,18 +10,18 @@ import click
 
 from handctl import __version__
 from handctl.command import get_set_watch, snapshots
-from handctl.command.command_tree import LOG, RESAMPLE, SEGMENT, Command, Group, formats_help, log_options
+from handctl.command.command_tree import Command, Group
 from handctl.command.common_commands import NAMES, add_map_verbs
 from handctl.command.family import Family
-from handctl.command.options import InFile, OutFile, Own
+from handctl.command.options import LOG, RESAMPLE, SEGMENT, InFile, OutFile, Own, formats_help, log_options
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.ekso import write_checks
-from handctl.devices.ekso.change import limit_of
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.device import Ekso, one_setting, written_table
 from handctl.devices.ekso.frames import LENGTH_MODES
 from handctl.devices.ekso.gait_cli import add_gait
 from handctl.devices.ekso.map import EKSO
+from handctl.devices.ekso.policy import largest_step, write_limits_of
 from handctl.errors import OutputError, UsageError
 from handctl.model.device import Gate, limits_of
 from handctl.model.export_formats import FORMATS
@@ -209,9 +209,10 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
     table = get_set_watch.describe(EKSO, names)
     for row in table.rows:
         param, _ = EKSO.find(row["name"])
-        policy = [f"{limit_of(param)} at once"] if param.step else []
-        policy += ["only while sitting"] if param.sitting else []
-        policy += [f"{' and '.join(param.twice)} asked twice"] if param.twice else []
+        limits = write_limits_of(param)
+        policy = [f"{largest_step(param)} at once"] if limits.step else []
+        policy += ["only while sitting"] if limits.sitting else []
+        policy += [f"{' and '.join(limits.twice)} asked twice"] if limits.twice else []
         row |= {
             "message": param.message,
             "word": param.word if row["name"] in EKSO else None,
@@ -248,13 +249,13 @@ def policy(run: Run, audit: str | None) -> Table:
     """
     from pathlib import Path
 
-    from handctl.devices.ekso import audit as rules
-    from handctl.devices.ekso.audit import AuditLog, default_path
+    from handctl.devices.ekso.audit import AuditLog, check_whole_log, default_path
+    from handctl.devices.ekso.policy import policy_table
 
-    table = rules.policy()
+    table = policy_table()
     path = Path(audit) if audit else default_path()
     if audit or path.exists():
-        table.failure = rules.look_through(AuditLog(path, {}), run.journal)
+        table.failure = check_whole_log(AuditLog(path, {}), run.journal)
     return table
 
 
@@ -326,9 +327,9 @@ def _give_writer(run: Run, ekso: Ekso, file: str | None, *, override: bool, step
 
 
 def _tell_edited(run: Run, audit: AuditLog) -> None:
-    from handctl.devices.ekso.audit import told
+    from handctl.devices.ekso.audit import finding_texts
 
-    for place in list(told(audit.checked()))[-1:]:
+    for place in list(finding_texts(audit.checked()))[-1:]:
         run.journal.warn(
             "audit-edited",
             f"{audit.path}: an entry {place.partition(') ')[2]}",
@@ -475,12 +476,7 @@ def _check_mode(text: str) -> str:
     return text
 
 
-def add_length_mode(command: Command) -> None:
-    """Give a command the option that says what the length byte of requests counts."""
-    command.params.append(Own(["--length-mode"], "ekso", _check_mode))
-
-
 add_gait(cli)
 for _name, _command in cli.commands.items():
     if _name not in ("describe", "export", "gait", "policy") and isinstance(_command, Command):
-        add_length_mode(_command)
+        _command.params.append(Own(["--length-mode"], "ekso", _check_mode))

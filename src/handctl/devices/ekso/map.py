@@ -1,8 +1,8 @@
-"""The words of the EksoNR messages: names, scales, signs, units, codes, ParameterIDs, and the policy for writing them.
+"""The words of the EksoNR messages: names, scales, signs, units, codes and ParameterIDs.
 
 Names, scales and order are the manual's (ekso §6). Signs, units and codes are not in it; they are what clients in the
-field and a log of one unit show, and stay empty where nobody knows. Limits of a step are this tool's policy, never the
-device's. Knows no wire.
+field and a log of one unit show, and stay empty where nobody knows. The limits for writing a setting are in `policy`.
+Knows no wire.
 """
 
 from __future__ import annotations
@@ -53,10 +53,6 @@ class Word(Param):
     signed     two's complement
     hex        bits or a code whose meaning is unknown: shown in hex
     aliases    the manual's spellings and those of the field
-    step       policy: largest change of one write, in `unit` (codes: in codes, within 0..100 %); None = no limit
-    sitting    policy: written only while sitting
-    firm       policy: no override of its limits
-    twice      policy: labels that are asked for a second time on entering or leaving
     """
 
     message: str
@@ -65,10 +61,6 @@ class Word(Param):
     signed: bool = False
     hex: bool = False
     aliases: tuple[str, ...] = ()
-    step: float | None = None
-    sitting: bool = False
-    firm: bool = False
-    twice: tuple[str, ...] = ()
 
     @property
     def path(self) -> str:
@@ -233,30 +225,27 @@ def _feedback(
     )  # fmt: skip
 
 
-_LEG: dict[str, Any] = {"unit": "in", "step": 0.5, "sitting": True, "firm": True}
-_ASSIST: dict[str, Any] = {"choices": ASSIST, "step": 2, "twice": ("Adapt", "Max")}
-_STANCE: dict[str, Any] = {"choices": STANCE, "twice": ("Flex", "Full")}
 _NO_ID = "no ParameterID"
 
 SETTINGS: tuple[Word, ...] = (
-    _setting(0, 200, "upper_leg_length", "length of the thigh", "Upper Leg Length", "thigh_length", **_LEG),
-    _setting(1, 201, "lower_leg_length", "length of the shank", "Lower Leg Length", "shank_length", **_LEG),
-    _setting(2, 202, "step_length", "length of a step", unit="in", step=1.0),
-    _setting(3, 203, "step_height", "height of a step", unit="in", step=0.5),
-    _setting(4, 204, "swing_time", "duration of the swing", unit="s", step=0.1),
-    _setting(5, 205, "stand_time", "duration of the stance", unit="s", step=0.25),
-    _setting(6, 206, "knee_flexion", "flexion of the knee", "knee_flex", unit="deg", step=2.0),
-    _setting(7, 207, "hip_flexion", "flexion of the hip", "hip_flex", unit="deg", step=2.0),
-    _setting(8, 208, "forward_shift", "weight shift forward, unit unknown", signed=True, step=0.5),
-    _setting(9, 209, "lateral_shift", "weight shift to the side, unit unknown", signed=True, step=0.5),
-    _setting(10, 212, "walk_mode", "how steps are started", "Walk", choices=WALK, sitting=True),
+    _setting(0, 200, "upper_leg_length", "length of the thigh", "Upper Leg Length", "thigh_length", unit="in"),
+    _setting(1, 201, "lower_leg_length", "length of the shank", "Lower Leg Length", "shank_length", unit="in"),
+    _setting(2, 202, "step_length", "length of a step", unit="in"),
+    _setting(3, 203, "step_height", "height of a step", unit="in"),
+    _setting(4, 204, "swing_time", "duration of the swing", unit="s"),
+    _setting(5, 205, "stand_time", "duration of the stance", unit="s"),
+    _setting(6, 206, "knee_flexion", "flexion of the knee", "knee_flex", unit="deg"),
+    _setting(7, 207, "hip_flexion", "flexion of the hip", "hip_flex", unit="deg"),
+    _setting(8, 208, "forward_shift", "weight shift forward, unit unknown", signed=True),
+    _setting(9, 209, "lateral_shift", "weight shift to the side, unit unknown", signed=True),
+    _setting(10, 212, "walk_mode", "how steps are started", "Walk", choices=WALK),
     _setting(11, 210, "stand_mode", "how standing up is led", "Stand", choices=STAND),
     _setting(12, 213, "target_sounds", "which targets sound", choices=SOUNDS),
-    _setting(13, 215, "injury_mode", "affected side", choices=INJURY, sitting=True, twice=("2Free",)),
-    _setting(14, 216, "left_swing_assist", "help in the left swing", "Left Swing Assistance", **_ASSIST),
-    _setting(15, 218, "right_swing_assist", "help in the right swing", "Right Swing Assistance", **_ASSIST),
-    _setting(16, 217, "left_stance_support", "support of the left stance", **_STANCE),
-    _setting(17, 219, "right_stance_support", "support of the right stance", **_STANCE),
+    _setting(13, 215, "injury_mode", "affected side", choices=INJURY),
+    _setting(14, 216, "left_swing_assist", "help in the left swing", "Left Swing Assistance", choices=ASSIST),
+    _setting(15, 218, "right_swing_assist", "help in the right swing", "Right Swing Assistance", choices=ASSIST),
+    _setting(16, 217, "left_stance_support", "support of the left stance", choices=STANCE),
+    _setting(17, 219, "right_stance_support", "support of the right stance", choices=STANCE),
     _setting(18, None, "swing_complete", "when a swing is complete, unit unknown", choices=SWING_COMPLETE, note=_NO_ID),
     _setting(19, None, "pilot_id", "number of the pilot, personal", "PilotID", private=True, note=_NO_ID),
     _setting(20, 211, "sit_mode", "how sitting down is led", "Sit", choices=SIT),

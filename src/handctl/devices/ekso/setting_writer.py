@@ -1,7 +1,6 @@
 """Writing one setting of a worn EksoNR: limits, one SetValue when the wearer is still, read-back of everything, audit.
 
-The limits are this tool's policy (`describe` shows them); the device's own are not documented and it answers for
-itself. A write is never repeated.
+The limits are those of `policy`; the device's own are not documented and it answers for itself. A write is never repeated.
 """
 
 from __future__ import annotations
@@ -9,11 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from handctl.devices.ekso import write_checks
-from handctl.devices.ekso.audit import BETWEEN_WRITES, NOT_SENT, WINDOW, AuditLog, recent
-from handctl.devices.ekso.change import APART, Change, Raws, differences, judge, limit_of, moving
+from handctl.devices.ekso.audit import NOT_SENT, AuditLog, recent
+from handctl.devices.ekso.change import Change, Raws, differences, judge, moving
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.frames import Command, Frame
 from handctl.devices.ekso.map import NOTHING_SENT, SETTINGS, Word, boot_ms
+from handctl.devices.ekso.policy import BETWEEN_WRITES, READS_APART, STEP_SECONDS, largest_step, write_limits_of
 from handctl.errors import (
     Aftermath,
     HandctlError,
@@ -129,7 +129,7 @@ class Writer:
         text = change.text
         if len(stages) > 1:
             shown = ", ".join(param.typed(param.from_raw(stage.new)) for stage in stages)
-            text += f", in {plural(len(stages), 'step')} ({shown}), about {WINDOW * (len(stages) - 1):.0f} s"
+            text += f", in {plural(len(stages), 'step')} ({shown}), about {STEP_SECONDS * (len(stages) - 1):.0f} s"
         self._ask(f"Set {text}. A person may be standing in the device", param.typed(param.from_raw(change.new)))
         if change.asked_twice:
             self._ask(f"{change.text}: this changes how the device drives. Really", "yes")
@@ -143,14 +143,14 @@ class Writer:
                 if not seconds:
                     self._pass(write_checks.ALONE, [change], shown)
                     return self._send(change, shown)
-            if self.port.link.now() - begun > 3 * WINDOW:
+            if self.port.link.now() - begun > 3 * STEP_SECONDS:
                 raise write_checks.refusal(
                     write_checks.WAITED,
-                    f"{self.port.where}: {change.text} is not permitted after {3 * WINDOW:.0f} s: someone else keeps writing {change.param.name}",
+                    f"{self.port.where}: {change.text} is not permitted after {3 * STEP_SECONDS:.0f} s: someone else keeps writing {change.param.name}",
                     f"check the end of {self.audit.path}. {NOTHING_SENT}",
                 )
             self._guide.say(
-                f"waiting {seconds:.0f} s, because one step is permitted every {WINDOW:.0f} s. {change.text} is next. Ctrl-C stops here"
+                f"waiting {seconds:.0f} s, because one step is permitted every {STEP_SECONDS:.0f} s. {change.text} is next. Ctrl-C stops here"
             )
             self._sleep(seconds)
 
@@ -166,12 +166,12 @@ class Writer:
             if entry.name == change.param.name and len(change._replace(old=entry.old).way(self.override)) > 1
         ]
         if beyond:
-            seconds = beyond[0].at + WINDOW - now
+            seconds = beyond[0].at + STEP_SECONDS - now
             if self.stepwise:
                 return max(seconds, SHORTEST_WAIT)
             raise write_checks.refusal(
                 write_checks.PACE,
-                f"{change._replace(old=beyond[0].old).text} within {WINDOW:.0f} s: more than {limit_of(change.param)} is beyond this tool's policy (not the "
+                f"{change._replace(old=beyond[0].old).text} within {STEP_SECONDS:.0f} s: more than {largest_step(change.param)} is beyond this tool's policy (not the "
                 "device's limit)",
                 f"it is permitted in {max(seconds, 0):.0f} s. Writes to another EksoNR count as well, because it does not report which unit it is. "
                 f"{NOTHING_SENT}",
@@ -268,9 +268,9 @@ class Writer:
 
     def _still(self, changes: Sequence[Change], _shown: Raws) -> None:
         """Read twice, at least 100 ms apart. Raises CheckFailed naming the condition that fails."""
-        port, sitting = self.port, [change.param for change in changes if change.param.sitting]
+        port, sitting = self.port, [change.param for change in changes if write_limits_of(change.param).sitting]
         first, moment = port.read(Command.GET_DATA).words, port.moment
-        port.link.sleep(APART)
+        port.link.sleep(READS_APART)
         second = port.read(Command.GET_DATA).words
         if why := moving(first, second, port.moment.since(moment), sitting):
             hint = f"{'sit' if sitting else 'sit or stand'} still and repeat the command. This check cannot be switched off"

@@ -10,8 +10,8 @@ from datetime import datetime
 from math import cos, radians, sin
 from typing import TYPE_CHECKING
 
-from handctl.devices.ekso.change import APART
 from handctl.devices.ekso.map import DATA, EKSO, LEGS, NAMED, POSTURES, SETTINGS, Word, boot_ms, boot_text
+from handctl.devices.ekso.policy import READS_APART, write_limits_of
 from handctl.errors import HandctlError, LinkError
 from handctl.model.clock_comparison import Span
 from handctl.model.param import Reading
@@ -29,7 +29,7 @@ CLOCK_SECONDS = 60.0
 def status(ekso: Ekso, check: bool) -> Table:
     """Read data twice, settings, feedback and clock. Raises the error of one that cannot be read, unless this firmware lacks it."""
     first, moment = ekso.asked("data"), ekso.port.moment
-    ekso.link.sleep(APART)
+    ekso.link.sleep(READS_APART)
     second, later = (ekso.readings("data") if first[0].value is not None else first), ekso.port.moment
     settings = ekso.asked("settings")
     feedback = ekso.asked("feedback")
@@ -127,7 +127,7 @@ def _remarks(data: list[Reading], settings: list[Reading]) -> list[str]:
             continue
         if reading.value not in param.choices:
             found.append(f"{param.name} is {param.label(reading.value)}, word {param.word}. Report it")
-        elif param.choices[reading.value] in param.twice:
+        elif param.choices[reading.value] in write_limits_of(param).twice:
             found.append(f"{param.name} is unusual: {param.label(reading.value)}")
     state = int(data[18].value or 0)
     if state >> 12 not in POSTURES:

@@ -6,7 +6,8 @@ from handctl.devices.ekso.frames import Command, Decoder, Frame, cancel_body, en
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.decoder import frames_in
 from handctl.model.param import Step
-from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, insist
+from handctl.model.stop_repetition import repeat_until_answered
+from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence
 
 MSG_ID = 0xF000
 """Far from those that count up from 1: a late answer to somebody's read is not taken for ours. And no frame with it holds a
@@ -20,7 +21,7 @@ def stop_steps(context: StopContext) -> StopSequence:
     mode = str(context.settings.own.get("length_mode", "body"))
     request = encode(Command.CANCEL_ACTION, MSG_ID, cancel_body(), "body" if mode == "auto" else mode)
     step = Step("CancelAction: cancel the running action", request, moves=True)
-    heard = yield from insist(context, step, lambda came: _answer(request, came))
+    heard = yield from repeat_until_answered(context, step, lambda came: _answer(request, came))
     frame, pieces = heard.found, heard.came
     if frame is None:
         text = (

@@ -258,7 +258,7 @@ class ModbusBus(ByteBus):
         return self._state.owed.setdefault(0 if self.tcp else self.id, Owed())
 
     def _exchange(self, pdu: bytes) -> Answer:
-        transaction = self._state.transaction = self._state.transaction % 0xFFFF + 1
+        transaction = self._state.transaction = modbus_frames.next_transaction(self._state.transaction)
         request = self._framed(pdu, transaction)
         self.pass_gate(request)
         self.check_bound(hex_bytes(request))
@@ -298,7 +298,7 @@ class ModbusBus(ByteBus):
             taken: Answer | None = None
             for answer in frames_in(decoder, self.count_damaged):
                 fits = modbus_frames.answers(answer.pdu, pdu)
-                if fits and (self._is_mine(answer) or self._state.counts is False):
+                if fits and (answer.has_transaction(self._state.transaction) or self._state.counts is False):
                     taken = answer  # of two that have come the later one: the first may belong to the question before
                 elif fits and not self._owed:
                     kept, deadline = answer, self.link.deadline(BEHIND).earlier(deadline)
@@ -330,10 +330,6 @@ class ModbusBus(ByteBus):
             if answer := next(frames_in(decoder, self.count_damaged), None):
                 return modbus_frames.to_memory(answer.data)[:count]
         return None
-
-    def _is_mine(self, answer: Answer) -> bool:
-        """Whether it names the open question; on a serial line no answer names any."""
-        return answer.transaction in (None, self._state.transaction)
 
     def _learn(self, answer: Answer, request: bytes, started: float, received: bytes) -> None:
         """What an answer shows: of the line, and of how the hand counts."""
@@ -426,7 +422,7 @@ class ModbusBus(ByteBus):
         )
         asked = modbus_frames.reply_size(self.pdu_of(request)) - 2
         reads = self.only_reads(request) and self._owed.alone and pdu[:1] == bytes([modbus_frames.READ])
-        mine = len(odd) < 2 and (not odd or self._is_mine(odd[0]))
+        mine = len(odd) < 2 and (not odd or odd[0].has_transaction(self._state.transaction))
         return len(pdu) - 2 if reads and mine and pdu[1] == len(pdu) - 2 < asked else None
 
     def _cut_short(self, request: bytes, received: bytes) -> bool:

@@ -68,6 +68,10 @@ class Answer(NamedTuple):
     pdu: bytes
     transaction: int | None = None
 
+    def has_transaction(self, number: int) -> bool:
+        """Whether it names this transaction id; on a serial line no answer names any."""
+        return self.transaction in (None, number)
+
     @property
     def function(self) -> int:
         """The function that it answers."""
@@ -155,6 +159,11 @@ def rtu(unit: int, pdu: bytes) -> bytes:
     """A frame on a serial line."""
     body = bytes([unit]) + pdu
     return body + crc(body)
+
+
+def next_transaction(last: int) -> int:
+    """The transaction id of the next request on TCP, 1 to 65535."""
+    return last % 0xFFFF + 1
 
 
 def tcp(transaction: int, pdu: bytes, unit: int = ANY_UNIT) -> bytes:

@@ -13,7 +13,8 @@ from handctl.devices.inspire import can_frames, eb90, modbus_frames
 from handctl.devices.inspire.register_bus import ahead, question
 from handctl.model.decoder import frames_in
 from handctl.model.param import Step
-from handctl.model.stop_sequence import BETWEEN, Pieces, StopContext, StopStep, insist, settled, silence
+from handctl.model.stop_repetition import after_late_replies, repeat_until_answered
+from handctl.model.stop_sequence import BETWEEN, Pieces, StopContext, StopStep, silence
 
 QUICK = 0.05
 """Seconds for an answer that tells one of this maker's devices from another: it must not hold up a stop."""
@@ -114,8 +115,8 @@ class Wire(NamedTuple):
     def memory(self, address: int, count: int) -> Generator[StopStep, Pieces, bytes | None]:
         """So many bytes, asked again for a second; None where nothing answers."""
         step, found = self.asking(address, count)
-        heard = yield from insist(self.context, step, found, reads=True, ahead=self.first)
-        return (yield from settled(self.context, heard))
+        heard = yield from repeat_until_answered(self.context, step, found, reads=True, ahead=self.first)
+        return (yield from after_late_replies(self.context, heard))
 
     def values(self, address: int, count: int) -> Read:
         """So many signed 16-bit registers."""

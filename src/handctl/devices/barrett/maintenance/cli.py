@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.command import get_set_watch
-from handctl.command.command_tree import BOUNDS, Group, stream_options
-from handctl.command.options import WholeRange
+from handctl.command.command_tree import Group
+from handctl.command.options import BOUNDS, WholeRange, watch_options
 from handctl.command.run import Act, Run
 from handctl.devices.barrett.gcl.codec import motor_prefix
 from handctl.devices.barrett.map import BARRETT
@@ -100,7 +100,7 @@ def _add_strain(group: Group) -> None:
         help="Show the readings live while you turn the potentiometer. The bar spans 100 to 140.",
     )
     @click.option("--check", is_flag=True, help="Exit with code 7 if a reading is outside 100 to 140.")
-    @stream_options
+    @watch_options
     @BOUNDS
     def strain(
         run: Run,
@@ -153,7 +153,7 @@ def _add_fingertips(group: Group) -> None:
         "--breakaway", multiple=True, metavar="FINGER=COUNTS", help="With --positions: the clutch broke away at COUNTS."
     )
     @click.option("--live", is_flag=True, help="Keep reading: a live view on a terminal, otherwise a stream.")
-    @stream_options
+    @watch_options
     @BOUNDS
     def fingertips(
         run: Run,

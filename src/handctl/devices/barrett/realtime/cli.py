@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.command.command_tree import Group, streaming, suspendable
-from handctl.command.options import InFile, WholeRange
+from handctl.command.command_tree import Group
+from handctl.command.options import InFile, WholeRange, streaming, suspendable
 from handctl.command.run import Act, Run
 from handctl.devices.barrett.gcl.codec import encode
 from handctl.devices.barrett.map import TRAVEL

@@ -11,7 +11,8 @@ from handctl.devices.inspire.map import ALONE, EXO
 from handctl.devices.inspire.stop_wires import QUICK, Read, Wire, answer, asks, instead, lead, seen_since
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
-from handctl.model.stop_sequence import StopContext, Stopped, StopSequence, StopStep, insist, taken_over
+from handctl.model.stop_repetition import attempts, interval, repeat_until_answered
+from handctl.model.stop_sequence import StopContext, Stopped, StopSequence, StopStep, taken_over
 
 POSITION_SET, FORCE_SET, POSITION_ACTUAL = (
     EXO[name].address for name in ("position_set", "force_set", "position_actual")
@@ -34,8 +35,8 @@ def stop_steps(context: StopContext) -> StopSequence:
     force = Step("all forces to 0", eb90.command_request(number, eb90.FORCE_COMMAND, [0] * FINGERS), moves=True)
     told = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
     meaning, late = "", False
-    for _ in range(context.tries):
-        heard = yield from insist(context, force, lambda pieces: answer(pieces, told), ahead=wire.first)
+    for _ in range(attempts(context)):
+        heard = yield from repeat_until_answered(context, force, lambda pieces: answer(pieces, told), ahead=wire.first)
         came += heard.came
         if heard.found is None:
             break
@@ -44,7 +45,7 @@ def stop_steps(context: StopContext) -> StopSequence:
         # on a slow line as long as the forces have taken
         pieces = yield StopStep(
             step,
-            max(context.each, heard.seconds),
+            max(interval(context), heard.seconds),
             lambda pieces, taken=taken: answer(pieces, taken),  # type: ignore[misc]
         )
         if answer(pieces, taken) is None:

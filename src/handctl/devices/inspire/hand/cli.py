@@ -1,6 +1,6 @@
 """`handctl hand …`: how an RH56 hand is opened, and its commands.
 
-Each body checks its arguments, asks a device, returns a Table.
+Each body key_checks its arguments, asks a device, returns a Table.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.command.command_tree import ALWAYS, BOUNDS, Group, streaming
+from handctl.command.command_tree import Group
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.get_set_watch import Unequal, ask_released, bounds_of, tell_listed, within
-from handctl.command.options import COMMAND_LINE, NEGATIVE_NUMBERS, Seconds, checks, config_path, read_config
+from handctl.command.options import ALWAYS, BOUNDS, COMMAND_LINE, NEGATIVE_NUMBERS, Seconds, streaming
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire.hand.device import Hand
@@ -39,6 +39,7 @@ from handctl.link import FrameLink
 from handctl.model.device import limits_of
 from handctl.model.param import COMMAND, Element, Number, Step, given
 from handctl.model.result import Column, Row, Table
+from handctl.system.folders import config_path
 
 if TYPE_CHECKING:
     from handctl.command.config import Config
@@ -502,14 +503,14 @@ def _links(run: Run, links: Sequence[str]) -> tuple[str, str | None]:
 
 def _check_names(names: dict[str, str], force: bool) -> None:
     """Whether these names can be given, before anything moves. Raises UsageError."""
-    from handctl.command.config import NAME_HELP, is_name
+    from handctl.command.config import NAME_HELP, is_name, read_config
 
     for name in names.values():
         if not is_name(name):
             raise UsageError(f"{name!r} cannot be the name of a device", hint=f"allowed: {NAME_HELP}")
     if names["left"] == names["right"]:
         raise UsageError("both hands would have the same name", hint="give --left and --right different names")
-    taken = [name for name in names.values() if name in read_config(config_path()).devices]
+    taken = [name for name in names.values() if name in read_config().devices]
     if taken and not force:
         raise UsageError(
             f"{' and '.join(map(repr, taken))} already named in {config_path()}",
@@ -580,7 +581,7 @@ def _named(run: Run, found: Sequence[Paired], names: dict[str, str], force: bool
 
     path = config_path()
     rows = [_row(one, names[one.side], wanted[names[one.side]], path) for one in found]
-    config_edit.put_all(path, checks(), wanted, allow)
+    config_edit.put_all(path, wanted, allow)
     run.journal.info("next", "you can now use both names", hint=f"try `handctl -d {names['left']} hand status`")
     return Table(rows=rows, columns=PAIR_COLUMNS, plain=("name", "side", "link", "id"))
 

@@ -15,17 +15,8 @@ from handctl.devices.inspire.hand.map import HandRegister
 from handctl.devices.inspire.identity import STATES, is_five_wide, is_six_wide, within
 from handctl.devices.inspire.stop_wires import CAN, EB90, QUICK, RTU, TAKEN, TCP, Read, Wire, lead, seen_since
 from handctl.errors import DeviceRefused, LinkError, NoAnswer, ProtocolError
-from handctl.model.stop_sequence import (
-    WITHIN,
-    Pieces,
-    StopContext,
-    Stopped,
-    StopSequence,
-    StopStep,
-    insist,
-    settled,
-    taken_over,
-)
+from handctl.model.stop_repetition import REPEAT_FOR, after_late_replies, repeat_until_answered
+from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, taken_over
 
 BRIEF = 0.3
 """Seconds for each protocol where both are tried, before both are tried for longer."""
@@ -57,7 +48,9 @@ def stop_steps(context: StopContext) -> StopSequence:
         wires = {"eb90": [EB90], "modbus": [RTU]}.get(protocol, [EB90, RTU])
     failed: list[Stopped] = []
     # who speaks the second protocol must not wait until the first has been given up
-    turns = [(wire, seconds) for seconds in ((BRIEF, WITHIN) if len(wires) > 1 else (WITHIN,)) for wire in wires]
+    turns = [
+        (wire, seconds) for seconds in ((BRIEF, REPEAT_FOR) if len(wires) > 1 else (REPEAT_FOR,)) for wire in wires
+    ]
     for wire, seconds in turns:
         stopped = yield from _stop(context._replace(within=seconds), wire)
         if stopped.error not in (NoAnswer, ProtocolError):
@@ -84,15 +77,17 @@ def _stop(context: StopContext, name: str) -> Generator[StopStep, Pieces, Stoppe
     for start in range(0, len(zeros), size):
         place, data = (register.address + start) // register.per, zeros[start : start + size]
         step, verdict = wire.writing(place, data, "set the speed of every finger to 0")
-        heard = yield from insist(context, step, verdict, ahead=wire.first)
-        said = yield from settled(context, heard)
+        heard = yield from repeat_until_answered(context, step, verdict, ahead=wire.first)
+        said = yield from after_late_replies(context, heard)
         if said is None:
             return Stopped("speed 0 was sent but not acknowledged", POWER, ProtocolError if heard.came else NoAnswer)
         if said != TAKEN:
             return BY_GATEWAY.get(said, REFUSED_IT)
     if asks and states is None:
         step, found = wire.asking(*STATES, ASKS)
-        states = yield from settled(context, (yield from insist(context, step, found, reads=True, ahead=wire.first)))
+        states = yield from after_late_replies(
+            context, (yield from repeat_until_answered(context, step, found, reads=True, ahead=wire.first))
+        )
         if states is None or not _is_hand(states):
             text = "a device acknowledged speed 0, but it does not look like an RH56 hand with byte addresses"
             return Stopped(text, LABEL, ProtocolError)

@@ -10,16 +10,8 @@ from handctl.devices.inspire import eb90
 from handctl.devices.inspire.map import WRIST
 from handctl.devices.inspire.stop_wires import CAN, EB90, REFUSED, TAKEN, Wire, answer, asks, instead, lead, seen_since
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
-from handctl.model.stop_sequence import (
-    Pieces,
-    StopContext,
-    Stopped,
-    StopSequence,
-    StopStep,
-    insist,
-    silence,
-    taken_over,
-)
+from handctl.model.stop_repetition import attempts, interval, repeat_until_answered
+from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, silence, taken_over
 
 ANGLES, ANGLES_SET = WRIST["pitch_actual"].address, WRIST["yaw_set"].address
 """With yaw_actual behind it; with pitch_set behind it (wrist §2.1)."""
@@ -32,13 +24,15 @@ def stop_steps(context: StopContext) -> StopSequence:
     """Where is it, stay there: until it is acknowledged; then a second look."""
     if not (context.can or context.proven):
         step, prefix = asks(context.number, eb90.WRIST_READ)
-        heard = yield from insist(context, step, lambda pieces: answer(pieces, prefix), reads=True, ahead=lead(context))
+        heard = yield from repeat_until_answered(
+            context, step, lambda pieces: answer(pieces, prefix), reads=True, ahead=lead(context)
+        )
         if heard.found is None:
             return _unanswered(heard.came)
     meaning, wire = "", Wire(context, CAN if context.can else EB90, wrist=True)
     asked, found = wire.asking(ANGLES, 4)
-    for _ in range(context.tries):
-        told = yield from insist(context, asked, found, reads=True)
+    for _ in range(attempts(context)):
+        told = yield from repeat_until_answered(context, asked, found, reads=True)
         if told.found is None:
             return _unanswered(told.came)
         here = pitch, yaw = eb90.unpack_s16(told.found)
@@ -50,7 +44,7 @@ def stop_steps(context: StopContext) -> StopSequence:
         step, verdict = wire.writing(ANGLES_SET, eb90.pack_s16([yaw, pitch]), meaning)
         pieces = yield StopStep(
             step,
-            max(context.each, told.seconds),
+            max(interval(context), told.seconds),
             lambda came, verdict=verdict: verdict(came) is not None,  # type: ignore[misc]
         )
         taken = verdict(pieces)
@@ -62,7 +56,7 @@ def stop_steps(context: StopContext) -> StopSequence:
                 lambda: wire.values(ANGLES, 2), lambda: wire.values(ANGLES_SET, 2), [yaw, pitch], STILL, here
             )
             return taken_over(Stopped(done), against) if against else Stopped(done)
-        if told.seconds > context.each:
+        if told.seconds > interval(context):
             yield from silence(told.seconds)  # answers to repetitions tell where it was
     return Stopped(f"the wrist was commanded to {meaning} but did not acknowledge it", POWER, NoAnswer)
 

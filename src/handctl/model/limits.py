@@ -1,12 +1,12 @@
-"""Bounds that a person sets for readings: `temperature=60`, `force_actual.index=-200..500`. Knows rows, and no device."""
+"""The limits of a reading: those a person sets, such as `temperature=60`, and how near to one it is. Knows rows, no device."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from typing import Any
 
 from handctl.errors import CheckFailed, UsageError
-from handctl.model.param import Bound
-from handctl.model.result import Journal, Row, Sample, Table
+from handctl.light import NamedTuple
 from handctl.number_parsing import real_in
 
 Named = Callable[[str], Collection[str]]
@@ -14,7 +14,51 @@ Named = Callable[[str], Collection[str]]
 NEXT = "write NAME=HIGHEST or NAME=LOWEST..HIGHEST, such as `temperature=60`"
 
 
-def shown_value(row: Row) -> float | None:
+class Bound(NamedTuple):
+    """The lowest and highest value that some elements may have, in the unit that is shown; None = any.
+
+    paths  of the elements, as `path` in their rows
+    """
+
+    name: str
+    paths: frozenset[str]
+    low: float | None
+    high: float | None
+
+    def beyond(self, value: float) -> float:
+        """How far outside the value lies; 0 = inside. The ends belong to it."""
+        below = self.low - value if self.low is not None else 0.0
+        above = value - self.high if self.high is not None else 0.0
+        return max(0.0, below, above)
+
+    @property
+    def words(self) -> str:
+        """The bound as a person would say it."""
+        if self.low is None:
+            return f"at most {self.high:g}"
+        return f"at least {self.low:g}" if self.high is None else f"{self.low:g} to {self.high:g}"
+
+
+NEAR = 0.9
+"""From this share of a highest value on, a reading is near it."""
+
+
+def severity(
+    value: float, bounds: Sequence[Bound] = (), highest: float | None = None, usual: tuple[float, float] | None = None
+) -> int:
+    """2 = past a bound or the documented `highest` value, 1 = near one or outside the `usual` range, 0 = neither: the colour."""
+    if any(bound.beyond(value) for bound in bounds):
+        return 2
+    highs = [bound.high for bound in bounds if bound.high is not None and bound.high > 0]
+    if highest is not None and not highs:
+        if value >= highest:
+            return 2
+        highs = [highest]
+    low, high = usual or (value, value)
+    return int(any(value >= NEAR * end for end in highs) or not low <= value <= high)
+
+
+def shown_value(row: Mapping[str, Any]) -> float | None:
     """The number of a row in the unit that is shown; None where there is none."""
     value = row.get("scaled", row.get("value"))
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
@@ -47,11 +91,11 @@ class Watchdog:
 
     def __init__(self, bounds: Sequence[Bound]) -> None:
         self.bounds = bounds
-        self._worst: dict[tuple[int, str], tuple[float, Row, float | None]] = {}
+        self._worst: dict[tuple[int, str], tuple[float, Mapping[str, Any], float | None]] = {}
         self._compared: set[int] = set()
         self._looked = False
 
-    def look(self, rows: Iterable[Row], t: float | None = None) -> bool:
+    def look(self, rows: Iterable[Mapping[str, Any]], t: float | None = None) -> bool:
         """Take the rows of a moment, which is `t` seconds from the first; whether one of them is out of bounds."""
         out, self._looked = False, True
         for row in rows:
@@ -89,58 +133,13 @@ class Watchdog:
         return None
 
 
-def name_of(row: Row) -> str:
+def name_of(row: Mapping[str, Any]) -> str:
     """Which element a row is of."""
     part = row.get("finger") or row.get("motor") or row.get("element")
     return f"{row['name']}.{part}" if part else str(row["name"])
 
 
-def unit_of(row: Row) -> str:
+def unit_of(row: Mapping[str, Any]) -> str:
     """The unit that is shown, after a blank; "" = none."""
     unit = row.get("scaled_unit") or row.get("unit")
     return f" {unit}" if unit else ""
-
-
-class Bounds:
-    """What a person set for one command: `limits` decide the exit code, and `until` where it ends."""
-
-    def __init__(self, limits: Sequence[Bound], until: Sequence[Bound], where: str, journal: Journal) -> None:
-        self.limits = tuple(limits)
-        self._dog, self._end = Watchdog(limits), Watchdog(until)
-        self._where, self._journal = where, journal
-
-    def over(self, rows: Iterable[Row], t: float | None = None) -> bool:
-        """Take the rows of a moment, as in `Watchdog.look`; whether they are the last ones."""
-        rows = list(rows)
-        self._dog.look(rows, t)
-        if over := self._end.look(rows, t):
-            self._journal.info("until", f"ended by --until: {'; '.join(self._end.findings())}")
-        return over
-
-    def failure(self) -> CheckFailed | None:
-        """See `Watchdog`."""
-        return self._dog.failure(self._where)
-
-    def kept(self, table: Table) -> Table:
-        """The table, or the stream, with an end where `until` is passed, and exit 7 where one of `limits` is."""
-        if table.samples is None:
-            self.over(table.rows)
-            table.failure = table.failure or self.failure()
-            return table
-        samples = table.samples
-
-        def looked() -> Iterator[Sample]:
-            try:
-                for sample in samples:
-                    over = self.over(sample.rows, sample.t)
-                    yield sample
-                    if over:
-                        break
-            finally:
-                if close := getattr(samples, "close", None):
-                    close()  # so that a device is left
-                table.failure = table.failure or self.failure()
-
-        table.samples = looked()
-        table.bounds = self.limits
-        return table
