@@ -65,8 +65,10 @@ def _knows(params: ParamMap[Any], name: str) -> bool:
     return True
 
 
-def get(run: Run, params: ParamMap[Any], names: Sequence[str]) -> Table:
+def get(run: Run, params: ParamMap[Any], names: Sequence[str], limits: Sequence[str] = ()) -> Table:
     """Read the named quantities in as few transactions as the device allows."""
+    params = run.mapped(params)
+    bounds = bounds_of(run, params, limits)
     try:
         elements = select(params, names)
     except UsageError:  # perhaps known to another kind of device of this family
@@ -74,7 +76,7 @@ def get(run: Run, params: ParamMap[Any], names: Sequence[str]) -> Table:
     device: Device = run.device()
     table = device.table(device.read(device.here(elements)))
     table.plain = ("value",)
-    return table
+    return within(bounds, table)
 
 
 Change = tuple[Element, Number]

@@ -282,7 +282,9 @@ class IdentityCheck:
         for sign in signs:
             if self._bus.wire not in sign.kind.wires:
                 continue
-            blocks = [(span[0], self.ask(sign.space, span, due=due)) for span in sign.reads]
+            blocks: list[tuple[int, bytes | None]] = []
+            for span in sign.reads:
+                blocks += [(span[0], self.ask(sign.space, span, due=due))]
             shown = sign.shows(within(blocks))
             if shown:
                 self.evidence = "; ".join(filter(None, (shown, self.evidence)))
@@ -376,7 +378,7 @@ class FamilyGate(Gate):
 
     def __init__(self, own: Kind, assumed: bool) -> None:
         super().__init__(assumed)
-        self._own = own
+        self._own = self._read_as = own
         self._sought = False  # a hand without a wrist: once a command
 
     def look(self, bus: RegisterBus) -> None:
@@ -390,19 +392,21 @@ class FamilyGate(Gate):
             return
         if self.assumed:
             self.tell(bus.journal)
-        else:
+        elif self._own is not WRIST:  # nobody else has answered to its flag
+            there, held = bus.at("hand"), within(blocks)
+            per, there.per = there.per, 1
+            look = IdentityCheck(there, lambda address, count: held(per * address, count))
             try:
-                self._judge_read(bus, blocks)
+                if (kind := look.contradiction(self._read_as)) is not None:
+                    self._refuse_read(bus, kind, look.evidence)
             except HandctlError as exc:
                 if not bus.link.replayed or exc.code != "replay-miss":
                     raise
         met.add(who)
 
-    def _judge_read(self, bus: RegisterBus, blocks: Sequence[tuple[int, bytes]]) -> None:
-        look = IdentityCheck(bus, within(blocks))
-        kind = look.contradiction(self._own) if self._own is not WRIST else None  # nobody else has answered
-        if kind is not None:
-            raise stranger(bus, kind, self._own, look.evidence)
+    def _refuse_read(self, bus: RegisterBus, kind: Kind, evidence: str) -> None:
+        """Raise DeviceRefused: what was read proves this kind."""
+        raise stranger(bus, kind, self._own, evidence)
 
     def unheard(self, bus: RegisterBus, error: HandctlError) -> None:
         """After an `error` of a read: raise DeviceRefused where a hand without a wrist answers what it hears."""

@@ -231,6 +231,7 @@ class ModelGate(FamilyGate):
         # what was neither looked at nor typed is not written to
         super().__init__(BYTE_HAND, assumed and typed is not None)
         self.typed = typed
+        self._read_as = KINDS[typed] if typed is not None else BYTE_HAND
         self.unasked = assumed
         """Whether --assume-identity is given: whoever is there is read, by the map of bytes where none was typed."""
         self.found: Found | None = None
@@ -246,17 +247,10 @@ class ModelGate(FamilyGate):
         if self.typed is not None and self.found is None:
             super().read(bus, blocks)
 
-    def _judge_read(self, bus: RegisterBus, blocks: Sequence[tuple[int, bytes]]) -> None:
-        assert self.typed is not None
-        own, there, held = KINDS[self.typed], bus.at("hand"), within(blocks)
-        per, there.per = there.per, 1
-        asked = IdentityCheck(there, lambda address, count: held(per * address, count))
-        kind = asked.contradiction(own)
-        if kind is None:
-            return
+    def _refuse_read(self, bus: RegisterBus, kind: Kind, evidence: str) -> None:
         if kind.family != "hand":
-            raise stranger(bus, kind, BYTE_HAND, asked.evidence)
-        contradiction(bus, Found(kind, None, asked.evidence), self.typed)
+            super()._refuse_read(bus, kind, evidence)
+        contradiction(bus, Found(kind, None, evidence), self.typed)
 
     def _judge(self, bus: RegisterBus) -> None:
         found, typed = self.seen(bus), self.typed
