@@ -17,7 +17,7 @@ from unittest import mock
 import click
 import pytest
 
-from handctl.command import connection
+import handctl.link
 from handctl.devices.inspire import identity
 from handctl.devices.inspire.exo.cli import cli as exo_cli
 from handctl.devices.inspire.wrist.cli import cli as wrist_cli
@@ -57,7 +57,7 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @contextmanager
 def on(link: Any) -> Iterator[Any]:
     """Every link that is opened meanwhile is this one."""
-    with mock.patch.object(connection, "open_link", lambda *_, **_more: link):
+    with mock.patch.object(handctl.link, "_open", lambda *_args: link):
         yield link
 
 

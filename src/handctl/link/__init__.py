@@ -54,34 +54,7 @@ def open_link(
 
     Raises UsageError for a LINK that cannot be understood, LinkError for one that cannot be opened.
     """
-    opened: Link
-    # Imported on use: a fake or a TCP link must not pay for pyserial.
-    if link.startswith("fake://") and is_can(link):
-        from handctl.link.fake import FakeFrames
-
-        opened = FakeFrames(link, simulator or {})
-    elif link.startswith("fake://"):
-        from handctl.link.fake import FakeLink
-
-        opened = FakeLink(link, baud, simulator or {})
-    elif link.startswith("replay:"):
-        from handctl.link.replay import open_replay
-
-        opened = open_replay(link, baud)
-    elif link.startswith("tcp://"):
-        from handctl.link.tcp import TcpLink
-
-        opened = TcpLink(link, tcp_port)
-    elif link.startswith("can:"):
-        from handctl.link.can import CanLink
-
-        opened = CanLink(link, exclusive=exclusive)
-    elif link:
-        from handctl.link.serial import open_serial
-
-        opened = open_serial(link, baud, exclusive=exclusive)
-    else:
-        raise UsageError("the LINK is empty", hint="give a port, such as -p /dev/ttyUSB0, or --fake")
+    opened = _open(link, baud, tcp_port, exclusive, simulator or {})
     if tap is not None:
         from handctl.link.transcript import observed
 
@@ -105,3 +78,32 @@ def is_can(link: str) -> bool:
 
         return carries_frames(link)
     return link.startswith("can:") or (link.startswith("fake://") and "bus=can" in link.partition("?")[2].split("&"))
+
+
+def _open(link: str, baud: int | None, tcp_port: int | None, exclusive: bool, simulator: Mapping[str, str]) -> Link:
+    # Imported on use: a fake or a TCP link must not pay for pyserial.
+    if link.startswith("fake://") and is_can(link):
+        from handctl.link.fake import FakeFrames
+
+        return FakeFrames(link, simulator)
+    if link.startswith("fake://"):
+        from handctl.link.fake import FakeLink
+
+        return FakeLink(link, baud, simulator)
+    if link.startswith("replay:"):
+        from handctl.link.replay import open_replay
+
+        return open_replay(link, baud)
+    if link.startswith("tcp://"):
+        from handctl.link.tcp import TcpLink
+
+        return TcpLink(link, tcp_port)
+    if link.startswith("can:"):
+        from handctl.link.can import CanLink
+
+        return CanLink(link, exclusive=exclusive)
+    if not link:
+        raise UsageError("the LINK is empty", hint="give a port, such as -p /dev/ttyUSB0, or --fake")
+    from handctl.link.serial import open_serial
+
+    return open_serial(link, baud, exclusive=exclusive)

@@ -60,9 +60,13 @@ class Memory:
         return within(self.blocks)(address, count)
 
 
-@lru_cache(256)
-def plan(registers: tuple[Register, ...], limit: int = MAX_COUNT) -> Sequence[Block]:
+def plan(registers: Iterable[Register], limit: int = MAX_COUNT) -> list[Block]:
     """The fewest blocks of at most `limit` bytes that cover all `registers`, gaps included."""
+    return list(_planned(tuple(registers), limit))
+
+
+@lru_cache(256)
+def _planned(registers: tuple[Register, ...], limit: int) -> Sequence[Block]:
     blocks: list[Block] = []
     for register in sorted(registers, key=lambda register: register.address):
         last = blocks[-1] if blocks else None
@@ -90,7 +94,7 @@ class BlockReader:
         """Read `registers` into `memory`. Groups that fail are in its `errors`; raises when nothing at all could be read."""
         memory = Memory() if memory is None else memory
         first: HandctlError | None = None
-        blocks = plan(tuple(registers), self._bus.max_count)
+        blocks = plan(registers, self._bus.max_count)
         if len(blocks) > 1:  # what a stranger would act upon is not asked first
             blocks = sorted(blocks, key=lambda block: not self._bus.quiet(block.address, block.size))
         for block in blocks:
