@@ -251,7 +251,7 @@ DESCRIBE_COLUMNS = (
 
 def describe_row(param: Param, kind: str) -> Row:
     """One parameter of a map as data."""
-    from handctl.model.remedy import remedies_of
+    from handctl.model.outline import remedies_of
 
     table = remedies_of(kind) if param.alarms or param.choices else {}
     words = [*param.alarms.values(), *param.choices.values()]
@@ -377,8 +377,7 @@ def watch(
         flags=frozenset(element.param.name for element in elements if element.param.bits),
     )
     if seen:
-        from handctl.model.outline import highest_of
-        from handctl.model.remedy import remedies_of
+        from handctl.model.outline import highest_of, remedies_of
 
         table.remedies, table.highest = remedies_of(params.kind), highest_of(params.kind)
     return table

@@ -1,6 +1,6 @@
 """What the readings of an AIDIN-hand mean, and what to do. It has no error bits."""
 
-from handctl.model.remedy import Remedy
+from handctl.model.outline import Remedy
 
 REMEDIES = {
     "no-angle": Remedy("joint angles are no radians (possibly degrees)", "check the bytes with --trace FILE. Until then, move only with `encoders`", "aidin, Feedback keys"),

@@ -10,8 +10,8 @@ from handctl.devices.ekso.change import APART, MOST_SPEED
 from handctl.devices.ekso.map import SETTINGS, Word
 from handctl.devices.ekso.setting_writer import BETWEEN_WRITES
 from handctl.errors import CheckFailed, UsageError
-from handctl.model.clock_comparison import WITHIN_MS
 from handctl.model.result import Column, Journal, Row, Table
+from handctl.model.sampling import WITHIN_MS
 
 COLUMNS = (
     Column("name", "Setting"),

@@ -1,6 +1,6 @@
 """What handctl finds in the data of an EksoNR, and what to do. The device itself reports no errors; the limits are handctl's."""
 
-from handctl.model.remedy import Remedy
+from handctl.model.outline import Remedy
 
 _SERVICE = "run `handctl ekso report FILE`, and have the sensor checked by Ekso's service"
 
