@@ -213,7 +213,7 @@ def streaming(rate: float) -> Decorator:
     return together(
         click.option(
             "--rate",
-            type=Hertz(),
+            type=Hertz(min=0),
             default=rate,
             show_default=True,
             metavar="HZ",

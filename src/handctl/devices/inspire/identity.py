@@ -78,7 +78,7 @@ def is_six_wide(at: At) -> str:
         told.append(f"six status codes at {STATUS[0]} ({hex_bytes(codes)})")
     if warm and warm[0] in WARM:
         told.append(f"a temperature of the thumb rotation at {ROTATION[0]} ({warm[0]} °C)")
-    speeds, strokes = _words(at(*SPEEDS)), _words(at(*STROKES))
+    speeds, strokes = eb90.unpack_s16(at(*SPEEDS)), eb90.unpack_s16(at(*STROKES))
     if any(speeds) and any(strokes) and max(map(abs, speeds)) <= 1000 and max(map(abs, strokes)) <= 2100:
         told.append(f"six speeds at {SPEEDS[0]} and six strokes at {STROKES[0]}")
     return " and ".join(told)
@@ -98,7 +98,7 @@ def is_five_wide(at: At) -> str:
 
 def is_f1(at: At) -> str:
     """RH56F1 counts words: angles of 50 to 180 degrees, status codes and temperatures, all three (rh56 §1.1)."""
-    angles, states = _words(at(1064, 12)), _words(at(1088, 24))
+    angles, states = eb90.unpack_s16(at(1064, 12)), eb90.unpack_s16(at(1088, 24))
     codes, warm = states[:6], states[6:]
     good = len(angles) == len(warm) == 6 and all(500 <= angle <= 1800 for angle in angles)
     good = good and all(0 <= code <= 8 for code in codes) and all(10 <= degrees <= 90 for degrees in warm)
@@ -109,13 +109,9 @@ def is_f1(at: At) -> str:
 
 def is_dg2(at: At) -> str:
     """RH5DG2 counts words and has 13 actuators: angles and temperatures (rh56 §1.1)."""
-    angles, warm = _words(at(1136, 26)), _words(at(1206, 26))
+    angles, warm = eb90.unpack_s16(at(1136, 26)), eb90.unpack_s16(at(1206, 26))
     good = len(angles) == len(warm) == 13 and any(angles) and all(10 <= degrees <= 90 for degrees in warm)
     return f"13 temperatures at 1206 ({', '.join(map(str, warm))} °C) and 13 angles at 1136, as words" if good else ""
-
-
-def _words(data: bytes | None) -> list[int]:
-    return eb90.unpack_s16(data or b"")
 
 
 NOT_SHOWN = "not-shown"
