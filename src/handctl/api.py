@@ -12,10 +12,12 @@ configuration file only the device that `connect("left")` names. `handctl.hands`
 from __future__ import annotations
 
 import keyword
+import re
+import shlex
 from collections.abc import Callable, Generator, Iterator, Mapping
 from functools import cache
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -28,6 +30,10 @@ from handctl.families import FAMILIES, HISTORY
 from handctl.model.result import Row
 from handctl.model.settings import Settings
 from handctl.wording import sentence
+
+if TYPE_CHECKING:
+    from handctl.command.command_tree import Command
+
 
 HOST = ("timeout", "deadline", "retries", "trace", "history", "assume_identity")
 """Settings of this end of a link, whatever is at the other."""
@@ -182,8 +188,6 @@ def told(error: HandctlError, kind: str) -> HandctlError:
 
 
 def _in_python(kind: str, *texts: str) -> Iterator[str]:
-    from handctl.command.pythonic import in_python
-
     known = {name: method.command for name, method in methods(kind).items()} if kind in FAMILIES else {}
     return (in_python(text, kind, known) for text in texts)
 
@@ -314,3 +318,74 @@ def simulate(family: str, **options: Any) -> Device:
 
 
 __all__ = ["Device", "HandctlError", "Rows", "Stream", "connect", "simulate"]
+
+
+# -- messages in the words of a program: methods for commands, arguments for options ----------------------------------
+
+OPTION = re.compile(r"(?<![\w-])(--[a-z]+(?:-[a-z]+)*|-[pdny]\b)(?:=(?=\w))?")
+MEANS = {
+    "-p": "link",
+    "-d": "a named device",
+    "-n": "dry_run",
+    "-y": "confirm",
+    "--yes": "confirm=True",
+    "--fake": "simulate()",
+}
+"""Options that have another name there; of all others - becomes _."""
+OPENED = ("-p", "--port", "-d", "--device")
+"""Options whose value says which device: it is open already."""
+
+
+def in_python(text: str, kind: str, known: Mapping[str, Command]) -> str:
+    """`text` for a program that has a device of family `kind`, whose methods are the commands `known`.
+
+    A command of another program, or of handctl as a whole, stays as it is typed.
+    """
+    return "".join(
+        _code(piece, kind, known) if piece[:1] == "`" else OPTION.sub(_name, piece)
+        for piece in re.split("(`[^`]*`)", text)
+    )
+
+
+def _name(found: re.Match[str]) -> str:
+    return MEANS.get(found[1]) or found[1].lstrip("-").replace("-", "_")
+
+
+def _code(piece: str, kind: str, known: Mapping[str, Command]) -> str:
+    """What stands between backticks: a command of this family becomes a call, an option an argument."""
+    try:
+        words = shlex.split(piece.strip("`"))
+    except ValueError:
+        return piece
+    typed = words[:1] == ["handctl"]
+    own = words[1:2] == [kind] or words[1:2] in (["-d"], ["--device"])
+    words = [word for word in words[typed:] if word != kind]
+    while words and words[0] in OPENED:
+        del words[:2]
+    for count in (2, 1) if own or not typed else ():
+        name = "_".join(words[:count]).replace("-", "_")
+        if len(words) >= count and name in known and (typed or " -" in piece):
+            return f"`{name}({', '.join(_call_arguments(words[count:], known[name]))})`"
+    return piece if typed else OPTION.sub(_name, piece)
+
+
+def _call_arguments(words: list[str], command: click.Command) -> list[str]:
+    """Words behind a command as arguments of a method."""
+    options = {name: param for param in command.params if isinstance(param, click.Option) for name in param.opts}
+    found, rest = [], list(words)
+    while rest:
+        word = rest.pop(0)
+        if not re.match("--?[a-z]", word):
+            found.append(_literal(word))
+            continue
+        option, takes = options.get(word), word in OPENED or bool(rest and rest[0].isupper())
+        if option is not None:
+            takes = not option.is_flag
+        value: Any = _literal(rest.pop(0)) if takes and rest else True
+        if word not in OPENED:
+            found.append(f"{MEANS.get(word, word.lstrip('-')).partition('=')[0].replace('-', '_')}={value}")
+    return found
+
+
+def _literal(word: str) -> str:
+    return word if re.fullmatch("-?[0-9.]+|…", word) else f'"{word}"'

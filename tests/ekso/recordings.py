@@ -9,8 +9,8 @@ from typing import Any
 
 from handctl.devices.ekso.log import USUAL_MS, FeedbackLine, RowLayout
 from handctl.errors import HandctlError
-from handctl.model.clock_comparison import Moment
 from handctl.model.prompts import Prompts
+from handctl.model.sampling import Moment
 from handctl.record.marks import Heard
 from handctl.record.recording import Limits, Loop, Recording
 from handctl.record.source import Sample, Source

@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from handctl.devices.ekso.log_file import LogFile
-from handctl.model.clock_comparison import Moment
+from handctl.model.sampling import Moment
 from handctl.record.marks import Heard
 from handctl.record.source import Sample
 from tests.ekso.recordings import STANDING, Device, opened, words_at

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from handctl.model.clock_comparison import WITHIN_MS
+from handctl.model.sampling import WITHIN_MS
 from handctl.sim.ekso.body import SIZES, Unrest
 from handctl.sim.engine.model import Random
 from tests.ekso.commands import unit

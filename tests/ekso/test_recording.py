@@ -21,8 +21,8 @@ from hypothesis import strategies as st
 from handctl.devices.ekso.log import USUAL_MS, EksoSource, RowLayout, parse, text_of
 from handctl.devices.ekso.map import DATA, SETTINGS
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
-from handctl.model.clock_comparison import WITHIN_MS, Moment
 from handctl.model.prompts import Prompts
+from handctl.model.sampling import WITHIN_MS, Moment
 from handctl.record.recording import Limits, Loop, changed, file_name, undisturbed
 from handctl.record.source import Sample, clean
 from handctl.record.timeline import LEARNED, MOST_PARTED, ClockFit, Timeline

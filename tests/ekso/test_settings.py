@@ -26,7 +26,7 @@ from handctl.errors import (
     ProtocolError,
     UsageError,
 )
-from handctl.model.clock_comparison import Span
+from handctl.model.sampling import Span
 from tests.ekso.bench import Bench, change
 from tests.ekso.support import (
     DATA,

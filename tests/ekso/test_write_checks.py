@@ -15,7 +15,7 @@ from handctl.command import console
 from handctl.devices.ekso import change, policy, write_checks
 from handctl.devices.ekso.audit import AuditLog
 from handctl.devices.ekso.map import DRIVEN, SETTINGS
-from handctl.model.clock_comparison import WITHIN_MS
+from handctl.model.sampling import WITHIN_MS
 from tests.ekso.commands import ME
 from tests.support.cli import Result, run, sent
 from tests.support.each_row import each_row

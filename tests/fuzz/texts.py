@@ -229,7 +229,7 @@ class EksoLog:
 
     def __init__(self, folder: Path) -> None:
         from handctl.devices.ekso.log import RowLayout
-        from handctl.model.clock_comparison import Moment
+        from handctl.model.sampling import Moment
         from handctl.record.source import Stamp
         from handctl.record.timeline import Timeline
         from tests.ekso.recordings import words_at

@@ -62,7 +62,7 @@ def test_blocks_respect_the_limit() -> None:
 
 def test_memory_knows_what_was_read() -> None:
     memory = Memory()
-    memory.blocks = [(1000, b"\x01\x02"), (1486, b"\x03\x04\x05")]
+    memory.blocks += [(1000, b"\x01\x02"), (1486, b"\x03\x04\x05")]
     assert memory.bytes_at(1000, 2) == b"\x01\x02"
     assert memory.bytes_at(1487, 2) == b"\x04\x05"
     assert memory.bytes_at(1001, 2) is None

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from handctl.charts.outline import outline_svg
+from handctl.charts.curves import outline_svg
 from handctl.command.family import load
 from handctl.families import FAMILIES
 from handctl.model.outline import Bar, Measure, Outline, drawn, outline_of, painted

@@ -11,8 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 import handctl
-from handctl.api import methods
-from handctl.command.pythonic import in_python
+from handctl.api import in_python, methods
 from handctl.errors import HandctlError, LinkError, NoAnswer, UsageError
 from handctl.families import FAMILIES
 from handctl.wording import sentence

@@ -14,8 +14,7 @@ import pytest
 
 from handctl.families import FAMILIES
 from handctl.model.limits import Bound
-from handctl.model.outline import highest_of
-from handctl.model.remedy import Remedy
+from handctl.model.outline import Remedy, highest_of
 from handctl.model.result import Journal, Sample, Table
 from handctl.model.settings import Settings
 from handctl.screen import live

@@ -18,9 +18,9 @@ from handctl.families import FAMILIES
 from handctl.link import ByteLink, Deadline
 from handctl.model.checks import Check
 from handctl.model.result import Journal
-from handctl.tools import doctor, doctor_link, doctor_machine
+from handctl.tools import doctor, doctor_link
+from handctl.tools.doctor import port_checks
 from handctl.tools.doctor_link import LinkChecks
-from handctl.tools.doctor_machine import port_checks
 from handctl.tools.port_inventory import needed
 from handctl.tools.probes import probe_of
 from tests.support.cli import Result, Simulator, run, sent, wait_until, writes
@@ -126,14 +126,14 @@ def test_old_and_missing_packages() -> None:
         return versions[name]
 
     with mock.patch.object(metadata, "version", version):
-        check = doctor_machine.packages()
+        check = doctor.packages()
     assert check.status == "fail"
     assert check.evidence.startswith("bincopy is missing, click 8.0.4 (needs 8.1). Installed: ")
     assert check.remedy.endswith(" -m pip install 'bincopy>=20.0' 'click>=8.1'`")  # handctl itself is in no registry
     with mock.patch.dict(versions, {"click": "8.10", "bincopy": "20"}), mock.patch.object(metadata, "version", version):
-        assert doctor_machine.packages().status == "ok"
+        assert doctor.packages().status == "ok"
     with mock.patch.object(metadata, "version", mock.Mock(side_effect=metadata.PackageNotFoundError)):
-        assert doctor_machine.packages().status == "skipped"
+        assert doctor.packages().status == "skipped"
 
 
 @pytest.mark.parametrize("python", ["3.10", "3.11", "3.13"])
@@ -147,23 +147,23 @@ def test_packages_are_those_of_the_package(python: str) -> None:
 
 
 def test_an_old_python() -> None:
-    with mock.patch.object(doctor_machine.sys, "version_info", (3, 9, 1)):
-        assert (doctor_machine.python().status, doctor_machine.python().evidence) == ("fail", "3.9.1 is too old")
+    with mock.patch.object(doctor.sys, "version_info", (3, 9, 1)):
+        assert (doctor.python().status, doctor.python().evidence) == ("fail", "3.9.1 is too old")
 
 
 @pytest.mark.parametrize(
     ("now", "status"), [(1_000_000.0, "warning"), (2_000_000_000.0, "ok"), (1_999_950_000.0, "ok")]
 )
 def test_a_clock_before_the_installation(now: float, status: str) -> None:
-    assert doctor_machine.clock(now, 2_000_000_000.0).status == status
+    assert doctor.clock(now, 2_000_000_000.0).status == status
 
 
 @pytest.mark.parametrize(
     ("encoding", "status"), [("utf-8", "ok"), ("UTF8", "ok"), ("ascii", "warning"), (None, "warning")]
 )
 def test_locale(encoding: str | None, status: str) -> None:
-    with mock.patch.object(doctor_machine.sys, "stdout", mock.Mock(encoding=encoding)):
-        assert doctor_machine.locale().status == status
+    with mock.patch.object(doctor.sys, "stdout", mock.Mock(encoding=encoding)):
+        assert doctor.locale().status == status
 
 
 @pytest.mark.parametrize(
@@ -173,17 +173,17 @@ def test_terminal(columns: int, term: str, status: str, monkeypatch: pytest.Monk
     monkeypatch.setenv("TERM", term)
     size = mock.Mock(columns=columns)
     with (
-        mock.patch.object(doctor_machine.sys, "stdout", mock.Mock(isatty=lambda: True)),
-        mock.patch.object(doctor_machine.shutil, "get_terminal_size", lambda: size),
+        mock.patch.object(doctor.sys, "stdout", mock.Mock(isatty=lambda: True)),
+        mock.patch.object(doctor.shutil, "get_terminal_size", lambda: size),
     ):
-        assert doctor_machine.terminal().status == status
+        assert doctor.terminal().status == status
 
 
 @pytest.mark.parametrize(("free", "status"), [(10**9, "ok"), (10**8 - 1, "warning"), (10**6, "fail")])
 def test_room(free: int, status: str, tmp_path: Path) -> None:
     usage = namedtuple("usage", "free")(free)
-    with mock.patch.object(doctor_machine.shutil, "disk_usage", lambda _folder: usage):
-        assert doctor_machine.room(tmp_path).status == status
+    with mock.patch.object(doctor.shutil, "disk_usage", lambda _folder: usage):
+        assert doctor.room(tmp_path).status == status
 
 
 # -- a link -------------------------------------------------------------------------------------------------------

@@ -11,8 +11,7 @@ import pytest
 from handctl.charts.curves import ticks
 from handctl.errors import UsageError
 from handctl.screen.csv_output import column_of, of_column
-from handctl.tools.plot import grouped
-from handctl.tools.plot_read import read
+from handctl.tools.plot import grouped, read
 from tests.support.cli import run
 from tests.support.page import Page
 

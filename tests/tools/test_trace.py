@@ -14,7 +14,7 @@ from handctl.errors import UsageError
 from handctl.families import FAMILIES, TOLD
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
 from handctl.screen.render import dumps
-from handctl.tools import trace_diff, trace_read
+from handctl.tools import trace, trace_read
 from handctl.tools.trace import Given, parse_given
 from handctl.tools.trace_read import TranscriptReader, TranscriptRow, chosen, explainer_of, family_in, lines_of
 from tests.support.cli import run
@@ -442,7 +442,7 @@ def test_what_is_no_bytes_is_refused(text: str) -> None:
 
 
 def compared(family: str, a: list[str], b: list[str]) -> list[tuple[str, str, str]]:
-    steps = trace_diff.compare(*(trace_diff.exchanges(told(family, *lines)) for lines in (a, b)))
+    steps = trace.compare(*(trace.exchanges(told(family, *lines)) for lines in (a, b)))
     return [(step.status, step.a.text if step.a else "", step.b.text if step.b else "") for step in steps]
 
 
@@ -467,8 +467,8 @@ def test_changed_and_missing_exchanges() -> None:
         "read system_voltage: 2 bytes at 1472, id 1 -> system_voltage = 558 (raw, scale unknown), id 1",
         "read system_voltage: 2 bytes at 1472, id 1 -> system_voltage = 559 (raw, scale unknown), id 1",
     )
-    one, other = (next(trace_diff.exchanges(told("exo", READ, f"< {reply}"))) for reply in (REPLY, OTHER))
-    assert trace_diff.changes(one, other) == [("system_voltage", "558", "559")]
+    one, other = (next(trace.exchanges(told("exo", READ, f"< {reply}"))) for reply in (REPLY, OTHER))
+    assert trace.changes(one, other) == [("system_voltage", "558", "559")]
     assert compared("exo", [READ], [READ, f"< {REPLY}"])[0][1].endswith("-> no reply")
 
 

@@ -120,7 +120,9 @@ class Group(Described, click.Group):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         need_command(ctx, args)
-        said(ctx).stopping = "stop" in args
+        told = said(ctx)
+        told.words = told.words if ctx.parent is not None else tuple(args)
+        told.stopping = "stop" in args
         with bare(ctx, args[:1]):  # whatever stands behind a command is that command's
             return super().parse_args(ctx, args)
 
@@ -200,10 +202,6 @@ class Root(Group):
     """
 
     in_lines: dict[str, click.Command] = {}  # noqa: RUF012 - there is one root
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        said(ctx).words = tuple(args)
-        return super().parse_args(ctx, args)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return [name for names in LISTED.values() for name in names]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -69,11 +70,6 @@ def add_map_verbs(
     named = f"NAME[.{part}]" if part else "NAME"
     shown = f", such as `{example}`" if example else ""
 
-    def mapped(run: Run) -> ParamMap[Any]:
-        """The map of the device that is meant."""
-        own = run.family.map_of if run.family is not None else None
-        return own(run.settings) if own is not None else params
-
     with_setpoints = SETPOINTS if any(one.param.kind == COMMAND for one in params.kept()) else together()
     with_ids = IDS if any(param.tells == "serial" for param in params) else together()
 
@@ -89,7 +85,7 @@ def add_map_verbs(
         seen = (
             None if by is None else get_set_watch.picture(params.kind, by)
         )  # a wrong name is told before the link is opened
-        bounds = get_set_watch.bounds_of(run, mapped(run), limits)
+        bounds = get_set_watch.bounds_of(run, run.mapped(params), limits)
         table = get_set_watch.within(bounds, run.device().status(check))
         table.view = seen or table.view
         return table
@@ -99,21 +95,17 @@ def add_map_verbs(
     def dump(run: Run, limits: tuple[str, ...] = (), include_ids: bool = False) -> Table:
         """Read every documented quantity."""
         run.said.include_ids = include_ids
-        bounds = get_set_watch.bounds_of(run, mapped(run), limits)
+        bounds = get_set_watch.bounds_of(run, run.mapped(params), limits)
         return get_set_watch.within(bounds, run.device().dump())
 
-    @click.argument("names", nargs=-1, required=True, metavar=f"{named}...")
-    @LIMIT
-    def get(run: Run, names: tuple[str, ...], limits: tuple[str, ...] = ()) -> Table:
-        bounds = get_set_watch.bounds_of(run, mapped(run), limits)
-        return get_set_watch.within(bounds, get_set_watch.get(run, mapped(run), names))
-
+    get = partial(get_set_watch.get, params=params)
+    click.argument("names", nargs=-1, required=True, metavar=f"{named}...")(LIMIT(get))
     get.__doc__ = f"Read quantities by name{shown}."
 
     @click.argument("assignments", nargs=-1, required=True, metavar=f"{named}=VALUE...")
     @ALWAYS
     def set_(run: Run, assignments: tuple[str, ...], always: bool = False) -> Act:
-        return get_set_watch.set_values(run, mapped(run), assignments, always=always)
+        return get_set_watch.set_values(run, run.mapped(params), assignments, always=always)
 
     set_.__doc__ = f"Write values by name and read them back.{f' Example: `{setting}`.' if setting else ''}"
 
@@ -123,7 +115,7 @@ def add_map_verbs(
 
         Works without a device.
         """
-        return get_set_watch.describe(mapped(run), names)
+        return get_set_watch.describe(run.mapped(params), names)
 
     @click.argument("names", nargs=-1, metavar=NAMES)
     @watch_options
@@ -143,8 +135,10 @@ def add_map_verbs(
         """
         seen = run.settings.format == "table" and not run.settings.output and is_terminal(sys.stdout)
         seen = seen and columns() >= get_set_watch.BESIDE_COLUMNS
-        bounds = get_set_watch.bounds_of(run, mapped(run), limits, until)
-        table = get_set_watch.watch(run, mapped(run), names, rate=rate, count=count, duration=duration, seen=seen)
+        bounds = get_set_watch.bounds_of(run, run.mapped(params), limits, until)
+        table = get_set_watch.watch(
+            run, run.mapped(params), names, rate=rate, count=count, duration=duration, seen=seen
+        )
         return get_set_watch.within(bounds, table)
 
     @log_options
@@ -161,7 +155,7 @@ def add_map_verbs(
             run,
             file,
             log_command.RequestedOptions(**wishes),
-            mapped(run),
+            run.mapped(params),
             lambda again: log_command.of_map(run, names, again, every=not wishes["rate"]),
         )
 
@@ -198,7 +192,7 @@ def add_map_verbs(
         """
         from handctl.command import snapshots
 
-        return snapshots.diff(run, mapped(run), a, b, setpoints=setpoints)
+        return snapshots.diff(run, run.mapped(params), a, b, setpoints=setpoints)
 
     @click.argument("file", type=InFile())
     @with_setpoints
@@ -209,7 +203,7 @@ def add_map_verbs(
         """
         from handctl.command import snapshots
 
-        return snapshots.restore(run, mapped(run), file, setpoints=setpoints)
+        return snapshots.restore(run, run.mapped(params), file, setpoints=setpoints)
 
     @click.argument("file", type=OutFile(), metavar="FILE.html")
     @click.option(
@@ -232,7 +226,9 @@ def add_map_verbs(
         from handctl import report as pages
 
         run.said.include_ids = include_ids
-        return pages.report(run, mapped(run), file, pages.RequestedOptions(watch, include_ids, force), checks=checks)
+        return pages.report(
+            run, run.mapped(params), file, pages.RequestedOptions(watch, include_ids, force), checks=checks
+        )
 
     @reads_option
     def doctor(run: Run, count: int) -> Table:

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 class Trace:
     """The trace of one connection, or of several in sequence."""
 
-    def __init__(self) -> None:
-        self._file: TraceFile | None = None
+    _file: TraceFile | None = None
 
     def file(self, run: Invocation, name: str) -> TraceFile | None:
         """What records, for --trace or -v; None without either."""

@@ -65,8 +65,10 @@ def _knows(params: ParamMap[Any], name: str) -> bool:
     return True
 
 
-def get(run: Run, params: ParamMap[Any], names: Sequence[str]) -> Table:
+def get(run: Run, params: ParamMap[Any], names: Sequence[str], limits: Sequence[str] = ()) -> Table:
     """Read the named quantities in as few transactions as the device allows."""
+    params = run.mapped(params)
+    bounds = bounds_of(run, params, limits)
     try:
         elements = select(params, names)
     except UsageError:  # perhaps known to another kind of device of this family
@@ -74,7 +76,7 @@ def get(run: Run, params: ParamMap[Any], names: Sequence[str]) -> Table:
     device: Device = run.device()
     table = device.table(device.read(device.here(elements)))
     table.plain = ("value",)
-    return table
+    return within(bounds, table)
 
 
 Change = tuple[Element, Number]
@@ -249,7 +251,7 @@ DESCRIBE_COLUMNS = (
 
 def describe_row(param: Param, kind: str) -> Row:
     """One parameter of a map as data."""
-    from handctl.model.remedy import remedies_of
+    from handctl.model.outline import remedies_of
 
     table = remedies_of(kind) if param.alarms or param.choices else {}
     words = [*param.alarms.values(), *param.choices.values()]
@@ -375,8 +377,7 @@ def watch(
         flags=frozenset(element.param.name for element in elements if element.param.bits),
     )
     if seen:
-        from handctl.model.outline import highest_of
-        from handctl.model.remedy import remedies_of
+        from handctl.model.outline import highest_of, remedies_of
 
         table.remedies, table.highest = remedies_of(params.kind), highest_of(params.kind)
     return table

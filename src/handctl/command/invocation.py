@@ -21,7 +21,7 @@ from handctl.system.folders import config_path
 
 if TYPE_CHECKING:
     from handctl.link import Link
-    from handctl.model.param import Changes, Step
+    from handctl.model.param import Changes, ParamMap, Step
     from handctl.model.prompts import Prompts
     from handctl.model.write_ledger import Ledger
 
@@ -77,6 +77,11 @@ class Invocation:
             text = f"`handctl {self.command}` without {without} only reads"
             raise UsageError(text, hint="run it without -n, it changes nothing")
         self.writes = False
+
+    def mapped(self, params: ParamMap[Any]) -> ParamMap[Any]:
+        """The map of the device that is meant."""
+        own = self.family.map_of if self.family is not None else None
+        return own(self.settings) if own is not None else params
 
     def planner(self) -> Any:
         """The device without a link: can check and plan writes, cannot send."""

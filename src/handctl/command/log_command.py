@@ -17,9 +17,9 @@ from handctl import __version__
 from handctl.command.get_set_watch import bounds_of, select
 from handctl.command.run import Run
 from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, UsageError
-from handctl.model.clock_comparison import Moment
 from handctl.model.param import Element, ParamMap, Reading
 from handctl.model.result import Column, Table
+from handctl.model.sampling import Moment
 from handctl.record.marks import Heard, Marks
 from handctl.record.recording import (
     Limits,

@@ -287,9 +287,6 @@ class Seconds(FiniteRange):
 class Hertz(FiniteRange):
     """Samples a second: 0 for as fast as it goes, or a rate whose period a clock can wait for."""
 
-    def __init__(self) -> None:
-        super().__init__(min=0)
-
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         rate = super().convert(value, param, ctx)
         if 0 < rate < 1 / LONGEST:
@@ -300,21 +297,27 @@ class Hertz(FiniteRange):
 # -- files ----------------------------------------------------------------------------------------------------------
 
 
-class InFile(click.Path):
-    """A file that a command reads. `beside`: suffixes of files read with it."""
+class _File(click.Path):
+    """`additional`: suffixes of files that belong to it. `grows`: it is only appended to."""
 
-    def __init__(self, *, additional: tuple[str, ...] = ()) -> None:
-        super().__init__(dir_okay=False)
-        self.additional = additional
-
-
-class OutFile(click.Path):
-    """A file that a command writes. `beside`: suffixes of files written with it. `grows`: it is only appended to."""
+    reads = False
 
     def __init__(self, *, additional: tuple[str, ...] = (), grows: bool = False) -> None:
-        super().__init__()  # a folder is refused where it is known what is to be written
+        super().__init__(
+            dir_okay=not self.reads
+        )  # of one to write a folder is refused where it is known what is written
         self.additional = additional
         self.grows = grows
+
+
+class InFile(_File):
+    """A file that a command reads."""
+
+    reads = True
+
+
+class OutFile(_File):
+    """A file that a command writes."""
 
 
 class Named(NamedTuple):
@@ -337,10 +340,9 @@ def files_of(ctx: click.Context) -> tuple[list[Named], list[Named]]:
         group = inputs if isinstance(kind, InFile) else outputs
         for path in given if isinstance(given, tuple) else (given,):
             if path and path != "-":
-                grows = getattr(kind, "grows", False)
-                group += [Named(label, f"{path}{ending}", grows) for ending in ("", *kind.additional)]
+                group += [Named(label, f"{path}{ending}", kind.grows) for ending in ("", *kind.additional)]
                 if group is inputs and os.path.islink(path):  # what belongs to the file itself is no output, either
-                    group += [Named(label, f"{os.path.realpath(path)}{ending}", grows) for ending in kind.additional]
+                    group += [Named(label, f"{os.path.realpath(path)}{ending}") for ending in kind.additional]
     return inputs, outputs
 
 
@@ -384,7 +386,7 @@ def streaming(rate: float) -> Decorator:
     return together(
         click.option(
             "--rate",
-            type=Hertz(),
+            type=Hertz(min=0),
             default=rate,
             show_default=True,
             metavar="HZ",

@@ -251,7 +251,8 @@ class Run(Invocation):
                 finish_on_signals()
                 self.close(None)
                 self.remember(HandctlError("internal error"))
-                print_writes(self.journal.ledger, self.settings, None)
+                if self.writes:
+                    print_writes(self.journal.ledger, self.settings, None)
                 raise
             finish_on_signals()  # from now on a Ctrl-C changes neither the result nor the exit code, unless its reader sleeps
             failure = self.end_device()
@@ -262,7 +263,8 @@ class Run(Invocation):
                     if failure is None and not self.journal.ledger.began:
                         raise
                     failure = self.outcome.lost(exc)
-            print_writes(self.journal.ledger, self.settings, failure)
+            if self.writes:
+                print_writes(self.journal.ledger, self.settings, failure)
             if output_abandoned():
                 text = "interrupted while writing the result: the reader had stopped reading"
                 failure = failure or Interrupted(text)

@@ -9,8 +9,7 @@ from pathlib import Path
 from handctl import guides
 from handctl.docgen.completion import SHELLS
 from handctl.docgen.library import stub
-from handctl.docgen.man import guide, pages
-from handctl.docgen.readme import filled
+from handctl.docgen.man import filled, guide, pages
 from handctl.docgen.tree import read_tree
 
 

@@ -42,10 +42,10 @@ from handctl.wording import plural
 if TYPE_CHECKING:
     from handctl.link import Deadline, Link
     from handctl.link.deadman import Guard
-    from handctl.model.clock_comparison import Moment
     from handctl.model.movement import Clock
     from handctl.model.param import Step
     from handctl.model.prompts import Prompts
+    from handctl.model.sampling import Moment
 
 OTHER_FORM = "other-form"
 """Code of a device whose replies are not those of the manual, in the same way each time."""
@@ -433,7 +433,7 @@ class Device(ABC):
 
         With `check`, findings and those of `more` give exit code 7, with the remedy of the most urgent one.
         """
-        from handctl.model.remedy import hint_for, hint_of
+        from handctl.model.outline import hint_for, hint_of
 
         for finding in findings:
             self.journal.warn("unhealthy", finding.text, hint_for(self.kind, finding))

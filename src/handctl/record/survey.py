@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any, NamedTuple
 
-from handctl.model.clock_comparison import WITHIN_MS, Moment
+from handctl.model.sampling import WITHIN_MS, Moment
 from handctl.record import timeline
 from handctl.record.log_file import LATEST_S, LogFile, damaged
 from handctl.record.source import MARK

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from math import inf, sqrt
 from typing import Any, NamedTuple
 
-from handctl.model.clock_comparison import WITHIN_MS, Moment, Span
+from handctl.model.sampling import WITHIN_MS, Moment, Span
 
 BOOT_WRAP = 1 << 32
 """A device's clock is 32 bit of milliseconds."""

@@ -9,28 +9,30 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-from collections.abc import Callable, Iterable, Iterator
+import platform
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
+from importlib import metadata
 from itertools import accumulate, groupby
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from handctl import __version__
-from handctl.charts.curves import curves
-from handctl.charts.outline import outline_svg
+from handctl.charts.curves import curves, outline_svg
 from handctl.command import get_set_watch
 from handctl.command.family import load
 from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.files import atomic_write, writing
+from handctl.link.base import path_in
 from handctl.link.transcript import Tap, observed, parse
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Explainer
 from handctl.model.outline import outline_of
 from handctl.model.param import ParamMap
-from handctl.model.result import Column, Grid, Message, Sample, Table
-from handctl.report.computer import environment, port
+from handctl.model.result import Column, Grid, Message, Row, Sample, Table
 from handctl.report.html import Report, page
-from handctl.report.redaction import REDACTED, Privacy
 from handctl.screen.render import default_view
+from handctl.system.processes import system_name
 from handctl.wording import plural
 
 if TYPE_CHECKING:
@@ -328,3 +330,152 @@ def shortened(lines: list[str]) -> Iterator[str]:
     for keep, group in groupby(zip(kept, lines, strict=True), key=lambda pair: pair[0]):
         some = [line for _, line in group]
         yield from some if keep else [f"# {len(some)} lines left out: --trace FILE keeps them all"]
+
+
+# -- this computer: no user, no host name, no folder ------------------------------------------------------------------
+
+Facts = list[tuple[str, str]]
+"""(what, text) in the order of the page."""
+
+
+def environment() -> Facts:
+    """System, Python and the versions of the packages that handctl uses."""
+    from handctl.tools.port_inventory import needed
+
+    facts = [
+        ("system", system_name()),
+        ("Python", f"{platform.python_implementation()} {platform.python_version()}"),
+    ]
+    return facts + [(name, _version(name)) for name in needed()]
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed as a package"
+
+
+def port(link: str) -> Facts:
+    """What the system reports about the serial port or CAN interface of `link`; nothing for other links."""
+    from handctl.tools.port_inventory import Machine
+
+    machine = Machine()
+    if link.startswith("can:socketcan:"):
+        name = link.removeprefix("can:socketcan:").partition("?")[0]
+        return [fact for found in machine.can_interfaces() if found.name == name for fact in (
+            ("CAN interface", name), ("state", found.state), ("driver", found.driver or "unknown"),
+            ("bitrate", f"{found.bitrate} bit/s" if found.bitrate else "not reported"),
+        )]  # fmt: skip
+    path = path_in(link)  # the device file of a serial LINK; a COM name stays as it is
+    path = path if path.startswith("/dev/") or path.upper().startswith("COM") else ""
+    if link.startswith("usb:"):
+        found = next(iter(machine.matching(link)), None)
+    else:
+        found = machine.port(path) if path else None
+    if found is None:
+        return [("port", f"{path or 'none'}: not known to the system")] if path or link.startswith("usb:") else []
+    return [fact for fact in (
+        ("port", found.path), ("adapter", found.chip.name if found.chip is not None else ""),
+        ("USB", ":".join(found.usb.split(":")[:2])), ("driver", found.driver), ("product", found.product),
+        ("state", found.state), ("held by", ", ".join(map(str, found.held))), ("group", found.group),
+        ("latency timer", f"{found.latency_ms} ms" if found.latency_ms is not None else ""),
+    ) if fact[1]]  # fmt: skip
+
+
+# -- private data that a report leaves out unless requested -----------------------------------------------------------
+#
+# Values are blanked while they are still rows, before anything is drawn. For a device with such a quantity, all bytes that
+# it sent are left out, because the number could be anywhere in a late or damaged reply.
+
+REDACTED = "redacted"
+LEFT_OUT = "(left out)"
+_PLACES = frozenset(
+    {"name", "parameter", "motor", "finger", "element", "key", "word", "id", "address", "unit", "message"}
+)
+"""Keys of a row that say which quantity it is. All others may hold its value."""
+
+_HOMES = re.compile(r"(?<![\w.])((?:/home|/Users|/run/media|/media|[A-Za-z]:\\Users)[/\\])[^/\\\s'\"&;,]+")
+_BY_ID = re.compile(r"/dev/serial/by-id/[^\s'\",;]+")
+_CALLOUT = re.compile(r"(/dev/(?:cu|tty)\.usb(?:serial|modem)-?)[^\s'\",;]+")
+"""macOS names ports by serial number."""
+_USB = re.compile(r"\b(usb:[0-9A-Fa-f]{4}:[0-9A-Fa-f]{4}):[^\s'\",;?]+")
+_BYTES = re.compile(r"\b[0-9A-Fa-f]{2}(?: [0-9A-Fa-f]{2}){2,}\b")
+_QUOTED = re.compile(r"(?<!\w)(['\"])(?:(?!\1).)*\d(?:(?!\1).)*\1")
+_NAMED = re.compile(r"(?i)\b((?:serial|pilot)[ _]?(?:number|no\.?|id)|SN|S/N)(\W{1,4}(?:is )?)(\d\w*)")
+
+
+class Privacy:
+    """What is blanked in one report. `keep_ids` leaves serial numbers and pilots alone; users and homes never appear.
+
+    holds   names of the private quantities that this kind of device has
+    masks   whether the bytes it sends are left out of the transcript
+    """
+
+    def __init__(self, params: ParamMap[Any], keep_ids: bool) -> None:
+        self.keep_ids = keep_ids
+        self.holds = tuple(param.name for param in params if param.private)
+        self.masks = bool(self.holds) and not keep_ids
+        self._home = os.path.expanduser("~")
+        self._secrets: set[str] = set()
+
+    def rows(self, rows: Sequence[Row]) -> list[Row]:
+        """The same rows, private quantities without their values; what they held is blanked in texts from now on."""
+        return [self._row(row) if row.get("name") in self.holds and not self.keep_ids else row for row in rows]
+
+    def table(self, table: Table) -> Table:
+        """The same table with such rows. Its own view must cope with words instead of numbers."""
+        table.rows = self.rows(table.rows)
+        return table
+
+    def identity(self, facts: Mapping[str, object]) -> dict[str, str]:
+        """What a device says of itself, as texts; what is unknown stays out."""
+        known = {key: value for key, value in facts.items() if value is not None}
+        for key in known.keys() & set(self.holds) if not self.keep_ids else ():
+            self._learn(known[key])
+            known[key] = REDACTED
+        return {key: self.text(str(value)) for key, value in known.items()}
+
+    def text(self, text: str) -> str:
+        """A text for people without users, home folders and serial numbers of adapters, and without what is private here.
+
+        Of a device that holds private quantities also bytes and quoted answers go: nobody knows what stands in them.
+        """
+        text = _HOMES.sub(r"\1(user)", text)
+        if len(self._home) > 1:
+            text = re.sub(rf"{re.escape(self._home)}(?=[/\\\s'\",;&]|$)", "~", text)
+        if self.keep_ids:
+            return text
+        text = _USB.sub(rf"\1:({REDACTED})", _BY_ID.sub(f"/dev/serial/by-id/({REDACTED})", text))
+        text = _CALLOUT.sub(rf"\1({REDACTED})", text)
+        if not self.masks:
+            return text
+        text = _QUOTED.sub(LEFT_OUT, _BYTES.sub(LEFT_OUT, _NAMED.sub(rf"\1\2{REDACTED}", text)))
+        for secret in self._secrets:
+            text = re.sub(rf"(?<![\w.]){re.escape(secret)}(?![\w]|\.\d)", REDACTED, text)
+        return text
+
+    def messages(self, messages: Iterable[Message]) -> list[Message]:
+        """Messages with such texts."""
+        return [found._replace(text=self.text(found.text), hint=self.text(found.hint)) for found in messages]
+
+    def transcript(self, line: str) -> str:
+        """One recorded line. What a device with private quantities sent becomes a comment with its number of bytes."""
+        time, _, rest = line.partition(" ")
+        if not self.masks or not rest.startswith("<"):
+            return line
+        words = rest.split()[1:]
+        count = len(words) - 3 if words[:1] == ["can"] else len(words)
+        return f"# {time} < {count} byte{'s' if count != 1 else ''} left out"
+
+    def _row(self, row: Row) -> Row:
+        self._learn(row.get("value"))
+        return {
+            key: self.text(str(value)) if key == "error" else value if key in _PLACES or value is None else REDACTED
+            for key, value in row.items()
+        }
+
+    def _learn(self, value: object) -> None:
+        """A number of one or two digits is not looked for in texts: it would be found everywhere."""
+        if value is not None and len(str(value)) > 2:
+            self._secrets.add(str(value))

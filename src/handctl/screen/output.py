@@ -97,24 +97,22 @@ class Sink:
     def flush(self) -> None:
         """Flush to the reader. If it sleeps, an interrupt is raised, and nothing is lost or written twice."""
         try:
-            while self._size and not self.broken:
-                self._hand_over()
+            while (
+                self._size and not self.broken
+            ):  # all that is kept; to a pipe or a terminal piece by piece, as there is room
+                if self._waits >= 0:
+                    interrupts.has_room(self._waits, None)
+                with interrupts.handing_over(self._waits):
+                    text = "".join(self._kept)
+                    size = len(text) if self._waits < 0 else 4 * PIECE if text.isascii() else PIECE
+                    self._kept, self._size = [text[size:]], len(text) - min(size, len(text))
+                    self.file.write(text[:size])
+                    self.file.flush()
             self.file.flush()
         except BrokenPipeError:
             self.broken = True
         except OSError as exc:
             raise OutputError(f"{self._path or 'stdout'}: cannot be written: {exc.strerror or exc}") from exc
-
-    def _hand_over(self) -> None:
-        """All that is kept; to a pipe or a terminal the next piece, as soon as there is room for it."""
-        if self._waits >= 0:
-            interrupts.has_room(self._waits, None)
-        with interrupts.handing_over(self._waits):
-            text = "".join(self._kept)
-            size = len(text) if self._waits < 0 else 4 * PIECE if text.isascii() else PIECE
-            self._kept, self._size = [text[size:]], len(text) - min(size, len(text))
-            self.file.write(text[:size])
-            self.file.flush()
 
     def abandon(self) -> None:
         """Write nothing more, also not what is kept: the reader sleeps, and waiting for it would never end."""

@@ -77,14 +77,15 @@ class DeviceAccess:
         self._lock: Lock | None = None
         self._ear: StopListener | None = None
         self._place = run.place if lock is not None else ""
-        self._keep(lock)
+        if lock is not None:
+            self._keep(lock)
 
-    def _keep(self, lock: Lock | None) -> None:
+    def _keep(self, lock: Lock) -> None:
         """Keep this lock and listen for requests next to it."""
         run = self._run
         self._lock = lock
-        troubles = [lock.unrecorded] if lock is not None and lock.unrecorded else []
-        if lock is not None and run.shows and not run.stops:
+        troubles = [lock.unrecorded] if lock.unrecorded else []
+        if run.shows and not run.stops:
             from handctl.stop.stop_listener import StopListener
 
             try:
@@ -124,10 +125,11 @@ class DeviceAccess:
         if self._lock is not None and place != self._place and (os.path.exists(name) or place.startswith("tty ")):
             lock = lock_for(run, name)
             self.release()
-            self._place = place
-            self._keep(lock)
-            if self.link is not None and lock is not None:
-                self.link.held = lock.descriptors
+            self._place, self._lock = place, None
+            if lock is not None:
+                self._keep(lock)
+                if self.link is not None:
+                    self.link.held = lock.descriptors
         return self.link is not None and self.link.reopen()
 
     @property

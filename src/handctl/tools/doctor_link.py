@@ -20,7 +20,6 @@ from handctl.link.transcript import observed
 from handctl.model.checks import Check
 from handctl.model.line_quality import SLOW, RoundTrips
 from handctl.model.result import Journal, hex_bytes
-from handctl.tools.doctor_machine import Verdict
 from handctl.tools.port_inventory import Machine
 from handctl.tools.probes import FamilyProbe
 from handctl.wording import plural
@@ -89,6 +88,10 @@ class Wire:
         event, _, speed = text.partition(" ")
         if event == "baud":
             self.speeds.append(speed)
+
+
+Verdict = tuple[str, str] | tuple[str, str, str] | tuple[str, str, str, tuple[tuple[str, Any], ...]]
+"""What a check found: status, evidence, and where there are such a remedy and numbers."""
 
 
 @dataclass(slots=True)

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from handctl.link.port_users import Process, group_of, groups, holders, processes
-from handctl.system import drivers, ports
-from handctl.system.drivers import Driver
+from handctl.system import ports
+from handctl.system.ports import Driver
 from handctl.system.processes import user_name
 
 CAN_TYPE = "280"
@@ -114,8 +114,8 @@ class Machine:
     run_ip: Callable[[], str] = _run_ip
     source: Callable[[str], str] = lambda address: source(address)  # noqa: PLW0108 - looked up when it is called
     listing: Callable[[], list[Any]] = _list_ports
-    driver: Callable[[str], Driver] = drivers.of
-    without_driver: Callable[[], list[tuple[str, str]]] = drivers.without
+    driver: Callable[[str], Driver] = ports.driver_of
+    without_driver: Callable[[], list[tuple[str, str]]] = ports.without_driver
 
     def at(self, path: str | Path) -> Path:
         """Where an absolute path lies below `root`."""

@@ -171,7 +171,7 @@ ROWS = (
     mistake(
         "trace-diff-answers-not-compared",
         "evidence believed",
-        "handctl.tools.trace_diff",
+        "handctl.tools.trace",
         "Exchange.same",
         "return self.request == other.request and self.answer == other.answer",
         "return self.request == other.request",

@@ -14,11 +14,11 @@ from handctl.devices.aidin.feedback import MISSING, Wire, number_of
 from handctl.devices.aidin.json_codec import TERMINATORS, Out, encode
 from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, AidinParam, Mode, some
 from handctl.errors import Aftermath, HandctlError, LinkError, ProtocolError
-from handctl.model.clock_comparison import Moment
 from handctl.model.device import Device
 from handctl.model.param import Element, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Finding, Grid, Row, Table
+from handctl.model.sampling import Moment
 from handctl.model.stop_sequence import StopContext, Stopped, interrupted, on_early_end
 
 SLACK = 0.01

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from handctl.devices.aidin.map import FINGERS
-from handctl.model.outline import Measure, Outline, hand
-from handctl.model.remedy import Remedy
+from handctl.model.outline import Measure, Outline, Remedy, hand
 
 REMEDIES = {
     "no-angle": Remedy("joint angles are no radians (possibly degrees)", "check the bytes with --trace FILE. Until then, move only with `encoders`", "aidin, Feedback keys"),

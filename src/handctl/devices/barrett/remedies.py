@@ -3,8 +3,7 @@
 from handctl.devices.barrett.gcl.codec import ERRORS, MOTORS
 from handctl.devices.barrett.maintenance.health import LIMIT_TENTHS
 from handctl.devices.barrett.views import STROKE
-from handctl.model.outline import Bar, Measure, Outline
-from handctl.model.remedy import Remedy
+from handctl.model.outline import Bar, Measure, Outline, Remedy
 
 _F1, _F2, _F3, _SPREAD = MOTORS
 

@@ -26,7 +26,7 @@ from handctl.devices.ekso.map import (
 )
 from handctl.devices.ekso.policy import MOST_SPEED, largest_step, write_limits_of
 from handctl.errors import HandctlError, Interrupted
-from handctl.model.clock_comparison import Span
+from handctl.model.sampling import Span
 
 
 class Change(NamedTuple):

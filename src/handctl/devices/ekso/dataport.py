@@ -25,11 +25,11 @@ from handctl.devices.ekso.frames import (
 from handctl.devices.ekso.map import SETTINGS
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
-from handctl.model.clock_comparison import Moment
 from handctl.model.decoder import frames_in
 from handctl.model.device import Gate, Line
 from handctl.model.other_devices import harmless
 from handctl.model.result import Journal, hex_bytes
+from handctl.model.sampling import Moment
 from handctl.wording import plural
 
 DEFAULT_TIMEOUT = 0.5

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from handctl.devices.ekso.map import ASSIST, SETTINGS, Word
 from handctl.light import NamedTuple
-from handctl.model.clock_comparison import WITHIN_MS
 from handctl.model.result import Column, Row, Table
+from handctl.model.sampling import WITHIN_MS
 
 READS_APART = 0.1
 """Seconds between the two readings that show whether the wearer moves."""

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from handctl.model.outline import Bar, Measure, Outline
-from handctl.model.remedy import Remedy
+from handctl.model.outline import Bar, Measure, Outline, Remedy
 
 _SERVICE = "run `handctl ekso report FILE`, and have the sensor checked by Ekso's service"
 

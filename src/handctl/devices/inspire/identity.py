@@ -78,7 +78,7 @@ def is_six_wide(at: At) -> str:
         told.append(f"six status codes at {STATUS[0]} ({hex_bytes(codes)})")
     if warm and warm[0] in WARM:
         told.append(f"a temperature of the thumb rotation at {ROTATION[0]} ({warm[0]} °C)")
-    speeds, strokes = _words(at(*SPEEDS)), _words(at(*STROKES))
+    speeds, strokes = eb90.unpack_s16(at(*SPEEDS)), eb90.unpack_s16(at(*STROKES))
     if any(speeds) and any(strokes) and max(map(abs, speeds)) <= 1000 and max(map(abs, strokes)) <= 2100:
         told.append(f"six speeds at {SPEEDS[0]} and six strokes at {STROKES[0]}")
     return " and ".join(told)
@@ -98,7 +98,7 @@ def is_five_wide(at: At) -> str:
 
 def is_f1(at: At) -> str:
     """RH56F1 counts words: angles of 50 to 180 degrees, status codes and temperatures, all three (rh56 §1.1)."""
-    angles, states = _words(at(1064, 12)), _words(at(1088, 24))
+    angles, states = eb90.unpack_s16(at(1064, 12)), eb90.unpack_s16(at(1088, 24))
     codes, warm = states[:6], states[6:]
     good = len(angles) == len(warm) == 6 and all(500 <= angle <= 1800 for angle in angles)
     good = good and all(0 <= code <= 8 for code in codes) and all(10 <= degrees <= 90 for degrees in warm)
@@ -109,13 +109,9 @@ def is_f1(at: At) -> str:
 
 def is_dg2(at: At) -> str:
     """RH5DG2 counts words and has 13 actuators: angles and temperatures (rh56 §1.1)."""
-    angles, warm = _words(at(1136, 26)), _words(at(1206, 26))
+    angles, warm = eb90.unpack_s16(at(1136, 26)), eb90.unpack_s16(at(1206, 26))
     good = len(angles) == len(warm) == 13 and any(angles) and all(10 <= degrees <= 90 for degrees in warm)
     return f"13 temperatures at 1206 ({', '.join(map(str, warm))} °C) and 13 angles at 1136, as words" if good else ""
-
-
-def _words(data: bytes | None) -> list[int]:
-    return eb90.unpack_s16(data or b"")
 
 
 NOT_SHOWN = "not-shown"
@@ -282,7 +278,9 @@ class IdentityCheck:
         for sign in signs:
             if self._bus.wire not in sign.kind.wires:
                 continue
-            blocks = [(span[0], self.ask(sign.space, span, due=due)) for span in sign.reads]
+            blocks: list[tuple[int, bytes | None]] = []
+            for span in sign.reads:
+                blocks += [(span[0], self.ask(sign.space, span, due=due))]
             shown = sign.shows(within(blocks))
             if shown:
                 self.evidence = "; ".join(filter(None, (shown, self.evidence)))
@@ -376,7 +374,7 @@ class FamilyGate(Gate):
 
     def __init__(self, own: Kind, assumed: bool) -> None:
         super().__init__(assumed)
-        self._own = own
+        self._own = self._read_as = own
         self._sought = False  # a hand without a wrist: once a command
 
     def look(self, bus: RegisterBus) -> None:
@@ -390,19 +388,21 @@ class FamilyGate(Gate):
             return
         if self.assumed:
             self.tell(bus.journal)
-        else:
+        elif self._own is not WRIST:  # nobody else has answered to its flag
+            there, held = bus.at("hand"), within(blocks)
+            per, there.per = there.per, 1
+            look = IdentityCheck(there, lambda address, count: held(per * address, count))
             try:
-                self._judge_read(bus, blocks)
+                if (kind := look.contradiction(self._read_as)) is not None:
+                    self._refuse_read(bus, kind, look.evidence)
             except HandctlError as exc:
                 if not bus.link.replayed or exc.code != "replay-miss":
                     raise
         met.add(who)
 
-    def _judge_read(self, bus: RegisterBus, blocks: Sequence[tuple[int, bytes]]) -> None:
-        look = IdentityCheck(bus, within(blocks))
-        kind = look.contradiction(self._own) if self._own is not WRIST else None  # nobody else has answered
-        if kind is not None:
-            raise stranger(bus, kind, self._own, look.evidence)
+    def _refuse_read(self, bus: RegisterBus, kind: Kind, evidence: str) -> None:
+        """Raise DeviceRefused: what was read proves this kind."""
+        raise stranger(bus, kind, self._own, evidence)
 
     def unheard(self, bus: RegisterBus, error: HandctlError) -> None:
         """After an `error` of a read: raise DeviceRefused where a hand without a wrist answers what it hears."""

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from copy import copy
 from functools import cache
-from typing import TYPE_CHECKING, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from handctl.devices.inspire import eb90
 from handctl.errors import Aftermath, HandctlError, LinkError, NoAnswer, ProtocolError
@@ -235,7 +235,7 @@ class RegisterBus(Line, ABC):
         """The exact bytes of that write."""
 
     @abstractmethod
-    def only_reads(self, request: bytes | CanFrame) -> bool:
+    def only_reads(self, request: Any, /) -> bool:
         """Whether `request` is nothing but reads, which change no device of this maker."""
 
     @abstractmethod

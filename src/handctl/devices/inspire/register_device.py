@@ -54,10 +54,7 @@ class Memory:
     def __init__(self) -> None:
         self.blocks: list[tuple[int, bytes]] = []
         self.errors: dict[str, HandctlError] = {}
-
-    def bytes_at(self, address: int, count: int) -> bytes | None:
-        """The bytes, or None if they were not read."""
-        return within(self.blocks)(address, count)
+        self.bytes_at = within(self.blocks)
 
 
 def plan(registers: Iterable[Register], limit: int = MAX_COUNT) -> list[Block]:

@@ -207,6 +207,7 @@ class Bus(ByteBus):
 
     usual = "exo"
     check_id = staticmethod(eb90.check_id)
+    only_reads = staticmethod(eb90.only_reads)
     _fresh = 0
     _disturbed = False
     """A request of somebody else came instead of an answer: perhaps it goes on."""
@@ -410,9 +411,6 @@ class Bus(ByteBus):
     def behind(self, address: int, count: int, seconds: float) -> bytes | None:
         frame = self.listen([eb90.read_reply_prefix(self.id, address // self.per, count, self.read_flag)], seconds)
         return frame.data if frame is not None else None
-
-    def only_reads(self, request: bytes | CanFrame) -> bool:
-        return isinstance(request, bytes) and eb90.only_reads(request)
 
     def addressee(self, request: bytes | CanFrame) -> int:
         named = request[2] if isinstance(request, bytes) and request[:2] == eb90.HOST and len(request) > 2 else 0

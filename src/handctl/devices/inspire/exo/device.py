@@ -34,6 +34,56 @@ LEFT_ALONE = ". -1 leaves a finger as it is"
 COMMAND_FLAGS = {name: flag for flag, name in eb90.COMMANDS.items()}
 
 
+def cell(row: Row) -> str | Cell:
+    """One value for people: error bits by name, -1 as "-1", a failed read as "?"."""
+    if "error" in row:
+        return Cell("?", "bad")
+    if row["name"] == "error":
+        return Cell(f"{row['value']:02X}", "bad" if row["value"] else "")
+    return str(row["value"])
+
+
+def registers_view(rows: list[Row]) -> list[Grid]:
+    """One line per register: name, address, unit, then the fingers side by side; remarks below."""
+    names = list(dict.fromkeys(row["name"] for row in rows))
+    fingers = [finger for finger in (*FINGERS, "thumb_rotation") if any(row["finger"] == finger for row in rows)]
+    scalars = any(row["finger"] is None for row in rows)
+    heads = {"thumb_rotation": "rot"}
+    headings = [
+        "Name",
+        "Addr",
+        *(["Value"] if scalars else []),
+        *(heads.get(finger, finger) for finger in fingers),
+        "Unit",
+    ]
+    lines: list[tuple[str | Cell, ...]] = []
+    notes: list[str] = []
+    for name in names:
+        mine = {row["finger"]: row for row in rows if row["name"] == name}
+        first = next(iter(mine.values()))
+        values: list[str | Cell] = [cell(mine[None]) if None in mine else ""] if scalars else []
+        values += [cell(mine[finger]) if finger in mine else "" for finger in fingers]
+        address = min((row["address"] for row in mine.values() if row["address"] is not None), default="")
+        lines.append((name, str(address), *values, first["unit"] or ""))
+        notes += _remarks(name, mine)
+    right = frozenset(range(1, len(headings) - 1))
+    return [Grid(tuple(headings), tuple(lines), right=right, notes=tuple(notes))]
+
+
+def _remarks(name: str, rows: dict[str | None, Row]) -> list[str]:
+    labels: dict[str, list[str]] = {}
+    for finger, row in rows.items():
+        label = row.get("label")
+        if label and not (name == "error" and label == "ok"):
+            labels.setdefault(label, []).append(finger or "")
+    remarks = []
+    for label, fingers in labels.items():
+        who = "" if len(fingers) == len(rows) else f" {', '.join(fingers)}"
+        remarks.append(f"{name}{who}: {label}")
+    failed = next((row["error"] for row in rows.values() if "error" in row), None)
+    return [*remarks, f"{name}: {failed}"] if failed else remarks
+
+
 class ExoHand(RegisterDevice):
     """One hand on a bus. See `model.device`."""
 
@@ -42,6 +92,7 @@ class ExoHand(RegisterDevice):
     product = "EH55BF1"
     map = EXO
     live = LIVE
+    view = staticmethod(registers_view)
     worn = True
     courses = (Course("position_set", "position_actual", NEAR, closing=-1),)
     releases = (Release("clear_errors", "error", lambda bits, _: bool(int(bits) & ~OVER_TEMPERATURE)),)
@@ -51,11 +102,6 @@ class ExoHand(RegisterDevice):
         "(the manual marks only id and baud_code as kept)",
         "triggers (clear_errors, save, factory_reset, calibrate)",
     )
-
-    @staticmethod
-    def view(rows: list[Row]) -> list[Grid]:
-        """One line per register, fingers side by side."""
-        return registers_view(rows)
 
     def command_steps(self, which: str, values: Mapping[int, int]) -> list[Step]:
         """The frames that command these fingers: one command for all five, writes to the registers of some."""
@@ -234,56 +280,6 @@ def unhealthy(readings: Sequence[Reading]) -> list[Finding]:
 
 
 # -- how people see it -------------------------------------------------------------------------------------------
-
-
-def cell(row: Row) -> str | Cell:
-    """One value for people: error bits by name, -1 as "-1", a failed read as "?"."""
-    if "error" in row:
-        return Cell("?", "bad")
-    if row["name"] == "error":
-        return Cell(f"{row['value']:02X}", "bad" if row["value"] else "")
-    return str(row["value"])
-
-
-def registers_view(rows: list[Row]) -> list[Grid]:
-    """One line per register: name, address, unit, then the fingers side by side; remarks below."""
-    names = list(dict.fromkeys(row["name"] for row in rows))
-    fingers = [finger for finger in (*FINGERS, "thumb_rotation") if any(row["finger"] == finger for row in rows)]
-    scalars = any(row["finger"] is None for row in rows)
-    heads = {"thumb_rotation": "rot"}
-    headings = [
-        "Name",
-        "Addr",
-        *(["Value"] if scalars else []),
-        *(heads.get(finger, finger) for finger in fingers),
-        "Unit",
-    ]
-    lines: list[tuple[str | Cell, ...]] = []
-    notes: list[str] = []
-    for name in names:
-        mine = {row["finger"]: row for row in rows if row["name"] == name}
-        first = next(iter(mine.values()))
-        values: list[str | Cell] = [cell(mine[None]) if None in mine else ""] if scalars else []
-        values += [cell(mine[finger]) if finger in mine else "" for finger in fingers]
-        address = min((row["address"] for row in mine.values() if row["address"] is not None), default="")
-        lines.append((name, str(address), *values, first["unit"] or ""))
-        notes += _remarks(name, mine)
-    right = frozenset(range(1, len(headings) - 1))
-    return [Grid(tuple(headings), tuple(lines), right=right, notes=tuple(notes))]
-
-
-def _remarks(name: str, rows: dict[str | None, Row]) -> list[str]:
-    labels: dict[str, list[str]] = {}
-    for finger, row in rows.items():
-        label = row.get("label")
-        if label and not (name == "error" and label == "ok"):
-            labels.setdefault(label, []).append(finger or "")
-    remarks = []
-    for label, fingers in labels.items():
-        who = "" if len(fingers) == len(rows) else f" {', '.join(fingers)}"
-        remarks.append(f"{name}{who}: {label}")
-    failed = next((row["error"] for row in rows.values() if "error" in row), None)
-    return [*remarks, f"{name}: {failed}"] if failed else remarks
 
 
 def status_view(rows: list[Row]) -> list[Grid]:

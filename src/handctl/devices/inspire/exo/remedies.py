@@ -1,8 +1,7 @@
 """What an EH55BF1's error bits and readings mean, and what to do. The bits: exo §2.3.12; what clears them: exo §2.3.3."""
 
 from handctl.devices.inspire.map import FINGERS
-from handctl.model.outline import Measure, Outline, hand
-from handctl.model.remedy import UNKNOWN, Remedy
+from handctl.model.outline import UNKNOWN, Measure, Outline, Remedy, hand
 
 _CLEAR = "then run `handctl exo clear-errors`"
 _AGAIN = "run `handctl exo clear-errors`. If it comes back, power-cycle the hand, then contact the vendor"

@@ -196,7 +196,7 @@ def _answers(bus: RegisterBus) -> bool:
 
 def _of_bytes(bus: RegisterBus, asked: IdentityCheck) -> tuple[str | None, str]:
     """DF or TP, and what shows it; None where a second question contradicts the first, or nothing tells the two apart."""
-    angles = eb90.unpack_s16(asked.ask("hand", AT, due=True) or b"")
+    angles = eb90.unpack_s16(asked.ask("hand", AT, due=True))
     if not angles or any(angle not in ANGLES for angle in angles):
         return None, f"but no angles of 0 to 1000 at {AT[0]}"
     # CAN 2.0 is spoken by DF and TP only (rh56 §2.4).
@@ -214,7 +214,7 @@ def _df_or_tp(asked: IdentityCheck, *, due: bool) -> tuple[str | None, str]:
     address = asked.ask("hand", IP, due=due)
     if address is not None and 1 <= address[0] <= 223 and address[0] != 127 and address[3] not in (0, 255):
         return TP, f"an IP address at {IP[0]} ({'.'.join(map(str, address))})"
-    volts, limits = asked.ask("hand", VOLTAGE, due=due), eb90.unpack_s16(asked.ask("hand", LIMITS, due=due) or b"")
+    volts, limits = asked.ask("hand", VOLTAGE, due=due), eb90.unpack_s16(asked.ask("hand", LIMITS, due=due))
     counts = int.from_bytes(volts, "little") if volts is not None else 0
     if counts in VOLTS and any(limits) and all(0 <= limit <= 1500 for limit in limits):
         return DF, f"a supply of 24 V at {VOLTAGE[0]} ({counts}) and current limits at {LIMITS[0]}"
@@ -231,6 +231,7 @@ class ModelGate(FamilyGate):
         # what was neither looked at nor typed is not written to
         super().__init__(BYTE_HAND, assumed and typed is not None)
         self.typed = typed
+        self._read_as = KINDS[typed] if typed is not None else BYTE_HAND
         self.unasked = assumed
         """Whether --assume-identity is given: whoever is there is read, by the map of bytes where none was typed."""
         self.found: Found | None = None
@@ -246,17 +247,10 @@ class ModelGate(FamilyGate):
         if self.typed is not None and self.found is None:
             super().read(bus, blocks)
 
-    def _judge_read(self, bus: RegisterBus, blocks: Sequence[tuple[int, bytes]]) -> None:
-        assert self.typed is not None
-        own, there, held = KINDS[self.typed], bus.at("hand"), within(blocks)
-        per, there.per = there.per, 1
-        asked = IdentityCheck(there, lambda address, count: held(per * address, count))
-        kind = asked.contradiction(own)
-        if kind is None:
-            return
+    def _refuse_read(self, bus: RegisterBus, kind: Kind, evidence: str) -> None:
         if kind.family != "hand":
-            raise stranger(bus, kind, BYTE_HAND, asked.evidence)
-        contradiction(bus, Found(kind, None, asked.evidence), self.typed)
+            super()._refuse_read(bus, kind, evidence)
+        contradiction(bus, Found(kind, None, evidence), self.typed)
 
     def _judge(self, bus: RegisterBus) -> None:
         found, typed = self.seen(bus), self.typed

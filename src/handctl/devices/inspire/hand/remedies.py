@@ -1,8 +1,7 @@
 """What an RH56's error bits, status codes and readings mean, and what to do (rh56 §3.1, §9)."""
 
 from handctl.devices.inspire.hand.map import FINGERS, HOT, STATUS
-from handctl.model.outline import Measure, Outline, hand
-from handctl.model.remedy import UNKNOWN, Remedy
+from handctl.model.outline import UNKNOWN, Measure, Outline, Remedy, hand
 
 _CLEAR = "then run `handctl hand clear-errors`"
 _AGAIN = "run `handctl hand clear-errors`. If it comes back, power-cycle the hand, then contact the vendor"

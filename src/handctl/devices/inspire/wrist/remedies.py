@@ -1,7 +1,6 @@
 """What a wrist module's error bits and readings mean, and what to do. Its bits are assumed to be those of the hand."""
 
-from handctl.model.outline import Bar, Measure, Outline
-from handctl.model.remedy import UNKNOWN, Remedy
+from handctl.model.outline import UNKNOWN, Bar, Measure, Outline, Remedy
 
 _CYCLE = "then power-cycle the wrist: the manual has no command to clear its errors"
 
