@@ -349,7 +349,8 @@ def test_an_end_in_order_sends_nothing_and_leaves_nobody(place: Place) -> None:
     assert children() == before
     with pytest.raises(ZeroDivisionError), guarding(link, stop, warned):
         raise ZeroDivisionError
-    assert children() == before and os.listdir("/dev/fd") == open_before
+    # Those of an earlier test may close meanwhile, but none is new.
+    assert children() == before and not set(os.listdir("/dev/fd")) - set(open_before)
     link.close()
     assert place.take(0.05) == b""
 
