@@ -433,7 +433,7 @@ def test_where_no_process_can_be_started_nothing_is_driven() -> None:
         driven = True
     assert not driven
     assert (caught.value.exit_code, caught.value.code) == (3, "no-guard")
-    assert os.listdir("/dev/fd") == before
+    assert not set(os.listdir("/dev/fd")) - set(before)
     os.close(writer)
     assert os.read(reader, 100) == b""
     os.close(reader)
