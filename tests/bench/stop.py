@@ -107,7 +107,7 @@ def _bad_places(place: Stand, alone: float, times: int) -> Iterator[Figure]:
     cases: list[tuple[str, Callable[[], object], dict[str, Any]]] = [
         ("full disk", lambda: None, {"preexec_fn": full_disk}),
         ("unreadable configuration", lambda: None, {"env": {"HANDCTL_CONFIG": str(broken)}}),
-        ("squatted runtime folder", squat, {}),
+        ("a file instead of the runtime folder", squat, {}),
     ]
     for name, prepare, more in cases:
         prepare()
