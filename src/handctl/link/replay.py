@@ -12,10 +12,11 @@ from array import array
 from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
+from io import BytesIO
 from typing import BinaryIO
 
 from handctl.errors import LinkError, UsageError
-from handctl.files import opened
+from handctl.files import MOST_PAGE, PAGE, in_page, opened, read_text
 from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link
 from handctl.link.transcript import Entry, parse_line
 from handctl.system import clock
@@ -24,9 +25,13 @@ LONGEST_LINE = 1 << 20
 
 
 def open_replay(link: str, baud: int | None = None) -> Link:
-    """The recorded device of `replay:FILE`, with serial bytes or with CAN frames. Raises UsageError."""
+    """The recorded device of `replay:FILE`, with serial bytes or with CAN frames. FILE may be a report. Raises UsageError."""
     path = link.removeprefix("replay:")
-    recording = Recording(opened(path, "a transcript"), path)
+    file = opened(path, "a transcript")
+    if file.read(len(PAGE)) == PAGE.encode():
+        file.close()
+        file = BytesIO(in_page(read_text(path, "a report", MOST_PAGE), "pre").encode())
+    recording = Recording(file, path)
     if not len(recording) and not recording.speaks:
         recording.close()
         raise UsageError(
