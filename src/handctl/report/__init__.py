@@ -69,6 +69,8 @@ class Visit:
         self.lines: list[str] = [] if lines is None else lines
         self.problems: list[tuple[str, HandctlError]] = []
         self.over = False
+        self.identity: dict[str, str] = {}
+        """What the device says of itself, without what is private."""
         self.privacy = Privacy(params, wishes.include_ids)
         now = datetime.now(timezone.utc).isoformat(timespec="seconds")
         self.content = Report(params.kind, run.command, __version__, now, simulated=False)
@@ -129,7 +131,8 @@ class Visit:
         if self.params.kept():  # a device without stored settings is not asked who it is
             identity = self.attempt("identity", lambda: device.identity())  # noqa: PLW0108 - there may be none
         if identity is not None:
-            self.content.facts = [fact for fact in self.privacy.identity(identity).items() if fact[0] != "kind"]
+            self.identity = self.privacy.identity(identity)
+            self.content.facts = [fact for fact in self.identity.items() if fact[0] != "kind"]
         return dump
 
     def checks(self) -> Table | None:
@@ -187,7 +190,7 @@ class Visit:
     def conclude(self) -> None:
         """What is known when the conversation is over: findings, counters, this computer, the bytes, what is missing."""
         run, content, privacy = self.run, self.content, self.privacy
-        link = run.link_name()
+        link = run.link_name() if run.settings.port or run.settings.fake else "none"
         content.simulated = run.simulated
         content.facts = [("device", content.kind), ("link", privacy.text(link)), *content.facts]
         for part, error in self.problems:

@@ -8,3 +8,8 @@ REMEDIES = {
     "all-zero": Remedy("the hand has either just been homed, or just been switched on with the fingers anywhere", "run `handctl aidin home`, unless the hand has been homed since power-on", "aidin, Modes"),
 }  # fmt: skip
 ALL_ZERO = f"all encoders are exactly 0: {REMEDIES['all-zero'].meaning}"
+
+PRACTICE = dict.fromkeys(
+    ("degrees", "missing-key", "not-json", "nan", "wrong-length", "wrong-type", "silent", "unclosed", "disconnect"), ""
+)
+"""Fault of the simulator that a trainee finds by reading alone (`handctl service --demo`) -> what else the simulator is told."""

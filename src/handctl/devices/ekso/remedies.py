@@ -14,3 +14,19 @@ REMEDIES = {
     "hip": Remedy("the sensor on that side may be wrong", _SERVICE, "ekso §6, GetData"),
     "clock": Remedy("date and time cannot be read", "run `handctl ekso time` again", "ekso §6, GetTime"),
 }  # fmt: skip
+
+PRACTICE = dict.fromkeys(
+    (
+        "hip-offset",
+        "frozen-clock",
+        "clock-jump",
+        "bad-checksum",
+        "short-body",
+        "wrong-command",
+        "silent",
+        "noise",
+        "echo",
+    ),
+    "",
+)
+"""Fault of the simulator that a trainee finds by reading alone (`handctl service --demo`) -> what else the simulator is told."""
