@@ -20,7 +20,7 @@ from handctl.command.command_lines import line
 from handctl.command.family import map_of
 from handctl.command.library_call import Call
 from handctl.command.run import Run
-from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, UsageError
+from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, UsageError, joined
 from handctl.families import SCANNED
 from handctl.files import PAGE_DATA, in_page, read_text
 from handctl.link.transcript import Tap, observed
@@ -117,6 +117,10 @@ class Service:
         self.ended: Interrupted | None = None
         self.visit = Visit(run, ParamMap("unknown", ()), self._of_page, self.lines)
         self.machine = Machine()
+        self.heard, run.journal.on_message = (
+            run.journal.on_message,
+            None,
+        )  # what is said on the way is a row, and stands in the report
         self.checks: Iterator[Check] = iter(())
 
     @property
@@ -155,16 +159,16 @@ class Service:
     def step(self, name: str, action: Callable[[], Iterable[Check]]) -> None:
         """Carry one out: its rows, what it said, and the code of what went wrong. Nothing but a bug is raised."""
         run, visit = self.run, self.visit
-        if name != FIND and (self.ended is not None or not self.reached or visit.over):
+        if name in STEPS and (self.ended is not None or not self.reached or visit.over):
             self.steps[name] = {"state": "failed", "code": "interrupted" if self.ended is not None else "no-device"}
             return
         if name == "diagnose" and (run.family is None or run.family.checks is None):
             self.steps[name] = {"state": "skipped", "code": "no-diagnosis"}
             return
-        if name in self.wishes.skip or (name != FIND and self._declined(name)):
+        if name in self.wishes.skip or (name in STEPS and self._declined(name)):
             self.steps[name] = {"state": "skipped", "code": None}
             return
-        said, failed = len(run.journal.messages), len(visit.problems)
+        said, failed, first = len(run.journal.messages), len(visit.problems), len(self.rows)
         errors: list[HandctlError] = []
         run.prompts.progress(f"{name}: {STEPS.get(name, 'looking for the device')}")
         try:
@@ -185,6 +189,13 @@ class Service:
         state = "failed" if errors else "done"
         self.steps[name] = {"state": state, "code": errors[0].code if errors else None}
         run.prompts.done()
+        if run.prompts.interactive and self.wishes.written:
+            made = self.rows[first:]
+            told = findings(made) or (made[-1:] if len(made) == 1 or name == FIND else [])
+            for row in told:
+                run.prompts.say(f"  {row['status']}: {row['evidence']}")
+            if not told:
+                run.prompts.say(f"  {OK}: {plural(len(made), 'check')}")
 
     def _declined(self, name: str) -> bool:
         return self.run.prompts.text(f"{name}: {STEPS[name]}. Enter starts it, s skips it.").casefold() in ("s", "skip")
@@ -348,9 +359,7 @@ class Service:
             content = snapshots.make(visit.params.kind, visit.identity, values, link=link, fake=run.simulated)
             visit.content.data["snapshot"] = content
             kept = snapshots.counted(visit.params, list(values))
-        yield Check(
-            "dump", OK, f"{plural(len(table.rows), 'value')} read, {kept} kept for comparison"
-        )
+        yield Check("dump", OK, f"{plural(len(table.rows), 'value')} read, {kept} kept for comparison")
 
     # -- what to do next --
 
@@ -384,10 +393,10 @@ class Service:
             return found
         found["command"] = shlex.join(["handctl", *words])
         if not one.leaf.only_reads or not self.reached:
-            run.prompts.say(f"The next step writes or moves, so type it yourself: {found['command']}")
-        elif self.wishes.follow or run.offer(f"Next: {found['text']} `{found['command']}` only reads"):
+            return found
+        if self.wishes.follow or run.offer(f"Next: {found['text']} `{found['command']}` only reads"):
             self.step("next", lambda: self._followed(Call(one.context, one.settings, one.leaf.family, False), one.leaf))
-            found["state"] = self.steps.pop("next")["state"]
+            found["state"] = self.steps["next"]["state"]
         return found
 
     def _followed(self, call: Call, leaf: Any) -> Iterator[Check]:
@@ -409,9 +418,10 @@ class Service:
     def _report(self, path: str, old: dict[str, Any] | None, before: dict[str, Any]) -> Table:
         """The page, and the rows with what is to be done."""
         visit, service = self.visit, self.more["service"]
-        bad = [row for row in self.rows if row["status"] in (FAIL, WARNING)]
+        bad = findings(self.rows)
         if old is not None:
             service["against"] = {"made": old.get("made"), "differences": differences(old, self._now())}
+        compared = _differing(service["against"]) if old is not None else []
         service["hints"] = self.hints
         text = visit.privacy.text
         facts = [(key.capitalize(), text(service[key] or "none was given")) for key in ("ticket", "complaint")]
@@ -419,7 +429,7 @@ class Service:
         visit.content.service = [
             Grid(("Service", ""), tuple(facts)),
             *view(self.rows, self.steps),
-            *(_differing(service["against"]) if old is not None else ()),
+            *compared,
         ]
         visit.content.data["service"] = {**service, "rows": self.rows}
         visit.conclude()
@@ -427,19 +437,35 @@ class Service:
             visit.content.data["watch"] = before.get("watch", [])
             ranges = [f"{row['name']} {row['min']} to {row['max']}" for row in before.get("watch", [])]
             visit.content.missing["Watch"] = f"watched earlier: {', '.join(ranges)}"
-        table = Table(rows=self.rows, columns=COLUMNS, view=lambda rows: [*view(rows, self.steps)], extra=self.more)
+
+        def grids(rows: list[Row]) -> list[Grid]:
+            return [*view(rows, self.steps), *compared]
+
+        table = Table(rows=self.rows, columns=COLUMNS, view=grids, extra=self.more)
+        self.run.journal.on_message = self.heard
         if self.wishes.written:
             service["report"] = visit.written(path)
         if self.ended is not None:
             table.failure = self.ended
         elif bad:
             table.failure = CheckFailed(
-                f"the service has {plural(len(bad), 'finding')}", hint=self.proposal(), code="findings"
+                f"the service has {plural(len(bad), 'finding')}", hint=_in_full(service["next"]), code="findings"
             )
         return table
 
     def _now(self) -> dict[str, Any]:
         return {**self.visit.content.data, "service": {"rows": self.rows}}
+
+
+def findings(rows: list[Row]) -> list[Row]:
+    """Those about which somebody must do something."""
+    return [row for row in rows if row["status"] in (FAIL, WARNING)]
+
+
+def _in_full(following: Row) -> str:
+    """The next step, with the command as it is typed for this device."""
+    command = following["command"]
+    return joined(following["text"], f"In full: `{command}`" if command and following["state"] == "proposed" else "")
 
 
 def differences(old: dict[str, Any], new: dict[str, Any]) -> list[Row]:
@@ -474,7 +500,7 @@ def view(rows: list[Row], steps: dict[str, Row]) -> Iterator[Grid]:
     lines = []
     for name, step in steps.items():
         mine = [row for row in rows if row["step"] == name]
-        bad = [row for row in mine if row["status"] in (FAIL, WARNING)]
+        bad = findings(mine)
         status = (
             bad[0]["status"]
             if bad
@@ -489,6 +515,5 @@ def view(rows: list[Row], steps: dict[str, Row]) -> Iterator[Grid]:
         said = step["code"] if step["state"] == "failed" else "done earlier" if "from" in step else step["state"]
         lines.append((name, Cell(said, TONES[status]), found))
     yield Grid(("Step", "Result", "Found"), tuple(lines))
-    wrong = [row for row in rows if row["status"] in (FAIL, WARNING)]
-    if wrong:
+    if wrong := findings(rows):
         yield from checks_view(wrong)
