@@ -27,11 +27,7 @@ LONGEST_LINE = 1 << 20
 def open_replay(link: str, baud: int | None = None) -> Link:
     """The recorded device of `replay:FILE`, with serial bytes or with CAN frames. FILE may be a report. Raises UsageError."""
     path = link.removeprefix("replay:")
-    file = opened(path, "a transcript")
-    if file.read(len(PAGE)) == PAGE.encode():
-        file.close()
-        file = BytesIO(in_page(read_text(path, "a report", MOST_PAGE), "pre").encode())
-    recording = Recording(file, path)
+    recording = Recording(transcript(path), path)
     if not len(recording) and not recording.speaks:
         recording.close()
         raise UsageError(
@@ -39,6 +35,16 @@ def open_replay(link: str, baud: int | None = None) -> Link:
             hint="record one with --trace FILE",
         )
     return ReplayFrames(link, recording) if recording.can else ReplayLink(link, recording, baud)
+
+
+def transcript(path: str) -> BinaryIO:
+    """A transcript for reading: FILE itself, or what the page of a report holds. Raises UsageError."""
+    file = opened(path, "a transcript")
+    if file.read(len(PAGE)) == PAGE.encode():
+        file.close()
+        return BytesIO(in_page(read_text(path, "a report", MOST_PAGE), "pre").encode())
+    file.seek(0)
+    return file
 
 
 Key = tuple[int | None, bytes]

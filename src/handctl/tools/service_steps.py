@@ -109,6 +109,7 @@ class Service:
         self.rows: list[Row] = []
         self.steps: dict[str, Row] = {}
         self.more: dict[str, Any] = {}
+        self.followed: list[Row] = []
         self.lines: list[str] = []
         self.tap = Tap(lambda text: self.lines.append(text.rstrip("\n")))
         self.hints: dict[str, str] = {}
@@ -151,7 +152,7 @@ class Service:
             if not self._taken_up(name, before):
                 self.step(name, action)
         following = self._next()
-        self.more = {"service": {**told, "steps": self.steps, "next": following, "report": None}}
+        self.more["service"] = {**told, "steps": self.steps, "next": following, "report": None}
         return self._report(path, old, before)
 
     # -- steps --
@@ -396,7 +397,7 @@ class Service:
             return found
         if self.wishes.follow or run.offer(f"Next: {found['text']} `{found['command']}` only reads"):
             self.step("next", lambda: self._followed(Call(one.context, one.settings, one.leaf.family, False), one.leaf))
-            found["state"] = self.steps["next"]["state"]
+            found |= {"state": self.steps["next"]["state"], "rows": self.followed}
         return found
 
     def _followed(self, call: Call, leaf: Any) -> Iterator[Check]:
@@ -409,8 +410,8 @@ class Service:
         table, failure = outcome.table, outcome.failure
         if failure is not None and not isinstance(failure, CheckFailed):
             raise failure
-        self.more["next"] = table.rows if table is not None else []
-        text = failure.text if failure is not None else f"{plural(len(self.more['next']), 'row')}, nothing wrong"
+        rows = self.followed = table.rows if table is not None else []
+        text = failure.text if failure is not None else f"{plural(len(rows), 'row')}, nothing wrong"
         yield Check(call.command, OK if failure is None else WARNING, text, failure.hint if failure is not None else "")
 
     # -- the report --
