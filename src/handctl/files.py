@@ -114,6 +114,16 @@ def in_page(page: str, tag: str) -> str:
     return unescape(rest.partition(f"</{tag.partition(' ')[0]}>")[0]) if found else ""
 
 
+def transcript(path: str) -> BinaryIO:
+    """A transcript for reading: FILE itself, or what the page of a report holds. Raises UsageError."""
+    file = opened(path, "a transcript")
+    if file.read(len(PAGE)) == PAGE.encode():
+        file.close()
+        return io.BytesIO(in_page(read_text(path, "a report", MOST_PAGE), "pre").encode())
+    file.seek(0)
+    return file
+
+
 def is_pipe(path: str) -> bool:
     """Whether `path` is a named pipe."""
     try:

@@ -12,11 +12,10 @@ from array import array
 from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
-from io import BytesIO
 from typing import BinaryIO
 
 from handctl.errors import LinkError, UsageError
-from handctl.files import MOST_PAGE, PAGE, in_page, opened, read_text
+from handctl.files import transcript
 from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link
 from handctl.link.transcript import Entry, parse_line
 from handctl.system import clock
@@ -35,16 +34,6 @@ def open_replay(link: str, baud: int | None = None) -> Link:
             hint="record one with --trace FILE",
         )
     return ReplayFrames(link, recording) if recording.can else ReplayLink(link, recording, baud)
-
-
-def transcript(path: str) -> BinaryIO:
-    """A transcript for reading: FILE itself, or what the page of a report holds. Raises UsageError."""
-    file = opened(path, "a transcript")
-    if file.read(len(PAGE)) == PAGE.encode():
-        file.close()
-        return BytesIO(in_page(read_text(path, "a report", MOST_PAGE), "pre").encode())
-    file.seek(0)
-    return file
 
 
 Key = tuple[int | None, bytes]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
 from handctl.command.command_tree import Command, reads_option
@@ -67,7 +69,7 @@ STEPS = {
     is_flag=False,
     flag_value="any",
     type=click.Choice(["any", *FAMILIES]),
-    help="Practise on a simulated device with a fault: which is it?",
+    help="Practise on a simulated device with a fault, which you find.",
 )
 @click.option("--finding", metavar="FAULT", help="Your finding in a demo. Without it, handctl asks.")
 @click.option("--seed", type=WholeRange(min=0), metavar="N", help="Choose the fault of a demo by this number.")
@@ -75,20 +77,10 @@ def cli(
     run: Run,
     link: str | None,
     family: str | None,
-    complaint: str | None,
-    ticket: str | None,
-    path: str | None,
-    skip: tuple[str, ...],
-    resume: str | None,
-    against: str | None,
-    watch: float,
-    count: int,
-    follow: bool,
-    include_ids: bool,
-    force: bool,
     demo: str | None,
     finding: str | None,
     seed: int | None,
+    **given: Any,
 ) -> Table:
     """Guided service: find the device, check it, and write one report with the next step.
 
@@ -105,8 +97,8 @@ def cli(
         raise UsageError("--finding and --seed belong to --demo", hint="add --demo")
     if link is not None:
         run.settings = run.settings._replace(port=link, fake=False)
-    run.said.include_ids = include_ids
-    wishes = Wishes(complaint, ticket, path, frozenset(skip), resume, against, watch, count, follow, include_ids, force)
+    run.said.include_ids = given["include_ids"]
+    wishes = Wishes(STEPS, reads=given.pop("count"), **given)
     if demo is not None:
         from handctl.tools.service_demo import practise
 

@@ -11,20 +11,13 @@ from handctl.command.family import load
 from handctl.command.run import Run
 from handctl.errors import CheckFailed, UsageError
 from handctl.families import FAMILIES
+from handctl.link.fake import meaning_of
 from handctl.model.checks import FAIL, OK, SKIPPED, WARNING, Check
 from handctl.model.result import Row, Table
-from handctl.sim import model_class
-from handctl.sim.engine.line import LINE_FAULTS
 from handctl.tools.service_steps import Service, Wishes
 from handctl.wording import sentence
 
 MOST = 1_000_000
-
-
-def meaning_of(kind: str, fault: str) -> str:
-    """What the simulator does under this fault, in its own words."""
-    row = model_class(kind).FAULTS.get(fault) or LINE_FAULTS[fault]
-    return row if isinstance(row, str) else str(row[1])
 
 
 def practise(run: Run, kind: str, finding: str | None, seed: int | None, wishes: Wishes) -> Table:

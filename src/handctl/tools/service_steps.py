@@ -10,7 +10,7 @@ import json
 import re
 import shlex
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import click
@@ -35,7 +35,6 @@ from handctl.tools.doctor_link import CHECKS
 from handctl.tools.doctor_machine import machine_checks
 from handctl.tools.port_inventory import Machine
 from handctl.tools.scan import Scan, free_ports
-from handctl.tools.service import STEPS
 from handctl.wording import plural, sentence
 
 LONGEST = 400_000
@@ -55,10 +54,12 @@ NOTHING = "Nothing was found. Keep the report, and run the service again while t
 class Wishes(NamedTuple):
     """What was asked for, by the names of the options."""
 
+    steps: Mapping[str, str]
+    """Step -> what it does."""
     complaint: str | None = None
     ticket: str | None = None
     path: str | None = None
-    skip: frozenset[str] = frozenset()
+    skip: tuple[str, ...] = ()
     resume: str | None = None
     against: str | None = None
     watch: float = 3.0
@@ -160,18 +161,18 @@ class Service:
     def step(self, name: str, action: Callable[[], Iterable[Check]]) -> None:
         """Carry one out: its rows, what it said, and the code of what went wrong. Nothing but a bug is raised."""
         run, visit = self.run, self.visit
-        if name in STEPS and (self.ended is not None or not self.reached or visit.over):
+        if name in self.wishes.steps and (self.ended is not None or not self.reached or visit.over):
             self.steps[name] = {"state": "failed", "code": "interrupted" if self.ended is not None else "no-device"}
             return
         if name == "diagnose" and (run.family is None or run.family.checks is None):
             self.steps[name] = {"state": "skipped", "code": "no-diagnosis"}
             return
-        if name in self.wishes.skip or (name in STEPS and self._declined(name)):
+        if name in self.wishes.skip or (name in self.wishes.steps and self._declined(name)):
             self.steps[name] = {"state": "skipped", "code": None}
             return
         said, failed, first = len(run.journal.messages), len(visit.problems), len(self.rows)
         errors: list[HandctlError] = []
-        run.prompts.progress(f"{name}: {STEPS.get(name, 'looking for the device')}")
+        run.prompts.progress(f"{name}: {self.wishes.steps.get(name, 'looking for the device')}")
         try:
             for check in action():
                 self._add(name, check)
@@ -199,7 +200,10 @@ class Service:
                 run.prompts.say(f"  {OK}: {plural(len(made), 'check')}")
 
     def _declined(self, name: str) -> bool:
-        return self.run.prompts.text(f"{name}: {STEPS[name]}. Enter starts it, s skips it.").casefold() in ("s", "skip")
+        return self.run.prompts.text(f"{name}: {self.wishes.steps[name]}. Enter starts it, s skips it.").casefold() in (
+            "s",
+            "skip",
+        )
 
     def _add(self, step: str, check: Check) -> None:
         text = self.visit.privacy.text
@@ -366,7 +370,7 @@ class Service:
 
     def proposal(self) -> str:
         """The next step of the most urgent finding: what keeps us from the device, what it has itself, then the rest."""
-        order = (FIND, "line", "status", "diagnose", "doctor", *STEPS, "computer")
+        order = (FIND, "line", "status", "diagnose", "doctor", *self.wishes.steps, "computer")
         hint = next((self.hints[name] for name in order if self.hints.get(name)), "")
         return hint or next(
             (row["remedy"] for row in self.rows if row["status"] in (FAIL, WARNING) and row["remedy"]), ""

@@ -9,7 +9,5 @@ REMEDIES = {
 }  # fmt: skip
 ALL_ZERO = f"all encoders are exactly 0: {REMEDIES['all-zero'].meaning}"
 
-PRACTICE = dict.fromkeys(
-    ("degrees", "missing-key", "not-json", "nan", "wrong-length", "wrong-type", "silent", "unclosed", "disconnect"), ""
-)
+PRACTICE = dict.fromkeys(("degrees", "missing-key", "not-json", "nan", "wrong-length", "wrong-type", "silent", "unclosed", "disconnect"), "")  # fmt: skip
 """Fault of the simulator that a trainee finds by reading alone (`handctl service --demo`) -> what else the simulator is told."""

@@ -15,18 +15,5 @@ REMEDIES = {
     "clock": Remedy("date and time cannot be read", "run `handctl ekso time` again", "ekso §6, GetTime"),
 }  # fmt: skip
 
-PRACTICE = dict.fromkeys(
-    (
-        "hip-offset",
-        "frozen-clock",
-        "clock-jump",
-        "bad-checksum",
-        "short-body",
-        "wrong-command",
-        "silent",
-        "noise",
-        "echo",
-    ),
-    "",
-)
+PRACTICE = dict.fromkeys(("hip-offset", "frozen-clock", "clock-jump", "bad-checksum", "short-body", "wrong-command", "silent", "noise", "echo"), "")  # fmt: skip
 """Fault of the simulator that a trainee finds by reading alone (`handctl service --demo`) -> what else the simulator is told."""

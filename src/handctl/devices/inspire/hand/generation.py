@@ -115,7 +115,7 @@ def recorded(link: str) -> str:
     """Which envelope of Modbus the first question of a transcript has; "" = none, or the LINK is no transcript."""
     if not link.startswith("replay:"):
         return ""
-    from handctl.link.replay import transcript
+    from handctl.files import transcript
 
     try:
         with transcript(link.removeprefix("replay:")) as file:
