@@ -37,6 +37,10 @@ def sentences() -> list[str]:
 
 
 COVERED: Mapping[str, tuple[str, str]] = {
+    "Exit code 7 means that something was found or could not be read": (
+        "tools/test_service.py",
+        "test_a_step_that_fails_is_a_row_with_its_code",
+    ),
     "`--until` ends them instead": ("kernel/test_bound.py", "test_until_ends_a_stream"),
     "A limit for a quantity that was never read": (
         "kernel/test_bound.py",
