@@ -356,10 +356,7 @@ class Service:
             def read() -> dict[str, Any]:
                 return snapshots.read_values(device, device.map.kept(further=device.further(visit.identity)))
 
-            private = () if self.wishes.include_ids else visit.privacy.holds
-            values = {
-                name: value for name, value in (visit.attempt("settings", read) or {}).items() if name not in private
-            }
+            values = visit.attempt("settings", read) or {}
             link = visit.privacy.text(run.link_name())
             content = snapshots.make(visit.params.kind, visit.identity, values, link=link, fake=run.simulated)
             visit.content.data["snapshot"] = content
