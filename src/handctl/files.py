@@ -101,7 +101,6 @@ def read_text(path: str | os.PathLike[str], what: str, most: int, *, hint: str =
 
 PAGE = "<!DOCTYPE html>"
 """How a page of `report` or `service` begins."""
-MOST_PAGE = 20_000_000
 PAGE_DATA = 'script type="application/json" id="data"'
 """The element of a page that is for programs."""
 
@@ -117,11 +116,11 @@ def in_page(page: str, tag: str) -> str:
 def transcript(path: str) -> BinaryIO:
     """A transcript for reading: FILE itself, or what the page of a report holds. Raises UsageError."""
     file = opened(path, "a transcript")
-    if file.read(len(PAGE)) == PAGE.encode():
-        file.close()
-        return io.BytesIO(in_page(read_text(path, "a report", MOST_PAGE), "pre").encode())
-    file.seek(0)
-    return file
+    if file.readline(len(PAGE)) != PAGE.encode():
+        file.seek(0)
+        return file
+    with file:
+        return io.BytesIO(in_page(b"".join(file).decode("utf-8", "replace"), "pre").encode())
 
 
 def is_pipe(path: str) -> bool:

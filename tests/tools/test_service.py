@@ -172,7 +172,7 @@ def test_no_port_is_a_finding() -> None:
 
 @each_row("args", [
     ("fake://exo", "-p", "fake://exo"), ("--finding", "x"), ("--demo", "exo", "--family", "exo"),
-    ("fake://exo", "--resume", "none.html"), ("fake://exo", "--against", "none.html"), ("--demo", "exo", "--finding", "x"),
+    ("fake://exo", "--resume", "none.html"), ("fake://exo", "--against", "none.html"), ("--fake",), ("fake://none",), ("--demo", "exo", "--finding", "x"),
 ])  # fmt: skip
 def test_what_makes_no_sense_is_refused(args: tuple[str, ...]) -> None:
     assert run("service", *args).code == 2

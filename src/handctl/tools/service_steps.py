@@ -177,6 +177,8 @@ class Service:
             for check in action():
                 self._add(name, check)
         except HandctlError as exc:
+            if name == FIND and isinstance(exc, UsageError):  # the line itself is wrong, and nothing was sent
+                raise
             errors.append(exc)
         except KeyboardInterrupt:
             self.ended = Interrupted("interrupted")
