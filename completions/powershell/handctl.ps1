@@ -14,7 +14,7 @@ function __handctl_lookup([string]$word, $table) { # the content of WORD=CONTENT
 function __handctl_node([string]$path) { # what stands below PATH
     $found = @{ cmds = ''; opts = ''; takes = ''; args = ''; lacks = '' }
     switch -CaseSensitive -Exact ($path) {
-        '' { $found.cmds = 'exo wrist barrett ekso aidin hand ports scan top history doctor stop shell batch devices completion sim plot trace help'; $found.opts = '-V --version -h --help' }
+        '' { $found.cmds = 'exo wrist barrett ekso aidin hand ports scan top history doctor service stop shell batch devices completion sim plot trace help'; $found.opts = '-V --version -h --help' }
         'exo' { $found.cmds = 'status dump get watch describe stop position force set id baud save factory-reset report doctor clear-errors calibrate scan read write raw snapshot diff restore log export'; $found.opts = '-h --help' }
         'exo status' { $found.opts = '--check --picture --limit -h --help'; $found.takes = '--picture=none --limit=none'; $found.lacks = '-n --dry-run -y --yes --history' }
         'exo dump' { $found.opts = '--limit -h --help'; $found.takes = '--limit=none'; $found.lacks = '-n --dry-run -y --yes --history' }
@@ -189,6 +189,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'top' { $found.opts = '--rate --count --duration --limit -h --help'; $found.takes = '--rate=none --count=none --duration=none --limit=none'; $found.args = 'none*'; $found.lacks = '-n --dry-run -y --yes --history --assume-identity' }
         'history' { $found.opts = '--since --last -h --help'; $found.takes = '--since=none --last=none'; $found.args = 'none'; $found.lacks = '-p --port --fake -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity' }
         'doctor' { $found.opts = '--family --count -h --help'; $found.takes = '--family=choice:exo,wrist,barrett,ekso,aidin,hand --count=none'; $found.lacks = '-n --dry-run -y --yes --history --assume-identity' }
+        'service' { $found.opts = '--family --complaint --ticket --report --skip --resume --against --watch --count --follow --include-ids --force --demo --finding --seed -h --help'; $found.takes = '--family=choice:exo,wrist,barrett,ekso,aidin,hand --complaint=none --ticket=none --report=file --skip=choice:doctor,status,diagnose,watch,dump --resume=file --against=file --watch=none --count=none --demo=choice:any,exo,wrist,barrett,ekso,aidin,hand --finding=none --seed=none'; $found.args = 'link'; $found.lacks = '-n --dry-run -y --yes --history --assume-identity' }
         'stop' { $found.opts = '-h --help' }
         'shell' { $found.opts = '-h --help'; $found.args = 'choice:exo,wrist,barrett,ekso,aidin,hand' }
         'batch' { $found.opts = '--keep-going -h --help'; $found.args = 'file' }

@@ -200,6 +200,10 @@ TOOLS: dict[str, dict[str, tuple[str, str]]] = {
         "top": ("handctl.tools.top", "show all named devices live, with the one that needs attention first"),
         "history": ("handctl.tools.history", "show what handctl wrote to devices earlier, and when"),
         "doctor": ("handctl.tools.doctor", "check this computer and the link, with a remedy for each problem"),
+        "service": (
+            "handctl.tools.service",
+            "guided service: find the device, check it, propose the next step, write a report",
+        ),
     },
     "Stop and run commands": {
         "stop": ("handctl.tools.stop", "stop a device at once, even while another handctl command is using it"),

@@ -99,6 +99,30 @@ def read_text(path: str | os.PathLike[str], what: str, most: int, *, hint: str =
         raise UsageError(f"{path}: not a text in UTF-8: not {what}", hint=hint, code=code) from exc
 
 
+PAGE = "<!DOCTYPE html>"
+"""How a page of `report` or `service` begins."""
+PAGE_DATA = 'script type="application/json" id="data"'
+"""The element of a page that is for programs."""
+
+
+def in_page(page: str, tag: str) -> str:
+    """What the last element `tag` of a page of ours holds, as it was before it became HTML; "" where there is none."""
+    from html import unescape
+
+    _, found, rest = page.rpartition(f"<{tag}>")
+    return unescape(rest.partition(f"</{tag.partition(' ')[0]}>")[0]) if found else ""
+
+
+def transcript(path: str) -> BinaryIO:
+    """A transcript for reading: FILE itself, or what the page of a report holds. Raises UsageError."""
+    file = opened(path, "a transcript")
+    if file.readline(len(PAGE)) != PAGE.encode():
+        file.seek(0)
+        return file
+    with file:
+        return io.BytesIO(in_page(b"".join(file).decode("utf-8", "replace"), "pre").encode())
+
+
 def is_pipe(path: str) -> bool:
     """Whether `path` is a named pipe."""
     try:

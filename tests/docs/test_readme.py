@@ -45,7 +45,7 @@ GIVEN = {
 """Files that a reader brings along, or copies from the guide."""
 GIVEN["morning.txt"] = PAGES["scripts"].partition("# morning.txt\n")[2].partition("```")[0]
 GIVEN["line.toml"] = PAGES["simulators"].partition("```toml\n")[2].partition("```")[0]
-FINDS = {"gait", "diagnose", "doctor"}
+FINDS = {"gait", "diagnose", "doctor", "service"}
 """Commands whose exit code 7 is a finding, not a failure of the example."""
 
 
@@ -148,7 +148,7 @@ def tried(words: tuple[str, ...]) -> Result:
     if words[:1] == ("sim",):
         ends = words[-1] in ("-h", "--help") or words[1] == "forget"  # by itself
         return run(*words) if ends else served(words[1:])
-    if words[0] in ("scan", "doctor", "batch"):
+    if words[0] in ("scan", "doctor", "batch", "service"):
         return run(*on_a_bench(words))
     if not any(word in FAMILIES for word in words) or {"-h", "--help", "describe"} & set(words) or "devices" in words:
         return run(*words, env=at_home())

@@ -38,6 +38,10 @@ def sentences() -> list[str]:
 
 COVERED: Mapping[str, tuple[str, str]] = {
     "`--until` ends them instead": ("kernel/test_limits.py", "test_until_ends_a_stream"),
+    "Exit code 7 means that something was found or could not be read": (
+        "tools/test_service.py",
+        "test_a_step_that_fails_is_a_row_with_its_code",
+    ),
     "A limit for a quantity that was never read": (
         "kernel/test_limits.py",
         "test_a_limit_that_nothing_was_compared_with",

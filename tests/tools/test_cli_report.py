@@ -179,8 +179,9 @@ def test_a_family_may_look_deeper(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         columns = (Column("check", "Check"), Column("status", "Status"))
         return Table(rows=rows, columns=columns, failure=CheckFailed("1 failed"))
 
-    group = Group("exo", family=cli.family)
-    add_map_verbs(group, EXO, checks=checks)
+    assert cli.family is not None
+    group = Group("exo", family=cli.family._replace(checks=checks))
+    add_map_verbs(group, EXO)
     monkeypatch.setitem(cli.commands, "report", group.commands["report"])
     file = tmp_path / "r.html"
     assert taken("exo", file).code == 0

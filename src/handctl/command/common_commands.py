@@ -8,7 +8,7 @@ leaves it out with `without` and defines it itself.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from functools import partial
 from importlib import import_module
 from typing import Any
@@ -59,13 +59,11 @@ def add_map_verbs(
     setting: str = "",
     without: Collection[str] = (),
     set_asks: bool = False,
-    checks: Callable[[Run], Table] | None = None,
     helps: Mapping[str, str] | None = None,
 ) -> None:
     """Add the verbs for `params`. `part` names an element for help ("FINGER"), `example` and `setting` show how.
 
-    `set_asks`: what `set` writes is asked for first. `checks` are further rows for a report's findings, from a family that can look deeper by reading alone.
-    `helps` has the help of `status`, `stop`, `diff` or `restore` where the usual one is not true of this family.
+    `set_asks`: what `set` writes is asked for first. `helps` has the help of `status`, `stop`, `diff` or `restore` where the usual one is not true of this family.
     """
     named = f"NAME[.{part}]" if part else "NAME"
     shown = f", such as `{example}`" if example else ""
@@ -226,9 +224,7 @@ def add_map_verbs(
         from handctl import report as pages
 
         run.said.include_ids = include_ids
-        return pages.report(
-            run, run.mapped(params), file, pages.RequestedOptions(watch, include_ids, force), checks=checks
-        )
+        return pages.report(run, run.mapped(params), file, pages.RequestedOptions(watch, include_ids, force))
 
     @reads_option
     def doctor(run: Run, count: int) -> Table:

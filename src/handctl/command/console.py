@@ -135,6 +135,9 @@ class TerminalPrompts(Prompts):
         answer = self._answer(f"{question}?", f"Type {' or '.join(words)}: ").casefold() if self.present else ""
         return answer if answer in words else ""
 
+    def text(self, question: str) -> str:
+        return self._answer(question, "> ") if self.interactive else ""
+
     def _answer(self, text: str, prompt: str) -> str:
         self.done()
         print_stderr(text)

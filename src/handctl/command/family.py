@@ -13,7 +13,7 @@ from handctl.light import NamedTuple
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
     from handctl.model.param import ParamMap
-    from handctl.model.result import Journal
+    from handctl.model.result import Journal, Table
     from handctl.model.settings import Settings
 
 
@@ -32,6 +32,7 @@ class Family(NamedTuple):
     map_of    settings -> the parameter map, where it depends on them; None = there is one
     other_maps  settings -> further maps that its devices may have, as far as that was not typed
     simulated  settings -> what they say of the simulator of plain --fake, as KEY=VALUE of its LINK, "" = nothing
+    checks    (run) -> what looks deeper by reading alone, as rows of findings: a diagnosis for a report; None = nothing
     explain_silence  (device, error) -> a better error when nothing valid ever came; read-only
     """
 
@@ -48,6 +49,7 @@ class Family(NamedTuple):
     simulated: Callable[[Settings], str] | None = None
     speeds: tuple[int, ...] = ()
     other_maps: Callable[[Settings], Sequence[ParamMap[Any]]] | None = None
+    checks: Callable[[Any], Table] | None = None
 
     @property
     def lacks(self) -> dict[str, str]:

@@ -261,6 +261,12 @@ EXAMPLES: dict[str, Examples] = {
         ("handctl doctor", "Check this computer."),
         ("handctl doctor -p /dev/ttyUSB0", "Check this computer, the link, and the device on it."),
     ),
+    "service": (
+        ("handctl service", "Find the device on a free port, check it, and write a report with the next step."),
+        ("handctl service /dev/ttyUSB0 --complaint 'thumb does not close' --ticket 4711", "The same for one port."),
+        ("handctl service -d left --resume service.html --against june.html", "Do the steps that are missing, and compare with an older report."),
+        ("handctl service --demo exo", "Practise: find the fault of a simulated hand."),
+    ),
     "top": (
         ("handctl top", "All named devices, live."),
         ("handctl top left --limit temperature=60 --duration 60 --csv", "Record one minute. The exit code is 7 if 60 °C was exceeded."),

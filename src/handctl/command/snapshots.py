@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from handctl import __version__
 from handctl.command.run import Act, Asked
 from handctl.errors import CheckFailed, OutputError, UsageError, joined
-from handctl.files import atomic_write, read_text, why_unwritable, writing
+from handctl.files import PAGE, PAGE_DATA, atomic_write, in_page, read_text, why_unwritable, writing
 from handctl.model.device import question, released
 from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Changes, Element, FromTo, Number, ParamMap, Step
 from handctl.model.result import Column, Row, Table
@@ -400,8 +400,13 @@ def _parsed(path: str, kind: str) -> dict[str, Any]:
     import json
 
     text = read_text(path, "a snapshot", MOST_BYTES, hint=f"`handctl {kind} snapshot {path}` makes one")
+    page = text.startswith(PAGE)
     try:
-        content = json.loads(text, parse_constant=_refuse, object_pairs_hook=_once)
+        content = json.loads(
+            in_page(text, PAGE_DATA) if page else text, parse_constant=_refuse, object_pairs_hook=_once
+        )
+        if page:
+            content = content.get("snapshot")
     except (ValueError, RecursionError) as exc:
         raise UsageError(f"{path}: not a snapshot: {exc}", hint=UNTOUCHED) from exc
     if not isinstance(content, dict) or not str(content.get("schema", "")).startswith("handctl-snapshot/"):

@@ -50,6 +50,13 @@ def carries_frames(link: str) -> bool:
     return carries_frames(*split_url(link))
 
 
+def meaning_of(kind: str, fault: str) -> str:
+    """What the simulator of this kind of device does under a fault, in its own words."""
+    from handctl.sim import meaning_of
+
+    return meaning_of(kind, fault)
+
+
 class _Simulated(Link):
     """A simulator in this process, in real time or (`clock=virtual`) in time that jumps from event to event."""
 

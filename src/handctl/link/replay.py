@@ -15,7 +15,7 @@ from contextlib import suppress
 from typing import BinaryIO
 
 from handctl.errors import LinkError, UsageError
-from handctl.files import opened
+from handctl.files import transcript
 from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link
 from handctl.link.transcript import Entry, parse_line
 from handctl.system import clock
@@ -24,9 +24,9 @@ LONGEST_LINE = 1 << 20
 
 
 def open_replay(link: str, baud: int | None = None) -> Link:
-    """The recorded device of `replay:FILE`, with serial bytes or with CAN frames. Raises UsageError."""
+    """The recorded device of `replay:FILE`, with serial bytes or with CAN frames. FILE may be a report. Raises UsageError."""
     path = link.removeprefix("replay:")
-    recording = Recording(opened(path, "a transcript"), path)
+    recording = Recording(transcript(path), path)
     if not len(recording) and not recording.speaks:
         recording.close()
         raise UsageError(

@@ -59,5 +59,5 @@ def view(rows: list[Row]) -> list[Grid]:
     for row in rows:
         if row["remedy"]:
             told.setdefault(row["remedy"], []).append(row["check"])
-    notes = [f"{', '.join(names)}: {remedy}" for remedy, names in told.items()]
+    notes = [f"{', '.join(dict.fromkeys(names))}: {remedy}" for remedy, names in told.items()]
     return [Grid(("Check", "Status", "Evidence"), tuple(lines), notes=tuple(notes))]

@@ -65,6 +65,10 @@ class Prompts:
         """The answer if it is one of `words`; "" for any other, and without a person."""
         return ""
 
+    def text(self, question: str) -> str:
+        """A line that is typed; "" without a person."""
+        return ""
+
     def wait_for_enter(self, text: str) -> bool:
         """Show an instruction and wait for Enter; False without a person."""
         return False

@@ -12,7 +12,7 @@ import os
 import platform
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import datetime, timezone
 from importlib import metadata
 from itertools import accumulate, groupby
@@ -23,6 +23,7 @@ from handctl.charts.curves import curves, outline_svg
 from handctl.command import get_set_watch
 from handctl.command.family import load
 from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
+from handctl.families import FAMILIES
 from handctl.files import atomic_write, writing
 from handctl.link.base import path_in
 from handctl.link.transcript import Tap, observed, parse
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
 
 
 RATE_HZ = 10.0
+LONGEST = 120_000
+"""Characters of recorded bytes that a page takes; what is longer loses its middle."""
 DATA = "handctl-report/1"
 """The schema of the JSON in a page."""
 COLUMNS = (Column("file", "File"), Column("size", "Size", right=True, unit="B"), Column("sha256", "SHA-256"))
@@ -48,21 +51,32 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class RequestedOptions:
-    """What the user asked for: `watch` in seconds (0 = none), whether ids are kept, whether FILE may be replaced."""
+    """What the user asked for: `watch` in seconds (0 = none), whether ids are kept, whether FILE may be replaced, and how many
+    characters of recorded bytes the page takes."""
 
     watch: float = 3.0
     include_ids: bool = False
     force: bool = False
+    longest: int = LONGEST
 
 
-@dataclass(slots=True)
-class _Visit:
-    """One conversation with a device: what was recorded, what went wrong, whether asking on makes sense."""
+class Visit:
+    """One conversation with a device for one page: what was recorded, what went wrong, whether asking on makes sense."""
 
-    run: Run
-    lines: list[str] = field(default_factory=list)
-    problems: list[tuple[str, HandctlError]] = field(default_factory=list)
-    over: bool = False
+    def __init__(
+        self, run: Run, params: ParamMap[Any], wishes: RequestedOptions, lines: list[str] | None = None
+    ) -> None:
+        """`lines`: what was recorded before, to which the rest is added."""
+        self.run, self.params, self.wishes = run, params, wishes
+        self.lines: list[str] = [] if lines is None else lines
+        self.problems: list[tuple[str, HandctlError]] = []
+        self.over = False
+        self.identity: dict[str, str] = {}
+        """What the device says of itself, without what is private."""
+        self.privacy = Privacy(params, wishes.include_ids)
+        now = datetime.now(timezone.utc).isoformat(timespec="seconds")
+        self.content = Report(params.kind, run.command, __version__, now, simulated=False)
+        self.content.privacy, self.content.masked = _promise(self.privacy), self.privacy.masks
 
     def attempt(self, part: str, action: Callable[[], T]) -> T | None:
         """Return the result of `action`; None if it fails or the device is gone. Usage errors are raised."""
@@ -87,39 +101,167 @@ class _Visit:
         """One line from the tap."""
         self.lines.append(line.rstrip("\n"))
 
+    # -- asking --
 
-def report(
-    run: Run,
-    params: ParamMap[Any],
-    path: str,
-    wishes: RequestedOptions,
-    *,
-    checks: Callable[[Run], Table] | None = None,
-) -> Table:
-    """Read everything and write the page. `checks` are a family's own, as rows that only reading finds.
+    def connect(self) -> None:
+        """Connect to the device. Nothing is asked of one that cannot be reached."""
+        if self.attempt("connection", self.run.device) is None:
+            self.over = True
+
+    def status(self, check: bool = False) -> Table | None:
+        """Its health, with a picture where there is one."""
+        device: Any = self.run.opened
+        status = self.attempt("status", lambda: device.status(check))
+        if status is None:
+            self._explain_silence()
+        else:
+            self.show("status", status)
+            outline = outline_of(self.params.kind)
+            if outline is not None:
+                pictures = (outline_svg(outline, by, status.rows) for by in outline.measures if by != "error")
+                self.content.outlines = list(filter(None, pictures))
+        return status
+
+    def dump(self) -> Table | None:
+        """Every documented quantity, and what the device says of itself."""
+        device: Any = self.run.opened
+        dump = self.attempt("dump", lambda: device.dump())  # noqa: PLW0108 - there may be none
+        if dump is not None:
+            dump.view = None
+            self.show("dump", dump)
+        identity = None
+        if self.params.kept():  # a device without stored settings is not asked who it is
+            identity = self.attempt("identity", lambda: device.identity())  # noqa: PLW0108 - there may be none
+        if identity is not None:
+            self.identity = self.privacy.identity(identity)
+            self.content.facts = [fact for fact in self.identity.items() if fact[0] != "kind"]
+        return dump
+
+    def checks(self) -> Table | None:
+        """What its family finds by looking deeper, reading alone; None where it has nothing of the kind."""
+        checks = self.run.family.checks if self.run.family is not None else None
+        found = self.attempt("checks", lambda: checks(self.run)) if checks is not None else None
+        if found is not None:
+            self.show("checks", found)
+        return found
+
+    def show(self, part: str, table: Table) -> None:
+        """Put a table on the page. What it could not read is a problem of this page; what it judged is not."""
+        self.privacy.table(table)
+        if table.failure is not None and not isinstance(table.failure, CheckFailed):
+            self.failed(part, table.failure)
+        setattr(self.content, part, _grids(table))
+        self.content.data[part] = table.rows
+
+    def watch(self) -> list[Sample]:
+        """Curves of what changes."""
+        return self.attempt("watch", self._watch) or []
+
+    def _watch(self) -> list[Sample]:
+        run, content = self.run, self.content
+        table = get_set_watch.watch(run, self.params, (), rate=RATE_HZ, count=None, duration=self.wishes.watch)
+        samples: list[Sample] = []
+        run.prompts.progress(f"watching for {self.wishes.watch:g} s")
+        try:
+            for sample in table.samples or ():
+                samples.append(sample)  # noqa: PERF402 - what came before an error is kept
+        except HandctlError as exc:
+            self.failed("watch", exc)
+        run.prompts.done()
+        content.curves = curves(samples, table.decimals)
+        content.words = table.flags | {param.name for param in self.params if param.choices}
+        content.seconds = samples[-1].t if samples else 0.0
+        stream = table.summary()["stream"] if table.summary is not None else {}
+        rate = f", true rate {stream['rate_hz']:g} Hz" if stream.get("rate_hz") else ""
+        content.watched = f"{plural(len(samples), 'sample')} in {content.seconds:.1f} s{rate}."
+        return samples
+
+    def _explain_silence(self) -> None:
+        """Whether a device that never answered is there in another way (another speed), as every command would say."""
+        run = self.run
+        explain_silence = run.family.explain_silence if run.family is not None else None
+        if not self.problems or run.opened is None or explain_silence is None or run.settings.baud is not None:
+            return
+        part, error = self.problems[-1]
+        if self.over and error.exit_code in (4, 5):
+            with contextlib.suppress(HandctlError):
+                self.problems[-1] = (part, explain_silence(run.opened, error))
+
+    # -- telling --
+
+    def conclude(self) -> None:
+        """What is known when the conversation is over: findings, counters, this computer, the bytes, what is missing."""
+        run, content, privacy = self.run, self.content, self.privacy
+        link = run.link_name() if run.settings.port or run.settings.fake else "none"
+        content.simulated = run.simulated
+        content.facts = [("device", content.kind), ("link", privacy.text(link)), *content.facts]
+        for part, error in self.problems:
+            content.problems.append((part, error.reworded(privacy.text(error.text), hint=privacy.text(error.hint))))
+        content.findings = privacy.messages(run.journal.messages)
+
+        def blanked(text: str) -> str:  # numbers come from rows that are blanked already
+            return privacy.text(text) if any(map(str.isalpha, text)) else text
+
+        content.status, content.dump, content.checks, content.service = (
+            [grid.with_texts(blanked) for grid in grids]
+            for grids in (content.status, content.dump, content.checks, content.service)
+        )
+        content.counters = [
+            (key.replace("_", " "), str(value))
+            for key, value in run.journal.counters.as_row().items()
+            if isinstance(value, int)
+        ]
+        content.environment = [(name, privacy.text(text)) for name, text in (*environment(), *port(link))]
+        said = {"device": dict(content.facts), "made": content.made, "simulated": content.simulated}
+        heard = [
+            *content.findings,
+            *(Message("error", error.code, error.text, error.hint) for _, error in content.problems),
+        ]
+        content.data |= {"schema": DATA, "version": __version__, "command": content.command, **said}
+        content.data |= {"messages": [message.as_row() for message in heard], "counters": run.journal.counters.as_row()}
+        content.data["watch"] = [
+            {"name": curve.name, "part": curve.part or None, "unit": curve.unit or None, "min": curve.low, "max": curve.high, "last": curve.last}
+            for group in content.curves.values() for curve in group if curve.count
+        ]  # fmt: skip
+        passed = any(not line.startswith("#") for line in self.lines)
+        told = explained(self.lines, content.kind, privacy)
+        content.transcript = list(shortened(list(told), self.wishes.longest)) if passed else []
+        reason = "not read, see above" if self.problems else "nothing to show"
+        content.missing = {"Status": reason, "Dump": reason, "Transcript": "no byte passed"}
+        content.missing["Watch"] = reason if self.problems else "none was asked for (--watch 0)"
+        if self.problems:
+            content.missing["Findings"] = "the part that could be read shows none" if content.status else reason
+
+    def written(self, path: str) -> Row:
+        """Write the page; its row. Raises OutputError."""
+        data = page(self.content).encode("utf-8", "replace")
+        _write(path, data, self.wishes.force)
+        self.run.journal.info("written", f"{path}: {self.content.privacy}")
+        return {"file": path, "size": len(data), "sha256": hashlib.sha256(data).hexdigest()}
+
+
+def report(run: Run, params: ParamMap[Any], path: str, wishes: RequestedOptions) -> Table:
+    """Read everything and write the page.
 
     Raises UsageError, before anything is sent, when FILE cannot be meant.
     """
-    _refuse(path, wishes.force)
-    privacy = Privacy(params, wishes.include_ids)
-    visit = _Visit(run)
+    refuse(path, wishes.force)
+    visit = Visit(run, params, wishes)
     run.in_use = True
     assert run.family is not None
     opening, tap = run.family.open, Tap(visit.record)  # a tap of ours, whether or not --trace has one of its own
     run.family = run.family._replace(
         open=lambda link, settings, journal: opening(observed(link, tap), settings, journal)
     )
-    now = datetime.now(timezone.utc).isoformat(timespec="seconds")
-    content = Report(params.kind, run.command, __version__, now, simulated=False)
-    content.privacy, content.masked = _promise(privacy), privacy.masks
-    _ask(run, params, visit, content, privacy, wishes, checks)
-    _conclude(run, visit, content, privacy)
-    data = page(content).encode("utf-8", "replace")
-    _write(path, data, wishes.force)
-    row = {"file": path, "size": len(data), "sha256": hashlib.sha256(data).hexdigest()}
-    run.journal.info("written", f"{path}: {_promise(privacy)}")
+    visit.connect()
+    visit.status()
+    visit.dump()
+    visit.checks()
+    if wishes.watch:
+        visit.watch()
+    visit.conclude()
     failure = visit.problems[0][1] if visit.problems else None
-    return Table(rows=[row], columns=COLUMNS, failure=failure)
+    return Table(rows=[visit.written(path)], columns=COLUMNS, failure=failure)
 
 
 def _promise(privacy: Privacy) -> str:
@@ -132,63 +274,8 @@ def _promise(privacy: Privacy) -> str:
     return f"{text}. --include-ids keeps them"
 
 
-# -- asking -------------------------------------------------------------------------------------------------------
-
-
-def _ask(
-    run: Run,
-    params: ParamMap[Any],
-    visit: _Visit,
-    content: Report,
-    privacy: Privacy,
-    wishes: RequestedOptions,
-    checks: Callable[[Run], Table] | None,
-) -> None:
-    device: Any = visit.attempt("connection", run.device)
-    visit.over = visit.over or device is None
-    status = visit.attempt("status", lambda: device.status(False))
-    if status is not None:
-        content.status = _grids(visit, "status", privacy.table(status))
-        content.data["status"] = status.rows
-        outline = outline_of(params.kind)
-        if outline is not None:
-            pictures = (outline_svg(outline, by, status.rows) for by in outline.measures if by != "error")
-            content.outlines = list(filter(None, pictures))
-    else:
-        _explain_silence(run, visit, device)
-    dump = visit.attempt("dump", lambda: device.dump())  # noqa: PLW0108 - there may be none
-    if dump is not None:
-        dump.view = None
-        content.dump = _grids(visit, "dump", privacy.table(dump))
-        content.data["dump"] = dump.rows
-    identity = None
-    if params.kept():  # a device without stored settings is not asked who it is
-        identity = visit.attempt("identity", lambda: device.identity())  # noqa: PLW0108 - there may be none
-    if identity is not None:
-        content.facts = [fact for fact in privacy.identity(identity).items() if fact[0] != "kind"]
-    found = visit.attempt("checks", lambda: checks(run)) if checks is not None else None
-    if found is not None:
-        content.checks = _grids(visit, "checks", privacy.table(found))
-        content.data["checks"] = found.rows
-    if wishes.watch:
-        visit.attempt("watch", lambda: _watch(run, params, content, wishes.watch, visit))
-
-
-def _explain_silence(run: Run, visit: _Visit, device: Any) -> None:
-    """Whether a device that never answered is there in another way (another speed), as every command would say."""
-    explain_silence = run.family.explain_silence if run.family is not None else None
-    if not visit.problems or device is None or explain_silence is None or run.settings.baud is not None:
-        return
-    part, error = visit.problems[-1]
-    if visit.over and error.exit_code in (4, 5):
-        with contextlib.suppress(HandctlError):
-            visit.problems[-1] = (part, explain_silence(device, error))
-
-
-def _grids(visit: _Visit, part: str, table: Table) -> list[Grid]:
-    """How people see a table. What it could not read is a problem of this page; what it judged is not."""
-    if table.failure is not None and not isinstance(table.failure, CheckFailed):
-        visit.failed(part, table.failure)
+def _grids(table: Table) -> list[Grid]:
+    """How people see a table."""
     if not table.rows:
         return []
     if table.view is not None:
@@ -197,70 +284,10 @@ def _grids(visit: _Visit, part: str, table: Table) -> list[Grid]:
     return default_view(table)
 
 
-def _watch(run: Run, params: ParamMap[Any], content: Report, seconds: float, visit: _Visit) -> None:
-    table = get_set_watch.watch(run, params, (), rate=RATE_HZ, count=None, duration=seconds)
-    samples: list[Sample] = []
-    run.prompts.progress(f"watching for {seconds:g} s")
-    try:
-        for sample in table.samples or ():
-            samples.append(sample)  # noqa: PERF402 - what came before an error is kept
-    except HandctlError as exc:
-        visit.failed("watch", exc)
-    run.prompts.done()
-    content.curves = curves(samples, table.decimals)
-    content.words = table.flags | {param.name for param in params if param.choices}
-    content.seconds = samples[-1].t if samples else 0.0
-    stream = table.summary()["stream"] if table.summary is not None else {}
-    rate = f", true rate {stream['rate_hz']:g} Hz" if stream.get("rate_hz") else ""
-    content.watched = f"{plural(len(samples), 'sample')} in {content.seconds:.1f} s{rate}."
-
-
-def _conclude(run: Run, visit: _Visit, content: Report, privacy: Privacy) -> None:
-    """What is known when the conversation is over: findings, counters, this computer, the bytes, what is missing."""
-    link = run.link_name()
-    content.simulated = run.simulated
-    content.facts = [("device", content.kind), ("link", privacy.text(link)), *content.facts]
-    for part, error in visit.problems:
-        told = error.reworded(privacy.text(error.text), hint=privacy.text(error.hint))
-        content.problems.append((part, told))
-    content.findings = privacy.messages(run.journal.messages)
-
-    def blanked(text: str) -> str:  # numbers come from rows that are blanked already
-        return privacy.text(text) if any(map(str.isalpha, text)) else text
-
-    content.status, content.dump, content.checks = (
-        [grid.with_texts(blanked) for grid in grids] for grids in (content.status, content.dump, content.checks)
-    )
-    content.counters = [
-        (key.replace("_", " "), str(value))
-        for key, value in run.journal.counters.as_row().items()
-        if isinstance(value, int)
-    ]
-    content.environment = [(name, privacy.text(text)) for name, text in (*environment(), *port(link))]
-    said = {"device": dict(content.facts), "made": content.made, "simulated": content.simulated}
-    heard = [
-        *content.findings,
-        *(Message("error", error.code, error.text, error.hint) for _, error in content.problems),
-    ]
-    content.data |= {"schema": DATA, "version": __version__, "command": content.command, **said}
-    content.data |= {"messages": [message.as_row() for message in heard], "counters": run.journal.counters.as_row()}
-    content.data["watch"] = [
-        {"name": curve.name, "part": curve.part or None, "unit": curve.unit or None, "min": curve.low, "max": curve.high, "last": curve.last}
-        for group in content.curves.values() for curve in group if curve.count
-    ]  # fmt: skip
-    passed = any(not line.startswith("#") for line in visit.lines)
-    content.transcript = list(shortened(list(explained(visit.lines, content.kind, privacy)))) if passed else []
-    reason = "not read, see above" if visit.problems else "nothing to show"
-    content.missing = {"Status": reason, "Dump": reason, "Transcript": "no byte passed"}
-    content.missing["Watch"] = reason if visit.problems else "none was asked for (--watch 0)"
-    if visit.problems:
-        content.missing["Findings"] = "the part that could be read shows none" if content.status else reason
-
-
 # -- the file -----------------------------------------------------------------------------------------------------
 
 
-def _refuse(path: str, force: bool) -> None:
+def refuse(path: str, force: bool) -> None:
     """Raise UsageError for a file that is not to be replaced, and OutputError for a folder that takes none."""
     if os.path.exists(path) and not os.path.isfile(path):
         raise UsageError(f"{path} is not a file", hint="give the name of a page, such as report.html", code="no-file")
@@ -290,14 +317,15 @@ def _write(path: str, data: bytes, force: bool) -> None:
 # -- the recorded bytes, a transcript again, with what they mean as comments behind them --------------------------------
 
 
-LONGEST = 120_000
-"""Characters that a page takes; what is longer loses its middle."""
 MEANING = 240
 """Characters of a meaning; a whole answer of text may have thousands."""
 
 
 def explained(lines: Iterable[str], kind: str, privacy: Privacy) -> Iterator[str]:
     """The lines of a tap, private ones blanked, each followed by the frames that are complete with it."""
+    if kind not in FAMILIES:  # nobody was found
+        yield from lines
+        return
     explainer: Explainer = load(kind, "explain").explainer()
     for line in lines:
         yield privacy.transcript(line)
@@ -322,11 +350,11 @@ def _comments(pieces: Iterable[ExplainedBytes], privacy: Privacy) -> Iterator[st
         yield f"#   {'host' if piece.direction == HOST else 'device'}: {' '.join(text.split())}{problem}"
 
 
-def shortened(lines: list[str]) -> Iterator[str]:
+def shortened(lines: list[str], longest: int = LONGEST) -> Iterator[str]:
     """All lines, or the beginning and the end of them with what lies between counted."""
     total = sum(map(len, lines))
     passed = list(accumulate(map(len, lines)))
-    kept = [total <= LONGEST or not LONGEST * 3 // 4 < place <= total - LONGEST // 4 for place in passed]
+    kept = [total <= longest or not longest * 3 // 4 < place <= total - longest // 4 for place in passed]
     for keep, group in groupby(zip(kept, lines, strict=True), key=lambda pair: pair[0]):
         some = [line for _, line in group]
         yield from some if keep else [f"# {len(some)} lines left out: --trace FILE keeps them all"]

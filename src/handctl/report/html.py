@@ -14,6 +14,7 @@ from itertools import chain
 from handctl.charts.curves import Curve, draw, escape, unchanged
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
+from handctl.files import PAGE, PAGE_DATA
 from handctl.model.result import Cell, Grid, Message
 from handctl.wording import sentence
 
@@ -24,6 +25,7 @@ class Report:
 
     problems   (section, error) in the order they happened; then the page is incomplete
     curves     quantity -> its elements; `words` are the quantities whose numbers are codes
+    service    the complaint, what was done about it, and what is to be done next, where it was a service
     outlines   pictures of the device, finished SVG
     data       the same for a program, JSON
     masked     what the device sent is left out of the transcript
@@ -39,6 +41,7 @@ class Report:
     problems: list[tuple[str, HandctlError]] = field(default_factory=list)
     findings: list[Message] = field(default_factory=list)
     checks: list[Grid] = field(default_factory=list)
+    service: list[Grid] = field(default_factory=list)
     status: list[Grid] = field(default_factory=list)
     dump: list[Grid] = field(default_factory=list)
     curves: dict[str, list[Curve]] = field(default_factory=dict)
@@ -80,7 +83,7 @@ def plain_page(title: str, body: Iterable[str], style: str, version: str) -> str
 def _head(title: str, version: str, more: str = "") -> str:
     style = files(__package__).joinpath("page.css").read_text(encoding="utf-8")
     return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'{PAGE}\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         '<meta name="referrer" content="no-referrer">\n'
@@ -91,7 +94,9 @@ def _head(title: str, version: str, more: str = "") -> str:
 
 def page(report: Report) -> str:
     title = f"{_name(report.kind)}: service report, {report.made}"
+    head = ("Service",) if report.service else ()
     bodies = (
+        *("".join(table(grid, name) for grid in report.service) for name in head),
         _findings(report),
         _outlines(report) + _grids(report.status, report, "Status"),
         _watch(report),
@@ -102,9 +107,10 @@ def page(report: Report) -> str:
     )
     wrong = any(found.level != "info" for found in report.findings) or bool(report.problems)
     sections = "".join(
-        _section(name, body, shut=name in FOLDED and not wrong) for name, body in zip(SECTIONS, bodies, strict=True)
+        _section(name, body, shut=name in FOLDED and not wrong)
+        for name, body in zip((*head, *SECTIONS), bodies, strict=True)
     )
-    links = "".join(f'<li><a href="#{name.lower()}">{name}</a></li>' for name in SECTIONS)
+    links = "".join(f'<li><a href="#{name.lower()}">{name}</a></li>' for name in (*head, *SECTIONS))
     return (
         f"{_head(title, report.version)}"
         f'{_header(report)}<nav aria-label="Sections"><ul>{links}</ul></nav>\n<main>\n{sections}</main>\n'
@@ -162,7 +168,7 @@ def _data(report: Report) -> str:
         .replace(">", "\\u003e")
         .replace("&", "\\u0026")
     )
-    return f'<script type="application/json" id="data">{text}</script>\n'
+    return f"<{PAGE_DATA}>{text}</script>\n"
 
 
 def _empty(report: Report, section: str) -> str:

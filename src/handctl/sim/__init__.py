@@ -50,6 +50,14 @@ def model_class(kind: str, bus: str = "serial") -> type[Model]:
     return found
 
 
+def meaning_of(kind: str, fault: str) -> str:
+    """What a device does under one of its faults, or one of its line."""
+    from handctl.sim.engine.line import LINE_FAULTS
+
+    row = model_class(kind).FAULTS.get(fault) or LINE_FAULTS[fault]
+    return row if isinstance(row, str) else str(row[1])
+
+
 def create(kind: str, options: dict[str, str]) -> Line | Any:
     """A simulated device at the end of a line, from the raw option strings of a fake:// link.
 

@@ -308,10 +308,10 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
     yield Check("open", "ok", f"{name} opens" + (f" at {speed} bit/s" if speed else ""))
     if kind is None:
         found, number, check = present(run, link, link.deadline(run.settings.deadline or FIND_SECONDS))
-        yield check
         if kind := found or None:
             run.family = family_of(kind)
             run.settings = run.settings._replace(id=run.settings.id or number)
+        yield check
     seconds = run.settings.deadline or LINK_SECONDS
     settings = run.settings._replace(retries=0, timeout=run.settings.timeout or PING_TIMEOUT, deadline=seconds)
     family, probe = run.family, probe_of(kind) if kind is not None else None

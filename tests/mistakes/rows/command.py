@@ -7,6 +7,42 @@ SESSION = "handctl.command.connection"
 
 ROWS = (
     mistake(
+        "service-carries-out-a-write",
+        "safety check missing",
+        "handctl.tools.service_steps",
+        "Service._next",
+        "if not one.leaf.only_reads or not self.reached:",
+        "if not self.reached:",
+        "tests/tools/test_service.py::test_a_step_that_reads_is_followed_and_one_that_writes_is_told",
+    ),
+    mistake(
+        "service-tells-a-failed-step-as-passed",
+        "swallowed error",
+        "handctl.tools.service_steps",
+        "Service.step",
+        'state = "failed" if errors else "done"',
+        'state = "done"',
+        "tests/tools/test_service.py::test_a_step_that_fails_is_a_row_with_its_code_and_the_rest_goes_on",
+    ),
+    mistake(
+        "service-continues-with-another-device",
+        "safety check missing",
+        "handctl.tools.service_steps",
+        "Service.find",
+        'if before and before["device"]["device"] != family.kind:',
+        "if False:",
+        "tests/tools/test_service.py::test_what_was_done_is_not_repeated",
+    ),
+    mistake(
+        "service-tells-an-interrupt-as-done",
+        "wrong exit code",
+        "handctl.tools.service_steps",
+        "Service._report",
+        "if self.ended is not None:",
+        "if False:",
+        "tests/tools/test_service.py::test_an_interrupt_ends_in_a_report_that_is_continued",
+    ),
+    mistake(
         "limit-of-a-log-left-out",
         "wrong exit code",
         "handctl.command.log_command",

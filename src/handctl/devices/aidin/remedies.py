@@ -18,3 +18,6 @@ OUTLINE = Outline(
     note="A right hand seen from its palm. The force is that along z of the fingertip.",
 )
 """The fingers of an AIDIN-hand in their place. It has no temperatures and no error bits."""
+
+PRACTICE = dict.fromkeys(("degrees", "missing-key", "not-json", "nan", "wrong-length", "wrong-type", "silent", "unclosed", "disconnect"), "")  # fmt: skip
+"""Fault of the simulator that a trainee finds by reading alone (`handctl service --demo`) -> what else the simulator is told."""

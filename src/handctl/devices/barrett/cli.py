@@ -70,14 +70,6 @@ def _recall(name: str) -> int | None:
     return state_files.speed_of(name)
 
 
-cli = Group(
-    "barrett",
-    family=Family("barrett", open_barrett, 9600, recall=_recall, speeds=SPEEDS),
-    first=("version", "errors", "init", "open", "close", "move", "home", "save", "diagnose", "maintenance", "strain"),
-    help="Read, move and service a BarrettHand BH8 (RS-232, firmware 4.3x and 4.4). Motors 1 2 3 are the fingers, 4 or S is the spread, G is all fingers.",
-)
-
-
 def _report_checks(run: Run) -> Table:
     """The read-only checks of `diagnose`, for a report."""
     from handctl.devices.barrett.maintenance import diagnose
@@ -89,13 +81,20 @@ def _report_checks(run: Run) -> Table:
     return diagnose.table_of(hand, findings, None, failure)
 
 
+cli = Group(
+    "barrett",
+    family=Family("barrett", open_barrett, 9600, recall=_recall, speeds=SPEEDS, checks=_report_checks),
+    first=("version", "errors", "init", "open", "close", "move", "home", "save", "diagnose", "maintenance", "strain"),
+    help="Read, move and service a BarrettHand BH8 (RS-232, firmware 4.3x and 4.4). Motors 1 2 3 are the fingers, 4 or S is the spread, G is all fingers.",
+)
+
+
 add_map_verbs(
     cli,
     BARRETT,
     part="MOTOR",
     example="P SG.F1 temperature",
     without=("set", "describe", "restore"),
-    checks=_report_checks,
 )
 
 

@@ -37,3 +37,6 @@ OUTLINE = Outline(
     note="Seen from above. The temperature is the board's. A bar is as long as the finger is open.",
 )
 """The motors of a BarrettHand in their place: F1 and F2 turn round the palm with the spread, F3 is fixed across from them."""
+
+PRACTICE = dict.fromkeys(("hot", "no-board", "no-motor", "unknown-codes", "silent", "noise"), "initialized=1")  # fmt: skip
+"""Fault of the simulator that a trainee finds by reading alone (`handctl service --demo`) -> what else the simulator is told."""

@@ -24,3 +24,6 @@ OUTLINE = Outline(
     note="Seen from behind the wearer.",
 )
 """The joints of an EksoNR in their place: hips below the trunk, knees below the hips."""
+
+PRACTICE = dict.fromkeys(("hip-offset", "frozen-clock", "clock-jump", "bad-checksum", "short-body", "wrong-command", "silent", "noise", "echo"), "")  # fmt: skip
+"""Fault of the simulator that a trainee finds by reading alone (`handctl service --demo`) -> what else the simulator is told."""

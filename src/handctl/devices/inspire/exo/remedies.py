@@ -29,3 +29,6 @@ OUTLINE = Outline(
     note="A right hand seen from its palm. A bar is as long as the finger is open.",
 )
 """The fingers of an EH55BF1 in their place. The ends of temperature and force are those of their ranges (exo §2.3.10, §2.3.13)."""
+
+PRACTICE = dict.fromkeys(("over-temperature", "locked-rotor", "over-current", "motor-abnormal", "communication", "unknown-bits"), "")  # fmt: skip
+"""Fault of the simulator that a trainee finds by reading alone (`handctl service --demo`) -> what else the simulator is told."""

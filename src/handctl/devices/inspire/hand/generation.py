@@ -115,10 +115,10 @@ def recorded(link: str) -> str:
     """Which envelope of Modbus the first question of a transcript has; "" = none, or the LINK is no transcript."""
     if not link.startswith("replay:"):
         return ""
-    from handctl.files import opened
+    from handctl.files import transcript
 
     try:
-        with opened(link.removeprefix("replay:"), "a transcript") as file:
+        with transcript(link.removeprefix("replay:")) as file:
             lines = (line.decode("ascii", "replace") for line in iter(lambda: file.readline(1 << 16), b""))
             asked = next((line for line in lines if ">" in line and not line.lstrip().startswith("#")), "")
         return mode_of(bytes.fromhex(asked.partition(">")[2]))

@@ -30,3 +30,6 @@ OUTLINE = Outline(
     note="A right hand seen from its palm. A bar is as long as the finger is open.",
 )
 """The fingers of an RH56 in their place. Where the actuators of an RH5DG2 are is not known."""
+
+PRACTICE = dict.fromkeys(("over-temperature", "locked-rotor", "over-current", "motor-abnormal", "communication", "unknown-bits"), "")  # fmt: skip
+"""Fault of the simulator that a trainee finds by reading alone (`handctl service --demo`) -> what else the simulator is told."""

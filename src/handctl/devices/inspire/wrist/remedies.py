@@ -21,3 +21,6 @@ OUTLINE = Outline(
     palm=0,
 )
 """The two actuators of the wrist module, side by side. Which is on which side is not in the manual."""
+
+PRACTICE = dict.fromkeys(("over-temperature", "locked-rotor", "over-current", "motor-abnormal", "communication", "unknown-bits"), "")  # fmt: skip
+"""Fault of the simulator that a trainee finds by reading alone (`handctl service --demo`) -> what else the simulator is told."""

@@ -1,0 +1,522 @@
+"""The steps of `handctl service`, each with the code of the command that it is, and the one report in which they end.
+
+A step that fails is a row like any other finding. What is proposed at the end is the remedy of the most urgent finding, as that
+says it: there is no second table of remedies here. Never writes, never moves.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+import click
+
+from handctl.command import snapshots
+from handctl.command.command_lines import line
+from handctl.command.family import map_of
+from handctl.command.library_call import Call
+from handctl.command.run import Run
+from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, UsageError, joined
+from handctl.families import SCANNED
+from handctl.files import PAGE_DATA, in_page, read_text
+from handctl.link.transcript import Tap, observed
+from handctl.model.checks import FAIL, OK, SKIPPED, TONES, WARNING, Check, table_of
+from handctl.model.checks import view as checks_view
+from handctl.model.param import ParamMap
+from handctl.model.result import Cell, Column, Grid, Row, Table
+from handctl.report import DATA, RequestedOptions, Visit, refuse
+from handctl.screen.render import default_view
+from handctl.tools import doctor
+from handctl.tools.doctor_link import CHECKS
+from handctl.tools.port_inventory import Machine
+from handctl.tools.scan import Scan, free_ports
+from handctl.wording import plural, sentence
+
+LONGEST = 400_000
+"""Characters of recorded bytes in the report: `replay:` can play what is not left out, and `diff` reads a page of this size."""
+MOST_BYTES = 4_000_000
+SHOWN = 4
+"""Quantities that changed while they were watched, named in the row."""
+FIND = "find"
+OF_LINE = frozenset(row[0] for row in CHECKS)
+"""Checks of `doctor` that come before all that a device says of itself: a bad line makes that doubtful."""
+PARTS = {"status": "status", "diagnose": "checks", "dump": "dump"}
+"""Step -> its part of the report's data."""
+COLUMNS = (Column("step"), Column("check"), Column("status"), Column("evidence"), Column("remedy"))
+NOTHING = "Nothing was found. Keep the report, and run the service again while the fault shows."
+
+
+class Wishes(NamedTuple):
+    """What was asked for, by the names of the options."""
+
+    steps: Mapping[str, str]
+    """Step -> what it does."""
+    complaint: str | None = None
+    ticket: str | None = None
+    path: str | None = None
+    skip: tuple[str, ...] = ()
+    resume: str | None = None
+    against: str | None = None
+    watch: float = 3.0
+    reads: int = 100
+    follow: bool = False
+    include_ids: bool = False
+    force: bool = False
+    written: bool = True
+    """Whether a report is written."""
+
+
+def data_of(path: str) -> dict[str, Any]:
+    """The data of a report. Raises UsageError for any other file."""
+    text = read_text(path, "a report", MOST_BYTES)
+    try:
+        found = json.loads(in_page(text, PAGE_DATA) or "null")
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict) or found.get("schema") != DATA:
+        raise UsageError(
+            f"{path}: not a report of handctl", hint="give a file that `handctl service` or `report` wrote"
+        )
+    return found
+
+
+def _earlier(path: str) -> tuple[dict[str, Any], list[str]]:
+    """The service of an earlier report, and its recorded bytes. Raises UsageError."""
+    found = data_of(path)
+    service = found.get("service")
+    try:
+        assert isinstance(service, dict)
+        steps, rows, device = service["steps"], service["rows"], found["device"]["device"]
+        assert all(isinstance(steps[name]["state"], str) for name in steps)
+        assert all(isinstance(row[key], str) for row in rows for key in ("step", "check", "status", "evidence"))
+        assert isinstance(device, str)
+    except (AssertionError, KeyError, TypeError) as exc:
+        raise UsageError(
+            f"{path}: a report, but not of a service", hint="run `handctl service` without --resume"
+        ) from exc
+    return found, in_page(read_text(path, "a report", MOST_BYTES), "pre").splitlines()
+
+
+class Service:
+    """One service: the rows of its steps, and what became of each step."""
+
+    def __init__(self, run: Run, kind: str | None, wishes: Wishes) -> None:
+        self.run, self.kind, self.wishes = run, kind, wishes
+        self.rows: list[Row] = []
+        self.steps: dict[str, Row] = {}
+        self.more: dict[str, Any] = {}
+        self.followed: list[Row] = []
+        self.lines: list[str] = []
+        self.tap = Tap(lambda text: self.lines.append(text.rstrip("\n")))
+        self.hints: dict[str, str] = {}
+        """Step -> its own most urgent next step."""
+        self.reached = False
+        self.ended: Interrupted | None = None
+        self.visit = Visit(run, ParamMap("unknown", ()), self._of_page, self.lines)
+        self.machine = Machine()
+        self.heard, run.journal.on_message = (
+            run.journal.on_message,
+            None,
+        )  # what is said on the way is a row, and stands in the report
+        self.checks: Iterator[Check] = iter(())
+
+    @property
+    def _of_page(self) -> RequestedOptions:
+        wishes = self.wishes
+        replaces = wishes.force or (wishes.resume is not None and wishes.path is None)
+        return RequestedOptions(wishes.watch, wishes.include_ids, replaces, LONGEST)
+
+    def carried_out(self) -> Table:
+        """All steps, and the report. Raises UsageError and OutputError, before anything is sent, for files that cannot be meant."""
+        wishes, ask = self.wishes, self.run.prompts.text
+        before, recorded = _earlier(wishes.resume) if wishes.resume is not None else ({}, [])
+        old = data_of(wishes.against) if wishes.against is not None else None
+        path = wishes.path or wishes.resume or time.strftime("service-%Y%m%d-%H%M%S.html")
+        if wishes.written:
+            refuse(path, self._of_page.force)
+        service = before.get("service", {})
+        told = {key: getattr(wishes, key) or service.get(key) for key in ("complaint", "ticket")}
+        if wishes.written:
+            told["complaint"] = told["complaint"] or ask("What is the complaint? Enter leaves it out.")
+            told["ticket"] = told["ticket"] or ask("What is the number of the ticket? Enter leaves it out.")
+        self.find(before)
+        self.lines[:0] = recorded
+        actions: dict[str, Callable[[], Iterable[Check]]] = {
+            "doctor": self.doctor, "status": self.status, "diagnose": self.diagnose, "watch": self.watch, "dump": self.dump,
+        }  # fmt: skip
+        for name, action in actions.items():
+            if not self._taken_up(name, before):
+                self.step(name, action)
+        following = self._next()
+        self.more["service"] = {**told, "steps": self.steps, "next": following, "report": None}
+        return self._report(path, old, before)
+
+    # -- steps --
+
+    def step(self, name: str, action: Callable[[], Iterable[Check]]) -> None:
+        """Carry one out: its rows, what it said, and the code of what went wrong. Nothing but a bug is raised."""
+        run, visit = self.run, self.visit
+        if name in self.wishes.steps and (self.ended is not None or not self.reached or visit.over):
+            self.steps[name] = {"state": "failed", "code": "interrupted" if self.ended is not None else "no-device"}
+            return
+        if name == "diagnose" and (run.family is None or run.family.checks is None):
+            self.steps[name] = {"state": "skipped", "code": "no-diagnosis"}
+            return
+        if name in self.wishes.skip or (name in self.wishes.steps and self._declined(name)):
+            self.steps[name] = {"state": "skipped", "code": None}
+            return
+        said, failed, first = len(run.journal.messages), len(visit.problems), len(self.rows)
+        errors: list[HandctlError] = []
+        run.prompts.progress(f"{name}: {self.wishes.steps.get(name, 'looking for the device')}")
+        try:
+            for check in action():
+                self._add(name, check)
+        except HandctlError as exc:
+            if name == FIND and isinstance(exc, UsageError):  # the line itself is wrong, and nothing was sent
+                raise
+            errors.append(exc)
+        except KeyboardInterrupt:
+            self.ended = Interrupted("interrupted")
+            errors.append(self.ended)
+        errors += [error for _, error in visit.problems[failed:]]
+        for error in errors:
+            self._add(name, Check(error.code, FAIL, error.text, error.hint))
+            self.hints.setdefault(name, error.hint)
+        for message in run.journal.messages[said:]:
+            if message.level != "info":
+                self._add(name, Check(message.code, WARNING, message.text, message.hint))
+        state = "failed" if errors else "done"
+        self.steps[name] = {"state": state, "code": errors[0].code if errors else None}
+        run.prompts.done()
+        if run.prompts.interactive and self.wishes.written:
+            made = self.rows[first:]
+            told = findings(made) or (made[-1:] if len(made) == 1 or name == FIND else [])
+            for row in told:
+                run.prompts.say(f"  {row['status']}: {row['evidence']}")
+            if not told:
+                run.prompts.say(f"  {OK}: {plural(len(made), 'check')}")
+
+    def _declined(self, name: str) -> bool:
+        return self.run.prompts.text(f"{name}: {self.wishes.steps[name]}. Enter starts it, s skips it.").casefold() in (
+            "s",
+            "skip",
+        )
+
+    def _add(self, step: str, check: Check) -> None:
+        text = self.visit.privacy.text
+        shown = check._replace(evidence=text(check.evidence), remedy=text(check.remedy))
+        self.rows.append({"step": step, **shown.as_row()})
+
+    def _taken_up(self, name: str, before: dict[str, Any]) -> bool:
+        """Whether the earlier report has this step; then its rows and its data are in this one, too."""
+        service = before.get("service", {})
+        if service.get("steps", {}).get(name, {}).get("state") != "done" or not self.reached:
+            return False
+        self.steps[name] = {"state": "done", "code": None, "from": before["made"]}
+        self.rows += [row for row in service["rows"] if row["step"] == name]
+        self.hints |= {key: hint for key, hint in service.get("hints", {}).items() if key == name}
+        data, part = self.visit.content.data, PARTS.get(name, "")
+        rows = before.get(part)
+        if isinstance(rows, list):
+            data[part] = rows
+            keys = dict.fromkeys(key for row in rows for key in row if key != "address")
+            setattr(self.visit.content, part, default_view(Table(rows=rows, columns=tuple(map(Column, keys)))))
+        if name == "dump" and "snapshot" in before:
+            data["snapshot"] = before["snapshot"]
+        return True
+
+    def find(self, before: dict[str, Any]) -> None:
+        """Port and device, at the speed and with the id that it has."""
+        self.step(FIND, self._found)
+        run, family = self.run, self.run.family
+        bad = [row for row in self.rows if row["status"] == FAIL]
+        params = map_of(family.kind) if family is not None and family.kind in SCANNED else None
+        if bad or family is None or params is None:
+            self.hints.setdefault(FIND, next((row["remedy"] for row in bad if row["remedy"]), ""))
+            return
+        if before and before["device"]["device"] != family.kind:
+            text = f"{self.wishes.resume} is of {before['device']['device']}, but {family.kind} is connected"
+            raise UsageError(text, hint="run the service without --resume", code="other-device")
+        if family.map_of is not None:
+            params = family.map_of(run.settings)
+        over, problems = self.visit.over, self.visit.problems
+        self.visit = Visit(run, params, self._of_page, self.lines)
+        self.visit.over, self.visit.problems = over, problems
+        self.reached = True
+
+    def _found(self) -> Iterator[Check]:
+        run = self.run
+        if not (run.settings.port or run.settings.fake):
+            yield from self._port()
+        last = "device" if self.kind is None else "open"
+        self.checks = doctor.examine(run, self.machine, self.kind, self.wishes.reads)
+        tapped = False
+        for check in self.checks:
+            if run.link is not None and not tapped:
+                observed(run.link, self.tap)
+                tapped = True
+            yield check
+            if check.name == last:
+                break
+
+    def _port(self) -> Iterator[Check]:
+        """The one port that has a device. Raises LinkError, UsageError."""
+        run = self.run
+        names = free_ports(self.machine, run.journal)
+        if len(names) > 1:
+            scan = Scan(run, [self.kind] if self.kind else SCANNED, None, False, None, run.settings.deadline)
+            found = [row for name in names for row in scan.look(name).rows]
+            if not found:
+                text = f"no device on {', '.join(names)}"
+                raise LinkError(
+                    text,
+                    hint="check power and cable, or give LINK. `handctl scan --all` looks longer",
+                    code="no-device",
+                )
+            names = list(dict.fromkeys(row["link"] for row in found))
+        if len(names) > 1:
+            names = [run.prompts.choose(f"Devices on {', '.join(names)}. Which one", names)]
+        if not names[0]:
+            raise UsageError("several ports have a device", hint="give LINK", code="several-devices")
+        run.settings = run.settings._replace(port=names[0])
+        yield Check("port", OK, names[0])
+
+    def doctor(self) -> Iterator[Check]:
+        """This computer, then the rest of the checks of the link."""
+        machine, found = doctor.machine_checks(self.machine), []
+        yield from machine
+        for check in self.checks:
+            found.append(check)
+            yield check
+        line = [check for check in found if check.status == FAIL and check.name in OF_LINE]
+        for name, checks in (("line", line), ("doctor", found), ("computer", machine)):
+            if (failure := table_of(checks, doctor.CAUSES).failure) is not None:
+                self.hints[name] = failure.hint
+
+    def status(self) -> Iterator[Check]:
+        """Its findings are messages."""
+        self.visit.connect()
+        table = self.visit.status(check=True)
+        if table is not None:
+            if isinstance(table.failure, CheckFailed):
+                self.hints["status"] = table.failure.hint
+            else:
+                yield Check("status", OK, f"{plural(len(table.rows), 'value')} read, nothing unhealthy")
+
+    def diagnose(self) -> Iterator[Check]:
+        """Rows of the family; none where it has no diagnosis that reads alone."""
+        if self.run.opened is None:
+            self.visit.connect()
+        table = self.visit.checks()
+        for row in table.rows if table is not None else ():
+            yield Check(row["check"], row["status"], row["evidence"], row.get("remedy") or "")
+        if table is not None and table.failure is not None:
+            self.hints["diagnose"] = table.failure.hint
+
+    def watch(self) -> Iterator[Check]:
+        """Errors, and the range of each value."""
+        if self.run.opened is None:
+            self.visit.connect()
+        counters = self.run.journal.counters
+        before = counters.retries, counters.bad_frames, counters.stray_bytes
+        samples = self.visit.watch()
+        if not samples:
+            return
+        errors = [
+            now - then
+            for now, then in zip((counters.retries, counters.bad_frames, counters.stray_bytes), before, strict=True)
+        ]
+        moved = [curve for group in self.visit.content.curves.values() for curve in group if curve.moved]
+        ranges = [
+            f"{'.'.join(filter(None, (curve.name, curve.part)))} {curve.low:g} to {curve.high:g}" for curve in moved
+        ]
+        if len(ranges) > SHOWN:
+            ranges[SHOWN:] = [f"and {len(ranges) - SHOWN} more"]
+        seen = f"{plural(len(samples), 'sample')}, {errors[0]} retries, {errors[1]} bad frames, {errors[2]} stray bytes"
+        changed = f"changed: {', '.join(ranges)}" if ranges else "no value changed"
+        assert self.run.family is not None
+        remedy = f"run `handctl {self.run.family.kind} doctor`" if any(errors) else ""
+        yield Check("watch", WARNING if any(errors) else OK, f"{seen}. {sentence(changed)}", remedy)
+
+    def dump(self) -> Iterator[Check]:
+        """Every quantity, and a snapshot of what is kept."""
+        visit, run = self.visit, self.run
+        if run.opened is None:
+            visit.connect()
+        table = visit.dump()
+        if table is None:
+            return
+        kept = "no settings"
+        if visit.params.kept():
+            device = run.device()
+
+            def read() -> dict[str, Any]:
+                return snapshots.read_values(device, device.map.kept(further=device.further(visit.identity)))
+
+            values = visit.attempt("settings", read) or {}
+            link = visit.privacy.text(run.link_name())
+            content = snapshots.make(visit.params.kind, visit.identity, values, link=link, fake=run.simulated)
+            visit.content.data["snapshot"] = content
+            kept = snapshots.counted(visit.params, list(values))
+        yield Check("dump", OK, f"{plural(len(table.rows), 'value')} read, {kept} kept for comparison")
+
+    # -- what to do next --
+
+    def proposal(self) -> str:
+        """The next step of the most urgent finding: what keeps us from the device, what it has itself, then the rest."""
+        order = (FIND, "line", "status", "diagnose", "doctor", *self.wishes.steps, "computer")
+        hint = next((self.hints[name] for name in order if self.hints.get(name)), "")
+        return hint or next(
+            (row["remedy"] for row in self.rows if row["status"] in (FAIL, WARNING) and row["remedy"]), ""
+        )
+
+    def _next(self) -> Row:
+        """Propose it, and carry it out where it only reads."""
+        hint = self.proposal()
+        found: Row = {"text": sentence(hint) if hint else NOTHING, "command": None, "state": "proposed"}
+        run, named = self.run, re.search(r"`handctl ([^`]+)`", hint)
+        if named is None or self.ended is not None:
+            return found
+        words = shlex.split(named[1])
+        if any(
+            len(word) > 2 and word.isalpha() and word.isupper() for word in words
+        ):  # it stands for a name, such as FILE
+            return found
+        try:
+            one = line(words, {})
+            if one.leaf.family is not None and self.reached:
+                words += ["-d", run.settings.device] if run.settings.device else ["-p", run.link_name()]
+                words += ["--id", str(run.settings.id)] if run.settings.id is not None and one.leaf.family.ids else []
+                one = line(words, {})
+        except (HandctlError, click.exceptions.Exit):
+            return found
+        found["command"] = shlex.join(["handctl", *words])
+        if not one.leaf.only_reads or not self.reached:
+            return found
+        if self.wishes.follow or run.offer(f"Next: {found['text']} `{found['command']}` only reads"):
+            self.step("next", lambda: self._followed(Call(one.context, one.settings, one.leaf.family, False), one.leaf))
+            found |= {"state": self.steps["next"]["state"], "rows": self.followed}
+        return found
+
+    def _followed(self, call: Call, leaf: Any) -> Iterator[Check]:
+        """Carry out a command that only reads, on a link of its own."""
+        self.run.close(None)
+        self.visit.lines.append(f"# {call.command}")
+        observed(call.open_link(), self.tap)
+        outcome = call.carry_out(leaf.body(call))
+        call.end_device()
+        table, failure = outcome.table, outcome.failure
+        if failure is not None and not isinstance(failure, CheckFailed):
+            raise failure
+        rows = self.followed = table.rows if table is not None else []
+        text = failure.text if failure is not None else f"{plural(len(rows), 'row')}, nothing wrong"
+        yield Check(call.command, OK if failure is None else WARNING, text, failure.hint if failure is not None else "")
+
+    # -- the report --
+
+    def _report(self, path: str, old: dict[str, Any] | None, before: dict[str, Any]) -> Table:
+        """The page, and the rows with what is to be done."""
+        visit, service = self.visit, self.more["service"]
+        bad = findings(self.rows)
+        if old is not None:
+            service["against"] = {"made": old.get("made"), "differences": differences(old, self._now())}
+        compared = _differing(service["against"]) if old is not None else []
+        service["hints"] = self.hints
+        text = visit.privacy.text
+        facts = [(key.capitalize(), text(service[key] or "none was given")) for key in ("ticket", "complaint")]
+        facts += [("Next step", text(service["next"]["text"])), ("Command", text(service["next"]["command"] or "none"))]
+        visit.content.service = [
+            Grid(("Service", ""), tuple(facts)),
+            *view(self.rows, self.steps),
+            *compared,
+        ]
+        visit.content.data["service"] = {**service, "rows": self.rows}
+        visit.conclude()
+        if before and "from" in self.steps.get("watch", {}):
+            visit.content.data["watch"] = before.get("watch", [])
+            ranges = [f"{row['name']} {row['min']} to {row['max']}" for row in before.get("watch", [])]
+            visit.content.missing["Watch"] = f"watched earlier: {', '.join(ranges)}"
+
+        def grids(rows: list[Row]) -> list[Grid]:
+            return [*view(rows, self.steps), *compared]
+
+        table = Table(rows=self.rows, columns=COLUMNS, view=grids, extra=self.more)
+        self.run.journal.on_message = self.heard
+        if self.wishes.written:
+            service["report"] = visit.written(path)
+        if self.ended is not None:
+            table.failure = self.ended
+        elif bad:
+            table.failure = CheckFailed(
+                f"the service has {plural(len(bad), 'finding')}", hint=_in_full(service["next"]), code="findings"
+            )
+        return table
+
+    def _now(self) -> dict[str, Any]:
+        return {**self.visit.content.data, "service": {"rows": self.rows}}
+
+
+def findings(rows: list[Row]) -> list[Row]:
+    """Those about which somebody must do something."""
+    return [row for row in rows if row["status"] in (FAIL, WARNING)]
+
+
+def _in_full(following: Row) -> str:
+    """The next step, with the command as it is typed for this device."""
+    command = following["command"]
+    return joined(following["text"], f"In full: `{command}`" if command and following["state"] == "proposed" else "")
+
+
+def differences(old: dict[str, Any], new: dict[str, Any]) -> list[Row]:
+    """What a report has otherwise than an older one: settings, and how its checks came out."""
+
+    def facts(data: dict[str, Any]) -> dict[str, Any]:
+        values = (data.get("snapshot") or {}).get("values", {})
+        worst: dict[str, str] = {}
+        for row in data.get("service", {}).get("rows", ()):
+            if row["status"] != SKIPPED and worst.get(row["check"]) != FAIL:
+                worst[row["check"]] = row["status"]
+        return {**values, **{f"check {name}": status for name, status in worst.items()}}
+
+    was, now = facts(old), facts(new)
+    return [{"name": name, "was": was.get(name), "is": now.get(name)} for name in dict.fromkeys([*was, *now]) if was.get(name) != now.get(name)]  # fmt: skip
+
+
+def _differing(against: dict[str, Any]) -> list[Grid]:
+    lines = tuple((row["name"], str(row["was"]), str(row["is"])) for row in against["differences"])
+    return [
+        Grid(
+            ("Name", "Was", "Is"),
+            lines,
+            title=f"Compared with {against['made']}",
+            notes=() if lines else ("No difference",),
+        )
+    ]
+
+
+def view(rows: list[Row], steps: dict[str, Row]) -> Iterator[Grid]:
+    """A line for each step, then what was found."""
+    lines = []
+    for name, step in steps.items():
+        mine = [row for row in rows if row["step"] == name]
+        bad = findings(mine)
+        status = (
+            bad[0]["status"]
+            if bad
+            else SKIPPED
+            if step["state"] == "skipped"
+            else FAIL
+            if step["state"] == "failed"
+            else OK
+        )
+        found = mine[-1]["evidence"] if len(mine) == 1 or name == FIND else plural(len(mine), "check")
+        found = plural(len(bad), "finding") if bad else found if mine else ""
+        said = step["code"] if step["state"] == "failed" else "done earlier" if "from" in step else step["state"]
+        lines.append((name, Cell(said, TONES[status]), found))
+    yield Grid(("Step", "Result", "Found"), tuple(lines))
+    if wrong := findings(rows):
+        yield from checks_view(wrong)
