@@ -52,6 +52,11 @@ class ExoHand(RegisterDevice):
         "triggers (clear_errors, save, factory_reset, calibrate)",
     )
 
+    def plan_typed(self, data: bytes, can_id: int | None) -> tuple[Step, str]:
+        from handctl.devices.inspire import raw
+
+        return raw.asked(raw.plan_raw(data, False), raw.WORN)
+
     @staticmethod
     def view(rows: list[Row]) -> list[Grid]:
         """One line per register, fingers side by side."""
