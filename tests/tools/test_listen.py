@@ -77,6 +77,7 @@ def test_looking_for_the_baud_rate_sends_nothing_either(family: str, tmp_path: P
 SAID: list[tuple[str, str, str, str, str]] = [
     # family, a line of the transcript, direction, kind, what the meaning holds
     ("barrett", f"1.0 < {PROMPT}", "device", "frame", "prompt, after BarrettHand"),
+    ("barrett", "1.0 < 3A", "device", "frame", "boot monitor"),
     ("barrett", f"1.0 < {b'Hello hand'.hex(' ')}", "device", "text", "Hello hand"),
     ("exo", f"1.0 < {REPLY}", "device", "frame", "id = 1"),
     ("exo", f"1.0 < {READ}", "host", "frame", "read id: 1 byte at 1000"),

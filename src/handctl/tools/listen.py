@@ -19,7 +19,7 @@ from handctl.link.transcript import Entry
 from handctl.model.explainer import HOST, ExplainedBytes
 from handctl.model.result import Column, Row, Sample, Table
 from handctl.model.sampling import started
-from handctl.tools.trace_read import MARKS, Stamp, TranscriptReader, TranscriptRow, laid_out
+from handctl.tools.trace_read import INDENT, MARKS, Stamp, TranscriptReader, TranscriptRow, laid_out
 from handctl.wording import plural
 
 if TYPE_CHECKING:
@@ -34,6 +34,8 @@ ENOUGH = 16
 """Bytes from which on the share of those that make sense says something about the baud rate."""
 FITS, GARBAGE = 0.8, 0.5
 """Shares of bytes that make sense: from the one on a baud rate fits, below the other it does not."""
+LINES, MARGIN = 3, 40
+"""Lines of a terminal that a meaning takes at the most, and columns that are counted on for it."""
 LISTED = 12
 """Kinds of frames that the summary shows."""
 COLUMNS = (
@@ -95,7 +97,10 @@ def line_of(row: Row, width: int | None, *, as_hex: bool = False) -> str:
     data = row["bytes"]
     if not as_hex and not data.startswith("can ") and is_text(raw := bytes.fromhex(data)):
         data = shown_as_text(raw)
-    return laid_out(head, row["meaning"], data, width)
+    meaning = row["meaning"]
+    if width is not None and len(meaning) > (most := LINES * max(width - INDENT, MARGIN)):
+        meaning = f"{meaning[: most - 2]} …"
+    return laid_out(head, meaning, data, width)
 
 
 def width_of(run: Run) -> int | None:

@@ -251,13 +251,16 @@ def terminal(run: Run, lines: Sequence[str], wait: float, *, as_hex: bool) -> Ta
     def act(_device: Any) -> Table:
         rows: list[Row] = []
         failure: HandctlError | None = None
-        with Conversation(run, wait, rows.append) as talk:
-            for one in typed:
-                talk.send(one)
-                talk.hear()
-                talk.over()
-                if (failure := talk.failure()) is not None:
-                    break
+        try:
+            with Conversation(run, wait, rows.append) as talk:
+                for one in typed:
+                    talk.send(one)
+                    talk.hear()
+                    talk.over()
+                    if (failure := talk.failure()) is not None:
+                        break
+        except HandctlError as exc:  # what passed before is shown
+            failure = exc
         width = width_of(run)
         text = lambda rows: "".join(line_of(row, width, as_hex=as_hex) + "\n" for row in rows)  # noqa: E731
         return Table(rows=rows, columns=(Column("t", unit="s"), *COLUMNS), text=text, failure=failure)
