@@ -165,6 +165,17 @@ def test_a_person_is_asked_and_may_say_no(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("typing")
+@each_row("family, begun, rest", [("exo", WRITE[:14], WRITE[15:]), ("barrett", "hex 46 53 41", "VE")])
+def test_the_rest_of_what_was_begun_is_asked_for_too(family: str, begun: str, rest: str, tmp_path: Path) -> None:
+    """Alone it would be harmless."""
+    answers = [begun, "y", rest, "n"]
+    shown = person(family, "terminal", "--trace", tmp_path / "trace", "-p", link(family), answers=answers)
+    gone = sent(tmp_path / "trace")
+    assert shown.code == 0 and bytes.fromhex(begun.removeprefix("hex ")) in gone, shown
+    assert not [data for data in gone if data in (*_hex(rest), rest.encode() + b"\r")], gone
+
+
+@pytest.mark.usefixtures("typing")
 def test_a_person_sees_what_was_typed_wrong(tmp_path: Path) -> None:
     shown = person("barrett", "terminal", "-p", link("barrett"), answers=["LOOP", "hex Z", "FGET P"])
     assert shown.code == 0

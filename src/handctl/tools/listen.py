@@ -88,18 +88,19 @@ def shown_as_text(data: bytes) -> str:
 
 
 def line_of(row: Row, width: int | None, *, as_hex: bool = False) -> str:
-    """The same for a person, in two lines on a terminal; bytes that are text as text, unless `as_hex`."""
+    """The same for a person, on a terminal in a few lines; bytes that are text as text, unless `as_hex`."""
     mark = next(
         (mark for mark, side in MARKS.items() if side == row["direction"]), "!" if row["kind"] == "event" else " "
     )
     trip = f"+{row['round_trip_ms']:.3f} ms" if "round_trip_ms" in row else ""
     head = f"{row.get('t') or 0.0:11.6f} {mark}{'*' if row['problem'] else ' '}{trip:>11} "
-    data = row["bytes"]
+    meaning, data, room = row["meaning"], row["bytes"], max((width or 0) - INDENT, MARGIN)
+    if width is not None and len(meaning) > LINES * room:
+        meaning = f"{meaning[: LINES * room - 2]} …"
     if not as_hex and not data.startswith("can ") and is_text(raw := bytes.fromhex(data)):
         data = shown_as_text(raw)
-    meaning = row["meaning"]
-    if width is not None and len(meaning) > (most := LINES * max(width - INDENT, MARGIN)):
-        meaning = f"{meaning[: most - 2]} …"
+        tail = f" … ({plural(len(raw), 'byte')})"
+        data = data if width is None or len(data) <= room else data[: room - len(tail)] + tail
     return laid_out(head, meaning, data, width)
 
 
