@@ -49,6 +49,23 @@ class Exo(Device):
 
     def scan(self, *, ids: str | None = None, all: bool = False) -> Rows:
         """Detect a device of this family, with its baud rate and id if it has them."""
+    def listen(
+        self,
+        *,
+        count: int | None = None,
+        duration: Number | None = None,
+        find_baud: bool = False,
+    ) -> Stream:
+        """Record what the device says by itself, in words. Sends nothing."""
+    def terminal(
+        self,
+        *lines: str,
+        hex: bool = False,
+        wait: Number = 0.5,
+        confirm: Confirm = False,
+        dry_run: bool = False,
+    ) -> Rows:
+        """Send typed lines, and show every byte that comes, in words."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Stop the device at once, even while another handctl command is using it."""
     def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> Rows:
@@ -195,6 +212,23 @@ class Wrist(Device):
 
     def scan(self, *, ids: str | None = None, all: bool = False) -> Rows:
         """Detect a device of this family, with its baud rate and id if it has them."""
+    def listen(
+        self,
+        *,
+        count: int | None = None,
+        duration: Number | None = None,
+        find_baud: bool = False,
+    ) -> Stream:
+        """Record what the device says by itself, in words. Sends nothing."""
+    def terminal(
+        self,
+        *lines: str,
+        hex: bool = False,
+        wait: Number = 0.5,
+        confirm: Confirm = False,
+        dry_run: bool = False,
+    ) -> Rows:
+        """Send typed lines, and show every byte that comes, in words."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Stop the device at once, even while another handctl command is using it."""
     def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> Rows:
@@ -320,6 +354,23 @@ class Barrett(Device):
 
     def scan(self, *, ids: str | None = None, all: bool = False) -> Rows:
         """Detect a device of this family, with its baud rate and id if it has them."""
+    def listen(
+        self,
+        *,
+        count: int | None = None,
+        duration: Number | None = None,
+        find_baud: bool = False,
+    ) -> Stream:
+        """Record what the device says by itself, in words. Sends nothing."""
+    def terminal(
+        self,
+        *lines: str,
+        hex: bool = False,
+        wait: Number = 0.5,
+        confirm: Confirm = False,
+        dry_run: bool = False,
+    ) -> Rows:
+        """Send typed lines, and show every byte that comes, in words."""
     def stop(self, *, motors: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Stop the hand at once, even while another handctl command is using it."""
     def status(
@@ -626,6 +677,25 @@ class Ekso(Device):
 
     def scan(self, *, ids: str | None = None, all: bool = False, length_mode: str | None = None) -> Rows:
         """Detect a device of this family, with its baud rate and id if it has them."""
+    def listen(
+        self,
+        *,
+        count: int | None = None,
+        duration: Number | None = None,
+        find_baud: bool = False,
+        length_mode: str | None = None,
+    ) -> Stream:
+        """Record what the device says by itself, in words. Sends nothing."""
+    def terminal(
+        self,
+        *lines: str,
+        hex: bool = False,
+        wait: Number = 0.5,
+        length_mode: str | None = None,
+        confirm: Confirm = False,
+        dry_run: bool = False,
+    ) -> Rows:
+        """Send typed lines, and show every byte that comes, in words."""
     def stop(self, *, length_mode: str | None = None, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Send CancelAction, which MAY NOT STOP THE DEVICE: use its own controls."""
     def status(
@@ -764,6 +834,23 @@ class Aidin(Device):
 
     def scan(self, *, ids: str | None = None, all: bool = False) -> Rows:
         """Detect a device of this family, with its baud rate and id if it has them."""
+    def listen(
+        self,
+        *,
+        count: int | None = None,
+        duration: Number | None = None,
+        find_baud: bool = False,
+    ) -> Stream:
+        """Record what the device says by itself, in words. Sends nothing."""
+    def terminal(
+        self,
+        *lines: str,
+        hex: bool = False,
+        wait: Number = 0.5,
+        confirm: Confirm = False,
+        dry_run: bool = False,
+    ) -> Rows:
+        """Send typed lines, and show every byte that comes, in words."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Stop the device at once, even while another handctl command is using it."""
     def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> Rows:
@@ -874,6 +961,23 @@ class Hand(Device):
 
     def scan(self, *, ids: str | None = None, all: bool = False) -> Rows:
         """Detect a device of this family, with its baud rate and id if it has them."""
+    def listen(
+        self,
+        *,
+        count: int | None = None,
+        duration: Number | None = None,
+        find_baud: bool = False,
+    ) -> Stream:
+        """Record what the device says by itself, in words. Sends nothing."""
+    def terminal(
+        self,
+        *lines: str,
+        hex: bool = False,
+        wait: Number = 0.5,
+        confirm: Confirm = False,
+        dry_run: bool = False,
+    ) -> Rows:
+        """Send typed lines, and show every byte that comes, in words."""
     def stop(self, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
         """Stop the device at once, even while another handctl command is using it."""
     def status(self, *, check: bool = False, picture: str | None = None, limit: Sequence[str] = ()) -> Rows:

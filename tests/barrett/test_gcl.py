@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from handctl import interrupts
+from handctl.devices.barrett.device import refuse
 from handctl.devices.barrett.gcl import passthrough
 from handctl.devices.barrett.gcl.codec import COMMANDS, KINDS, split
 from handctl.errors import DeviceRefused, Interrupted, NoAnswer, UsageError
@@ -112,14 +113,14 @@ def test_split_of_no_command(text: str) -> None:
 @pytest.mark.parametrize("text", ["LOOP", "124loop", "RESET", "reset", "PSET BAUD 384", "pset lft 1 baud 6"])
 def test_what_would_lose_the_line_is_refused(text: str) -> None:
     with pytest.raises(UsageError) as caught:
-        passthrough.refuse(text)
+        refuse(text)
     assert caught.value.exit_code == 2
     assert caught.value.hint
 
 
 @pytest.mark.parametrize("text", ["HI", "PSET LFT 1", "PGET BAUD", "?LOOP", "?RESET", "FOO", "", "PLOAD", "PSAVE"])
 def test_what_is_carried(text: str) -> None:
-    passthrough.refuse(text)
+    refuse(text)
     assert passthrough.notes(text) == []
 
 

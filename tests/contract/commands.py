@@ -21,6 +21,8 @@ ELSEWHERE = {
     ("barrett", "firmware check"): "reaches no device, and takes an image",
     ("hand", "pair"): "needs two hands, and somebody who sees which one moves",
     ("ekso", "gait"): "reaches no device, and takes logs",
+    ("ekso", "terminal"): "sends requests to read, and nothing else that an EksoNR knows",
+    **{(family, "listen"): "asks nothing, and most devices say nothing unasked" for family in FAMILIES},
     **{(family, "export"): "reaches no device, and takes a log" for family in FAMILIES},
     **{(family, "doctor"): "looks at this computer as well, which is another one each time" for family in FAMILIES},
 }

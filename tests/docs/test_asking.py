@@ -17,7 +17,7 @@ from tests.support.cli import run
 TABLES = [block for block in guides.blocks(guides.source("safety")) if isinstance(block, guides.Table)]
 (ASKING,) = [table.rows[1:] for table in TABLES if "asks first" in table.rows[0]]
 NAMED = {row[0].strip("`"): tuple(re.findall(r"`([a-z][a-z -]*)`", cell) for cell in row[1:]) for row in ASKING}
-OWN = {"firmware download": "firmware.S19", "pair": "--force"}
+OWN = {"firmware download": "firmware.S19", "pair": "--force", "terminal": "2A"}
 """A command that the facts of its family do not have, and an argument."""
 FILE = "S10B2000112233445566FF0070\nS9030000FC\n"
 
@@ -37,7 +37,7 @@ def test_a_command_asks_or_begins_as_the_table_says(
     assert {*asking, *at_once} == {*facts.writes, *(set(OWN) & set(asking))}
     found = {}
     for command in (*asking, *at_once):
-        words = [OWN[command]] if command in OWN else facts.words(command, tmp_path)
+        words = facts.words(command, tmp_path) if command in facts.writes else [OWN[command]]
         done = run(family, *command.split(), *words, "-p", facts.link(family, command))
         assert done.code in (0, NotConfirmed.exit_code), (command, done)
         found[command] = done.code == NotConfirmed.exit_code

@@ -103,6 +103,7 @@ def _tools() -> Iterator[tuple[str, ...]]:
     for name in families.FAMILIES:
         yield "scan", "--family", name
         yield name, "scan"
+        yield name, "listen", "--duration", "1"
         yield name, "export", "{dir}/log.csv", "--to", "xdf", "-o", "{dir}/log.xdf"
         yield "doctor", "--family", name, "--count", "3"
         yield "service", "--family", name, "--count", "3", "--follow", "--report", "{dir}/service.html"
@@ -123,10 +124,10 @@ def _by_the_contract(listed: Collection[Path_]) -> Iterator[tuple[tuple[str, ...
     """Rows for the commands of a family that no list has, with the arguments that the contract knows."""
     for family in families.FAMILIES:
         facts = facts_of(family)
-        for name, _ in commands_of(family):
+        for name, command in commands_of(family):
             path = (family, *name.split())
             if path not in listed and (name in facts.writes or not facts.lines):
-                asks = name == "restore" or name in (facts.halts or {})
+                asks = command.asks is True or name in (facts.halts or {})
                 yield (*path, *facts.words(name, Path("{dir}"))), name in facts.writes, asks, ()
 
 

@@ -42,6 +42,8 @@ WORDS: dict[str, tuple[str, ...]] = {
     **{f"exo {name}": ("exo", *command.args) for name, command in EXO.items()},
     **{f"wrist {name}": ("wrist", *command.args) for name, command in WRIST.items()},
     **{f"exo {name}": words for name, words in RAW_MORE.items()},
+    "exo terminal": ("exo", "terminal", exo_commands.SET),
+    "wrist terminal": ("wrist", "terminal", "EB 90 01 05 31 0E 04 05 00 4E"),
 }
 
 
@@ -156,14 +158,15 @@ def test_a_stranger_is_named_with_the_command_that_fits(
     assert command in result.error["hint"], result
 
 
+ON_CAN = {**{name: command.on_can for name, command in WRIST.items()}, "terminal": ("terminal", "15038001#E80318FC")}
+
+
 @each_row("name", COMMANDS_OF["wrist"])
 @each_row("device", ["rh56", "rh56-opening", "rh56-silent-gaps"])
 def test_on_can_no_writing_frame_reaches_a_hand_without_a_wrist(scratch: Path, name: str, device: str) -> None:
     link = CanLine(device)
-    words = WORDS[name]
-    if WRIST[name.removeprefix("wrist ")].on_can:
-        words = ("wrist", *WRIST[name.removeprefix("wrist ")].on_can)
-    result = try_(scratch, words, link)
+    own = ON_CAN.get(name.removeprefix("wrist "))
+    result = try_(scratch, ("wrist", *own) if own else WORDS[name], link)
     assert result.code == 6, result
     assert link.written == [] and all(harmless(frame) for frame in link.sent), link.sent
 

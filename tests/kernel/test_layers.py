@@ -57,7 +57,19 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("record*", (*GROUND, "model.*", "record.*")),
     (
         "command*",
-        (*GROUND, "command.*", "link*", "model.*", "record.*", "report", "screen.*", "stop.*", "tools.doctor"),
+        (
+            *GROUND,
+            "command.*",
+            "link*",
+            "model.*",
+            "record.*",
+            "report",
+            "screen.*",
+            "stop.*",
+            "tools.doctor",
+            "tools.listen",
+            "tools.terminal",
+        ),
     ),
     ("charts*", (*GROUND, "model.*", "charts.*")),
     (

@@ -29,6 +29,10 @@ ELSEWHERE = {
     "shell": ("kernel.test_shell", "test_a_person_types_confirms_and_finds_the_line_again"),
     "hand pair": ("inspire.test_rh56_pair_cli", "test_ctrl_c_in_the_movement_holds_both_hands_and_names_nobody"),
     "service": ("tools.test_service", "test_an_interrupt_ends_in_a_report_that_is_continued"),
+    **{
+        f"{family} terminal": ("tools.test_terminal", "test_ctrl_c_stops_what_a_line_has_set_going")
+        for family in FAMILIES
+    },
     "barrett firmware download": ("search.interruption", "downloaded"),
     **dict.fromkeys(
         [f"sim {family}" for family in (*FAMILIES, "bus")],

@@ -23,9 +23,11 @@ from handctl.command.options import (
     ALWAYS,
     BOUNDS,
     LIMIT,
+    REPLY_WAIT,
     FiniteRange,
     InFile,
     OutFile,
+    ending,
     export_options,
     log_options,
     reads_option,
@@ -59,11 +61,12 @@ def add_map_verbs(
     setting: str = "",
     without: Collection[str] = (),
     set_asks: bool = False,
+    typed_asks: bool = True,
     helps: Mapping[str, str] | None = None,
 ) -> None:
     """Add the verbs for `params`. `part` names an element for help ("FINGER"), `example` and `setting` show how.
 
-    `set_asks`: what `set` writes is asked for first. `helps` has the help of `status`, `stop`, `diff` or `restore` where the usual one is not true of this family.
+    `set_asks`: what `set` writes is asked for first; `typed_asks`: so is what is typed and may write. `helps` has the help of `status`, `stop`, `diff` or `restore` where the usual one is not true of this family.
     """
     named = f"NAME[.{part}]" if part else "NAME"
     shown = f", such as `{example}`" if example else ""
@@ -236,6 +239,37 @@ def add_map_verbs(
 
         return checked(run, params.kind, count)
 
+    @ending("rows")
+    @click.option(
+        "--find-baud",
+        is_flag=True,
+        help="Try the documented baud rates in turn, and stay at the one at which the bytes make sense.",
+    )
+    def listen(run: Run, count: int | None, duration: float | None, find_baud: bool) -> Table:
+        """Record what the device says by itself, in words. Sends nothing.
+
+        You can start it before the device is switched on. Ctrl-C ends it, and a summary follows. --trace FILE keeps the bytes
+        for `trace show` and -p replay:FILE. Exit code 4 means that not a single byte came.
+        """
+        from handctl.tools.listen import listen as heard
+
+        return heard(run, count, duration, find_baud=find_baud)
+
+    @click.argument("lines", nargs=-1, metavar="[LINE]...")
+    @click.option("--hex", "as_hex", is_flag=True, help="Take lines as hexadecimal bytes, and show bytes as such.")
+    @REPLY_WAIT
+    def terminal(run: Run, lines: tuple[str, ...], as_hex: bool, wait: float) -> Table | Act:
+        """Send typed lines, and show every byte that comes, in words.
+
+        A line is hexadecimal bytes, on CAN a frame such as 1A3#DEADBEEF, and for a device that speaks text a line of text (there
+        `hex` begins a line of bytes). Without LINE, they come from stdin: on a terminal you can type, otherwise it is a script,
+        of which every line is checked before the first is sent. Ctrl-D ends the terminal and leaves the device as it is. Ctrl-C stops it
+        if something was sent that may move it. --trace FILE keeps the bytes.
+        """
+        from handctl.tools.terminal import terminal as typed
+
+        return typed(run, lines, wait, as_hex=as_hex)
+
     def stop(run: Run) -> Table:
         """Stop the device at once, even while another handctl command is using it.
 
@@ -258,6 +292,8 @@ def add_map_verbs(
     for usual in (status, stop, diff, restore):
         usual.__doc__ = (helps or {}).get(usual.__name__, usual.__doc__)
     group.verb("scan", "Service")(scan)
+    group.verb("listen", "Service", streams=True)(listen)
+    group.verb("terminal", "Service", writes=True, asks=typed_asks)(terminal)
     if "stop" not in without:
         group.verb("stop", "Move", writes=True, stops=True)(stop)
     asking = {"set": set_asks, "restore": True}

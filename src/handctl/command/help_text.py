@@ -333,6 +333,12 @@ SHARED: Examples = (
     ("handctl {0} log {0}.csv --duration 60 --rate 20 -d left", "One minute, 20 rows a second."),
     ("handctl {0} log --check {0}.csv", "Check a recording, and show its breaks and clocks."),
     ("handctl {0} export {0}.csv --to xdf -o {0}.xdf", "Turn a recording into a file for other tools."),
+    ("handctl {0} listen --duration 60 -d left", "Show what the device says by itself for one minute. Sends nothing."),
+    (
+        "handctl {0} listen --trace {0}-boot.txt -d left",
+        "Start it before power-on, and keep the bytes. Ctrl-C ends it.",
+    ),
+    ("handctl {0} terminal --trace {0}-typed.txt -d left", "Type bytes or lines, see the replies, and keep both."),
     ("handctl {0} scan --fake", "The result of a scan, here of the simulated device."),
     ("handctl {0} stop -d left", "Send the stop, even while another handctl command is using the device."),
     ("handctl {0} stop -n --fake", "The bytes that would be sent."),

@@ -381,6 +381,14 @@ def together(*options: Decorator) -> Decorator:
     return lambda body: reduce(lambda made, option: option(made), reversed(options), body)
 
 
+def ending(what: str) -> Decorator:
+    """Decorator: the options that end a stream of `what`, `count` and `duration`."""
+    return together(
+        click.option("--count", type=WholeRange(min=1), metavar="N", help=f"End after N {what}."),
+        click.option("--duration", type=Seconds(), metavar="S", help="End after S seconds."),
+    )
+
+
 def streaming(rate: float) -> Decorator:
     """Decorator: the options of a stream, `rate` (with this default), `count` and `duration`."""
     return together(
@@ -392,8 +400,7 @@ def streaming(rate: float) -> Decorator:
             metavar="HZ",
             help="Samples per second (0: as fast as the device replies).",
         ),
-        click.option("--count", type=WholeRange(min=1), metavar="N", help="End after N samples."),
-        click.option("--duration", type=Seconds(), metavar="S", help="End after S seconds."),
+        ending("samples"),
     )
 
 
@@ -424,6 +431,14 @@ scan_options = together(
 """How far a search goes."""
 
 
+REPLY_WAIT = click.option(
+    "--wait",
+    type=Seconds(),
+    default=0.5,
+    show_default=True,
+    metavar="S",
+    help="Listen for S seconds after the last byte.",
+)
 ALWAYS = click.option("--always", is_flag=True, help="Write settings even if they already have this value.")
 LIMIT = click.option(
     "--limit",

@@ -69,8 +69,9 @@ def is_can(link: str) -> bool:
 
         try:
             with opened(link.removeprefix("replay:"), "a transcript") as file:
-                asked = (line for line in iter(lambda: file.readline(1 << 16), b"") if b">" in line)
-                return b"> can " in next((line for line in asked if not line.lstrip().startswith(b"#")), b"")
+                lines = (line for line in iter(lambda: file.readline(1 << 16), b"") if b">" in line or b"<" in line)
+                first = next((line for line in lines if not line.lstrip().startswith(b"#")), b"")
+                return b"> can " in first or b"< can " in first
         except (OSError, UsageError):
             return False  # opening it will say what is wrong
     if link.startswith("fake://bus?"):

@@ -98,11 +98,13 @@ class Link(ABC):
     replayed  True when a transcript plays the device
     held      descriptors that keep others off the device (locks)
     observers who is told of what passes, see `tap.observed`
+    over      nothing can come any more: a transcript that has been played to its end
     """
 
     name: str = ""
     fake: bool = False
     replayed: bool = False
+    over: bool = False
     held: tuple[int, ...] = ()
     observers: tuple[Any, ...] = ()
 

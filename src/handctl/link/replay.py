@@ -59,12 +59,12 @@ class Recording:
         self._hashes = array("q")  # of each request
         self._times = array("d")  # when it was asked
         self.can = False
-        """Whether the first request went out on CAN."""
+        """Whether the first line is a frame on CAN."""
         self.speaks = False
         """Whether the device said anything before the first request."""
         for place, entry in self._entries(0):
+            self.can = self.can or (not (len(self) or self.speaks) and entry.can_id is not None)
             if entry.mark == ">":
-                self.can = self.can or (not len(self) and entry.can_id is not None)
                 self._places.append(place)
                 self._hashes.append(hash((entry.can_id, entry.data)))
                 self._times.append(entry.time or 0.0)
@@ -183,6 +183,12 @@ class _Replayed(Link):
         self._incoming = Incoming()
         self._incoming.add(recording.replies(-1), 0.0)
         self._streams = recording.speaks
+
+    @property
+    def over(self) -> bool:  # type: ignore[override]
+        """See Link."""
+        goes_on = self._streams and self._cursor < len(self._recording)
+        return self._incoming.first() is None and not goes_on
 
     def now(self) -> float:
         return self._clock

@@ -207,6 +207,7 @@ class Device(ABC):
     worn         a person may be wearing it, so movements need a confirmation
     courses      set-points and where they lead, `releases` the writes that let an axis go there (`Course`, `Release`)
     not_covered  what a snapshot cannot contain; `restore` reports it
+    line_end     what ends a typed line of text, None where the protocol is no text
 
     A family writes `read`, `named`, `valued` and `view`; `plan` and `write` where values can be set by name; and overrides
     what its device does otherwise, by calling this one first where it adds to it.
@@ -225,6 +226,7 @@ class Device(ABC):
     courses: Sequence[Course] = ()
     releases: Sequence[Release] = ()
     not_covered: tuple[str, ...] = ()
+    line_end: bytes | None = None
 
     def __init__(self, line: Line) -> None:
         self._line = line
@@ -442,6 +444,19 @@ class Device(ABC):
             text = joined(f"{self._line.where}: {plural(len(every), 'finding')}", *every)
             table.failure = CheckFailed(text, hint=hint_of(self.kind, findings), code="unhealthy")
         return table
+
+    # -- typed bytes ---------------------------------------------------------------------------------------------
+
+    def plan_typed(self, data: bytes, can_id: int | None) -> tuple[Step, str] | None:
+        """What typed bytes would do, and the question before they go out, "" = none; None: ask before all but a request to read.
+
+        Sends nothing. Raises UsageError for what is never sent as it is typed.
+        """
+        return None
+
+    def admit(self, data: bytes, can_id: int | None) -> None:
+        """Called before typed bytes that may write are sent. Raises NotIdentified."""
+        self.identify()
 
     # -- writing -------------------------------------------------------------------------------------------------
 

@@ -110,6 +110,7 @@ class Table:
     highest   path -> documented value from which on a reading is bad, for the live view
     flags     names of quantities that are bits: the live view shows their words, of all others the numbers
     wide      in CSV a stream is usually a row a sample
+    line      row -> finished text, where a stream is a record to be read instead of a table; `closing` are the lines below it
     live      a person at a terminal sees a live view of the stream; else its rows
     cards     device -> what makes its own table, where rows are of several devices: the live view draws each as a card
     pictures  rows -> grids that the live view draws in place of a line for each row; the first that fits the window
@@ -134,6 +135,8 @@ class Table:
     remedies: Mapping[str, Any] = field(default_factory=dict)
     highest: Mapping[str, float] = field(default_factory=dict)
     wide: bool = False
+    line: Callable[[Row], str] | None = None
+    closing: Callable[[], Iterable[str]] | None = None
     live: bool = True
     cards: Mapping[str, Callable[[], Table]] = field(default_factory=dict)
     pictures: tuple[Callable[[list[Row]], list[Grid]], ...] = ()

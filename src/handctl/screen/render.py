@@ -166,6 +166,8 @@ def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
         from handctl.screen import openmetrics
 
         sink.write_whole(openmetrics.exposition([], context, failure))
+    if table.closing is not None and how == "table":
+        sink.write("".join(text_shown(f"{line}\n") for line in table.closing()))
     if how in ("json", "ndjson"):
         sink.write(dumps(context.closing(failure, summary)) + "\n")
     elif (
@@ -238,6 +240,8 @@ def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink,
                 header = bool(columns and widths)
                 lines.append(csv_lines(columns, [row], sink.guard, header=header, with_errors=values))
                 widths = []
+            elif table.line is not None:
+                lines.append(text_shown(table.line(row)) + "\n")
             else:
                 if widths:
                     widths = [

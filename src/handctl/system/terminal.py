@@ -6,11 +6,14 @@ import contextlib
 import os
 import sys
 from collections.abc import Callable
+from typing import TextIO
 
 BACKGROUND_SECONDS = 0.5
 """How often a program in the background looks whether it has come back: reading the terminal there would stop the job."""
 AT_ONCE = 64
 """Bytes that are taken at once."""
+LONGEST_LINE = 4096
+"""Bytes of a line that a terminal hands over."""
 
 
 def without_color(color: str) -> bool:
@@ -65,6 +68,10 @@ if sys.platform == "win32":
 
         def close(self) -> None:
             """The terminal is as it was."""
+
+    def typed_line(stream: TextIO) -> str | None:
+        """What has been typed: None while there is nothing, "" at its end. Waits for Enter once a key was pressed."""
+        return stream.readline() if msvcrt.kbhit() else None
 
     FINE = bool(os.environ.get("WT_SESSION") or os.environ.get("TERM_PROGRAM"))
     """Whether eighths of a block can be shown: the old console's letters have halves only."""
@@ -123,6 +130,16 @@ else:
                     termios.tcsetattr(self._descriptor, termios.TCSANOW, self._before)
             os.close(self._wake)
             os.close(self._waker)
+
+    def typed_line(stream: TextIO) -> str | None:
+        """The line that has been typed: None while there is none, "" at the end. What was typed ahead answers no question."""
+        descriptor = stream.fileno()
+        if not in_front(descriptor) or not select.select([descriptor], [], [], 0)[0]:
+            return None
+        try:
+            return os.read(descriptor, LONGEST_LINE).decode("utf-8", "replace")
+        except OSError:
+            return ""
 
     FINE = True
     """Whether eighths of a block can be shown."""

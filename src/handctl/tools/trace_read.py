@@ -327,21 +327,31 @@ class TranscriptReader:
         for line in lines:
             if line.entry is None:
                 if line.comment.startswith(CASE):
-                    yield from self._over()
+                    yield from self.over()
                     self._explainer = explainer_of(self._family)
                 yield TranscriptRow(Stamp(None, line.number), Stamp(None, line.number), comment=line.comment)
                 continue
-            note = self.statistics.note
-            for told in self._entry(line.entry):
-                note(told)
-                yield told
-        yield from self._over()
+            yield from self.take(line.entry)
+        yield from self.over()
 
-    def _over(self) -> Iterator[TranscriptRow]:
+    @property
+    def waits(self) -> bool:
+        """Whether the reply to a request is missing."""
+        return bool(self._open)
+
+    def take(self, entry: Entry) -> list[TranscriptRow]:
+        """The rows that this entry completes."""
+        note, found = self.statistics.note, self._entry(entry)
+        for told in found:
+            note(told)
+        return found
+
+    def over(self) -> list[TranscriptRow]:
         """The conversation has ended: what is held back, and what stayed without an answer."""
-        for told in (*self._pieces(self._explainer.flush()), *self._given_up(0)):
+        found = [*self._pieces(self._explainer.flush()), *self._given_up(0)]
+        for told in found:
             self.statistics.note(told)
-            yield told
+        return found
 
     def _entry(self, entry: Entry) -> list[TranscriptRow]:
         stamp = Stamp(entry.time, entry.line)
@@ -428,10 +438,14 @@ def row_text(told: TranscriptRow, width: int | None) -> str:
         mark, data = "!" if told.kind == "event" else " ", ""
     flag = "*" if told.problem else " "
     trip = "" if told.round_trip is None else f"+{told.round_trip * 1000:.3f} ms"
-    head = f"{moment(told.first)} {mark}{flag}{trip:>11} "
+    return laid_out(f"{moment(told.first)} {mark}{flag}{trip:>11} ", told.meaning, data, width)
+
+
+def laid_out(head: str, meaning: str, data: str, width: int | None) -> str:
+    """A row: its head, what it means, its bytes below; on a pipe, where `width` is None, one line."""
     if width is None:
-        return f"{head} {told.meaning}" + (f"  [{data}]" if data else "")
-    lines = _wrapped(head, told.meaning, width)
+        return f"{head} {meaning}" + (f"  [{data}]" if data else "")
+    lines = _wrapped(head, meaning, width)
     if data:
         indent = INDENT if width >= NARROW else 4
         lines.append(" " * indent + _elided(data, width - indent))

@@ -16,6 +16,7 @@ FACTS = Facts(
         "stop": "",
         "bias": "",
         "max-torque": "800",
+        "terminal": '{{"hand_mode":5,"maxtorque":800}}',
         "encoders": "index.m3=85000",
         "joints": "index.q3=160",
         "fingertips": "index.z=120",
@@ -26,6 +27,7 @@ FACTS = Facts(
     goods=AIDIN_GOODS,
     likely=AIDIN_LIKELY,
     reads={
+        "listen": "--duration 1",
         "get": "motor_pos",
         "watch": "--count 2",
         "scan": "",
@@ -34,7 +36,7 @@ FACTS = Facts(
     },
     state="start=homed",
     states={"check": "start=open&rate=50"},
-    unproven=frozenset(["currents", "max-torque", "stop"]),
+    unproven=frozenset(["currents", "max-torque", "stop", "terminal"]),
     adapts=frozenset({"encoders", "joints", "fingertips", "currents", "check"}),  # a ramp from where it is
     halts=dict.fromkeys(
         ("home", "initial", "encoders", "joints", "fingertips", "currents", "check"), b'{"hand_mode":3}'

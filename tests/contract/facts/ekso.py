@@ -21,6 +21,7 @@ FACTS = Facts(
     goods=(*ekso_goods(random.Random(3)), frame(155, 7, unhex("00 CA 06 0E"))),
     likely=EKSO_LIKELY,
     reads={
+        "listen": "--duration 1",
         "get": "step_length",
         "snapshot": "{dir}/new.json",
         "diff": "{ekso}",
@@ -37,10 +38,12 @@ FACTS = Facts(
     lines=(
         ("report", "{dir}/report.html"),
         ("policy",),
+        ("terminal", "96 00 00 01 75 E7"),
         ("stop",),
         ("export", "{dir}/log.csv", "--format", "mot"),
         ("gait", "{dir}/log.csv"),
     ),
+    looking=frozenset({("terminal", "96 00 00 01 75 E7")}),
     rows_in="tests.ekso.commands",
     states_in="tests.ekso.states",
 )

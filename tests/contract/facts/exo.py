@@ -33,6 +33,7 @@ FACTS = Facts(
         "restore": "{exo} --setpoints",
         "write": "1492 2C01",
         "raw": "EB 90 01 05 12 D4 05 2C 01 1E",
+        "terminal": "EB§90§01§05§12§D4§05§2C§01§1E",
         "id": "7",
         "baud": "57600 --save",
         "clear-errors": "",
@@ -47,6 +48,7 @@ FACTS = Facts(
     goods=EB90_GOODS,
     likely=EB90_LIKELY,
     reads={
+        "listen": "--duration 1",
         "get": "system_voltage error.index",
         "read": "1546 12",
         "snapshot": "{dir}/new.json",

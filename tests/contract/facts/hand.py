@@ -74,6 +74,7 @@ FACTS = Facts(
         "restore": "{hand}",
         "write": "1528 2C01",
         "raw": "EB 90 01 05 12 D4 05 2C 01 1E",
+        "terminal": "EB§90§01§05§12§D4§05§2C§01§1E",
         "id": "7",
         "baud": "57600 --save",
         "network": "192.168.11.211",
@@ -91,6 +92,7 @@ FACTS = Facts(
     goods=EB90_GOODS,
     likely=EB90_LIKELY,
     reads={
+        "listen": "--duration 1",
         "get": "angle_actual error.index",
         "read": "1546 12",
         "snapshot": "{dir}/new.json",

@@ -51,6 +51,14 @@ class AidinHand(Device):
         super().__init__(conversation)
         self.conversation = conversation
 
+    @property
+    def line_end(self) -> bytes:  # type: ignore[override]
+        """What ends an object."""
+        return self.conversation.way.end
+
+    def admit(self, data: bytes, can_id: int | None) -> None:
+        self.conversation.identify()
+
     def stop_context(self) -> StopContext:
         """What ends an object is known."""
         context = super().stop_context()

@@ -15,7 +15,7 @@ from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.options import ALWAYS, InFile, WholeRange
 from handctl.command.run import Act, Asked, Run
-from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.device import BarrettHand, refuse, step_of
 from handctl.devices.barrett.firmware.cli import add_firmware
 from handctl.devices.barrett.gcl.codec import (
     COMMANDS,
@@ -59,9 +59,17 @@ HARM = click.option(
 def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> BarrettHand:
     """A BarrettHand behind `link`. Without --baud its speed is looked for."""
     limits = limits_of(settings, link)
-    return BarrettHand(
+    hand = BarrettHand(
         GclLine(link, journal, **limits, speed=settings.baud, interrupt=bool(settings.own.get("interrupt")))
     )
+
+    def count_save() -> None:
+        from handctl.devices.barrett.eeprom import Ledger
+
+        Ledger(hand, simulated=link.fake).count_unknown()
+
+    hand.count_save = count_save
+    return hand
 
 
 def _recall(name: str) -> int | None:
@@ -92,6 +100,7 @@ cli = Group(
 add_map_verbs(
     cli,
     BARRETT,
+    typed_asks=False,
     part="MOTOR",
     example="P SG.F1 temperature",
     without=("set", "describe", "restore"),
@@ -101,12 +110,6 @@ add_map_verbs(
 def prefix_of(text: str | None) -> str:
     """GCL prefix of a --motors option. Without one all enabled motors move; all four named move disabled ones too."""
     return "" if text is None else motor_prefix(text)
-
-
-def step_of(text: str) -> Step:
-    """A GCL line as a step of a plan."""
-    kind = KINDS[kind_of(text)]
-    return Step(text, encode(text), moves=kind.moves, strands=bool(kind.question))
 
 
 def asked_before(steps: Sequence[Step]) -> tuple[list[Step], str]:
@@ -305,7 +308,7 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table | Act:
             hint='give some, such as handctl barrett gcl "HI" "GC" "FGET P", or send a script on stdin',
         )
     for text in wanted:
-        passthrough.refuse(text)
+        refuse(text)
         encode(text)
         for note in passthrough.notes(text):
             run.journal.warn("careful", f"{text}: {note}")

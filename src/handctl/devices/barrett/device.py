@@ -5,11 +5,21 @@ GCL has no checksum: an answer is believed when its echo, its number of lines an
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import product
 from types import MappingProxyType
 
-from handctl.devices.barrett.gcl.codec import Answer, batches, encode, explain_status, hint_for, values
+from handctl.devices.barrett.gcl.codec import (
+    CR,
+    KINDS,
+    Answer,
+    batches,
+    encode,
+    explain_status,
+    hint_for,
+    kind_of,
+    values,
+)
 from handctl.devices.barrett.gcl.line import GclLine
 from handctl.devices.barrett.map import BARRETT, POSITIONS, TRAVEL, GclParam, gcl_name, with_sign
 from handctl.devices.barrett.views import (
@@ -31,18 +41,31 @@ from handctl.devices.barrett.views import (
     unhealthy,
     why_doubtful,
 )
-from handctl.errors import Aftermath, DeviceRefused, HandctlError, NoAnswer, NotPresent, ProtocolError
+from handctl.errors import Aftermath, DeviceRefused, HandctlError, NoAnswer, NotPresent, ProtocolError, UsageError
 from handctl.model.device import Device
 from handctl.model.param import Element, Number, Reading, Step, elements_of
 from handctl.model.result import Finding, Row, Table
 from handctl.model.stop_sequence import Stopped
 
 UNKNOWN_NAME = 64
+UNKNOWN = "Its effect on the hand is unknown"
 SPLITTABLE = 32 | 64 | 1024
 """Statuses that a long line may cause: it is asked again in halves (dossier 1.4)."""
 
 
 Changes = Sequence[tuple[Element, Number]]
+
+
+def step_of(text: str) -> Step:
+    """A GCL line as a step of a plan."""
+    kind = KINDS[kind_of(text)]
+    return Step(text, encode(text), moves=kind.moves, strands=bool(kind.question))
+
+
+def refuse(text: str) -> None:
+    """What is not sent as it is typed: it would lose the line. Raises UsageError."""
+    if (refused := KINDS[kind_of(text)].refused) is not None:
+        raise UsageError(refused[0], hint=refused[1])
 
 
 class BarrettHand(Device):
@@ -59,10 +82,13 @@ class BarrettHand(Device):
         "the EEPROM: restored values stay in RAM until `--save` or `handctl barrett save` saves them",
         "read-only values (odometer, temperatures, serial number)",
     )
+    line_end = CR
 
     def __init__(self, line: GclLine) -> None:
         super().__init__(line)
         self.line = line
+        self.count_save: Callable[[], None] = lambda: None
+        """Counts a save that is sent as it was typed; who opens the hand has the journal."""
         self._told_sign = False
 
     def abort(self) -> Stopped:
@@ -80,6 +106,28 @@ class BarrettHand(Device):
             return stopped._replace(text=f"{stopped.text}. Their positions could not be read: {exc.text}")
         places = ", ".join(f"{reading.element.part} {reading.value}" for reading in readings)
         return stopped._replace(text=f"{stopped.text}. Positions: {places}")
+
+    def plan_typed(self, data: bytes, can_id: int | None) -> tuple[Step, str]:
+        """As `gcl` does. ^C alone ends a movement, and is not asked for."""
+        *lines, rest = data.split(CR)
+        if not data.strip(b"\0\3"):
+            return Step("^C: abort", data), ""
+        if rest or not all(32 <= byte < 127 for line in lines for byte in line):
+            return Step("this is not a complete GCL line", data, moves=True, strands=True), UNKNOWN
+        steps = []
+        for line in lines:
+            refuse(line.decode())
+            steps.append(step_of(line.decode()))
+        questions = dict.fromkeys(KINDS[kind_of(step.meaning)].question for step in steps if step.strands)
+        meaning = " | ".join(step.meaning or "an empty line" for step in steps)
+        moves, strands = any(step.moves for step in steps), bool(questions)
+        return Step(meaning, data, moves=moves, strands=strands), ". ".join(questions)
+
+    def admit(self, data: bytes, can_id: int | None) -> None:
+        """Find the hand; a save is counted even if its reply does not come."""
+        self.line.connect()
+        if any(kind_of(line.decode("ascii", "replace")) == "save" for line in data.split(CR)):
+            self.count_save()
 
     def identity(self) -> dict[str, object]:
         """Serial number (0 on hands upgraded in the field) and firmware as the hand says it."""

@@ -630,6 +630,9 @@ class BarrettExplainer:
                 meaning = f"echo of {self._asked[0].command}: the rest of the reply comes at the new baud rate"
                 pieces.append(_piece(DEVICE, raw, meaning, answers=self._asked[0].key))
                 continue
+            if direction == DEVICE and raw == b":":
+                pieces.append(_piece(DEVICE, raw, "the boot monitor has started: the hand was switched on"))
+                continue
             block = factory_block(direction, raw) if raw and b"=>" not in raw else []
             pieces += block  # a recording that begins inside RealTime
             if raw and not block:

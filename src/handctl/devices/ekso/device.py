@@ -34,8 +34,10 @@ from handctl.errors import (
     NoAnswer,
     NotPresent,
     ProtocolError,
+    UsageError,
 )
 from handctl.model.device import Device
+from handctl.model.explainer import HOST
 from handctl.model.param import Element, Number, Reading, Step, elements_of
 from handctl.model.result import Cell, Column, Grid, Row, Table, hex_bytes
 from handctl.wording import plural
@@ -157,6 +159,24 @@ class Ekso(Device):
     def identity(self) -> dict[str, object]:
         """The identity of a unit: the protocol has no serial number, and the pilot's number is personal and left out."""
         return {"kind": self.kind, "serial_number": None}
+
+    # -- typed bytes ---------------------------------------------------------------------------------------------
+
+    def plan_typed(self, data: bytes, can_id: int | None) -> tuple[Step, str] | None:
+        """What writes is sent by its own command only, which writes the audit log."""
+        from handctl.devices.ekso.explain import explainer
+
+        writing: dict[object, str] = {Command.SET_VALUE: "set", Command.CANCEL_ACTION: "cancel"}
+        found = [verb for piece in explainer().decode(data, HOST) if (verb := writing.get(piece.fields.get("command")))]
+        if found:
+            raise UsageError(
+                "a frame that writes is not sent as typed, because it would be missing from the audit log",
+                hint=f"use `handctl ekso {found[0]}`. Nothing was sent.",
+            )
+        return None
+
+    def admit(self, data: bytes, can_id: int | None) -> None:
+        self.port.identify()
 
     # -- reading -------------------------------------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.command import get_set_watch
-from handctl.command.options import OutFile, Seconds
+from handctl.command.options import OutFile
 from handctl.command.run import Act, Run
 from handctl.devices.inspire.map import address_in
 from handctl.errors import HandctlError, UsageError
@@ -22,14 +22,6 @@ from handctl.model.result import Table
 if TYPE_CHECKING:
     from handctl.devices.inspire.register_device import RegisterDevice
 
-LISTEN = click.option(
-    "--wait",
-    type=Seconds(),
-    default=0.5,
-    show_default=True,
-    metavar="S",
-    help="Listen for S seconds after the last byte.",
-)
 SAVE_TOO = click.option(
     "--save",
     "save_too",
@@ -81,8 +73,8 @@ def send_raw(step: Step, question: str, exchange: Callable[[Any], Table]) -> Act
         with raw.goes_on(device, step):
             return exchange(device)
 
-    asks = step.moves or step.strands
-    return Act([step], act, f"{question}: {step.meaning}" if asks else "")
+    _, question = raw.asked(step, question)
+    return Act([step], act, f"{question}: {step.meaning}" if question else "")
 
 
 def change_id(run: Run, params: ParamMap[Any], new: int | None) -> Table | Act:

@@ -18,7 +18,10 @@ from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
 from handctl.model.result import Column, Row, Table, hex_bytes
 
-FORCED = "Add --force-ambiguous to send it anyway."
+FORCED = "`raw --force-ambiguous` sends it anyway."
+WORN = "This may move or change a hand that a person may be wearing"
+HAND = "This may move or change the hand"
+DEVICE_ITSELF = "This may move or change the device"
 
 
 def parse_hex(text: str) -> bytes:
@@ -195,6 +198,11 @@ def _check_frame(frame: eb90.Frame) -> None:
             raise refused(f"a wrist module takes this frame for {what}, this hand for a force command")
         with forceable():
             check_command(eb90.COMMANDS[frame.flag], values)
+
+
+def asked(step: Step, question: str) -> tuple[Step, str]:
+    """The step, and the question before it; "" where it only reads."""
+    return step, question if step.moves or step.strands else ""
 
 
 def refused(text: str, hint: str = "", code: str = "ambiguous") -> UsageError:

@@ -28,6 +28,7 @@ from handctl.errors import (
     UsageError,
 )
 from handctl.light import NamedTuple
+from handctl.link import CanFrame
 from handctl.model.device import Device
 from handctl.model.movement import Arrival, Goal, Seen, Stillness, Watch, judged, marked, watch, with_arrival
 from handctl.model.param import Element, Number, ParamMap, Reading, Step
@@ -288,6 +289,9 @@ class RegisterDevice(Device):
     def will_move(self) -> None:
         super().will_move()
         self._moving = True
+
+    def admit(self, data: bytes, can_id: int | None) -> None:
+        self.bus.pass_gate(data if can_id is None else CanFrame(can_id, data))
 
     # -- reading -------------------------------------------------------------------------------------------------
 

@@ -7,10 +7,9 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from handctl.devices.barrett import eeprom
-from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.device import BarrettHand, refuse
 from handctl.devices.barrett.gcl.codec import (
     COMMANDS,
-    KINDS,
     Answer,
     encode,
     explain_status,
@@ -33,12 +32,6 @@ if TYPE_CHECKING:
     from handctl.command.run import Run
 
 COLUMNS = (Column("command", "Command"), Column("text", "Answer"), Column("status", "Status", right=True))
-
-
-def refuse(text: str) -> None:
-    """What the passthrough does not carry: it would lose the line. Raises UsageError."""
-    if (refused := KINDS[kind_of(text)].refused) is not None:
-        raise UsageError(refused[0], hint=refused[1])
 
 
 def notes(text: str) -> list[str]:

@@ -11,7 +11,7 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.get_set_watch import going
-from handctl.command.options import NEGATIVE_NUMBERS, Seconds
+from handctl.command.options import NEGATIVE_NUMBERS, REPLY_WAIT, Seconds
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire import identity
@@ -84,7 +84,7 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> Act:
 
 @cli.verb("raw", "Service", writes=True, asks=True)
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
-@verbs.LISTEN
+@REPLY_WAIT
 @verbs.forced(
     "Also send a frame that means something else to another Inspire device, or that has a value out of range."
 )
@@ -93,9 +93,8 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
     from handctl.devices.inspire import raw as by_number
 
     frame = by_number.parse_hex(" ".join(data))
-    question = "This may move or change a hand that a person may be wearing"
     step = by_number.plan_raw(frame, force_ambiguous)
-    return verbs.send_raw(step, question, lambda hand: by_number.exchange(hand, frame, wait))
+    return verbs.send_raw(step, by_number.WORN, lambda hand: by_number.exchange(hand, frame, wait))
 
 
 # -- what it keeps ------------------------------------------------------------------------------------------------

@@ -103,6 +103,11 @@ class ExoHand(RegisterDevice):
         "triggers (clear_errors, save, factory_reset, calibrate)",
     )
 
+    def plan_typed(self, data: bytes, can_id: int | None) -> tuple[Step, str]:
+        from handctl.devices.inspire import raw
+
+        return raw.asked(raw.plan_raw(data, False), raw.WORN)
+
     def command_steps(self, which: str, values: Mapping[int, int]) -> list[Step]:
         """The frames that command these fingers: one command for all five, writes to the registers of some."""
         if len(values) != len(FINGERS):

@@ -16,7 +16,7 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.get_set_watch import Unequal, ask_released, bounds_of, tell_listed, within
-from handctl.command.options import ALWAYS, BOUNDS, COMMAND_LINE, NEGATIVE_NUMBERS, Seconds, streaming
+from handctl.command.options import ALWAYS, BOUNDS, COMMAND_LINE, NEGATIVE_NUMBERS, REPLY_WAIT, Seconds, streaming
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire.hand.device import Hand
@@ -396,7 +396,7 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> Act:
 
 @cli.verb("raw", "Service", writes=True, asks=True)
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
-@verbs.LISTEN
+@REPLY_WAIT
 @verbs.forced("Also send a frame that resets the hand, starts a stored movement or has a value out of range.")
 def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Act:
     """Send exactly these EB90 or Modbus bytes and show the decoded reply.
@@ -408,7 +408,7 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
     frame = by_number.parse_hex(" ".join(data))
     hand_raw.choose_wire(run, frame)
     step = hand_raw.plan(run.planner(), frame, force_ambiguous)
-    return verbs.send_raw(step, "This may move or change the hand", lambda hand: hand_raw.exchange(hand, frame, wait))
+    return verbs.send_raw(step, by_number.HAND, lambda hand: hand_raw.exchange(hand, frame, wait))
 
 
 # -- its network, its pair -----------------------------------------------------------------------------------------

@@ -30,9 +30,11 @@ from handctl.devices.inspire.hand.map import (
     HandRegister,
 )
 from handctl.devices.inspire.identity import BYTE_HAND, NOT_SHOWN, UNHEARD, naming_twins, stranger
+from handctl.devices.inspire.modbus_frames import is_eb90
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.devices.inspire.register_device import BlockReader, RegisterDevice, T
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.link import CanFrame
 from handctl.model.device import OTHER_FORM, Course, Release
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
 from handctl.model.result import Cell, Finding, Grid, Row, Table
@@ -119,6 +121,20 @@ class Hand(RegisterDevice):
             if found.kind.family == self.kind and found.model is not None and self._known is None:
                 self._is(found.model)
         self.bus.identify()
+
+    def plan_typed(self, data: bytes, can_id: int | None) -> tuple[Step, str]:
+        from handctl.devices.inspire import raw as by_number
+        from handctl.devices.inspire.hand import raw
+
+        step = raw.plan(self, data, False) if can_id is None else raw.plan_can(self, CanFrame(can_id, data))
+        return by_number.asked(step, by_number.HAND)
+
+    def admit(self, data: bytes, can_id: int | None) -> None:
+        """What is no EB90 frame may be for the other wire of the hand: it is looked for on both."""
+        if can_id is None and not is_eb90(data):
+            self.identify()
+        else:
+            super().admit(data, can_id)
 
     def found(self) -> Found:
         """Who answers, asked once. Raises DeviceRefused for a device of another kind or another generation than typed."""

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from handctl.devices.inspire import eb90, modbus_frames
+from handctl.devices.inspire import can_frames, eb90, modbus_frames
 from handctl.devices.inspire import raw as by_number
 from handctl.devices.inspire.explain import InspireExplainer
 from handctl.devices.inspire.hand.map import BYTE_MAP
 from handctl.devices.inspire.modbus_frames import RTU, TCP, mode_of, only_reads, pdu_of
 from handctl.errors import UsageError
+from handctl.link import CanFrame
 from handctl.model.explainer import DEVICE, HOST
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table, hex_bytes
@@ -74,6 +75,17 @@ def plan(hand: Hand, data: bytes, force: bool) -> Step:
     return Step(words, data, moves=True, strands=True)
 
 
+def plan_can(hand: Hand, frame: CanFrame) -> Step:
+    """The same of a frame on CAN, which only `terminal` sends."""
+    access = can_frames.parse_identifier(frame.can_id)
+    (piece,) = InspireExplainer(hand.map).sent(frame.data, frame.can_id)
+    if can_frames.only_reads(frame.can_id, frame.data):
+        return Step(piece.meaning, frame.data, can_id=frame.can_id)
+    if access.writes:
+        _refuse_write(hand, access.hand_id, access.address, frame.data)
+    return Step(piece.meaning, frame.data, moves=True, strands=True, can_id=frame.can_id)
+
+
 def repaired(data: bytes) -> bytes:
     """The bytes with the checksum that fits: an error of the line may put it right, and a device may be lenient."""
     start = data.find(eb90.HOST)
@@ -100,6 +112,11 @@ def _refuse(hand: Hand, frame: bytes) -> None:
         raise by_number.refused(f"flag {frame[4]:02X} is not a flag of these hands")
     else:
         return
+    _refuse_write(hand, number, address, data)
+
+
+def _refuse_write(hand: Hand, number: int, address: int, data: bytes) -> None:
+    unit = hand.bus.per
     if not 1 <= number <= 254:
         raise by_number.refused(f"id {number} is not an id of a hand", code="out-of-range")
     for place in range(address * unit, address * unit + len(data)):

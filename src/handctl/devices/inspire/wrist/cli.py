@@ -10,7 +10,7 @@ from handctl.command.command_tree import Group
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
-from handctl.command.options import Seconds
+from handctl.command.options import REPLY_WAIT, Seconds
 from handctl.command.run import Act, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire import identity
@@ -159,7 +159,7 @@ def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Act:
 
 @cli.verb("raw", "Service", writes=True, asks=True)
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
-@verbs.LISTEN
+@REPLY_WAIT
 @FORCE
 def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Act:
     """Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show the decoded reply.
@@ -187,4 +187,4 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
             return wrist_raw.exchange_can(wrist, frame, wait)
         return by_number.exchange(wrist, payload, wait)
 
-    return verbs.send_raw(step, "This may move or change the device", exchange)
+    return verbs.send_raw(step, by_number.DEVICE_ITSELF, exchange)

@@ -11,8 +11,9 @@ from collections.abc import Collection, Sequence
 from handctl.devices.inspire.map import WRIST, pushes, register_of
 from handctl.devices.inspire.register_device import Movement, RegisterDevice
 from handctl.errors import UsageError
+from handctl.link import CanFrame
 from handctl.model.movement import REACHED, Goal, Seen, Stillness
-from handctl.model.param import Element, Number, Reading
+from handctl.model.param import Element, Number, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Finding, Grid, Row, Table
 
@@ -76,6 +77,13 @@ class Wrist(RegisterDevice):
             else:
                 groups.append([change])
         return sorted(groups, key=lambda group: group[-1][0].param.name != "move_time")
+
+    def plan_typed(self, data: bytes, can_id: int | None) -> tuple[Step, str]:
+        from handctl.devices.inspire import raw as by_number
+        from handctl.devices.inspire.wrist import raw
+
+        step = raw.plan_raw(data, False) if can_id is None else raw.plan_can(CanFrame(can_id, data), False)
+        return by_number.asked(step, by_number.DEVICE_ITSELF)
 
     def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
         """As every register device; an unusual movement time is remarked."""

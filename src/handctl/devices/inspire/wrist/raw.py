@@ -13,8 +13,8 @@ from handctl.devices.inspire.explain import CAN_MISPRINTS, MISPRINTS, InspireExp
 from handctl.devices.inspire.identity import identify_alone
 from handctl.devices.inspire.map import EXO, WRIST
 from handctl.devices.inspire.raw import RAW_COLUMNS, changes_of, check_values, judge_read_back, nameless, refused
+from handctl.devices.inspire.register_device import RegisterDevice
 from handctl.devices.inspire.serial_bus import Bus
-from handctl.devices.inspire.wrist.device import Wrist
 from handctl.errors import Aftermath, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
 from handctl.model.explainer import DEVICE, HOST
@@ -49,7 +49,7 @@ def _refuse_illegal(address: int, data: bytes) -> None:
     check_values(WRIST, address, data, explained)
 
 
-def plan_write(wrist: Wrist, address: int, data: bytes) -> Step:
+def plan_write(wrist: RegisterDevice, address: int, data: bytes) -> Step:
     """Check a write: whole settable registers side by side, 2, 4 or 6 bytes, legal values. Raises UsageError."""
     if len(data) not in WRITE_SIZES:
         raise UsageError(
@@ -71,7 +71,7 @@ def plan_write(wrist: Wrist, address: int, data: bytes) -> Step:
     return wrist.bus.write_step(address, data, f"write {', '.join(texts)} (address {address})")._replace(moves=True)
 
 
-def write(wrist: Wrist, address: int, data: bytes) -> Table:
+def write(wrist: RegisterDevice, address: int, data: bytes) -> Table:
     """Write whole registers by address, once, and read them back."""
     return wrist.table(wrist.write(changes_of(WRIST, address, data)))
 
@@ -147,7 +147,7 @@ def plan_can(frame: CanFrame, force: bool, *, only_explain: bool = False) -> Ste
     return Step(explained or piece.meaning, frame.data, moves=not reads, strands=strands, can_id=frame.can_id)
 
 
-def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
+def exchange_can(wrist: RegisterDevice, frame: CanFrame, wait: float) -> Table:
     """Send one frame and listen for `wait` seconds: frames with the same identifier are replies, the others are traffic."""
     bus, explainer = wrist.bus, InspireExplainer(WRIST)
     assert isinstance(bus, CanBus)
@@ -189,23 +189,23 @@ def exchange_can(wrist: Wrist, frame: CanFrame, wait: float) -> Table:
 # -- the hand that carries it -----------------------------------------------------------------------------------------
 
 
-def hand_bus(wrist: Wrist) -> Bus | CanBus:
+def hand_bus(wrist: RegisterDevice) -> Bus | CanBus:
     """A bus to the hand's own registers, through flags 11/12 or CAN flags 0/1."""
     bus = wrist.bus.at("hand")
     assert isinstance(bus, Bus | CanBus)
     return bus
 
 
-def hand_read(wrist: Wrist, address: int, count: int) -> Table:
+def hand_read(wrist: RegisterDevice, address: int, count: int) -> Table:
     """Bytes of the hand's own space, raw: its manual is another one."""
     return _hand_row(wrist, address, hand_bus(wrist).read(address, count), "hand space")
 
 
-def _hand_row(wrist: Wrist, address: int, data: bytes, label: str) -> Table:
+def _hand_row(wrist: RegisterDevice, address: int, data: bytes, label: str) -> Table:
     return Table(rows=[nameless(address, data, label)], columns=wrist.columns, plain=("raw",))
 
 
-def plan_hand_write(wrist: Wrist, address: int, data: bytes, force: bool) -> Step:
+def plan_hand_write(wrist: RegisterDevice, address: int, data: bytes, force: bool) -> Step:
     """A write into the hand's space; refused where the wrist's own registers would lie. Raises UsageError."""
     if touches_shared(address, len(data)) and not force:
         raise UsageError(
@@ -222,7 +222,7 @@ def plan_hand_write(wrist: Wrist, address: int, data: bytes, force: bool) -> Ste
     return step._replace(moves=True, strands=True)
 
 
-def plan_hand_writes(wrist: Wrist, address: int, data: bytes, force: bool) -> list[Step]:
+def plan_hand_writes(wrist: RegisterDevice, address: int, data: bytes, force: bool) -> list[Step]:
     """The same in as many frames as the wire needs: 8 bytes each on CAN (wrist §2.3.2). Raises UsageError.
 
     What spans frames must not change the id, nor start anything: the frames behind it would meet another state.
@@ -247,7 +247,7 @@ def _in_frames(bus: Bus | CanBus, address: int, data: bytes) -> list[tuple[int, 
     return [(address + start, data[start:end]) for start, end in pairwise(starts)]
 
 
-def hand_write(wrist: Wrist, address: int, data: bytes) -> Table:
+def hand_write(wrist: RegisterDevice, address: int, data: bytes) -> Table:
     """Write into the hand's space once, and read back; what starts something there is not read back (RH56 §2.4).
 
     Each frame is acknowledged and read back before the next is sent. A new id is looked for under that id.
@@ -269,7 +269,7 @@ def hand_write(wrist: Wrist, address: int, data: bytes) -> Table:
         return table
 
 
-def _hand_write(wrist: Wrist, bus: Bus | CanBus, address: int, data: bytes) -> Table:
+def _hand_write(wrist: RegisterDevice, bus: Bus | CanBus, address: int, data: bytes) -> Table:
     bytes_at = dict(enumerate(data, address))
     starts = [register.name for register in EXO if register.trigger and bytes_at.get(register.address) == 1]
     new = bytes_at.get(EXO["id"].address, bus.id)
