@@ -61,6 +61,7 @@ class FamilyRow:
     tell      its turn when recorded bytes tell whose they are: who takes more for his own comes later
     options   those that only this family has
     within    role -> the role in whose module it lies, where that is another
+    facts     fact of its `proofs` -> the setting that it stands for, and what each value of the fact makes of that ("" = nothing)
     trigger   fastest speed in bit/s at which its device listens, and the bytes on which it acts wherever they stand
     """
 
@@ -74,6 +75,7 @@ class FamilyRow:
         tell: int = 100,
         options: tuple[OwnOption, ...] = (),
         within: dict[str, str] = {},  # noqa: B006 - read only
+        facts: dict[str, tuple[str, dict[str, str]]] = {},  # noqa: B006 - read only
         trigger: tuple[int, bytes] | None = None,
     ) -> None:
         self.help = help
@@ -83,6 +85,7 @@ class FamilyRow:
         self.tell = tell
         self.options = options
         self.within = within
+        self.facts = facts
         self.trigger = trigger
 
     def module(self, role: str) -> str:
@@ -90,6 +93,12 @@ class FamilyRow:
         return f"{self.package}.{self.within.get(role, role)}"
 
 
+def _same(*values: str) -> dict[str, str]:
+    """Each value of a fact is the value of the setting, too."""
+    return {value: value for value in values}
+
+
+_GAPS = {"reads-across-gaps": ("across_gaps", {"answered": "yes", "silent": "no", "refused": "no"})}
 _OF_INSPIRE = {"write_rules": "explain", "outline": "remedies"}
 
 
@@ -101,6 +110,7 @@ FAMILIES: dict[str, FamilyRow] = {
         scan=3,
         tell=1,
         within=_OF_INSPIRE,
+        facts=_GAPS,
     ),
     "wrist": FamilyRow(
         "Inspire wrist module for dexterous hands (RS-232, RS-485, CAN)",
@@ -109,6 +119,7 @@ FAMILIES: dict[str, FamilyRow] = {
         scan=2,
         tell=2,
         within=_OF_INSPIRE,
+        facts=_GAPS,
     ),
     "barrett": FamilyRow(
         "BarrettHand BH8 series (RS-232)",
@@ -117,6 +128,10 @@ FAMILIES: dict[str, FamilyRow] = {
         scan=4,
         tell=4,
         within={"outline": "remedies"},
+        facts={
+            name: ("position_sign", _same("signed", "unsigned", "clamped"))
+            for name in ("position-sign", "position-at-stop")
+        },
         options=(
             OwnOption(
                 "interrupt",
@@ -134,6 +149,7 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.ekso.frames",
         scan=1,
         tell=5,
+        facts={"length-convention": ("length_mode", _same("body", "n-4", "n-2", "frame"))},
         options=(
             OwnOption("operator", "Your name, for the audit log. Required with --yes.", metavar="NAME", asked=True),
             OwnOption(
@@ -150,6 +166,10 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.aidin.json_codec",
         scan=5,
         tell=3,
+        facts={
+            "exchange": ("exchange", _same("stream", "poll")),
+            "request-terminator": ("tx_terminator", _same("newline", "none", "nul", "crlf")),
+        },
         options=(
             OwnOption(
                 "exchange",
@@ -178,6 +198,11 @@ FAMILIES: dict[str, FamilyRow] = {
         scan=6,
         tell=6,
         within=_OF_INSPIRE,
+        facts={
+            **_GAPS,
+            "generation": ("model", _same("df", "tp", "f1", "dg2")),
+            "protocol": ("protocol", {"eb90": "eb90", "modbus": "modbus", "both": ""}),
+        },
         options=(
             OwnOption(
                 "model",
@@ -205,6 +230,7 @@ TOOLS: dict[str, dict[str, tuple[str, str]]] = {
         "scan": ("handctl.tools.scan", "detect the device on a port: family, baud rate, id"),
         "top": ("handctl.tools.top", "show all named devices live, with the one that needs attention first"),
         "history": ("handctl.tools.history", "show what handctl wrote to devices earlier, and when"),
+        "prove": ("handctl.tools.prove", "find out by experiment what the documents leave open about a device"),
         "doctor": ("handctl.tools.doctor", "check this computer and the link, with a remedy for each problem"),
     },
     "Stop and run commands": {

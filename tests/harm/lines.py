@@ -105,6 +105,7 @@ def _tools() -> Iterator[tuple[str, ...]]:
         yield name, "scan"
         yield name, "export", "{dir}/log.csv", "--to", "xdf", "-o", "{dir}/log.xdf"
         yield "doctor", "--family", name, "--count", "3"
+        yield "prove", name
         yield name, "doctor", "--count", "3"
     if "stop" in families.COMMANDS:
         yield ("stop",)

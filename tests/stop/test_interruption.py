@@ -28,6 +28,7 @@ ELSEWHERE = {
     "batch": ("stop.test_deadman", "test_a_killed_batch_stops_the_device"),
     "shell": ("kernel.test_shell", "test_a_person_types_confirms_and_finds_the_line_again"),
     "hand pair": ("inspire.test_rh56_pair_cli", "test_ctrl_c_in_the_movement_holds_both_hands_and_names_nobody"),
+    "prove": ("tools.test_prove", "test_ctrl_c_in_the_middle_puts_it_back"),
     "barrett firmware download": ("search.interruption", "downloaded"),
     **dict.fromkeys(
         [f"sim {family}" for family in (*FAMILIES, "bus")],

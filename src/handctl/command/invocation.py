@@ -15,6 +15,7 @@ from handctl.command.family import Family, in_words, load, on_can, refuse_missin
 from handctl.command.options import (
     COMMAND_LINE,
     ENVIRONMENT,
+    FACTS,
     FILE,
     Named,
     config_path,
@@ -86,6 +87,14 @@ class Invocation:
             text = f"`handctl {self.command}` without {without} only reads"
             raise UsageError(text, hint="run it without -n, it changes nothing")
         self.writes = False
+
+    def tell_facts(self) -> None:
+        """Say once what the facts file stands for."""
+        found = {key: self.settings.own[key] for key, source in self.sources.items() if source.level == FACTS}
+        if found:
+            from handctl.model.facts import words
+
+            self.journal.info("facts-used", words(found, str(self.settings.facts)))
 
     def planner(self) -> Any:
         """The device without a link: can check and plan writes, cannot send."""
@@ -246,6 +255,7 @@ def _check_files(run: Invocation) -> None:
         return
     replayed = (settings.port or "").partition("replay:")
     inputs = [Named("--port", replayed[2])] if replayed[1] and not replayed[0] else []
+    inputs += [Named("--facts", settings.facts)] if settings.facts else []
     own = Named("the configuration file", config_path())
     try:
         refuse_clashes([*run.inputs, *inputs, own], [*outputs, *run.outputs])
