@@ -48,6 +48,13 @@ class Seen(NamedTuple):
     evidence: str
 
 
+class Disturbed(ProtocolError):
+    """What came, or stayed away, is damage: it shows nothing of the device."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text, hint="check the cable with `handctl doctor`, then run it again", code="disturbed")
+
+
 class Proof(NamedTuple):
     """One open point.
 

@@ -18,7 +18,8 @@ from handctl.devices.aidin.json_codec import TERMINATORS, Decoder
 from handctl.devices.aidin.map import AIDIN
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.model.decoder import frames_in
-from handctl.model.proofs import Proof, Seen
+from handctl.model.proofs import Disturbed, Proof, Seen
+from handctl.wording import plural
 
 WATCHED = 0.5
 QUIET = 0.06
@@ -27,6 +28,7 @@ MOST = 65536
 ENDS = {b"\n": "newline", b"": "none", b"\0": "nul", b" ": "blank", b"\r\n": "crlf"}
 FULL = 10
 """Decimals from which on a number is written as precisely as the hand has it: how many there are varies."""
+FORGOTTEN = 1.2
 EVEN = 0.8
 """Share of the gaps of a stream that are near their median."""
 QUARTER = 1.570796
@@ -68,7 +70,7 @@ def _came(hand: AidinHand, seconds: float = WATCHED) -> bytes:
         came += chunk
         end = end if streams else link.deadline(QUIET)
     if b"}" not in came:
-        raise NoAnswer("the hand sent no whole object")
+        raise Disturbed("the hand sent no whole object")
     return came[came.index(b"{") :]
 
 
@@ -79,7 +81,7 @@ def _objects(hand: AidinHand) -> list[dict[str, object]]:
     damaged = list[ProtocolError]()
     found = list(frames_in(decoder, damaged.append))
     if damaged or not found:
-        raise damaged[0] if damaged else NoAnswer("the hand sent no whole object")
+        raise damaged[0] if damaged else Disturbed("the hand sent no whole object")
     return found
 
 
@@ -88,9 +90,9 @@ def _exchange(hand: AidinHand) -> Seen:
     if talk.exchange is ExchangeMode.POLL:
         talk.drain()
         if talk.link.read(talk.link.deadline(LISTEN)):
-            raise ProtocolError("the hand speaks unasked, too", code="garbage")
+            raise Disturbed("the hand speaks unasked, too")
         return Seen("poll", "silent until it is asked, and answers an empty object")
-    return Seen("stream", f"{len(_objects(hand))} objects came unasked in {WATCHED:g} s")
+    return Seen("stream", f"{plural(len(_objects(hand)), 'object')} came unasked in {WATCHED:g} s")
 
 
 def _rate(hand: AidinHand) -> Seen:
@@ -110,8 +112,10 @@ def _rate(hand: AidinHand) -> Seen:
     middle = median(gaps) if gaps else 0.0
     even = sum(abs(gap - middle) <= middle / 2 for gap in gaps)
     if not middle or even < EVEN * len(gaps):
-        return Seen(None, f"{len(times)} objects in {WATCHED:g} s, not evenly")
-    return Seen(round(1 / middle), f"{len(times)} objects in {WATCHED:g} s, mostly {1000 * middle:.1f} ms apart")
+        return Seen(None, f"{plural(len(times), 'object')} in {WATCHED:g} s, not evenly")
+    return Seen(
+        round(1 / middle), f"{plural(len(times), 'object')} in {WATCHED:g} s, mostly {1000 * middle:.1f} ms apart"
+    )
 
 
 def _between(hand: AidinHand) -> Seen:
@@ -125,14 +129,14 @@ def _between(hand: AidinHand) -> Seen:
 
 def _keys(hand: AidinHand) -> Seen:
     keys = sorted({key for one in _objects(hand) for key in one})
-    return Seen(", ".join(keys), f"{len(keys)} keys")
+    return Seen(", ".join(keys), plural(len(keys), "key"))
 
 
 def _split(hand: AidinHand) -> Seen:
     most = max(len(set(one) & set(ALL)) for one in _objects(hand))
     return Seen(
-        "one" if most == len(ALL) else "separate" if most == 1 else f"{most} keys each",
-        f"up to {most} keys in an object",
+        "one" if most == len(ALL) else "separate" if most == 1 else f"{plural(most, 'key')} each",
+        f"up to {plural(most, 'key')} in an object",
     )
 
 
@@ -187,15 +191,20 @@ def _terminator(hand: AidinHand) -> Seen:
     try:
         for name, end in TERMINATORS.items():
             talk.way = replace(given, end=end)
-            try:
-                _came(hand)
-            except NoAnswer:
-                talk.link.sleep(1.2)  # half an object must be forgotten before the next
-                continue
-            answered.append(name)
+            if _answers(hand) or _answers(hand):
+                answered.append(name)
     finally:
         talk.way = given
     return Seen(answered[0] if answered else None, f"answered behind {{}}: {', '.join(answered)}")
+
+
+def _answers(hand: AidinHand) -> bool:
+    """Whether an object comes to one. Behind silence half an object is given time to be forgotten."""
+    try:
+        return bool(_came(hand))
+    except Disturbed:
+        hand.conversation.link.sleep(FORGOTTEN)
+        return False
 
 
 ANGLES_KEY = "joint_pos"

@@ -11,9 +11,9 @@ from functools import partial
 from handctl.devices.barrett.device import UNKNOWN_NAME, BarrettHand
 from handctl.devices.barrett.gcl.codec import MAX_ARGUMENTS, MAX_LINE, PROMPT, Answer, encode, values
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, standard
-from handctl.errors import NotPresent, ProtocolError
+from handctl.errors import NotPresent
 from handctl.model.param import Step
-from handctl.model.proofs import NONE, WRITE_BACK, Proof, Seen, put_back
+from handctl.model.proofs import NONE, WRITE_BACK, Disturbed, Proof, Seen, put_back
 
 ENDS = {b"\n\r": "lfcr", b"\r\n": "crlf"}
 BLANK = 0.1
@@ -31,14 +31,14 @@ def _said(hand: BarrettHand, command: str) -> Answer:
     """The answer to a query that has data. Raises ProtocolError for one that has none, and DeviceRefused."""
     answer = hand.checked(hand.line.ask(command))
     if not answer.lines:
-        raise ProtocolError(f"{command}: the reply has no line", code="cut-short")
+        raise Disturbed(f"{command}: the reply has no line")
     return _clean(answer)
 
 
 def _clean(answer: Answer) -> Answer:
     """The same. Raises ProtocolError for bytes that no firmware prints: GCL has no checksum."""
     if not answer.raw.isascii():
-        raise ProtocolError(f"{answer.command}: the reply is damaged", code="garbage")
+        raise Disturbed(f"{answer.command}: the reply is damaged")
     return answer
 
 

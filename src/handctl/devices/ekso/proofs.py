@@ -9,8 +9,7 @@ from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.device import Ekso
 from handctl.devices.ekso.frames import LENGTH_MODES, OVERHEAD, Command
 from handctl.devices.ekso.map import DATA, SETTINGS
-from handctl.errors import ProtocolError
-from handctl.model.proofs import NONE, Proof, Seen
+from handctl.model.proofs import NONE, Disturbed, Proof, Seen
 
 GRIDS = (20, 10)
 """Periods in ms on which answers may leave, the longest first."""
@@ -82,7 +81,7 @@ def _bad_crc(device: Ekso) -> Seen:
     if not came:
         return Seen("silence", "GetTime with a wrong CRC: no reply")
     if came[:1] != request[:1] or damaged in came or came[2:4] != request[2:4]:
-        raise ProtocolError("the reply to a damaged request is itself damaged", code="garbage")
+        raise Disturbed("the reply to a damaged request is itself damaged")
     return Seen(
         "acknowledged" if len(came) == OVERHEAD else "answered", f"GetTime with a wrong CRC: {came.hex(' ').upper()}"
     )

@@ -17,7 +17,7 @@ from handctl.devices.inspire.register_device import RegisterDevice
 from handctl.devices.inspire.serial_bus import Bus
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer
 from handctl.model.param import Step, elements_of
-from handctl.model.proofs import WRITE_BACK, Proof, Seen, put_back
+from handctl.model.proofs import WRITE_BACK, Disturbed, Proof, Seen, put_back
 
 ANSWERED, SILENT, REFUSED = "answered", "silent", "refused"
 SIZES = (MAX_COUNT, 200, 151, 100, 64, 32, 12)
@@ -54,7 +54,7 @@ def reply(bus: RegisterBus, span: Span, known: RegisterBus | None = None) -> tup
     there = known or bus
     for asked in CONFIRMED:
         if asked and once(bus, span)[0] != SILENT:
-            raise NoAnswer(f"{bus.where}: sometimes silent to {span[1]} bytes at {span[0]}", code="sometimes")
+            raise Disturbed(f"{bus.where}: sometimes silent to {span[1]} bytes at {span[0]}")
         if not asked:
             there.read(*there.first_questions[-1], retries=0)
     return SILENT, b""
