@@ -24,6 +24,7 @@ from tests.support.cli import Result, run
 from tests.support.each_row import each_row
 
 WRITES = ("--level", "write-back", "-y", "--only")
+STOP = ("--level", "move", "-y", "--only", "position-at-stop")
 LATER = "BD, BP, BS, BDAT"
 CHANGED: list[tuple[str, str, str, object, tuple[str, ...]]] = [
     # family, what its simulator is told, the fact that must be found and its value, and further words
@@ -39,6 +40,8 @@ CHANGED: list[tuple[str, str, str, object, tuple[str, ...]]] = [
     ("barrett", "firmware=4.4", "later-parameters", f"{LATER}, LCT, LFBP, LFAIN", ()),
     ("barrett", "fault=no-gauges", "strain-gauges", 0, ()),
     ("barrett", "max-baud=19200", "highest-speed", 19200, (*WRITES, "highest-speed")),
+    ("barrett", "initialized=1&position-sign=unsigned", "position-at-stop", "unsigned", STOP),
+    ("barrett", "initialized=1&position-sign=clamped", "position-at-stop", "clamped", STOP),
     ("ekso", "length=frame", "length-convention", "frame", ()),
     ("ekso", "length=n-2", "length-convention", "n-2", ()),
     ("ekso", "answer-length=n-4", "answer-length", "n-4", ()),
@@ -259,6 +262,21 @@ def test_a_named_device_has_its_facts_in_the_configuration(tmp_path: Path) -> No
     port = "fake://ekso?clock=virtual&length=n-2"
     config.write_text(f'[devices.unit]\nkind = "ekso"\nport = "{port}"\nfacts = "{path}"\n')
     assert run("-d", "unit", "get", "step_length", "--json", env={"HANDCTL_CONFIG": str(config)}).code == 0
+
+
+def test_the_sign_of_a_position_comes_from_the_facts(tmp_path: Path) -> None:
+    path, said = tmp_path / "facts.json", f"initialized=1&position-sign=unsigned&state={tmp_path / 'state.json'}"
+    facts("barrett", said, path, *STOP)
+    result = run("barrett", "get", "P.F1", "-p", f"fake://barrett?clock=virtual&{said}", "--facts", str(path), "--json")
+    assert [row["value"] for row in result.rows] == [-50]
+    (told,) = [message["text"] for message in result.json["messages"] if message["code"] == "unsigned-position"]
+    assert told.startswith("On this device")
+
+
+def test_what_moves_asks_and_ends_at_what_the_hand_refuses() -> None:
+    assert prove("barrett", "", "--level", "move", "--only", "position-at-stop").code == 8
+    result = prove("barrett", "", *STOP)
+    assert (result.code, result.json["rows"]) == (6, []), "the motors are not initialized"
 
 
 # -- what writes puts it back -----------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from typing import Any
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.light import NamedTuple
 from handctl.model.param import Step
+from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Counters, Grid, Row, Table
 
 READ, WRITE_BACK, MOVE = LEVELS = ("read", "write-back", "move")
@@ -61,7 +62,7 @@ class Proof(NamedTuple):
     says     what the manual or the dossier says, with its source
     assumed  the value that handctl goes by; a tuple = any of these; () = any at all
     how      the experiment in words
-    ask      carries it out. Raises NoAnswer or ProtocolError where the line failed; what the device's silence or refusal means it knows itself
+    ask      carries it out on the device; what moves gets the prompts as well. Raises NoAnswer or ProtocolError where the line failed; what the device's silence or refusal means it knows itself
     level    what it does to the device
     limit    the value is a number: as assumed up to it ("most"), or from it on ("least")
     measured the value is a measurement: attempts need only come close, and their median counts
@@ -73,7 +74,7 @@ class Proof(NamedTuple):
     says: str
     assumed: Any
     how: str
-    ask: Callable[[Any], Seen]
+    ask: Callable[..., Seen]
     level: str = READ
     limit: str = ""
     measured: bool = False
@@ -135,16 +136,17 @@ def in_words(value: Any) -> str:
     return "–" if value is None else str(value)
 
 
-def carry_out(proof: Proof, device: Any, healthy: Callable[[], object], repeat: int) -> Outcome:
+def carry_out(proof: Proof, device: Any, healthy: Callable[[], object], repeat: int, prompts: Prompts) -> Outcome:
     """Carry one proof out `repeat` times. `healthy` is the cheapest documented read.
 
-    Raises LinkError, and whatever a proof that writes raises: then it is not known that the value was put back.
+    Raises LinkError, and whatever a proof that writes or moves raises: then it is not known that the value was put back, or it is a
+    sign of harm.
     """
     found: list[Seen] = []
     spoiled: list[Outcome] = []
     while len(found) < repeat and len(spoiled) <= SPARE:
         try:
-            seen = _attempt(proof, device, healthy)
+            seen = _attempt(proof, device, healthy, prompts)
         except DeviceRefused as exc:
             if proof.level != READ:
                 raise
@@ -181,7 +183,7 @@ def carry_out(proof: Proof, device: Any, healthy: Callable[[], object], repeat: 
     return Outcome(proof, proof.verdict(middle.value), middle.value, middle.evidence, len(found))
 
 
-def _attempt(proof: Proof, device: Any, healthy: Callable[[], object]) -> Seen | None:
+def _attempt(proof: Proof, device: Any, healthy: Callable[[], object], prompts: Prompts) -> Seen | None:
     """The experiment between two healthy exchanges; None where the line was disturbed meanwhile.
 
     What reads is done twice running: of a fault that meets every second request, never both are hit and no healthy one.
@@ -189,7 +191,7 @@ def _attempt(proof: Proof, device: Any, healthy: Callable[[], object]) -> Seen |
     counters = device.journal.counters
     healthy()
     before = _damage(counters, proof)
-    first = proof.ask(device)
+    first = proof.ask(device, prompts) if proof.level == MOVE else proof.ask(device)
     second = proof.ask(device) if proof.level == READ else first
     healthy()
     if _damage(counters, proof) != before or not alike(proof, first.value, second.value):

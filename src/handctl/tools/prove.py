@@ -113,7 +113,7 @@ def _prove(run: Run, proofs: Sequence[Proof], repeat: int, path: str | None, ide
     for number, proof in enumerate(proofs, 1):
         run.prompts.progress(f"{number} of {len(proofs)}: {proof.name}")
         try:
-            outcomes.append(carry_out(proof, device, ping, repeat))
+            outcomes.append(carry_out(proof, device, ping, repeat, run.prompts))
         except KeyboardInterrupt:
             failure = Interrupted("interrupted")
             break

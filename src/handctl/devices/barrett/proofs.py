@@ -13,7 +13,8 @@ from handctl.devices.barrett.gcl.codec import MAX_ARGUMENTS, MAX_LINE, PROMPT, A
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, standard
 from handctl.errors import NotPresent
 from handctl.model.param import Step
-from handctl.model.proofs import NONE, WRITE_BACK, Disturbed, Proof, Seen, put_back
+from handctl.model.prompts import Prompts
+from handctl.model.proofs import MOVE, NONE, WRITE_BACK, Disturbed, Proof, Seen, put_back
 
 ENDS = {b"\n\r": "lfcr", b"\r\n": "crlf"}
 BLANK = 0.1
@@ -131,6 +132,18 @@ def _sign(hand: BarrettHand) -> Seen:
     return Seen(sign_of(printed), f"FGET P: {' '.join(map(str, printed))}")
 
 
+def _at_stop(hand: BarrettHand, prompts: Prompts) -> Seen:
+    """How F1 prints its position at the open stop, IOFF counts below the origin. Raises what the movement ends with."""
+    from handctl.devices.barrett.motion import move
+
+    table = move(hand, "1", "TO", None, prompts, expect="any")
+    if table.failure is not None:
+        raise table.failure
+    printed, offset = _numbers(hand, "P")[0], _numbers(hand, "IOFF")[0]
+    clamped = "clamped" if printed == 0 < offset else None
+    return Seen(sign_of((printed,)) or clamped, f"F1 at its open stop: P {printed}, IOFF {offset}")
+
+
 def _gauges(hand: BarrettHand) -> Seen:
     printed = _numbers(hand, "SG")[:3]
     return Seen(sum(value != NO_GAUGE for value in printed), f"SG of the fingers: {' '.join(map(str, printed))}")
@@ -178,6 +191,10 @@ def _speed_steps(hand: BarrettHand) -> list[Step]:
     ]
 
 
+def _stop_steps(_: BarrettHand) -> list[Step]:
+    return [Step("1TO", encode("1TO"), moves=True)]
+
+
 LAYOUTS = ("name text", "name - text", "name: text")
 PROOFS = (
     Proof("prompt", "§5.1.1 prints '=>'; other drivers expect a blank behind it (dossier 1.1)", "space", "PGET TEMP: how its reply ends", _prompt),
@@ -199,5 +216,10 @@ PROOFS = (
         "highest-speed", "not every hand can do the higher speeds (vendor source, dossier 1.1)", 38400,
         "PSET BAUD 192 and 384, each put back to the present speed and read back there", _speed, WRITE_BACK,
         steps=_speed_steps, question="The hand changes its baud rate for some seconds, and back",
+    ),
+    Proof(
+        "position-at-stop", "not documented whether a position below 0 has a sign (dossier 15)", "signed",
+        "1TO, then FGET P: F1 stands IOFF counts below its origin. It stays there", _at_stop, MOVE,
+        steps=_stop_steps, question="F1 will OPEN to its stop and drop any held object. Keep clear",
     ),
 )  # fmt: skip
