@@ -82,7 +82,7 @@ def compared(one: str, other: str) -> Table:
     """Two facts files side by side. Raises UsageError."""
     first, second = read(one), read(other)
     if first["family"] != second["family"]:
-        raise UsageError(f"{one} is of an {first['family']}, {other} of a {second['family']}", hint="compare two files of one family", code="facts")  # fmt: skip
+        raise UsageError(f"{one} is of family {first['family']}, {other} of family {second['family']}", hint="compare two files of one family", code="facts")  # fmt: skip
     a, b = shown(first), shown(second)
     names = [name for name in {**first["facts"], **second["facts"]} if name in a or name in b]
     rows: list[Row] = [
