@@ -18,6 +18,7 @@ from handctl.command.family import load
 from handctl.devices.inspire.serial_bus import Bus
 from handctl.families import FAMILIES
 from handctl.model.proofs import AS_ASSUMED, DIFFERS, LEVELS, READ
+from handctl.sim.engine.facts import Twin
 from handctl.sim.engine.line import LINE_FAULTS
 from tests.support.bus_file import text
 from tests.support.cli import Result, run
@@ -279,6 +280,36 @@ def test_what_moves_asks_and_ends_at_what_the_hand_refuses() -> None:
     assert prove("barrett", "", "--level", "move", "--only", "position-at-stop").code == 8
     result = prove("barrett", "", *STOP)
     assert (result.code, result.json["rows"]) == (6, []), "the motors are not initialized"
+
+
+# -- the twin -------------------------------------------------------------------------------------------------------------
+
+
+@each_row("family,said,fact,value,words", CHANGED)
+def test_a_simulator_with_the_facts_shows_the_same_facts(
+    family: str, said: str, fact: str, value: object, words: tuple[str, ...], tmp_path: Path
+) -> None:
+    path, state = (
+        tmp_path / "facts.json",
+        "&".join(pair for pair in said.split("&") if pair[:5] in ("baud=", "initi", "postu")),
+    )
+    original = facts(family, said, path, *words)["facts"]
+    twin = shown(prove(family, f"{state}&facts={path}".lstrip("&"), *words))
+    assert twin == {name: one["value"] for name, one in original.items() if one["value"] is not None} | {
+        name: value for name, value in twin.items() if name == "reply-time"
+    }
+
+
+def test_a_twin_counts_its_facts_and_refuses_those_of_another(tmp_path: Path) -> None:
+    path = tmp_path / "facts.json"
+    content = facts("ekso", "time-body=3", path)
+    twin = Twin("ekso", {"facts": str(path), "quantum": "10"})
+    assert (len(twin.taken), twin.left, twin.raw["time-body"], twin.raw["quantum"]) == (8, [], "3", "10")
+    content["facts"]["unlisted-codes"] |= {"value": "sit_mode", "verdict": "differs"}
+    path.write_text(json.dumps(content))
+    assert Twin("ekso", {"facts": str(path)}).left == ["unlisted-codes"]
+    assert run("exo", "get", "id", "-p", f"fake://exo?facts={path}", "--json").code == 2
+    assert run("ekso", "get", "step_length", "-p", f"fake://ekso?facts={tmp_path / 'none'}", "--json").code == 2
 
 
 # -- what writes puts it back -----------------------------------------------------------------------------------------
