@@ -27,7 +27,7 @@ REPETITIONS = 3
 
 
 @click.command("prove", cls=Command, writes=True, asks="with --level write-back or move")
-@click.argument("what", type=click.Choice([*FAMILIES, DIFF]), metavar=f"{'|'.join(FAMILIES)}|{DIFF}")
+@click.argument("what", type=click.Choice([*FAMILIES, DIFF]), metavar=f"[{'|'.join(FAMILIES)}|{DIFF}]", required=False)
 @click.argument("files", nargs=-1, type=InFile(), metavar="[A B]")
 @click.option("--list", "listing", is_flag=True, help="List the experiments and send nothing. Needs no device.")
 @click.option(
@@ -48,7 +48,7 @@ REPETITIONS = 3
 )
 @click.option("--identify", is_flag=True, help="Keep the serial number and other identifying data in the facts file.")
 def cli(
-    run: Run, what: str, files: tuple[str, ...], listing: bool, level: str, only: tuple[str, ...], repeat: int, identify: bool
+    run: Run, what: str | None, files: tuple[str, ...], listing: bool, level: str, only: tuple[str, ...], repeat: int, identify: bool
 ) -> Table | Act:  # fmt: skip
     """Find out what the documents leave open about one device.
 
@@ -56,6 +56,9 @@ def cli(
     disturbed line never gives a fact. With -o FILE the facts go to FILE (JSON), for --facts on later commands, and the table is
     still printed. `handctl prove diff A B` compares two such files.
     """
+    what = what or run.settings.kind
+    if what is None:
+        raise UsageError("no family given", hint=f"add one of {', '.join(FAMILIES)}, or `{DIFF} A B`")
     if what == DIFF:
         if len(files) != 2:
             raise UsageError(
