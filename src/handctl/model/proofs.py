@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.errors import DeviceRefused, HandctlError, LinkError, ProtocolError
 from handctl.light import NamedTuple
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
@@ -147,20 +147,13 @@ def carry_out(proof: Proof, device: Any, healthy: Callable[[], object], repeat: 
     while len(found) < repeat and len(spoiled) <= SPARE:
         try:
             seen = _attempt(proof, device, healthy, prompts)
-        except DeviceRefused as exc:
-            if proof.level != READ:
-                raise
-            spoiled.append(Outcome(proof, REFUSED, None, exc.text, why=exc.code))
-        except (NoAnswer, ProtocolError) as exc:
-            if proof.level != READ or exc.code == "deadline":
-                raise
-            spoiled.append(Outcome(proof, NOT_SHOWN, None, exc.text, why=exc.code))
         except LinkError:
             raise
         except HandctlError as exc:
-            if proof.level != READ:
+            if proof.level != READ or exc.code == "deadline":
                 raise
-            return Outcome(proof, NOT_SHOWN, None, exc.text, why=exc.code)
+            verdict = REFUSED if isinstance(exc, DeviceRefused) else NOT_SHOWN
+            spoiled.append(Outcome(proof, verdict, None, exc.text, why=exc.code))
         else:
             if seen is None:
                 text = "the line was disturbed: data came that belongs to no reply, or the experiment did not end alike twice"
@@ -170,12 +163,8 @@ def carry_out(proof: Proof, device: Any, healthy: Callable[[], object], repeat: 
             else:
                 found.append(seen)
     if len(found) < repeat:
-        refused = [one for one in spoiled if one.verdict == REFUSED]
-        return (
-            refused[0]
-            if len(refused) == len(spoiled) and not found
-            else next(one for one in spoiled if one.verdict == NOT_SHOWN)
-        )
+        why = next((one for one in spoiled if one.verdict == NOT_SHOWN), spoiled[0])
+        return why._replace(verdict=NOT_SHOWN) if found else why
     if not all(alike(proof, found[0].value, seen.value) for seen in found):
         told = ", ".join(dict.fromkeys(in_words(seen.value) for seen in found))
         return Outcome(proof, NOT_SHOWN, None, f"repetitions disagree: {told}", why="disagrees")

@@ -18,6 +18,7 @@ from handctl.command.run import Act, Run
 from handctl.errors import DeviceRefused, HandctlError, Interrupted, UsageError
 from handctl.families import FAMILIES
 from handctl.model import facts
+from handctl.model.param import Step
 from handctl.model.proofs import LEVELS, LISTED, READ, Outcome, Proof, carry_out, table_of
 from handctl.model.result import Table
 from handctl.tools.probes import family_of, probe_of
@@ -79,7 +80,17 @@ def cli(
         run.only_reads("--level")
         return prove(run.device())
     questions = ". ".join(dict.fromkeys(proof.question for proof in proofs if proof.question))
-    return Act(lambda: [step for proof in proofs for step in proof.steps(run.planner())], prove, questions)
+    return Act(partial(_plan, run, proofs), prove, questions)
+
+
+def _plan(run: Run, proofs: Sequence[Proof]) -> list[Step]:
+    """The writes of a dry run. What writes the value that it reads first is named."""
+    planner, steps = run.planner(), list[Step]()
+    for proof in proofs:
+        steps += proof.steps(planner)
+        if proof.question and not proof.steps(planner):
+            run.journal.info("plan-open", f"not in this plan: {proof.name}, which writes the value that it first reads")
+    return steps
 
 
 def _chosen(family: str, level: str, only: Sequence[str]) -> list[Proof]:

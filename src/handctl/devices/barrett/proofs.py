@@ -191,6 +191,14 @@ def _speed_steps(hand: BarrettHand) -> list[Step]:
     ]
 
 
+def _idle_abort(hand: BarrettHand) -> Seen:
+    """What ^C comes to at the prompt. It would end a movement, so it is no read."""
+    answer = hand.line.abort()
+    if answer is None:
+        return Seen("silence", "no prompt within 1.5 s")
+    return Seen(f"ERR {answer.status}" if answer.status else "prompt", f"^C at the prompt: {answer.raw!r}")
+
+
 def _stop_steps(_: BarrettHand) -> list[Step]:
     return [Step("1TO", encode("1TO"), moves=True)]
 
@@ -212,6 +220,7 @@ PROOFS = (
     Proof("position-sign", "not documented whether a position below 0 has a sign (dossier 15)", "signed", "FGET P, where a joint is below 0", _sign),
     Proof("strain-gauges", "255 = no gauge (§5.3.2)", 3, "FGET SG: fingers that do not show 255", _gauges),
     Proof("strain-alias", "MSG is an alias of HSG (§5.3.1)", "equal", "FGET HSG and FGET MSG", _alias),
+    Proof("idle-abort", "not documented; drivers send it at connect and ignore what comes (dossier 1.2)", "prompt", "^C at the prompt", _idle_abort, WRITE_BACK, steps=lambda hand: [Step("^C", hand.line.abort_bytes)], question="^C ends a movement, if there is one"),
     Proof(
         "highest-speed", "not every hand can do the higher speeds (vendor source, dossier 1.1)", 38400,
         "PSET BAUD 192 and 384, each put back to the present speed and read back there", _speed, WRITE_BACK,

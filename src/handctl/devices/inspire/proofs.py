@@ -189,6 +189,27 @@ def _back_home(device: RegisterDevice, bus: Bus, back: Bus) -> None:
     )
 
 
+def _write_reply(name: str, device: RegisterDevice) -> Seen:
+    """What acknowledges a write on CAN: a setting gets the value that it has, and is read back."""
+    from handctl.devices.inspire.can_bus import CanBus
+
+    bus, register = device.bus, device.own_map()[name]
+    if not isinstance(bus, CanBus):
+        return Seen(None, "only on CAN")
+    span = (register.place_of(0), register.size)
+    data = bus.read(*span, retries=0)
+    reply = bus.acknowledgement(span[0], data)
+    if bus.read(*span) != data:
+        raise CheckFailed(
+            f"{bus.where}: {name} is no longer {data.hex(' ').upper()}",
+            hint=f"check with `handctl {device.kind} get {name}`",
+            code="read-back",
+        )
+    device.journal.ledger.confirm("read back", bus.write_step(span[0], data, f"{name} as it is"))
+    how = {b"": "empty", bytes([len(data)]): "count"}.get(reply)
+    return Seen(how, f"{name} was written with the value it has: {reply.hex(' ').upper() or 'no data'}")
+
+
 def _id_steps(device: RegisterDevice) -> list[Step]:
     bus, address = device.bus, device.map["id"].address
     new = next(one for one in SPARE_IDS if one != bus.id)
@@ -231,6 +252,15 @@ def speed_register(assumed: int, source: str) -> Proof:
 def set_points(name: str, source: str) -> Proof:
     """What a device shows that nobody has commanded yet."""
     return Proof("set-points-at-power-on", f"not documented; -1 in the field ({source})", -1, f"{name} before the first command", partial(_set_points, name))  # fmt: skip
+
+
+def write_reply(name: str, source: str) -> Proof:
+    """How a write is acknowledged on CAN."""
+    return Proof(
+        "write-acknowledgement", f"no data in print, the number of bytes in captures ({source})", ("empty", "count"),
+        f"on CAN, {name} gets the value that it has: the data of the reply", partial(_write_reply, name), WRITE_BACK,
+        question=f"{name} will be written with its present value",
+    )  # fmt: skip
 
 
 ID_ACK = Proof(

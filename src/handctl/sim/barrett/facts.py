@@ -17,6 +17,7 @@ FACTS: dict[str, dict[object, str]] = {
     "later-parameters": {"none": "", _LATER: "firmware=4.34", f"{_LATER}, LCT, LFBP, LFAIN": "firmware=4.4"},
     "position-sign": {"*": "position-sign={}"},
     "position-at-stop": {"*": "position-sign={}"},
+    "idle-abort": {"prompt": ""},
     "strain-gauges": {3: "", 0: "fault=no-gauges"},
     "strain-alias": {"equal": ""},
     "highest-speed": {38400: "", "*": "max-baud={}"},

@@ -15,5 +15,6 @@ FACTS: dict[str, dict[object, str]] = {
     "current-sign": {"signed": ""},
     "speed-register": {1002: "", 1001: "baud-register=1001"},
     "set-points-at-power-on": {-1: ""},
+    "write-acknowledgement": {"*": "ack={}"},
     "id-acknowledged-by": {"new": "", "old": "ack-id=old"},
 }

@@ -74,5 +74,6 @@ PROOFS = (
     proofs.signed("current", says="printed without a sign, negative in captures (rh56 §6, Q6)"),
     proofs.speed_register(1002, "rh56 §6, Q1"),
     proofs.set_points("angle_set", "rh56 §6"),
+    proofs.write_reply("default_speed", "wrist §2.3.2, sibling capture"),
     proofs.ID_ACK,
 )  # fmt: skip
