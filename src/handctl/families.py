@@ -61,6 +61,7 @@ class FamilyRow:
     scan      its turn in `handctl scan`, the lowest first: what could disturb others comes late
     tell      its turn when recorded bytes tell whose they are: who takes more for his own comes later
     options   those that only this family has
+    facts     fact of its `proofs` -> the setting that it stands for, and what each value of the fact makes of that ("" = nothing)
     trigger   fastest speed in bit/s at which its device listens, and the bytes on which it acts wherever they stand
     """
 
@@ -73,6 +74,7 @@ class FamilyRow:
         scan: int = 100,
         tell: int = 100,
         options: tuple[OwnOption, ...] = (),
+        facts: dict[str, tuple[str, dict[str, str]]] = {},  # noqa: B006 - read only
         trigger: tuple[int, bytes] | None = None,
     ) -> None:
         self.help = help
@@ -81,6 +83,7 @@ class FamilyRow:
         self.scan = scan
         self.tell = tell
         self.options = options
+        self.facts = facts
         self.trigger = trigger
 
     def module(self, role: str) -> str:
@@ -91,6 +94,15 @@ class FamilyRow:
 _WITHIN = {"write_rules": "explain", "outline": "remedies"}
 """Role -> the role in whose module it lies."""
 
+
+def _same(*values: str) -> dict[str, str]:
+    """Each value of a fact is the value of the setting, too."""
+    return {value: value for value in values}
+
+
+_GAPS = {"reads-across-gaps": ("across_gaps", {"answered": "yes", "silent": "no", "refused": "no"})}
+
+
 FAMILIES: dict[str, FamilyRow] = {
     "exo": FamilyRow(
         "Inspire EH55BF1 exoskeleton hand (RS-232, Bluetooth serial)",
@@ -98,6 +110,7 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.inspire.eb90",
         scan=3,
         tell=1,
+        facts=_GAPS,
     ),
     "wrist": FamilyRow(
         "Inspire wrist module for dexterous hands (RS-232, RS-485, CAN)",
@@ -105,6 +118,7 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.inspire.eb90",
         scan=2,
         tell=2,
+        facts=_GAPS,
     ),
     "barrett": FamilyRow(
         "BarrettHand BH8 series (RS-232)",
@@ -112,6 +126,10 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.barrett.gcl.codec",
         scan=4,
         tell=4,
+        facts={
+            name: ("position_sign", _same("signed", "unsigned", "clamped"))
+            for name in ("position-sign", "position-at-stop")
+        },
         options=(
             OwnOption(
                 "interrupt",
@@ -129,6 +147,7 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.ekso.frames",
         scan=1,
         tell=5,
+        facts={"length-convention": ("length_mode", _same("body", "n-4", "n-2", "frame"))},
         options=(
             OwnOption("operator", "Your name, for the audit log. Required with --yes.", metavar="NAME", asked=True),
             OwnOption(
@@ -145,6 +164,10 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.aidin.json_codec",
         scan=5,
         tell=3,
+        facts={
+            "exchange": ("exchange", _same("stream", "poll")),
+            "request-terminator": ("tx_terminator", _same("newline", "none", "nul", "crlf")),
+        },
         options=(
             OwnOption(
                 "exchange",
@@ -172,6 +195,11 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.inspire.eb90",
         scan=6,
         tell=6,
+        facts={
+            **_GAPS,
+            "generation": ("model", _same("df", "tp", "f1", "dg2")),
+            "protocol": ("protocol", {"eb90": "eb90", "modbus": "modbus", "both": ""}),
+        },
         options=(
             OwnOption(
                 "model",
@@ -199,6 +227,7 @@ TOOLS: dict[str, dict[str, tuple[str, str]]] = {
         "scan": ("handctl.tools.scan", "detect the device on a port: family, baud rate, id"),
         "top": ("handctl.tools.top", "show all named devices live, with the one that needs attention first"),
         "history": ("handctl.tools.history", "show what handctl wrote to devices earlier, and when"),
+        "prove": ("handctl.tools.prove", "find out by experiment what the documents leave open about a device"),
         "doctor": ("handctl.tools.doctor", "check this computer and the link, with a remedy for each problem"),
         "service": (
             "handctl.tools.service",

@@ -107,6 +107,7 @@ def _tools() -> Iterator[tuple[str, ...]]:
         yield name, "export", "{dir}/log.csv", "--to", "xdf", "-o", "{dir}/log.xdf"
         yield "doctor", "--family", name, "--count", "3"
         yield "service", "--family", name, "--count", "3", "--follow", "--report", "{dir}/service.html"
+        yield "prove", name
         yield name, "doctor", "--count", "3"
     if "stop" in families.COMMANDS:
         yield ("stop",)

@@ -92,7 +92,7 @@ def test_every_shared_option_has_a_key() -> None:
     text = {
         "port": '"x"', "device": '"left"', "trace": '"t"', "output": '"o"', "format": '"csv"', "color": '"never"',
         "id": "5", "baud": "9600", "retries": "0", "timeout": "0.5", "deadline": "3",
-        "model": '"tp"', "side": '"left"', "protocol": '"eb90"', "exchange": '"poll"', "poll_json": '"{}"', "tx_terminator": '"nul"', "history": '"off"',
+        "model": '"tp"', "side": '"left"', "protocol": '"eb90"', "exchange": '"poll"', "poll_json": '"{}"', "tx_terminator": '"nul"', "history": '"off"', "facts": '"f"',
     }  # fmt: skip
     for name in names:
         value = text.get(str(name), "true")

@@ -21,7 +21,7 @@ from tests.support.cli import clean_environment, environment, run, spying
 
 VALUES = {
     "port": "fake://x", "device": "left", "id": "3", "baud": "19200", "timeout": "0.7", "deadline": "9", "retries": "2", "trace": "t.txt", "history": "off",
-    "format": "plain", "output": "o.txt", "color": "never",
+    "format": "plain", "output": "o.txt", "color": "never", "facts": str(Path(__file__).with_name("exo-facts.json")),
 }  # fmt: skip
 """A value of each option that takes one."""
 OPTIONS = [option for option in shared_options() if isinstance(option, SharedOption)]
@@ -103,8 +103,8 @@ def _same(family: str, option: SharedOption, folder: Path) -> None:
     assert not [place for place, settings in taken.items() if settings != first], taken
 
 
-APART = ("device", "fake", "json", "csv", "long", "quiet", "assume_identity")
-"""What excludes another option, or has no variable."""
+APART = ("device", "fake", "facts", "json", "csv", "long", "quiet", "assume_identity")
+"""What excludes another option, has no variable, or is of one family."""
 
 
 def _all_same(family: str, _folder: Path) -> None:

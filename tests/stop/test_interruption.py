@@ -33,6 +33,7 @@ ELSEWHERE = {
         f"{family} terminal": ("tools.test_terminal", "test_ctrl_c_stops_what_a_line_has_set_going")
         for family in FAMILIES
     },
+    "prove": ("tools.test_prove", "test_ctrl_c_in_the_middle_puts_it_back"),
     "barrett firmware download": ("search.interruption", "downloaded"),
     **dict.fromkeys(
         [f"sim {family}" for family in (*FAMILIES, "bus")],

@@ -32,7 +32,7 @@ from handctl.wording import near
 Check = Callable[[Any], Any]
 """Value as TOML has it -> value of the option. Raises ValueError with what is wrong."""
 
-DEVICE_KEYS = ("port", "id", "baud", "timeout", "deadline", "retries")
+DEVICE_KEYS = ("port", "facts", "id", "baud", "timeout", "deadline", "retries")
 """What a named device may say beside its kind, and what `families` has for its family; port must be there."""
 NAME_HELP = "letters, digits, - and _"
 

@@ -257,6 +257,11 @@ EXAMPLES: dict[str, Examples] = {
         ("handctl scan -p /dev/ttyUSB0 --ids 1-254", "Search one port for every id."),
         ("handctl scan -p tcp://192.168.0.20 --json", "Search for a device on the network, for a script."),
     ),
+    "prove": (
+        ("handctl prove barrett --list --level move", "What can be found out, and how. Needs no device."),
+        ("handctl prove barrett -p /dev/ttyUSB0 -o left.json", "Find it out by reading, and keep the facts."),
+        ("handctl prove diff left.json right.json", "Compare two devices."),
+    ),
     "doctor": (
         ("handctl doctor", "Check this computer."),
         ("handctl doctor -p /dev/ttyUSB0", "Check this computer, the link, and the device on it."),

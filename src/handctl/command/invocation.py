@@ -12,7 +12,17 @@ import click
 
 from handctl.command.console import TerminalPrompts, print_message
 from handctl.command.family import Family, in_words, load, on_can, refuse_missing, refuse_serial, wire_in
-from handctl.command.options import COMMAND_LINE, ENVIRONMENT, FILE, Named, files_of, refuse_clashes, said, words_of
+from handctl.command.options import (
+    COMMAND_LINE,
+    ENVIRONMENT,
+    FACTS,
+    FILE,
+    Named,
+    files_of,
+    refuse_clashes,
+    said,
+    words_of,
+)
 from handctl.errors import OutputError, UsageError
 from handctl.files import why_unwritable
 from handctl.model.result import Journal
@@ -82,6 +92,14 @@ class Invocation:
         """The map of the device that is meant."""
         own = self.family.map_of if self.family is not None else None
         return own(self.settings) if own is not None else params
+
+    def tell_facts(self) -> None:
+        """Say once what the facts file stands for."""
+        found = {key: self.settings.own[key] for key, source in self.sources.items() if source.level == FACTS}
+        if found:
+            from handctl.model.facts import words
+
+            self.journal.info("facts-used", words(found, str(self.settings.facts)))
 
     def planner(self) -> Any:
         """The device without a link: can check and plan writes, cannot send."""
@@ -242,6 +260,7 @@ def _check_files(run: Invocation) -> None:
         return
     replayed = (settings.port or "").partition("replay:")
     inputs = [Named("--port", replayed[2])] if replayed[1] and not replayed[0] else []
+    inputs += [Named("--facts", settings.facts)] if settings.facts else []
     own = Named("the configuration file", config_path())
     try:
         refuse_clashes([*run.inputs, *inputs, own], [*outputs, *run.outputs])

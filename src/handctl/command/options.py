@@ -69,7 +69,7 @@ def said(ctx: click.Context) -> Said:
 
 
 COMMAND_LINE = Source("command line")
-ENVIRONMENT, NAMED, FILE = "environment", "named device", "configuration file"
+ENVIRONMENT, NAMED, FILE, FACTS = "environment", "named device", "configuration file", "facts file"
 WIRE_NAMES = {"serial": "a serial line", "can": "CAN", "modbus-tcp": "Modbus TCP"}
 """What a wire is called in help."""
 CONNECTION, OUTPUT, WRITING = "Connection", "Output", "Writing"
@@ -165,6 +165,7 @@ def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOp
     return [
         SharedOption(["-p", "--port"], connect, metavar="LINK", help="The link to the device: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL."),
         SharedOption(["--fake"], connect, is_flag=True, help="Use the built-in simulator of this device."),
+        SharedOption(["--facts"], connect, type=InFile(), metavar="FILE", help="What `handctl prove` found out about this device: it takes the place of handctl's assumptions."),
         *(SharedOption([f"--{wire}"], connect, key="wire", fixed=wire, family=True, is_flag=True, help=f"With --fake or --dry-run, use {WIRE_NAMES[wire]}{' (the default)' if wire == wires[0] else f' instead of {WIRE_NAMES[wires[0]]}'}.") for wire in wires),
         SharedOption(["-d", "--device"], connect, metavar="NAME", help="A named device from the configuration file (see `handctl devices`). A,B or '*' selects several."),
         *(SharedOption([f"--{option.name}"], connect, family=True, is_flag=option.flag, type=click.Choice(option.choices) if option.choices else None, metavar=option.metavar or None, help=option.help) for option in own),

@@ -6,7 +6,7 @@ A device that the environment or the file names stands back when a level above i
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import click
@@ -14,6 +14,7 @@ import click
 from handctl.command.options import (
     COMMAND_LINE,
     ENVIRONMENT,
+    FACTS,
     FILE,
     NAMED,
     WITHOUT_DEVICE,
@@ -59,10 +60,36 @@ def resolve(ctx: click.Context, wires: tuple[str, ...] = (), device: str = "", *
             if not urgent or not chosen.linked:
                 raise
             passed.append(exc)
+    try:
+        _take_facts(ctx, chosen, told.own)
+    except UsageError as exc:
+        if not urgent:
+            raise
+        passed.append(exc)
     if urgent:
         _no_catch(chosen, passed)
     told.sources = chosen.sources
     return Settings().having({**chosen.values, "own": told.own})
+
+
+def _take_facts(ctx: click.Context, chosen: _Chosen, own: Mapping[str, Any]) -> None:
+    """What the facts file says where nothing else does. Raises UsageError for a file of another family."""
+    path = chosen.values.get("facts")
+    if path is None:
+        return
+    from handctl.model import facts
+
+    content = facts.read(path)
+    family = getattr(ctx.command, "family", None)
+    if family is not None and family.kind != content["family"]:
+        raise UsageError(
+            f"{path}: the facts of a device of family {content['family']}, not {family.kind}",
+            hint=f"use the file of this device: `handctl prove {family.kind} -o FILE` makes one. Nothing was sent.",
+            code="facts",
+        )
+    for key, value in facts.settings_of(content, path).items():
+        if key not in own:
+            chosen.offer(key, value, Source(FACTS, path))
 
 
 def _no_catch(chosen: _Chosen, passed: list[UsageError]) -> None:

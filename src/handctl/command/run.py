@@ -126,6 +126,7 @@ class Run(Invocation):
                 settings = settings._replace(own={**settings.own, **implied(self.family.kind)})
             self.opened = self.family.open(self.open_link(), settings, self.journal)
             self.opened.options = settings
+            self.tell_facts()
         return self.opened
 
     def device_at(self, link: str, **settings: Any) -> Any:

@@ -109,7 +109,8 @@ def top(words: Sequence[str]) -> str:
         return where if where.startswith(" Did") else f" Did you mean {close[0]!r}?{where}"
     from difflib import get_close_matches
 
-    vague = get_close_matches(name, list(COMMANDS), n=2, cutoff=0.3)
+    turned = [one for one in COMMANDS if sorted(one) == sorted(name.casefold())]  # the letters in another order
+    vague = turned or get_close_matches(name, list(COMMANDS), n=2, cutoff=0.3)
     return f" Did you mean {' or '.join(map(repr, vague))}?" if vague else ""
 
 

@@ -20,6 +20,7 @@ class Settings(NamedTuple):
     port: str | None = None
     fake: bool = False
     wire: str | None = None
+    facts: str | None = None
     id: int | None = None
     baud: int | None = None
     timeout: float | None = None

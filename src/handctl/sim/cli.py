@@ -175,6 +175,12 @@ OF_DEVICE = (
     _option("--every", metavar="N", help="Apply the fault only to every N-th request after that."),
     _option("--wire", metavar="BAUD", help=WIRE),
     _option(
+        "--facts",
+        metavar="FILE",
+        callback=_some,
+        help="Become like the device of a facts file (`handctl prove -o FILE`).",
+    ),
+    _option(
         "--state", metavar="FILE", callback=_some, help="Keep memory, flash and positions in this file between runs."
     ),
 )
@@ -240,6 +246,12 @@ def _serve(
     from handctl.sim.engine.serve import Alone, PtyPort, ServeError, Server, TcpDoor, Wires
 
     try:
+        if "facts" in raw:
+            from handctl.sim.engine.facts import Twin
+
+            twin = Twin(kind, raw)
+            raw = twin.raw
+            click.echo(twin.words, err=True)
         adapter = _adapter(raw) if on_can else []
         whole: Any = None
         if modbus_tcp is not None:

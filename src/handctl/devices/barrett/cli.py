@@ -59,8 +59,10 @@ HARM = click.option(
 def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> BarrettHand:
     """A BarrettHand behind `link`. Without --baud its speed is looked for."""
     limits = limits_of(settings, link)
+    own = settings.own
+    sign = own.get("position_sign", "")
     hand = BarrettHand(
-        GclLine(link, journal, **limits, speed=settings.baud, interrupt=bool(settings.own.get("interrupt")))
+        GclLine(link, journal, **limits, speed=settings.baud, sign=sign, interrupt=bool(own.get("interrupt")))
     )
 
     def count_save() -> None:

@@ -243,7 +243,7 @@ class BarrettHand(Device):
 
         def so_far() -> list[Reading]:
             rest = HandctlError("not read")
-            return [_reading(one, found.get(gcl_name(one), rest)) for one in elements] if some() else []
+            return [_reading(one, found.get(gcl_name(one), rest), self.line.sign) for one in elements] if some() else []
 
         with self.keeping(so_far):
             motors = sorted({element.index for element in elements if element.param.elements})
@@ -263,7 +263,7 @@ class BarrettHand(Device):
                 self.name_heat(error)
             for error in refused[1:]:
                 error.hint = refused[0].hint if error.code == refused[0].code else error.hint
-        readings = [_reading(element, found[gcl_name(element)]) for element in elements]
+        readings = [_reading(element, found[gcl_name(element)], self.line.sign) for element in elements]
         self._tell_signs(readings, found)
         return readings
 
@@ -276,8 +276,13 @@ class BarrettHand(Device):
                 self._told_sign = True
                 self.journal.info(
                     "unsigned-position",
-                    f"this hand prints a position below 0 without its sign: {element.part} {printed[element.index]} is {reading.value}, "
-                    "because the joint does not travel that far (barrett §5.3.2, §5.3.4 IOFF)",
+                    f"{'on this device' if self.line.sign else 'this hand prints'} a position below 0 {'has no' if self.line.sign else 'without its'} sign: "
+                    f"{element.part} {printed[element.index]} is {reading.value}"
+                    + (
+                        ""
+                        if self.line.sign
+                        else ", because the joint does not travel that far (barrett §5.3.2, §5.3.4 IOFF)"
+                    ),
                 )
 
     def _get(self, line: str, motors: list[int], into: dict[str, dict[int, int] | HandctlError]) -> None:
@@ -459,8 +464,8 @@ def _is_speed(change: tuple[Element, Number]) -> bool:
     return gcl_name(change[0]) == "BAUD"
 
 
-def _reading(element: Element, found: dict[int, int] | HandctlError) -> Reading:
+def _reading(element: Element, found: dict[int, int] | HandctlError, sign: str) -> Reading:
     if isinstance(found, dict):
         value = found[element.index if element.param.elements else 0]
-        return Reading(element, with_sign(element.index, value) if gcl_name(element) in POSITIONS else value)
+        return Reading(element, with_sign(element.index, value, sign) if gcl_name(element) in POSITIONS else value)
     return Reading(element, None, b"", found)

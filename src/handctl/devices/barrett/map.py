@@ -240,13 +240,17 @@ def implausible(index: int, position: int) -> bool:
     return not -BEYOND <= position <= TRAVEL[index == 3] + BEYOND
 
 
-def with_sign(index: int, position: int) -> int:
+def with_sign(index: int, position: int, known: str = "") -> int:
     """A position of motor `index` that may have been sent as a word without a sign (§5.3.2, §5.3.4 IOFF).
+
+    `known`: how this hand prints one below 0, "" = not known.
 
     The origin is IOFF counts from the open stop, so a finger at that stop is below 0. The manual does not say how that is
     printed. Where only the number with a sign lies within the joint's travel, it is that.
     """
     below = position - 65536
+    if known:
+        return below if known == "unsigned" and 32767 < position < 65536 else position
     return below if position <= 65535 and -TRAVEL[index == 3] <= below else position
 
 

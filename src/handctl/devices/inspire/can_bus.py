@@ -56,14 +56,17 @@ class CanBus(RegisterBus):
         The acknowledgement of a written 01 equals the request. It proves something only where an exchange before has shown
         whether our own frames come back.
         """
-        request = CanFrame(*can_frames.write_request(self.id, address, data, self.write_flag))
         echo, ledger = self.journal.line.echo, self.journal.ledger
         mark = ledger.mark
-        reply = self._exchange(request, None)
+        reply = self.acknowledgement(address, data)
         if reply == data and echo is not None:
             ledger.confirm(ACKNOWLEDGED, since=mark)
         if (refusal := self.refusal(address, data, reply)) is not None:
             raise refusal
+
+    def acknowledgement(self, address: int, data: bytes) -> bytes:
+        """The data of the reply to this write, sent once. Raises NoAnswer, ProtocolError."""
+        return self._exchange(CanFrame(*can_frames.write_request(self.id, address, data, self.write_flag)), None)
 
     def refusal(self, address: int, data: bytes, reply: bytes) -> DeviceRefused | None:
         """The error of an acknowledgement that has another number than that of the bytes written."""

@@ -127,6 +127,7 @@ class RegisterBus(Line, ABC):
     wire      what is spoken on it: eb90, can, rtu or tcp
     gate      looks who is there before the first frame that is no read, and at what was read; None = nobody looks
     presence  the span that tells whether anybody is there; its answer is longer than its question, so an echo never passes for it
+    across_gaps  the device may answer reads that touch undocumented bytes
     reports   the device sends the end of a save or a calibration by itself
     fewer     code of an answer that has fewer bytes than were asked for
     per       bytes at one address of the wire: 2 where the device counts words; addresses here are bytes
@@ -140,6 +141,7 @@ class RegisterBus(Line, ABC):
     round_trip: float | None = None
     presence: tuple[int, int] = (1472, 2)
     reports = False
+    across_gaps = True
     fewer = FEWER
     per = 1
     wire = "eb90"

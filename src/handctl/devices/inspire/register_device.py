@@ -80,7 +80,7 @@ class BlockReader:
 
     def __init__(self, bus: RegisterBus) -> None:
         self._bus = bus
-        self._across_gaps = True
+        self._across_gaps = bus.across_gaps
         self._most = bus.max_count
         """Bytes of the longest group that may be answered: longer ones were not, but in parts."""
         self._absent: dict[str, NotPresent] = {}

@@ -24,6 +24,7 @@ LINE_OPTIONS: Rows = {
     "wire": (None, "transmission time of 10 bits a byte at this speed, or 'auto' for the device's own (default: none)"),
     "turnaround": ((0.0, 60.0), "seconds from the last bit of a request to the first of its answer (default 0)"),
     "late": ((0.6, 3600.0), "seconds that the fault 'late' adds (default 0.6)"),
+    "facts": (None, "facts file of `handctl prove`: the simulator becomes like that device, as far as the facts go"),
     "state": (None, "file that keeps memory, flash and positions from one run to the next"),
     "save": (("always", "changed", "never"), "when the state file is written: always (default), changed (when the device's state has changed), never"),
     "elapse": ((None, 1e9), "seconds that have passed since the state file was written. Movements have ended"),

@@ -54,6 +54,7 @@ class GclLine(Line):
 
     timeout   seconds for the prompt of a query, None = the command's own (dossier 1.3)
     speed     the only speed to try at connect, None = find it
+    sign      how this hand prints a position below 0, "" = not known
     interrupt whether a movement that is met may be ended by ^C: for what stops, moves or writes
     """
 
@@ -68,11 +69,13 @@ class GclLine(Line):
         retries: int | None = None,
         bound: Deadline | None = None,
         speed: int | None = None,
+        sign: str = "",
         interrupt: bool = False,
     ) -> None:
         super().__init__(link, journal, retries=retries, bound=bound)
         self.timeout = timeout
         self.only = speed
+        self.sign = sign
         self.interrupt = interrupt
         self.opened = link.now()
         self._connected = False
@@ -260,7 +263,8 @@ class GclLine(Line):
                     usual = f"ERR {answer.status}"
                     self.odd(command, f"{answer.said}".encode(), usual)
                 if answer.raw.endswith(PROMPT):  # the space behind the prompt, if there is one, is part of it
-                    self.link.read(self.link.deadline(0.005 + self.wire_seconds(2)), 1)
+                    blank = self.link.read(self.link.deadline(0.005 + self.wire_seconds(2)), 1)
+                    answer = answer._replace(raw=answer.raw + blank)
                 return answer
             until = (whole if decoder.echoed else echo).deadline
             chunk = b"" if until.expired else self.link.read(until)

@@ -293,4 +293,4 @@ def _places(line: GclLine, after: float = 0.0) -> list[int]:
             hint="`handctl barrett status` shows each motor",
         )
     (places,) = values(answer, 1, 4)
-    return [with_sign(index, place) for index, place in enumerate(places)]
+    return [with_sign(index, place, line.sign) for index, place in enumerate(places)]

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 def open_exo(link: ByteLink, settings: Settings, journal: Journal) -> ExoHand:
     """An EH55BF1 behind `link` with the options the user gave."""
     bus = Bus(link, settings.id if settings.id is not None else 1, journal, **limits_of(settings, link))
+    bus.across_gaps = settings.own.get("across_gaps") != "no"
     bus.gate = identity.FamilyGate(identity.EXO, settings.assume_identity)
     return ExoHand(bus)
 

@@ -56,6 +56,7 @@ def open_hand(link: ByteLink | FrameLink, settings: Settings, journal: Journal) 
     bus, *others = _wires(link, settings, journal)
     for one in (bus, *others):
         one.gate = gate
+        one.across_gaps = settings.own.get("across_gaps") != "no"
     return Hand(bus, gate, *others, side=settings.own.get("side") or "")
 
 

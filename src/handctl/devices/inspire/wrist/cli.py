@@ -38,6 +38,7 @@ def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal)
         bus = CanBus(link, number, journal, **limits)
     else:
         bus = Bus(link, number, journal, family="wrist", **limits)
+    bus.across_gaps = settings.own.get("across_gaps") != "no"
     bus.gate = identity.FamilyGate(identity.WRIST, settings.assume_identity)
     return Wrist(bus)
 

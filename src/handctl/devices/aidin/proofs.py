@@ -1,0 +1,222 @@
+"""What the manual of the AIDIN-hand leaves open, as experiments (dossier 1, 2, 5, 6). See `model.proofs`.
+
+Nothing here has a mode: the hand is listened to, and where it wants to be asked, asked with the empty object.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from itertools import pairwise
+from statistics import median
+
+from handctl.devices.aidin.device import AidinHand
+from handctl.devices.aidin.exchange import LISTEN
+from handctl.devices.aidin.exchange_settings import ExchangeMode
+from handctl.devices.aidin.feedback import ALL
+from handctl.devices.aidin.json_codec import TERMINATORS, Decoder
+from handctl.devices.aidin.map import AIDIN
+from handctl.errors import NoAnswer, ProtocolError
+from handctl.model.decoder import frames_in
+from handctl.model.proofs import Disturbed, Proof, Seen
+from handctl.wording import plural
+
+WATCHED = 0.5
+QUIET = 0.06
+"""Seconds of silence behind an answer."""
+MOST = 65536
+ENDS = {b"\n": "newline", b"": "none", b"\0": "nul", b" ": "blank", b"\r\n": "crlf"}
+FULL = 10
+"""Decimals from which on a number is written as precisely as the hand has it: how many there are varies."""
+FORGOTTEN = 1.2
+EVEN = 0.8
+"""Share of the gaps of a stream that are near their median."""
+QUARTER = 1.570796
+"""90 degrees in rad."""
+NEAR = 0.002
+"""rad by which q4 may differ from what it is compared with."""
+
+
+def prepare(hand: AidinHand) -> None:
+    """Find the terminator that a hand wants which answers objects, where it does not answer ours. Raises NoAnswer."""
+    talk = hand.conversation
+    given = talk.way
+    try:
+        talk.connect()
+        return
+    except NoAnswer as exc:
+        failure = exc
+    for end in TERMINATORS.values():
+        talk.way = replace(given, end=end)
+        try:
+            talk.connect()
+        except NoAnswer:
+            continue
+        return
+    talk.way = given
+    raise failure
+
+
+def _came(hand: AidinHand, seconds: float = WATCHED) -> bytes:
+    """Text of the hand from one `{` on: its stream for some time, or its answer to one object."""
+    talk = hand.conversation
+    streams = talk.exchange is ExchangeMode.STREAM
+    talk.drain()
+    if not streams:
+        talk.send(talk.way.poll)
+    link, came = talk.link, b""
+    end = link.deadline(seconds if streams else talk.poll_seconds)
+    while len(came) < MOST and (chunk := link.read(end)):
+        came += chunk
+        end = end if streams else link.deadline(QUIET)
+    if b"}" not in came:
+        raise Disturbed("the hand sent no whole object")
+    return came[came.index(b"{") :]
+
+
+def _objects(hand: AidinHand) -> list[dict[str, object]]:
+    """The whole objects of that text. Raises ProtocolError where something else is between them."""
+    decoder = Decoder()
+    decoder.feed(_came(hand))
+    damaged = list[ProtocolError]()
+    found = list(frames_in(decoder, damaged.append))
+    if damaged or not found:
+        raise damaged[0] if damaged else Disturbed("the hand sent no whole object")
+    return found
+
+
+def _exchange(hand: AidinHand) -> Seen:
+    talk = hand.conversation
+    if talk.exchange is ExchangeMode.POLL:
+        talk.drain()
+        if talk.link.read(talk.link.deadline(LISTEN)):
+            raise Disturbed("the hand speaks unasked, too")
+        return Seen("poll", "silent until it is asked, and answers an empty object")
+    return Seen("stream", f"{plural(len(_objects(hand)), 'object')} came unasked in {WATCHED:g} s")
+
+
+def _rate(hand: AidinHand) -> Seen:
+    """The rate of a stream as it arrives, where its objects come evenly: lost or doubled ones make it uneven."""
+    talk, times, key = hand.conversation, list[float](), f'"{ALL[0]}"'.encode()
+    link = talk.link
+    if talk.exchange is not ExchangeMode.STREAM:
+        return Seen(None, "the hand sends nothing unasked")
+    talk.drain()
+    end, came = link.deadline(WATCHED), b""
+    while chunk := link.read(end):
+        came = (came + chunk)[-MOST:]
+        count = came.count(key)
+        times += [link.now()] * count
+        came = came[came.rindex(key) + len(key) :] if count else came
+    gaps = [later - earlier for earlier, later in pairwise(times)]
+    middle = median(gaps) if gaps else 0.0
+    even = sum(abs(gap - middle) <= middle / 2 for gap in gaps)
+    if not middle or even < EVEN * len(gaps):
+        return Seen(None, f"{plural(len(times), 'object')} in {WATCHED:g} s, not evenly")
+    return Seen(
+        round(1 / middle), f"{plural(len(times), 'object')} in {WATCHED:g} s, mostly {1000 * middle:.1f} ms apart"
+    )
+
+
+def _between(hand: AidinHand) -> Seen:
+    text = _came(hand)
+    found = set(re.findall(rb"\}([ \t\r\n\0]*)(?=\{)", text)) or {text[text.rindex(b"}") + 1 :]}
+    if len(found) > 1:
+        return Seen(None, f"more than one: {', '.join(map(repr, sorted(found)))}")
+    (gap,) = found
+    return Seen(ENDS.get(gap, gap.hex(" ").upper()), f"behind an object: {gap!r}")
+
+
+def _keys(hand: AidinHand) -> Seen:
+    keys = sorted({key for one in _objects(hand) for key in one})
+    return Seen(", ".join(keys), plural(len(keys), "key"))
+
+
+def _split(hand: AidinHand) -> Seen:
+    most = max(len(set(one) & set(ALL)) for one in _objects(hand))
+    return Seen(
+        "one" if most == len(ALL) else "separate" if most == 1 else f"{plural(most, 'key')} each",
+        f"up to {plural(most, 'key')} in an object",
+    )
+
+
+def _layout(hand: AidinHand) -> Seen:
+    text = _came(hand)
+    inside = text[: text.index(b"}")]
+    return Seen(
+        "indented" if b"\n" in inside else "blanks" if b'": ' in inside else "compact",
+        repr(inside[:40].decode("ascii", "replace")),
+    )
+
+
+def _whole_numbers(hand: AidinHand) -> Seen:
+    values = [value for one in _objects(hand) for value in _array(one, AIDIN["motor_pos"].key)]
+    if not values:
+        return Seen(None, "no encoders came")
+    return Seen(
+        "integers" if all(isinstance(value, int) for value in values) else "decimals", f"motor_pos {values[0]!r}"
+    )
+
+
+def _decimals(hand: AidinHand) -> Seen:
+    found = re.search(rb'"joint_pos"\s*:\s*\[([^\]]*)\]', _came(hand))
+    if found is None:
+        return Seen(None, "no angles came")
+    most = max(len(number.strip().partition(b".")[2]) for number in found[1].split(b","))
+    return Seen("full" if most >= FULL else most, f"joint_pos: up to {most} decimals")
+
+
+def _coupled(hand: AidinHand) -> Seen:
+    """What q4 is beside q3, where all five fingers agree and no other answer fits as well."""
+    angles = [value for one in _objects(hand) for value in _array(one, ANGLES_KEY)][:20]
+    if len(angles) != 20:
+        return Seen(None, "no angles came")
+    pairs = [(angles[place + 2], angles[place + 3]) for place in range(0, 20, 4)]
+    ways = [("same", 1.0, 0.0), ("half", 0.5, QUARTER), ("zero", 0.0, 0.0)]
+    fits = [name for name, share, more in ways if all(abs(q4 - share * q3 - more) < NEAR for q3, q4 in pairs)]
+    return Seen(fits[0] if len(fits) == 1 else None, f"thumb q3 {pairs[0][0]:.4f}, q4 {pairs[0][1]:.4f} rad")
+
+
+def _array(one: dict[str, object], key: str) -> list[float]:
+    found = one.get(key)
+    return found if isinstance(found, list) else []
+
+
+def _terminator(hand: AidinHand) -> Seen:
+    """The first that is answered. Where none is needed, each is: ours comes first."""
+    talk = hand.conversation
+    if talk.exchange is not ExchangeMode.POLL:
+        return Seen(None, "the hand is not asked, so it shows no terminator")
+    given, answered = talk.way, list[str]()
+    try:
+        for name, end in TERMINATORS.items():
+            talk.way = replace(given, end=end)
+            if _answers(hand) or _answers(hand):
+                answered.append(name)
+    finally:
+        talk.way = given
+    return Seen(answered[0] if answered else None, f"answered behind {{}}: {', '.join(answered)}")
+
+
+def _answers(hand: AidinHand) -> bool:
+    """Whether an object comes to one. Behind silence half an object is given time to be forgotten."""
+    try:
+        return bool(_came(hand))
+    except Disturbed:
+        hand.conversation.link.sleep(FORGOTTEN)
+        return False
+
+
+ANGLES_KEY = "joint_pos"
+PROOFS = (
+    Proof("exchange", "not documented who speaks first (dossier 6)", (), "listen, then an empty object", _exchange),
+    Proof("rate", "not documented (dossier 5, row 5)", (), "keys of the stream in half a second", _rate, measured=True),
+    Proof("between-objects", "no delimiter is documented (dossier 1)", ("newline", "none", "nul", "blank", "crlf"), "what is between two objects, or behind one", _between),
+    Proof("request-terminator", "no delimiter is documented (dossier 1)", "newline", "{} with newline, nothing, NUL and CR LF behind it: which is answered first", _terminator),
+    Proof("keys", "five feedback keys (Feedback keys)", ", ".join(sorted(ALL)), "the keys that come", _keys),
+    Proof("objects", "not documented whether all keys share an object (dossier 5, row 4)", ("one", "separate"), "keys in one object", _split),
+    Proof("layout", "JSON, no more (TCP/IP information)", (), "spelling of an object", _layout),
+    Proof("whole-numbers", "int for encoders and currents (Feedback keys)", "integers", "motor_pos: with a decimal point?", _whole_numbers),
+    Proof("decimals", "double (Feedback keys)", (), "decimals of joint_pos", _decimals),
+    Proof("q4", "q4 follows q3, and how is not documented (Ranges, dossier 4)", "same", "joint_pos: q4 against q3 of all fingers", _coupled),
+)  # fmt: skip

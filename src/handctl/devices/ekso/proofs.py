@@ -1,0 +1,148 @@
+"""What the DataPort's manual leaves open, as experiments (ekso §6; dossier 1, 3, 10). See `model.proofs`.
+
+A person may be standing in the device: nothing here writes a setting, and only reads of the manual are sent.
+"""
+
+from __future__ import annotations
+
+from handctl.devices.ekso.dataport import DataPort
+from handctl.devices.ekso.device import Ekso
+from handctl.devices.ekso.frames import LENGTH_MODES, OVERHEAD, Command
+from handctl.devices.ekso.map import DATA, SETTINGS
+from handctl.model.proofs import NONE, Disturbed, Proof, Seen
+
+GRIDS = (20, 10)
+"""Periods in ms on which answers may leave, the longest first."""
+ANSWERS = 16
+STEP = 0.0037
+"""Seconds by which the requests drift through any grid."""
+JITTER = 1.2
+"""ms by which an answer may be off its grid: a tenth of the time is so, whatever the device does, and never 16 times running."""
+SILENT = 0.25
+"""Seconds in which an answer to a damaged request would have come."""
+REST = 0.5
+WATCHED = 0.3
+APART = 50
+"""ms by which the two clocks may differ over that time."""
+SITTING = 1
+BENT = 30.0
+"""Degrees by which the knees of a seated person are bent at least."""
+
+
+def prepare(device: Ekso) -> None:
+    """Find the length convention first: nothing else is answered. Raises NoAnswer, ProtocolError."""
+    device.port.find_mode()
+
+
+def _length(device: Ekso) -> Seen:
+    port = device.port
+    port.exchange(Command.GET_TIME)
+    return Seen(port.mode, f"GetTime is answered with the length byte {LENGTH_MODES[port.mode]}")
+
+
+def _answer_length(device: Ekso) -> Seen:
+    frame = device.port.exchange(Command.GET_DATE)
+    return Seen(frame.mode, f"{len(frame.body)} body bytes, length byte {frame.data[1]}")
+
+
+def _time_body(device: Ekso) -> Seen:
+    sizes = [len(device.port.exchange(command).body) for command in (Command.GET_TIME, Command.GET_DATE)]
+    return Seen(sizes[0] if sizes[0] == sizes[1] else None, f"GetTime {sizes[0]} bytes, GetDate {sizes[1]} bytes")
+
+
+def _echoed(device: Ekso) -> Seen:
+    """Both fields, or the exchange would not have been one: shown with a msgID whose two bytes differ."""
+    frame = device.port.exchange(Command.GET_FEEDBACK)
+    return Seen(
+        "command, msgID", f"{frame.data[:4].hex(' ').upper()} answers command {frame.command}, msgID {frame.msg_id}"
+    )
+
+
+def _grid(device: Ekso) -> Seen:
+    """Whether all answers leave at multiples of one period, although the requests do not."""
+    port, moments = device.port, list[float]()
+    for number in range(ANSWERS):
+        port.exchange(Command.GET_TIME)
+        moments.append(1000 * port.answered_at)
+        port.pause(STEP * (1 + number % 5))
+    for period in GRIDS:
+        off = [(moment - moments[0] + period / 2) % period - period / 2 for moment in moments]
+        if max(off) - min(off) <= JITTER:
+            return Seen(period, f"{ANSWERS} answers lie within {max(off) - min(off):.1f} ms of a grid of {period} ms")
+    return Seen(0, f"{ANSWERS} answers lie on no grid of {' or '.join(map(str, GRIDS))} ms")
+
+
+def _bad_crc(device: Ekso) -> Seen:
+    port = device.port
+    request = port.request(Command.GET_TIME)
+    port.exchange(Command.GET_TIME)  # takes that msgID, so that no later request has it
+    damaged = request[:-1] + bytes([request[-1] ^ 0x55])
+    came = _raw(port, damaged)
+    if not came:
+        return Seen("silence", "GetTime with a wrong CRC: no reply")
+    if came[:1] != request[:1] or damaged in came or came[2:4] != request[2:4]:
+        raise Disturbed("the reply to a damaged request is itself damaged")
+    return Seen(
+        "acknowledged" if len(came) == OVERHEAD else "answered", f"GetTime with a wrong CRC: {came.hex(' ').upper()}"
+    )
+
+
+def _raw(port: DataPort, data: bytes) -> bytes:
+    """What comes to these bytes, and quiet behind it: a device that wants more bytes must have forgotten them."""
+    link, came = port.link, b""
+    link.write(data, link.deadline(1.0))
+    deadline = link.deadline(SILENT)
+    while len(came) < 256 and (chunk := link.read(deadline)):
+        came += chunk
+    link.sleep(REST)
+    port.resynchronise()
+    return came
+
+
+def _word_order(device: Ekso) -> Seen:
+    """Which of the two words of BootTime counts the high part: only one reading of them goes as fast as our clock."""
+    port = device.port
+    pairs, times = list[tuple[int, int]](), list[float]()
+    for _ in range(2):
+        words = port.exchange(Command.GET_FEEDBACK).words
+        pairs.append((words[15] & 0xFFFF, words[16] & 0xFFFF))
+        times.append(1000 * port.answered_at)
+        port.pause(WATCHED)
+    passed = times[1] - times[0]
+    high, low = ((pairs[1][a] - pairs[0][a]) * 65536 + pairs[1][b] - pairs[0][b] for a, b in ((0, 1), (1, 0)))
+    told = f"{passed:.0f} ms passed here, BootTime {pairs[0]} became {pairs[1]}"
+    if pairs[0] == pairs[1]:
+        return Seen("stands still", told)
+    fits = [name for name, way in (("high first", high), ("low first", low)) if abs(way - passed) <= APART]
+    return Seen(fits[0] if len(fits) == 1 else None, told)
+
+
+def _codes(device: Ekso) -> Seen:
+    raw = device.port.settings_raw()
+    found = [
+        param.name for param, value in zip(SETTINGS, raw, strict=True) if param.choices and value not in param.choices
+    ]
+    return Seen(", ".join(found) or NONE, "GetSettings")
+
+
+def _knees(device: Ekso) -> Seen:
+    words = device.port.exchange(Command.GET_DATA).words
+    index = {param.name: param.word for param in DATA}
+    angles = [DATA[index[name]].from_raw(words[index[name]]) for name in ("left_knee_angle", "right_knee_angle")]
+    told = f"state {words[index['state']] & 0xFFFF:04X}, knees {angles[0]} and {angles[1]} degrees"
+    if (words[index["state"]] & 0xFFFF) >> 12 != SITTING or min(map(abs, angles)) < BENT or angles[0] * angles[1] < 0:
+        return Seen(None, f"{told}: the wearer does not sit")
+    return Seen("flexion positive" if angles[0] > 0 else "flexion negative", told)
+
+
+PROOFS = (
+    Proof("length-convention", "not documented what the length byte counts (dossier 1)", "body", "GetTime in each convention, until one is answered", _length),
+    Proof("answer-length", "not documented for replies (dossier 1)", "body", "GetDate: length byte against CRC", _answer_length),
+    Proof("time-body", "3 bytes in §6, 4 in the field (dossier 4, row 3)", 4, "GetTime and GetDate: size of the body", _time_body),
+    Proof("echo-fields", "a reply repeats command and msgID (§6)", "command, msgID", "GetFeedback: which fields of the request its reply repeats", _echoed),
+    Proof("service-grid", "not documented; 12 ms was the shortest interval in the field (dossier 10)", 0, f"{ANSWERS} requests at drifting times: do the answers keep to a grid of 20 or 10 ms?", _grid),
+    Proof("bad-crc", "not documented; taken for silence (dossier 10)", "silence", "GetTime with a wrong CRC", _bad_crc),
+    Proof("boot-time-words", "high word first (§6)", "high first", "GetFeedback twice: which reading goes as fast as this computer's clock", _word_order),
+    Proof("unlisted-codes", "newer units return codes that no table has (dossier 3.1)", NONE, "GetSettings: codes that are in no table", _codes),
+    Proof("knee-sign", "flexion is positive in the field (dossier 3.2); §6 gives no sign", "flexion positive", "GetData while the wearer sits: sign of both knees", _knees),
+)  # fmt: skip

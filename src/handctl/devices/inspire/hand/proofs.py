@@ -1,0 +1,79 @@
+"""What the manuals of the RH56 hands leave open, as experiments (rh56 §1.1, §6, §8). See `model.proofs`."""
+
+from __future__ import annotations
+
+from handctl.devices.inspire import proofs
+from handctl.devices.inspire.hand.device import Hand
+from handctl.devices.inspire.modbus_bus import TEMPERATURES, ModbusBus
+from handctl.devices.inspire.modbus_frames import read_request
+from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS
+from handctl.devices.inspire.serial_bus import Bus
+from handctl.model.proofs import Proof, Seen
+
+
+def prepare(hand: Hand) -> None:
+    """Find the generation: it decides where everything lies."""
+    hand.know()
+
+
+def _generation(hand: Hand) -> Seen:
+    found = hand.gate.seen(hand.bus)
+    return Seen(
+        found.model,
+        "reads that are plausible for this generation only" if found.model else "more than one generation fits",
+    )
+
+
+def _protocol(hand: Hand) -> Seen:
+    """Which of the two protocols of a serial line the hand answers."""
+    if not hand.bus.serial:
+        return Seen(None, "not a serial line")
+    wires = hand.wires
+    if hand.bus.wire == "rtu":  # EB90 was silent to the first question, or was never asked
+        line = Bus(hand.bus.link, hand.bus.id, hand.journal, family=hand.kind, timeout=hand.bus.timeout)
+        line.gate, line.per, line.presence = hand.gate, hand.bus.per, hand.bus.presence
+        wires = [hand.bus, line]
+    found = []
+    for bus in wires:
+        bus.pause(BETWEEN_PROTOCOLS)
+        if proofs.reply(bus, bus.presence, hand.bus)[0] == proofs.ANSWERED:
+            found.append("modbus" if bus.wire == "rtu" else bus.wire)
+    hand.bus.pause(BETWEEN_PROTOCOLS)
+    if len(wires) < 2:
+        return Seen(None, "the other protocol was not asked at this speed")
+    return Seen("both" if len(found) == 2 else found[0] if found else None, f"answers in {' and '.join(found)}")
+
+
+def _halves(hand: Hand) -> Seen:
+    """How Modbus packs what is one byte a finger: against EB90, which sends temperatures in the order of their addresses."""
+    rtu = next((bus for bus in hand.wires if isinstance(bus, ModbusBus) and bus.wire == "rtu"), None)
+    if rtu is None or hand.bus.wire != "eb90" or hand.bus.per != 1:
+        return Seen(None, "needs EB90 and Modbus RTU on one line")
+    address, count = TEMPERATURES
+    plain = hand.bus.read(address, count, retries=0)
+    rtu.pause(BETWEEN_PROTOCOLS)
+    words = rtu.exchange(read_request(address, count // 2)).data
+    rtu.pause(BETWEEN_PROTOCOLS)
+    ways = {
+        "low half first": bytes(plain[place ^ 1] for place in range(count)),
+        "high half first": plain,
+        "one a register": bytes(byte for value in plain[: count // 2] for byte in (0, value)),
+    }
+    fits = [name for name, shown in ways.items() if shown == words]
+    return Seen(fits[0] if len(fits) == 1 else None, f"EB90 {plain.hex(' ').upper()}, Modbus {words.hex(' ').upper()}")
+
+
+PROOFS = (
+    Proof("generation", "no register holds it (rh56 §1.1)", ("df", "tp", "f1", "dg2"), "reads that are plausible for one generation only", _generation),
+    Proof("protocol", "EB90 on every serial pair; whether TP's answers it is open (rh56 §8)", ("both", "eb90", "modbus"), "the same read in EB90 and in Modbus RTU", _protocol),
+    Proof("byte-groups", "two to a register, low half first (rh56 §2.2, Q10)", "low half first", "temperatures in EB90 and in Modbus RTU", _halves),
+    proofs.across((1534, 90), "rh56 §5"),
+    proofs.in_gap((1010, 2), (1630, 4), source="rh56 §8"),
+    proofs.longest(1546, "rh56 §5"),
+    proofs.reply_time("rh56 §5"),
+    proofs.signed("current", says="printed without a sign, negative in captures (rh56 §6, Q6)"),
+    proofs.speed_register(1002, "rh56 §6, Q1"),
+    proofs.set_points("angle_set", "rh56 §6"),
+    proofs.write_reply("default_speed", "wrist §2.3.2, sibling capture"),
+    proofs.ID_ACK,
+)  # fmt: skip

@@ -1,0 +1,270 @@
+"""What the manuals of the Inspire devices leave open alike, as experiments over any of their wires. See `model.proofs`.
+
+Each is a read by the bus, which takes nothing but a whole reply with the right id, address, length and checksum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import partial
+from statistics import median
+
+from handctl.devices.inspire.eb90 import MAX_COUNT, WRITE, write_ack_prefix, write_request
+from handctl.devices.inspire.identity import identify_alone
+from handctl.devices.inspire.procedures import probe
+from handctl.devices.inspire.register_bus import RegisterBus, Span
+from handctl.devices.inspire.register_device import RegisterDevice
+from handctl.devices.inspire.serial_bus import Bus
+from handctl.errors import CheckFailed, DeviceRefused, NoAnswer
+from handctl.model.param import Step, elements_of
+from handctl.model.proofs import WRITE_BACK, Disturbed, Proof, Seen, put_back
+
+ANSWERED, SILENT, REFUSED = "answered", "silent", "refused"
+SIZES = (MAX_COUNT, 200, 151, 100, 64, 32, 12)
+"""Bytes of the reads that are tried, the longest first."""
+CONFIRMED = (False, True, True, False, False, True)
+"""What is asked behind a read that was silent: that read again, or the known one."""
+TIMED = 9
+SPARE_IDS = range(253, 240, -1)
+
+
+COUNTS_WORDS = Seen(None, "the addresses of this generation count words, so these spans do not exist")
+
+
+def once(bus: RegisterBus, span: Span) -> tuple[str, bytes]:
+    """How one read ends, asked once, and its data. Raises ProtocolError where the reply is damaged."""
+    try:
+        return ANSWERED, bus.read(*span, retries=0)
+    except NoAnswer as exc:
+        if exc.code == "deadline":
+            raise
+        return SILENT, b""
+    except DeviceRefused:
+        return REFUSED, b""
+
+
+def reply(bus: RegisterBus, span: Span, known: RegisterBus | None = None) -> tuple[str, bytes]:
+    """The same; silence only where it is silent four times and a known read on `known` is answered in between, each time.
+
+    The gaps between the four differ, so that no fault that meets every so many requests looks like it. Raises NoAnswer.
+    """
+    how, data = once(bus, span)
+    if how != SILENT:
+        return how, data
+    there = known or bus
+    for asked in CONFIRMED:
+        if asked and once(bus, span)[0] != SILENT:
+            raise Disturbed(f"{bus.where}: sometimes silent to {span[1]} bytes at {span[0]}")
+        if not asked:
+            there.read(*there.first_questions[-1], retries=0)
+    return SILENT, b""
+
+
+def _across(span: Span, device: RegisterDevice) -> Seen:
+    if device.bus.per != 1:
+        return COUNTS_WORDS
+    if span[1] > device.bus.max_count:
+        return Seen(None, f"this wire reads {device.bus.max_count} bytes at most")
+    how, _ = reply(device.bus, span)
+    return Seen(how, f"{span[1]} bytes at {span[0]}: {how}")
+
+
+def _in_gap(spans: Iterable[Span], device: RegisterDevice) -> Seen:
+    """What bytes read that are in no manual; silence is told for itself, where every one of them is silent."""
+    if device.bus.per != 1:
+        return COUNTS_WORDS
+    found = [(span, *reply(device.bus, span)) for span in spans]
+    kinds = {("zeros" if not any(data) else "other values") if how == ANSWERED else how for _, how, data in found}
+    told = "; ".join(f"{span[1]} at {span[0]}: {data.hex(' ').upper() or how}" for span, how, data in found)
+    return Seen(kinds.pop() if len(kinds) == 1 else "other values" if "other values" in kinds else None, told)
+
+
+def _longest(start: int, device: RegisterDevice) -> Seen:
+    bus = device.bus
+    if bus.per != 1 or bus.wire != "eb90":
+        return COUNTS_WORDS if bus.per != 1 else Seen(None, f"this wire reads {bus.max_count} bytes at most")
+    for size in SIZES:
+        if reply(bus, (start, size))[0] == ANSWERED:
+            return Seen(size, f"{size} bytes at {start} in one reply")
+    return Seen(None, f"no read at {start} was answered")
+
+
+def _reply_time(device: RegisterDevice) -> Seen:
+    """The time of an exchange, without that of its bits: the turnaround of the device, its adapter and the line."""
+    bus, span, taken = device.bus, device.bus.first_questions[-1], list[float]()
+    for _ in range(TIMED):
+        started = device.link.now()
+        bus.read(*span, retries=0)
+        taken.append(device.link.now() - started)
+    ms = 1000 * max(0.0, median(taken) - bus.wire_seconds(19 if bus.serial else 0))
+    return Seen(round(ms), f"median of {TIMED} reads {ms:.1f} ms, longest {1000 * max(taken):.1f} ms with its bits")
+
+
+def _sign(names: tuple[str, ...], device: RegisterDevice) -> Seen:
+    """Of words that the manual prints without a sign: one above 32767 is a negative number."""
+    readings = device.read([element for name in names for element in elements_of(device.own_map()[name])])
+    for one in readings:
+        if one.error is not None:
+            raise one.error
+    values = [int(one.value or 0) for one in readings]
+    told = f"{' '.join(names)}: {' '.join(map(str, values))}"
+    return Seen("signed" if min(values) < 0 else None, told if min(values) < 0 else f"{told}: none is below 0 now")
+
+
+def _speed_register(device: RegisterDevice) -> Seen:
+    """Where the code of this link's speed is, if it is one that the other place does not hold as well."""
+    link = device.link
+    codes = {rate: code for code, rate in device.speeds().items()}
+    speed = getattr(link, "baud", None) if getattr(link, "can_set_baud", False) else None
+    code = codes.get(speed or 0, 0)
+    if device.bus.per != 1:
+        return COUNTS_WORDS
+    data = device.bus.read(1000, 4, retries=0)
+    places = [place for place in (1001, 1002) if data[place - 1000] == code]
+    told = f"{speed} bit/s is code {code}; 1001 holds {data[1]}, 1002 holds {data[2]}"
+    return Seen(places[0] if code and len(places) == 1 else None, told)
+
+
+def _set_points(name: str, device: RegisterDevice) -> Seen:
+    readings = device.read(elements_of(device.own_map()[name]))
+    values = [one.value for one in readings]
+    told = f"{name}: {' '.join(map(str, values))}"
+    return Seen(
+        -1 if set(values) == {-1} else None,
+        told if set(values) == {-1} else f"{told}: it has been commanded since power-on",
+    )
+
+
+def _acknowledged(device: RegisterDevice) -> Seen:
+    """Which id acknowledges a change of the id. The id of before is given back, and read back there."""
+    bus, old = device.bus, device.bus.id
+    if not isinstance(bus, Bus):
+        return Seen(None, "only on a serial line in EB90")
+    identify_alone(device)
+    new = next((one for one in SPARE_IDS if one != old and not probe(bus, one)), None)
+    if new is None:
+        return Seen(None, "no spare id from 241 to 253 is free")
+    with bus.on_early_end(
+        f"the hand may still have id {new}",
+        f"find it with `handctl {device.kind} scan`. A power-cycle brings back the saved id",
+    ):
+        number = _there_and_back(device, bus, new)
+    return Seen(
+        "new" if number == new else "old", f"id {old} was changed to {new} and back: acknowledged by id {number}"
+    )
+
+
+def _there_and_back(device: RegisterDevice, bus: Bus, new: int) -> int:
+    """The id that acknowledges the change. Raises what kept it from being confirmed that the old one is back."""
+    address, back = device.map["id"].address, bus.at(device_id=new)
+    prefixes = [write_ack_prefix(one, address // bus.per, WRITE) for one in (bus.id, new)]
+    try:
+        frame = bus.exchange(write_request(bus.id, address // bus.per, bytes([new]), WRITE), prefixes, reply_size=9)
+        step = bus.write_step(address, bytes([new]), f"id = {new}")
+        device.journal.ledger.confirm(f"acknowledged by id {frame.id}", step)
+    finally:
+        put_back(partial(_back_home, device, bus, back))
+    return frame.id
+
+
+def _back_home(device: RegisterDevice, bus: Bus, back: Bus) -> None:
+    """Give it the id of `bus` again, unless it answers to that, and read it back. Raises CheckFailed, NoAnswer, ProtocolError."""
+    register, old = device.map["id"], bytes([bus.id])
+    if probe(bus, back.id) or not probe(bus, bus.id):
+        back.try_write(
+            register.address,
+            old,
+            f"the change back to id {bus.id}",
+            "handctl checks for the hand",
+            acknowledged_by=(bus.id,),
+        )
+    if not probe(bus, bus.id) or bus.read(register.address, 1) != old:
+        raise CheckFailed(
+            f"{bus.link.name}: the hand does not respond to id {bus.id} again",
+            hint=f"find it with `handctl {device.kind} scan`. A power-cycle brings back the saved id",
+            code="read-back",
+        )
+    device.journal.ledger.confirm(
+        f"responds to id {bus.id} again", back.write_step(register.address, old, f"id = {bus.id}")
+    )
+
+
+def _write_reply(name: str, device: RegisterDevice) -> Seen:
+    """What acknowledges a write on CAN: a setting gets the value that it has, and is read back."""
+    from handctl.devices.inspire.can_bus import CanBus
+
+    bus, register = device.bus, device.own_map()[name]
+    if not isinstance(bus, CanBus):
+        return Seen(None, "only on CAN")
+    span = (register.place_of(0), register.size)
+    data = bus.read(*span, retries=0)
+    reply = bus.acknowledgement(span[0], data)
+    if bus.read(*span) != data:
+        raise CheckFailed(
+            f"{bus.where}: {name} is no longer {data.hex(' ').upper()}",
+            hint=f"check with `handctl {device.kind} get {name}`",
+            code="read-back",
+        )
+    device.journal.ledger.confirm("read back", bus.write_step(span[0], data, f"{name} as it is"))
+    how = {b"": "empty", bytes([len(data)]): "count"}.get(reply)
+    return Seen(how, f"{name} was written with the value it has: {reply.hex(' ').upper() or 'no data'}")
+
+
+def _id_steps(device: RegisterDevice) -> list[Step]:
+    bus, address = device.bus, device.map["id"].address
+    new = next(one for one in SPARE_IDS if one != bus.id)
+    return [
+        bus.write_step(address, bytes([new]), f"id = {new}, or the next lower free one"),
+        bus.at(device_id=new).write_step(address, bytes([bus.id]), f"id = {bus.id} again"),
+    ]
+
+
+def across(span: Span, source: str) -> Proof:
+    """Whether a read over undocumented bytes is answered."""
+    return Proof("reads-across-gaps", f"not documented; taken for granted to save reads ({source})", ANSWERED, f"one read of {span[1]} bytes at {span[0]}", partial(_across, span))  # fmt: skip
+
+
+def in_gap(*spans: Span, source: str) -> Proof:
+    """What undocumented bytes read."""
+    return Proof("gap-bytes", f"not documented ({source})", "zeros", f"reads at {', '.join(str(span[0]) for span in spans)}, which no manual has", partial(_in_gap, spans))  # fmt: skip
+
+
+def longest(start: int, source: str, assumed: int = MAX_COUNT) -> Proof:
+    """The longest single read."""
+    return Proof("longest-read", f"the length byte allows 252; longer than 151 was never seen ({source})", assumed, f"reads of 252 bytes and fewer at {start}: the longest that is answered", partial(_longest, start), limit="least")  # fmt: skip
+
+
+def reply_time(source: str) -> Proof:
+    """How long the device takes for a reply."""
+    return Proof("reply-time", f"not documented; 4 ms in the field ({source})", 20, f"{TIMED} reads of two bytes: their time without that of their bits, in ms", _reply_time, limit="most", measured=True)  # fmt: skip
+
+
+def signed(*names: str, says: str) -> Proof:
+    """Whether a current has a sign."""
+    return Proof("current-sign", says, "signed", f"{', '.join(names)}: is one below 0?", partial(_sign, names))
+
+
+def speed_register(assumed: int, source: str) -> Proof:
+    """Where the speed code is."""
+    return Proof("speed-register", f"1001 and 1002 are both in print ({source})", assumed, "1000 to 1003, where the link is not at 115200 bit/s: which one holds the code of its speed", _speed_register)  # fmt: skip
+
+
+def set_points(name: str, source: str) -> Proof:
+    """What a device shows that nobody has commanded yet."""
+    return Proof("set-points-at-power-on", f"not documented; -1 in the field ({source})", -1, f"{name} before the first command", partial(_set_points, name))  # fmt: skip
+
+
+def write_reply(name: str, source: str) -> Proof:
+    """How a write is acknowledged on CAN."""
+    return Proof(
+        "write-acknowledgement", f"no data in print, the number of bytes in captures ({source})", ("empty", "count"),
+        f"on CAN, {name} gets the value that it has: the data of the reply", partial(_write_reply, name), WRITE_BACK,
+        question=f"{name} will be written with its present value",
+    )  # fmt: skip
+
+
+ID_ACK = Proof(
+    "id-acknowledged-by", "not documented (exo §2.3.1); by the new id on the RH56 (chapter 3, example 1)", "new",
+    "give it a free id and the one of before again: who acknowledges the first write", _acknowledged, WRITE_BACK,
+    steps=_id_steps, question="The hand gets another id for a moment, and its own again. It stays volatile",
+)  # fmt: skip

@@ -1,0 +1,226 @@
+"""Proofs: the open points of a device's documents as small experiments, and the facts that they show.
+
+A row is an experiment; what it asks is known by its family. Here is when an answer counts: only between two healthy exchanges,
+with no damage on the line meanwhile, twice running and the same every time. Anything else is "not shown", never a fact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from handctl.errors import DeviceRefused, HandctlError, LinkError, ProtocolError
+from handctl.light import NamedTuple
+from handctl.model.param import Step
+from handctl.model.prompts import Prompts
+from handctl.model.result import Cell, Column, Counters, Grid, Row, Table
+
+READ, WRITE_BACK, MOVE = LEVELS = ("read", "write-back", "move")
+AS_ASSUMED, DIFFERS, NOT_SHOWN, REFUSED = "as-assumed", "differs", "not-shown", "refused"
+TONES = {AS_ASSUMED: "good", DIFFERS: "warn", REFUSED: "bad", NOT_SHOWN: "dim"}
+NONE = "none"
+"""The value of a list that is empty."""
+SPARE = 2
+"""Attempts beyond those asked for: so many may be spoiled."""
+CLOSE = 0.5
+"""Share by which two measurements of one quantity may differ, and the least difference that counts."""
+LEAST = 3.0
+COLUMNS = (
+    Column("fact", "Fact"),
+    Column("level", "Level"),
+    Column("verdict", "Verdict"),
+    Column("value", "This device"),
+    Column("assumed", "handctl assumes"),
+    Column("evidence", "Evidence"),
+)
+LISTED = (
+    *COLUMNS[:2],
+    COLUMNS[4],
+    Column("says", "Documents"),
+    Column("how", "Experiment"),
+    Column("verdicts", "Verdict drawn"),
+)
+
+
+class Seen(NamedTuple):
+    """What one experiment showed: `value` is a number or a text, None = it does not show."""
+
+    value: Any
+    evidence: str
+
+
+class Disturbed(ProtocolError):
+    """What came, or stayed away, is damage: it shows nothing of the device."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text, hint="check the cable with `handctl doctor`, then run it again", code="disturbed")
+
+
+class Proof(NamedTuple):
+    """One open point.
+
+    says     what the manual or the dossier says, with its source
+    assumed  the value that handctl goes by; a tuple = any of these; () = any at all
+    how      the experiment in words
+    ask      carries it out on the device; what moves gets the prompts as well. Raises NoAnswer or ProtocolError where the line failed; what the device's silence or refusal means it knows itself
+    level    what it does to the device
+    limit    the value is a number: as assumed up to it ("most"), or from it on ("least")
+    measured the value is a measurement: attempts need only come close, and their median counts
+    steps    what it writes, for the plan
+    question what is asked before, for a level other than reading
+    """
+
+    name: str
+    says: str
+    assumed: Any
+    how: str
+    ask: Callable[..., Seen]
+    level: str = READ
+    limit: str = ""
+    measured: bool = False
+    steps: Callable[[Any], Sequence[Step]] = lambda _: ()
+    question: str = ""
+
+    @property
+    def expected(self) -> str:
+        """What handctl assumes, in words."""
+        values = self.assumed if isinstance(self.assumed, tuple) else (self.assumed,)
+        prefix = {"most": "at most ", "least": "at least "}.get(self.limit, "")
+        return prefix + (" or ".join(map(in_words, values)) or "nothing")
+
+    def verdict(self, value: Any) -> str:
+        """Of a value that was shown."""
+        if self.limit:
+            fits = value <= self.assumed if self.limit == "most" else value >= self.assumed
+        else:
+            fits = (
+                not self.assumed or value in self.assumed if isinstance(self.assumed, tuple) else value == self.assumed
+            )
+        return AS_ASSUMED if fits else DIFFERS
+
+    def listed(self, family: str) -> Row:
+        """The row of --list."""
+        drawn = f"as assumed: {self.expected}. Any other value differs" if self.assumed != () else "any value is a fact"
+        return {
+            "fact": self.name, "family": family, "level": self.level, "assumed": self.expected,
+            "says": self.says, "how": self.how, "verdicts": drawn,
+        }  # fmt: skip
+
+
+class Outcome(NamedTuple):
+    """What became of a proof: `times` good attempts agree on `value`; `why` is the code of what kept it from being shown."""
+
+    proof: Proof
+    verdict: str
+    value: Any
+    evidence: str
+    times: int = 0
+    why: str = ""
+
+    def row(self, family: str) -> Row:
+        """Its row."""
+        return {
+            "fact": self.proof.name, "family": family, "level": self.proof.level, "verdict": self.verdict, "value": self.value,
+            "assumed": self.proof.expected, "evidence": self.evidence, "repetitions": self.times, "why": self.why or None,
+        }  # fmt: skip
+
+    def fact(self) -> dict[str, Any]:
+        """Its entry of the facts file: nothing in it names the device or the link, as messages of errors do."""
+        shown = self.verdict in (AS_ASSUMED, DIFFERS)
+        more = {"evidence": self.evidence} if shown else {"why": self.why}
+        return {"verdict": self.verdict, "value": self.value, "assumed": self.proof.expected, "level": self.proof.level, "repetitions": self.times, **more}  # fmt: skip
+
+
+def in_words(value: Any) -> str:
+    """A value for people."""
+    return "–" if value is None else str(value)
+
+
+def carry_out(proof: Proof, device: Any, healthy: Callable[[], object], repeat: int, prompts: Prompts) -> Outcome:
+    """Carry one proof out `repeat` times. `healthy` is the cheapest documented read.
+
+    Raises LinkError, and whatever a proof that writes or moves raises: then it is not known that the value was put back, or it is a
+    sign of harm.
+    """
+    found: list[Seen] = []
+    spoiled: list[Outcome] = []
+    while len(found) < repeat and len(spoiled) <= SPARE:
+        try:
+            seen = _attempt(proof, device, healthy, prompts)
+        except LinkError:
+            raise
+        except HandctlError as exc:
+            if proof.level != READ or exc.code == "deadline":
+                raise
+            verdict = REFUSED if isinstance(exc, DeviceRefused) else NOT_SHOWN
+            spoiled.append(Outcome(proof, verdict, None, exc.text, why=exc.code))
+        else:
+            if seen is None:
+                text = "the line was disturbed: data came that belongs to no reply, or the experiment did not end alike twice"
+                spoiled.append(Outcome(proof, NOT_SHOWN, None, text, why="disturbed"))
+            elif seen.value is None:
+                return Outcome(proof, NOT_SHOWN, None, seen.evidence, why="no-sign")
+            else:
+                found.append(seen)
+    if len(found) < repeat:
+        why = next((one for one in spoiled if one.verdict == NOT_SHOWN), spoiled[0])
+        return why._replace(verdict=NOT_SHOWN) if found else why
+    if not all(alike(proof, found[0].value, seen.value) for seen in found):
+        told = ", ".join(dict.fromkeys(in_words(seen.value) for seen in found))
+        return Outcome(proof, NOT_SHOWN, None, f"repetitions disagree: {told}", why="disagrees")
+    middle = sorted(found, key=lambda seen: seen.value)[len(found) // 2] if proof.measured else found[0]
+    return Outcome(proof, proof.verdict(middle.value), middle.value, middle.evidence, len(found))
+
+
+def _attempt(proof: Proof, device: Any, healthy: Callable[[], object], prompts: Prompts) -> Seen | None:
+    """The experiment between two healthy exchanges; None where the line was disturbed meanwhile.
+
+    What reads is done twice running: of a fault that meets every second request, never both are hit and no healthy one.
+    """
+    counters = device.journal.counters
+    healthy()
+    before = _damage(counters, proof)
+    first = proof.ask(device, prompts) if proof.level == MOVE else proof.ask(device)
+    second = proof.ask(device) if proof.level == READ else first
+    healthy()
+    if _damage(counters, proof) != before or not alike(proof, first.value, second.value):
+        return None
+    return first
+
+
+def _damage(counters: Counters, proof: Proof) -> tuple[int, ...]:
+    """What shows a disturbed line. What writes looks for free ids and the like by silence, which is asked twice."""
+    again = counters.retries if proof.level == READ else 0
+    return counters.bad_frames, counters.stray_bytes, again, counters.quality().get("bad", 0)
+
+
+def alike(proof: Proof, one: Any, other: Any) -> bool:
+    """Whether two attempts show the same."""
+    if proof.measured and one is not None and other is not None:
+        return bool(abs(one - other) <= max(LEAST, CLOSE * max(abs(one), abs(other))))
+    return bool(one == other)
+
+
+def put_back(do: Callable[[], object]) -> None:
+    """Put back what was written, and read it back. Ctrl-C meanwhile does not end that: it is done once more first."""
+    try:
+        do()
+    except KeyboardInterrupt:
+        do()
+        raise
+
+
+def view(rows: list[Row]) -> list[Grid]:
+    """Fact, verdict and value side by side."""
+    lines = tuple(
+        (row["fact"], Cell(row["verdict"].replace("-", " "), TONES[row["verdict"]]), in_words(row["value"]), row["assumed"], row["evidence"])
+        for row in rows
+    )  # fmt: skip
+    return [Grid(("Fact", "Verdict", "This device", "handctl assumes", "Evidence"), lines)]
+
+
+def table_of(outcomes: Sequence[Outcome], family: str) -> Table:
+    """The rows, one a proof."""
+    return Table(
+        rows=[one.row(family) for one in outcomes], columns=COLUMNS, view=view, plain=("fact", "verdict", "value")
+    )

@@ -1,0 +1,148 @@
+"""`handctl prove`: the open points of a family's documents, asked of one device; the facts file, and two of them compared.
+
+The experiments are rows of the families, in their module `proofs`; when an answer counts is in `model.proofs`. Reading is the default.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import click
+
+from handctl.command.command_tree import Command
+from handctl.command.family import load
+from handctl.command.options import InFile, WholeRange
+from handctl.command.run import Act, Run
+from handctl.errors import DeviceRefused, HandctlError, Interrupted, UsageError
+from handctl.families import FAMILIES
+from handctl.model import facts
+from handctl.model.param import Step
+from handctl.model.proofs import LEVELS, LISTED, READ, Outcome, Proof, carry_out, table_of
+from handctl.model.result import Table
+from handctl.tools.probes import family_of, probe_of
+
+DIFF = "diff"
+REPETITIONS = 3
+
+
+@click.command("prove", cls=Command, writes=True, asks="with --level write-back or move")
+@click.argument("what", type=click.Choice([*FAMILIES, DIFF]), metavar=f"[{'|'.join(FAMILIES)}|{DIFF}]", required=False)
+@click.argument("files", nargs=-1, type=InFile(), metavar="[A B]")
+@click.option("--list", "listing", is_flag=True, help="List the experiments and send nothing. Needs no device.")
+@click.option(
+    "--level",
+    type=click.Choice(LEVELS),
+    default=READ,
+    show_default=True,
+    help="The most that an experiment may do: read, write and put back, or move the device.",
+)
+@click.option("--only", multiple=True, metavar="NAME", help="Only this fact. Can be repeated.")
+@click.option(
+    "--repeat",
+    type=WholeRange(2, 20),
+    default=REPETITIONS,
+    show_default=True,
+    metavar="N",
+    help="Repeat each experiment N times. All of them must agree.",
+)
+@click.option("--identify", is_flag=True, help="Keep the serial number and other identifying data in the facts file.")
+def cli(
+    run: Run, what: str | None, files: tuple[str, ...], listing: bool, level: str, only: tuple[str, ...], repeat: int, identify: bool
+) -> Table | Act:  # fmt: skip
+    """Find out what the documents leave open about one device.
+
+    Each experiment compares what the device does with what handctl assumes: as assumed, differs, not shown or refused. A
+    disturbed line never gives a fact. With -o FILE the facts go to FILE (JSON), for --facts on later commands, and the table is
+    still printed. `handctl prove diff A B` compares two such files.
+    """
+    what = what or run.settings.kind
+    if what is None:
+        raise UsageError("no family given", hint=f"add one of {', '.join(FAMILIES)}, or `{DIFF} A B`")
+    if what == DIFF:
+        if len(files) != 2:
+            raise UsageError(
+                "`handctl prove diff` compares two facts files", hint="give both: `handctl prove diff A B`"
+            )
+        return facts.compared(*files)
+    if files:
+        raise UsageError(f"{files[0]!r} is not expected here", hint="only `handctl prove diff` takes files")
+    proofs = _chosen(what, level, only)
+    if listing:
+        return Table(rows=[proof.listed(what) for proof in proofs], columns=LISTED, plain=("fact", "assumed"))
+    run.family = family_of(what)
+    if run.family.check is not None:
+        run.family.check(run.settings)
+    path, run.settings = run.settings.output, run.settings._replace(output=None)
+    prove = partial(_prove, run, proofs, repeat, path, identify)
+    if level == READ:
+        run.only_reads("--level")
+        return prove(run.device())
+    questions = ". ".join(dict.fromkeys(proof.question for proof in proofs if proof.question))
+    return Act(partial(_plan, run, proofs), prove, questions)
+
+
+def _plan(run: Run, proofs: Sequence[Proof]) -> list[Step]:
+    """The writes of a dry run. What writes the value that it reads first is named."""
+    planner, steps = run.planner(), list[Step]()
+    for proof in proofs:
+        steps += proof.steps(planner)
+        if proof.question and not proof.steps(planner):
+            run.journal.info("plan-open", f"not in this plan: {proof.name}, which writes the value that it first reads")
+    return steps
+
+
+def _chosen(family: str, level: str, only: Sequence[str]) -> list[Proof]:
+    """The rows of a family up to a level, or those of these names. Raises UsageError."""
+    try:
+        every: Sequence[Proof] = load(family, "proofs").PROOFS
+    except ModuleNotFoundError:
+        raise UsageError(f"no experiments are known for {family}", hint="see `handctl prove -h`") from None
+    if unknown := [name for name in only if name not in {proof.name for proof in every}]:
+        raise UsageError(f"no fact {unknown[0]!r} of {family}", hint=f"known: {', '.join(dict.fromkeys(proof.name for proof in every))}")  # fmt: skip
+    most = LEVELS.index(level)
+    found = [proof for proof in every if LEVELS.index(proof.level) <= most and (not only or proof.name in only)]
+    if missing := set(only) - {proof.name for proof in found}:
+        raise UsageError(
+            f"{min(missing)} does more than {level}", hint="see `--list --level move`, and give its --level"
+        )
+    return found
+
+
+def _prove(run: Run, proofs: Sequence[Proof], repeat: int, path: str | None, identify: bool, device: Any) -> Table:
+    """Carry the proofs out, one after the other; keep the facts in `path`."""
+    kind = device.kind
+    module, probe = load(kind, "proofs"), probe_of(kind)
+    if hasattr(module, "prepare"):
+        module.prepare(device)
+    ping = partial(probe.ping, device)
+    ping()
+    if hasattr(probe, "identify") and not run.settings.assume_identity:
+        status, evidence, remedy = probe.identify(device)
+        if status == "fail":
+            raise DeviceRefused(evidence, hint=remedy, code="other-device")
+    outcomes: list[Outcome] = []
+    failure: HandctlError | None = None
+    for number, proof in enumerate(proofs, 1):
+        run.prompts.progress(f"{number} of {len(proofs)}: {proof.name}")
+        try:
+            outcomes.append(carry_out(proof, device, ping, repeat, run.prompts))
+        except KeyboardInterrupt:
+            failure = Interrupted("interrupted")
+            break
+        except HandctlError as exc:
+            failure = exc
+            break
+    run.prompts.done()
+    if path is not None and outcomes:
+        named = {"kind": kind, **device.about} if identify else None
+        facts.write(
+            path, facts.document(kind, outcomes, simulated=run.simulated, time=device.link.wall(), device=named)
+        )
+        run.journal.info(
+            "facts", f"facts written to {path}", hint=f"use them with `handctl {kind} status --facts {path}`"
+        )
+    table = table_of(outcomes, kind)
+    table.failure = failure
+    return table

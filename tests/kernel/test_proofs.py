@@ -1,0 +1,86 @@
+"""When an experiment shows a fact: the rules of `model.proofs`, on a device that is a list of answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer
+from handctl.model.prompts import Prompts
+from handctl.model.proofs import (
+    AS_ASSUMED,
+    DIFFERS,
+    MOVE,
+    NOT_SHOWN,
+    READ,
+    REFUSED,
+    WRITE_BACK,
+    Outcome,
+    Proof,
+    Seen,
+    carry_out,
+)
+from handctl.model.result import Journal
+
+FAILS = {
+    "silent": NoAnswer("n", hint="h"),
+    "refused": DeviceRefused("r", hint="h"),
+    "lost": LinkError("l", hint="h"),
+    "own": HandctlError("o", hint="h"),
+}
+
+
+def outcome(*answers: Any, level: str = READ, healthy: Callable[[], object] = lambda: None, **more: Any) -> Outcome:
+    """What comes of answers in this order, the last of them again and again; a word of FAILS raises."""
+    rest: Iterator[Any] = iter(answers)
+    device = SimpleNamespace(journal=Journal(), last=None)
+
+    def ask(_device: Any, _prompts: Prompts | None = None) -> Seen:
+        device.last = next(rest, device.last)
+        if device.last in FAILS:
+            raise FAILS[device.last]
+        return Seen(device.last, "as asked")
+
+    proof = Proof("fact", "not documented", more.pop("assumed", 4), "asked", ask, level, **more)
+    return carry_out(proof, device, healthy, 3, Prompts())
+
+
+def test_repetitions_that_disagree_show_nothing() -> None:
+    assert outcome(4, 4, 4, 4, 5, 5).why == "disagrees"
+    assert outcome(10, 10, 12, 12, 11, 11, measured=True).value == 11
+    assert outcome(10, 10, 40, 40, measured=True).why == "disagrees"
+
+
+def test_a_verdict_is_drawn_from_what_agrees() -> None:
+    assert (outcome(4).verdict, outcome(4).times) == (AS_ASSUMED, 3)
+    assert outcome(5).verdict == DIFFERS
+    assert outcome(5, assumed=(4, 5)).verdict == outcome(5, assumed=()).verdict == AS_ASSUMED
+    assert [outcome(value, limit="most").verdict for value in (3, 4, 5)] == [AS_ASSUMED, AS_ASSUMED, DIFFERS]
+    assert [outcome(value, limit="least").verdict for value in (3, 4, 5)] == [DIFFERS, AS_ASSUMED, AS_ASSUMED]
+    assert outcome(None).why == "no-sign"
+    assert outcome("refused").verdict == REFUSED
+
+
+def test_a_spoiled_attempt_is_made_again_a_few_times_only() -> None:
+    assert outcome(4, 5, 4).verdict == AS_ASSUMED, "one attempt that did not end alike twice"
+    assert outcome("silent", 4).verdict == AS_ASSUMED
+    assert outcome("refused", "silent").verdict == NOT_SHOWN, "silence is no refusal"
+    assert outcome(4, 5, 4, 5, 4, 5).verdict == NOT_SHOWN
+
+    def unhealthy() -> None:
+        raise FAILS["silent"]
+
+    assert outcome(4, healthy=unhealthy).verdict == NOT_SHOWN
+
+
+def test_what_writes_or_moves_fails_with_its_error() -> None:
+    for level in (WRITE_BACK, MOVE):
+        for word in ("silent", "refused", "own"):
+            with pytest.raises(type(FAILS[word])):
+                outcome(word, level=level)
+    assert outcome("own").verdict == NOT_SHOWN
+    with pytest.raises(LinkError):
+        outcome("lost")

@@ -1,0 +1,368 @@
+"""`handctl prove`: changed simulators are found fact by fact, odd lines give no false fact, and facts set the switches.
+
+A simulator with one option or state that the manual leaves open stands for a device that is not as the books have it.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from handctl.command.family import load
+from handctl.devices.inspire.serial_bus import Bus
+from handctl.families import FAMILIES
+from handctl.model.proofs import AS_ASSUMED, DIFFERS, LEVELS, READ
+from handctl.sim.engine.facts import Twin
+from handctl.sim.engine.line import LINE_FAULTS
+from tests.support.bus_file import text
+from tests.support.cli import Result, run
+from tests.support.each_row import each_row
+
+WRITES = ("--level", "write-back", "-y", "--only")
+STOP = ("--level", "move", "-y", "--only", "position-at-stop")
+LATER = "BD, BP, BS, BDAT"
+CHANGED: list[tuple[str, str, str, object, tuple[str, ...]]] = [
+    # family, what its simulator is told, the fact that must be found and its value, and further words
+    ("barrett", "prompt=bare", "prompt", "bare", ()),
+    ("barrett", "line-end=crlf", "line-end", "crlf", ()),
+    ("barrett", "texts=names", "version-text", "Version N", ()),
+    ("barrett", "texts=names", "parameter-list", "name - text", ()),
+    ("barrett", "texts=prose", "value-list", "name: text", ()),
+    ("barrett", "texts=prose", "help-text", "name: text", ()),
+    ("barrett", "line-limit=66", "longest-line", 60, ()),
+    ("barrett", "max-arguments=13", "most-arguments", 12, ()),
+    ("barrett", "firmware=4.34", "later-parameters", LATER, ()),
+    ("barrett", "firmware=4.4", "later-parameters", f"{LATER}, LCT, LFBP, LFAIN", ()),
+    ("barrett", "fault=no-gauges", "strain-gauges", 0, ()),
+    ("barrett", "max-baud=19200", "highest-speed", 19200, (*WRITES, "highest-speed")),
+    ("barrett", "initialized=1&position-sign=unsigned", "position-at-stop", "unsigned", STOP),
+    ("barrett", "initialized=1&position-sign=clamped", "position-at-stop", "clamped", STOP),
+    ("ekso", "length=frame", "length-convention", "frame", ()),
+    ("ekso", "length=n-2", "length-convention", "n-2", ()),
+    ("ekso", "answer-length=n-4", "answer-length", "n-4", ()),
+    ("ekso", "time-body=3", "time-body", 3, ()),
+    ("ekso", "quantum=10", "service-grid", 10, ()),
+    ("ekso", "quantum=20", "service-grid", 20, ()),
+    ("ekso", "bad-crc=acknowledge", "bad-crc", "acknowledged", ()),
+    ("ekso", "fault=frozen-clock", "boot-time-words", "stands still", ()),
+    ("ekso", "posture=sitting", "knee-sign", "flexion positive", ()),
+    ("aidin", "exchange=poll", "exchange", "poll", ()),
+    ("aidin", "rate=40", "rate", 40, ()),
+    ("aidin", "between=nul", "between-objects", "nul", ()),
+    ("aidin", "exchange=poll&between=none", "between-objects", "none", ()),
+    ("aidin", "exchange=poll&reader=nul", "request-terminator", "nul", ()),
+    ("aidin", "objects=separate", "objects", "separate", ()),
+    ("aidin", "layout=indented", "layout", "indented", ()),
+    ("aidin", "integers=1", "whole-numbers", "decimals", ()),
+    ("aidin", "digits=4", "decimals", 4, ()),
+    ("aidin", "q4=half", "q4", "half", ()),
+    ("aidin", "q4=zero", "q4", "zero", ()),
+    ("exo", "fault=block-silent", "reads-across-gaps", "silent", ()),
+    ("exo", "fault=block-silent", "longest-read", 12, ()),
+    ("exo", "fault=fresh", "set-points-at-power-on", -1, ()),
+    ("exo", "baud=57600&fault=baud-at-1002", "speed-register", 1002, ("--baud", "57600")),
+    ("exo", "ack-id=old", "id-acknowledged-by", "old", (*WRITES, "id-acknowledged-by")),
+    ("exo", "turnaround=0.05", "reply-time", 48, ()),
+    ("wrist", "fault=block-silent", "reads-across-gaps", "silent", ()),
+    ("wrist", "fault=block-silent", "gap-bytes", "silent", ()),
+    ("hand", "model=df", "generation", "df", ()),
+    ("hand", "model=f1", "generation", "f1", ()),
+    ("hand", "model=dg2", "generation", "dg2", ()),
+    ("hand", "speaks=modbus", "protocol", "modbus", ()),
+    ("hand", "speaks=eb90", "protocol", "eb90", ()),
+    ("hand", "bus=can&ack=empty", "write-acknowledgement", "empty", (*WRITES, "write-acknowledgement")),
+    ("barrett", "", "idle-abort", "prompt", (*WRITES, "idle-abort")),
+    ("hand", "fault=high-half", "byte-groups", "high half first", ()),
+    ("hand", "fault=rtu-unpacked", "byte-groups", "one a register", ()),
+    ("hand", "model=df&baud=57600&baud-register=1001", "speed-register", 1001, ("--baud", "57600")),
+    ("hand", "ack-id=old", "id-acknowledged-by", "old", (*WRITES, "id-acknowledged-by")),
+]
+
+
+def prove(family: str, said: str = "", *words: str) -> Result:
+    return run("prove", family, "-p", f"fake://{family}?clock=virtual&{said}".rstrip("&?"), "--json", *words)
+
+
+def shown(result: Result) -> dict[str, Any]:
+    """The facts that were shown, by name."""
+    rows = result.json.get("rows", [])
+    return {row["fact"]: row["value"] for row in rows if row["verdict"] in (AS_ASSUMED, DIFFERS)}
+
+
+@cache
+def healthy(family: str) -> dict[str, Any]:
+    return shown(prove(family))
+
+
+@each_row("family,said,fact,value,words", CHANGED)
+def test_a_change_of_the_simulator_is_found(
+    family: str, said: str, fact: str, value: object, words: tuple[str, ...]
+) -> None:
+    result = prove(family, said, *words)
+    assert result.code == 0, result.err
+    assert shown(result)[fact] == value
+    assert healthy(family).get(fact) != value, "the simulator shows that without the option as well"
+
+
+ODD = [fault for fault in LINE_FAULTS if fault != "healthy"]
+ARRIVES = {"reply-time": ("dribble", "split", "slow"), "rate": ("silent", "slow")}
+"""What is measured as it arrives, and the faults that change when or whether it does: then it is no false fact."""
+
+
+@pytest.mark.parametrize(
+    ("family", "said"),
+    [*((family, "") for family in FAMILIES), ("aidin", "exchange=poll&"), ("ekso", "posture=sitting&")],
+)
+def test_an_odd_line_gives_no_false_fact(family: str, said: str) -> None:
+    true, wrong = shown(prove(family, said)), []
+    for fault in ODD:
+        for every, after in ((1, 0), (2, 0), (5, 0), (1, 6)):
+            found = shown(prove(family, f"{said}fault={fault}&every={every}&after={after}", "--repeat", "2"))
+            wrong += [
+                (fault, every, after, fact, value)
+                for fact, value in found.items()
+                if value != true.get(fact) and fault not in ARRIVES.get(fact, ())
+            ]
+    assert not wrong
+
+
+def test_a_second_master_gives_no_false_fact(tmp_path: Path) -> None:
+    path, logger = tmp_path / "bus.toml", {"ask": "EB 90 01 04 11 E8 03 01 02", "every_ms": 37}
+    path.write_text(text("half-duplex", [{"kind": "exo", "id": 1}], [logger]))
+    result = run("prove", "exo", "-p", f"fake://bus?file={path}&clock=virtual", "--json")
+    found = shown(result)
+    assert {
+        fact: value for fact, value in found.items() if fact != "reply-time" and value != healthy("exo")[fact]
+    } == {}
+
+
+def test_silence_at_the_start_is_the_error_of_every_command() -> None:
+    assert {family: prove(family, "fault=silent").code for family in FAMILIES} == dict.fromkeys(FAMILIES, 4)
+    assert run("prove", "exo", "-p", "fake://hand?clock=virtual&model=df", "--json").code == 6
+
+
+def test_the_list_needs_no_device_and_says_everything() -> None:
+    for family in FAMILIES:
+        rows = run("prove", family, "--list", "--level", "move", "--json").rows
+        assert [row["fact"] for row in rows] == [proof.name for proof in load(family, "proofs").PROOFS]
+        assert all(
+            row[key] for row in rows for key in ("fact", "family", "level", "says", "assumed", "how", "verdicts")
+        )
+        assert all(row["level"] in LEVELS for row in rows)
+    assert {row["level"] for row in run("prove", "exo", "--list", "--json").rows} == {READ}
+
+
+# -- the facts file -----------------------------------------------------------------------------------------------------
+
+
+def facts(family: str, said: str, path: Path, *words: str) -> dict[str, Any]:
+    """The file of that device."""
+    result = prove(family, said, "-o", str(path), *words)
+    assert result.code == 0, result.err
+    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return content
+
+
+@each_row("family", FAMILIES)
+def test_the_facts_file_has_its_schema_and_names_no_device(family: str, tmp_path: Path) -> None:
+    schema = json.loads(resources.files("handctl").joinpath("schema", "facts-1.json").read_text(encoding="utf-8"))
+    Draft202012Validator.check_schema(schema)
+    path = tmp_path / "facts.json"
+    said = "fault=block-silent" if family == "exo" else ""  # its errors name the link
+    content = facts(family, said, path)
+    Draft202012Validator(schema).validate(content)
+    assert content["simulated"] is True
+    assert "device" not in content
+    assert not [
+        word for word in ("fake:", "192.168", str(tmp_path), "4711") if word in path.read_text(encoding="utf-8")
+    ]
+    named = facts(family, "", path, "--identify")
+    Draft202012Validator(schema).validate(named)
+    assert named["device"]["kind"] == family
+
+
+def test_diff_compares_two_devices(tmp_path: Path) -> None:
+    one, other = tmp_path / "a.json", tmp_path / "b.json"
+    facts("ekso", "", one)
+    facts("ekso", "time-body=3", other)
+    assert run("prove", "diff", str(one), str(one), "--json").code == 0
+    result = run("prove", "diff", str(one), str(other), "--json")
+    assert (result.code, [row["fact"] for row in result.rows if row["equal"] is False]) == (7, ["time-body"])
+    assert run("prove", "diff", str(one), str(other), "-o", str(one), "--json").code == 2
+    assert json.loads(one.read_text())["family"] == "ekso"
+
+
+@each_row(
+    "content",
+    ["", "{}", "[]", '{"schema": "handctl/facts-2"}', '{"schema": "handctl/facts-1", "family": "exo", "facts": [1]}'],
+)
+def test_a_file_that_is_none_is_refused_before_anything_is_sent(content: str, tmp_path: Path) -> None:
+    path = tmp_path / "facts.json"
+    path.write_text(content)
+    result = run("exo", "get", "id", "-p", "fake://exo?clock=virtual", "--facts", str(path), "--json")
+    assert (result.code, result.error["code"]) == (2, "facts")
+
+
+# -- facts set the switches ------------------------------------------------------------------------------------------
+
+
+@each_row(
+    "family,said,words",
+    [
+        ("ekso", "length=frame", ("get", "step_length")),
+        ("aidin", "exchange=poll&reader=nul", ("get", "motor_pos")),
+    ],
+)
+def test_what_is_silent_without_the_facts_answers_with_them(
+    family: str, said: str, words: tuple[str, ...], tmp_path: Path
+) -> None:
+    link, path = ("-p", f"fake://{family}?clock=virtual&{said}"), tmp_path / "facts.json"
+    facts(family, said, path)
+    assert run(family, *words, *link, "--json").code == 4
+    result = run(family, *words, *link, "--facts", str(path), "--json")
+    assert result.code == 0, result.err
+    (told,) = [message["text"] for message in result.json["messages"] if message["code"] == "facts-used"]
+    assert told.startswith("On this device:")
+
+
+@each_row("family", ["exo", "wrist", "hand"])
+def test_reads_across_gaps_are_not_tried_where_they_were_silent(family: str, tmp_path: Path) -> None:
+    link, path = ("-p", f"fake://{family}?clock=virtual&fault=block-silent"), tmp_path / "facts.json"
+    facts(family, "fault=block-silent", path)
+    assert "block-silent" in run(family, "dump", *link, "--json").codes()
+    assert "block-silent" not in run(family, "dump", *link, "--facts", str(path), "--json").codes()
+
+
+def test_the_generation_and_the_protocol_of_a_hand_come_from_its_facts(tmp_path: Path) -> None:
+    path, said = tmp_path / "facts.json", "model=f1&speaks=modbus"
+    facts("hand", said, path)
+    link = ("-p", f"fake://hand?clock=virtual&{said}", "--json")
+    with_facts = run("hand", "get", "angle_actual", "--facts", str(path), *link)
+    assert with_facts.code == 0
+    assert with_facts.json["counters"]["sent"] < run("hand", "get", "angle_actual", *link).json["counters"]["sent"]
+    other = run(
+        "hand", "get", "angle_actual", "--facts", str(path), "-p", "fake://hand?clock=virtual&model=df", "--json"
+    )
+    assert other.code == 6, "the facts of another device"
+
+
+def test_an_option_wins_over_a_fact_and_another_family_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "facts.json"
+    facts("aidin", "", path)
+    link = ("-p", "fake://aidin?clock=virtual&exchange=poll")
+    assert run("aidin", "get", "motor_pos", *link, "--facts", str(path), "--json").code == 4
+    assert run("aidin", "get", "motor_pos", *link, "--facts", str(path), "--exchange", "poll", "--json").code == 0
+    assert run("exo", "get", "id", "-p", "fake://exo", "--facts", str(path), "--json").error["code"] == "facts"
+
+
+def test_a_named_device_has_its_facts_in_the_configuration(tmp_path: Path) -> None:
+    path, config = tmp_path / "facts.json", tmp_path / "config.toml"
+    facts("ekso", "length=n-2", path)
+    port = "fake://ekso?clock=virtual&length=n-2"
+    config.write_text(f'[devices.unit]\nkind = "ekso"\nport = "{port}"\nfacts = "{path}"\n')
+    assert run("-d", "unit", "get", "step_length", "--json", env={"HANDCTL_CONFIG": str(config)}).code == 0
+
+
+def test_the_sign_of_a_position_comes_from_the_facts(tmp_path: Path) -> None:
+    path, said = tmp_path / "facts.json", f"initialized=1&position-sign=unsigned&state={tmp_path / 'state.json'}"
+    facts("barrett", said, path, *STOP)
+    result = run("barrett", "get", "P.F1", "-p", f"fake://barrett?clock=virtual&{said}", "--facts", str(path), "--json")
+    assert [row["value"] for row in result.rows] == [-50]
+    (told,) = [message["text"] for message in result.json["messages"] if message["code"] == "unsigned-position"]
+    assert told.startswith("On this device")
+
+
+def test_what_moves_asks_and_ends_at_what_the_hand_refuses() -> None:
+    assert prove("barrett", "", "--level", "move", "--only", "position-at-stop").code == 8
+    result = prove("barrett", "", *STOP)
+    assert (result.code, result.json["rows"]) == (6, []), "the motors are not initialized"
+
+
+# -- the twin -------------------------------------------------------------------------------------------------------------
+
+
+@each_row("family,said,fact,value,words", CHANGED)
+def test_a_simulator_with_the_facts_shows_the_same_facts(
+    family: str, said: str, fact: str, value: object, words: tuple[str, ...], tmp_path: Path
+) -> None:
+    path, state = (
+        tmp_path / "facts.json",
+        "&".join(pair for pair in said.split("&") if pair[:5] in ("baud=", "initi", "postu", "bus=c")),
+    )
+    original = facts(family, said, path, *words)["facts"]
+    twin = shown(prove(family, f"{state}&facts={path}".lstrip("&"), *words))
+    assert twin == {name: one["value"] for name, one in original.items() if one["value"] is not None} | {
+        name: value for name, value in twin.items() if name == "reply-time"
+    }
+
+
+def test_a_twin_counts_its_facts_and_refuses_those_of_another(tmp_path: Path) -> None:
+    path = tmp_path / "facts.json"
+    content = facts("ekso", "time-body=3", path)
+    twin = Twin("ekso", {"facts": str(path), "quantum": "10"})
+    assert (len(twin.taken), twin.left, twin.raw["time-body"], twin.raw["quantum"]) == (8, [], "3", "10")
+    content["facts"]["unlisted-codes"] |= {"value": "sit_mode", "verdict": "differs"}
+    path.write_text(json.dumps(content))
+    assert Twin("ekso", {"facts": str(path)}).left == ["unlisted-codes"]
+    assert run("exo", "get", "id", "-p", f"fake://exo?facts={path}", "--json").code == 2
+    assert run("ekso", "get", "step_length", "-p", f"fake://ekso?facts={tmp_path / 'none'}", "--json").code == 2
+
+
+# -- what writes puts it back -----------------------------------------------------------------------------------------
+
+
+@each_row(
+    "family,fact,get,value",
+    [("exo", "id-acknowledged-by", "id", 1), ("hand", "id-acknowledged-by", "id", 1), ("barrett", "highest-speed", "baud_rate", 96)],
+)  # fmt: skip
+def test_what_was_written_is_put_back(family: str, fact: str, get: str, value: int, tmp_path: Path) -> None:
+    state, written = tmp_path / "state.json", ("--level", "write-back", "--only", fact)
+    assert prove(family, f"state={state}", *written).code == 8, "nobody was asked"
+    result = prove(family, f"state={state}", *written, "-y")
+    assert result.code == 0, result.err
+    assert {row["state"] for row in result.json["writes"]} == {"confirmed"}
+    (row,) = run(family, "get", get, "-p", f"fake://{family}?clock=virtual&state={state}", "--json").rows[:1]
+    assert row["value"] == value
+
+
+@each_row("after", range(6, 32))
+def test_a_hand_that_falls_silent_meanwhile_gives_no_fact(after: int) -> None:
+    result = prove("exo", f"fault=silent&after={after}", *WRITES, "id-acknowledged-by")
+    home = [row["state"] for row in result.json["writes"] if row["meaning"].startswith("write id = 1,")]
+    there = [row["state"] for row in result.json["writes"] if row["meaning"].startswith("write id = 253")]
+    assert result.code in (4, 7)
+    if result.code == 4:  # between two repetitions: all is as before
+        assert home == ["confirmed"] * len(there)
+    assert result.json["rows"] == []
+
+
+@each_row("behind", range(9, 26))
+def test_ctrl_c_in_the_middle_puts_it_back(behind: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    state, count, exchange = tmp_path / "state.json", [0], Bus.exchange
+
+    def pressed(self: Bus, *args: Any, **more: Any) -> Any:
+        count[0] += 1
+        mine = count[0]
+        try:
+            return exchange(self, *args, **more)
+        finally:
+            if mine == behind:
+                raise KeyboardInterrupt
+
+    monkeypatch.setattr(Bus, "exchange", pressed)
+    result = prove("exo", f"state={state}", *WRITES, "id-acknowledged-by")
+    monkeypatch.undo()
+    assert result.code == 130
+    (row,) = run("exo", "get", "id", "-p", f"fake://exo?clock=virtual&state={state}", "--json").rows
+    assert row["value"] == 1
+
+
+def test_a_dry_run_shows_the_way_there_and_back() -> None:
+    rows = run("prove", "exo", *WRITES[:2], "--only", "id-acknowledged-by", "-n", "--json").rows
+    assert [row["bytes"][6:8] for row in rows] == ["01", "FD"]
