@@ -16,13 +16,13 @@ from handctl import __version__
 from handctl.command.console import print_message
 from handctl.command.options import config_path, read_config
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError, joined
+from handctl.model.result import SCHEMA, Journal, Message, Table
 from handctl.screen.sanitize import utf8_stdout
 from handctl.wording import sentence, utc
 
 if TYPE_CHECKING:
     from handctl.command.invocation import Invocation
     from handctl.link import Link
-    from handctl.model.result import Journal, Message, Table
     from handctl.screen.render import Context
 
 
@@ -141,8 +141,6 @@ def make_envelope(
     link: Link | None = None,
 ) -> dict[str, Any]:
     """The JSON envelope without rows. The `link`, where there is one, has the clock."""
-    from handctl.model.result import SCHEMA
-
     rows = [message.as_row() for message in journal.messages]
     if failure is not None:
         rows.append({"level": "error", "code": failure.code, "text": failure.text, "hint": failure.hint})
@@ -187,8 +185,6 @@ def late_envelope(args: Sequence[str], error: HandctlError, streams: bool, comma
     wanted = wanted or str(in_file("format") or ("json" if in_file("json") else ""))
     if wanted not in ("json", "ndjson"):
         return
-    from handctl.model.result import Journal
-
     envelope = make_envelope(command, error, None, Journal(), extra)
     utf8_stdout()
     try:

@@ -10,11 +10,13 @@ import os
 import re
 import sys
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+from handctl.command import config_edit
 from handctl.command.command_tree import Group
+from handctl.command.config import DEVICE_KEYS, NAME_HELP, Config, Device, is_name
 from handctl.command.config_edit import stable_name
 from handctl.command.family import Family, refuse_missing, refuse_serial
 from handctl.command.options import COMMAND_LINE, InFile, Source, checks, config_path, own_options, read_config, said
@@ -23,14 +25,11 @@ from handctl.command.run import Run
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, WIRES
 from handctl.files import read_text
+from handctl.link import NoFrames, NoLink, is_can
 from handctl.link.base import SCHEMES
 from handctl.model.result import Column, Row, Table
 from handctl.model.settings import Settings
 from handctl.tools.probes import family_of
-
-if TYPE_CHECKING:
-    from handctl.command.config import Config, Device
-
 
 MOST = 1_000_000
 """Characters of the output of a scan."""
@@ -90,9 +89,6 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
 
     Saves the family and, if given, --port, --id, --baud, --timeout, --deadline and --retries. Does not contact the device.
     """
-    from handctl.command import config_edit
-    from handctl.command.config import NAME_HELP, is_name
-
     if not is_name(name):
         raise UsageError(f"{name!r} cannot be the name of a device", hint=f"allowed: {NAME_HELP}")
     given = _given(run)
@@ -126,8 +122,6 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
 
 def _changed(run: Run, config: Config, edit: Callable[[Config], str], values: dict[str, Any], row: Row) -> Table:
     """The file edited, or with --dry-run only looked at; `values` are those of the device afterwards."""
-    from handctl.command import config_edit
-
     if run.settings.dry_run:
         config_edit.verified(config, edit(config), checks(), values, row["name"])
         run.journal.info("dry-run", "dry run: nothing was written")
@@ -140,8 +134,6 @@ def _changed(run: Run, config: Config, edit: Callable[[Config], str], values: di
 @click.argument("name")
 def remove(run: Run, name: str) -> Table:
     """Delete a name from the configuration file. The rest of the file is unchanged."""
-    from handctl.command import config_edit
-
     path = config_path()
     config = read_config(path)
     device = config.find(name)
@@ -181,8 +173,6 @@ def show(run: Run, name: str | None) -> Table:
 
 def _given(run: Run) -> dict[str, Any]:
     """What the command line itself says about the device; what comes from elsewhere is not copied into it."""
-    from handctl.command.config import DEVICE_KEYS
-
     if run.sources.get("device") == COMMAND_LINE:
         raise UsageError("-d names an existing device, not the new one", hint="run the command without -d")
     said = {key: getattr(run.settings, key) for key in DEVICE_KEYS if run.sources.get(key) == COMMAND_LINE}
@@ -212,8 +202,6 @@ def check(run: Run, kind: str, given: dict[str, Any]) -> None:
 
     A path that may name another adapter tomorrow gets a warning with the better name.
     """
-    from handctl.link import NoFrames, NoLink, is_can
-
     family, port = family_of(kind), str(given["port"])
     refuse_missing(family, given)
     check_link(port, family)
