@@ -78,24 +78,24 @@ class Outcome:
 
     def stream(self, context: Context) -> HandctlError | None:
         """Show a stream to its end; what went wrong."""
-        from handctl.screen import output, render
+        from handctl.screen import render
 
         table = self.table
         assert table is not None
         self.tell()  # of what was met before the first row
         self._live = True
         try:
-            with output.Sink(self._asked.settings) as place:
+            with render.Sink(self._asked.settings) as place:
                 return render.stream(table, place, context)
         except OutputError as exc:
             return weightier(table.failure, exc)
 
     def show(self, context: Context) -> None:
         """Show a finished result, or the error in formats that include it. Raises OutputError."""
-        from handctl.screen import output, render
+        from handctl.screen import render
 
         if self.table is not None or render.speaks(self._asked.settings.format, self.failure):
-            with output.Sink(self._asked.settings) as place:
+            with render.Sink(self._asked.settings) as place:
                 render.show(self.table, self.failure, place, context)
         self.tell()
 

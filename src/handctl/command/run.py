@@ -30,8 +30,7 @@ from handctl.command.family import Family, implied
 from handctl.command.invocation import Invocation, check_before, shown_steps, tell_unasked, told, unsent
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
 from handctl.interrupts import device_done, end_on_signals, finish_on_signals, output_abandoned
-from handctl.model.line_quality import LineQuality
-from handctl.model.result import Column, Journal, Table
+from handctl.model.result import Column, Journal, LineQuality, Table
 from handctl.model.settings import Settings
 from handctl.model.write_ledger import SENT
 from handctl.screen.sanitize import text_shown

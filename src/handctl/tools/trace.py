@@ -371,7 +371,7 @@ def _streamed(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool]
 
 
 def _write_text(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool]) -> None:
-    from handctl.screen.output import Sink
+    from handctl.screen.render import Sink
 
     with Sink(run.settings) as sink:
         width = shutil.get_terminal_size().columns if sink.terminal else None
