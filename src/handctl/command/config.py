@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
 from handctl.files import NoFile, read
+from handctl.light import light
 from handctl.wording import near
 
 Check = Callable[[Any], Any]
@@ -159,28 +160,22 @@ def _toml(path: str, text: str) -> dict[str, Any]:
         raise _wrong(path, line, f"not valid TOML: {what}", "correct that line: put texts in quotes") from exc
 
 
+@light(eq=False)
 class _Book:
     """Check the entries of one file and know the line of each."""
 
-    def __init__(
-        self,
-        path: str,
-        lines: Mapping[tuple[str, ...], int],
-        checks: Mapping[str, Check],
-        passed: list[UsageError] | None,
-    ) -> None:
-        self._path = path
-        self._passed = passed
-        self._lines = lines
-        self._checks = checks
+    path: str
+    lines: Mapping[tuple[str, ...], int]
+    checks: Mapping[str, Check]
+    passed: list[UsageError] | None
 
     def line(self, place: tuple[str, ...]) -> int | None:
-        while place and place not in self._lines:
+        while place and place not in self.lines:
             place = place[:-1]
-        return self._lines.get(place)
+        return self.lines.get(place)
 
     def wrong(self, place: tuple[str, ...], text: str, hint: str) -> UsageError:
-        return _wrong(self._path, self.line(place), text, hint)
+        return _wrong(self.path, self.line(place), text, hint)
 
     @contextlib.contextmanager
     def noted(self) -> Iterator[None]:
@@ -188,9 +183,9 @@ class _Book:
         try:
             yield
         except UsageError as exc:
-            if self._passed is None:
+            if self.passed is None:
                 raise
-            self._passed.append(exc)
+            self.passed.append(exc)
 
     def entries(
         self, place: tuple[str, ...], table: Mapping[str, Any], known: tuple[str, ...], what: str
@@ -208,7 +203,7 @@ class _Book:
             meant = f"Did you mean {' or '.join(close)}? " if close else ""
             raise self.wrong(place, f"{key}: no such {what}", f"{meant}Known: {', '.join(known)}")
         try:
-            return Entry(self._checks[key](value), self.line(place))
+            return Entry(self.checks[key](value), self.line(place))
         except ValueError as exc:
             shown = repr(value) if isinstance(value, str | int | float) else "the value"
             raise self.wrong(place, f"{key} = {shown}: {exc}", "correct that line") from exc
