@@ -50,7 +50,7 @@ class FamilyRow:
                 stopper  `stop_steps`: the bytes of its stop, see `model.stop_sequence`
                 explain  `explainer`: makes a `model.explainer.Explainer` of recorded bytes
                 writes   `words`: makes the `model.write_ledger.WriteRules` that tell which of its bytes write, and what acknowledges them
-                remedies  optional, `REMEDIES`: what a finding means and what to do, see `model.remedy`
+                remedies  optional, `REMEDIES`: what a finding means and what to do, see `model.outline`
                 outline  optional, `OUTLINE`: its fingers or joints in their place, see `model.outline`
                 page     optional, see `docgen.texts`: EXAMPLES, FILES and `section` of its manual page
     codec     module of its frame, which has the manual's name; `sign` in it says what in bytes that came shows its
