@@ -1,10 +1,15 @@
-"""The table of device families and tools, so that nothing has to be loaded to list them. Imports nothing.
+"""The table of device families and tools, so that nothing has to be loaded to list them. Imports `light` alone.
 
 The root group lists its commands from here, so that neither help nor completion imports a device family. This is the only
 place outside of a family's own folder and its simulator's that names it.
 """
 
+from __future__ import annotations
 
+from handctl.light import field, light
+
+
+@light(eq=False)
 class OwnOption:
     """An option that one family has: --NAME and HANDCTL_NAME; `settings.own` holds its value as NAME with _ for -.
 
@@ -19,29 +24,22 @@ class OwnOption:
              configuration file; else it is accepted at every level, as --port is
     """
 
-    def __init__(
-        self,
-        name: str,
-        help: str,
-        *,
-        metavar: str = "",
-        choices: tuple[str, ...] = (),
-        flag: bool = False,
-        named: bool = False,
-        implied: bool = False,
-        asked: bool = False,
-    ) -> None:
-        self.name = name
-        self.key = name.replace("-", "_")
-        self.help = help
-        self.metavar = metavar
-        self.choices = choices
-        self.flag = flag
-        self.named = named
-        self.implied = implied
-        self.asked = asked
+    name: str
+    help: str
+    metavar: str = ""
+    choices: tuple[str, ...] = ()
+    flag: bool = False
+    named: bool = False
+    implied: bool = False
+    asked: bool = False
+
+    @property
+    def key(self) -> str:
+        """Its key in the settings."""
+        return self.name.replace("-", "_")
 
 
+@light(eq=False)
 class FamilyRow:
     """One family: its help line, its modules, its place in a scan, its options.
 
@@ -53,7 +51,7 @@ class FamilyRow:
                 explain  `explainer`: makes a `model.explainer.Explainer` of recorded bytes
                 write_rules  in `explain`, `words`: makes the `model.write_ledger.WriteRules` that tell which of its bytes write, and
                          what acknowledges them
-                remedies  optional, `REMEDIES`: what a finding means and what to do, see `model.remedy`
+                remedies  optional, `REMEDIES`: what a finding means and what to do, see `model.outline`
                 outline  optional, in `remedies`, `OUTLINE`: its fingers or joints in their place, see `model.outline`
                 page     optional, see `docgen.texts`: EXAMPLES, FILES and `section` of its manual page
     codec     module of its frame, which has the manual's name; `sign` in it says what in bytes that came shows its
@@ -65,26 +63,14 @@ class FamilyRow:
     trigger   fastest speed in bit/s at which its device listens, and the bytes on which it acts wherever they stand
     """
 
-    def __init__(
-        self,
-        help: str,
-        package: str,
-        *,
-        codec: str,
-        scan: int = 100,
-        tell: int = 100,
-        options: tuple[OwnOption, ...] = (),
-        facts: dict[str, tuple[str, dict[str, str]]] = {},  # noqa: B006 - read only
-        trigger: tuple[int, bytes] | None = None,
-    ) -> None:
-        self.help = help
-        self.package = package
-        self.codec = codec
-        self.scan = scan
-        self.tell = tell
-        self.options = options
-        self.facts = facts
-        self.trigger = trigger
+    help: str
+    package: str
+    codec: str
+    scan: int = 100
+    tell: int = 100
+    options: tuple[OwnOption, ...] = ()
+    facts: dict[str, tuple[str, dict[str, str]]] = field(default_factory=dict)
+    trigger: tuple[int, bytes] | None = None
 
     def module(self, role: str) -> str:
         """Where the module of a role is."""

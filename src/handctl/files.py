@@ -292,7 +292,7 @@ class Spool:
     def take(self, lines: Iterable[str]) -> None:
         """Append them; what came before an error stays."""
         some: list[str] = []
-        try:
+        with writing(self.folder, hint="make room there, or choose --format ndjson, which needs none"):
             try:
                 for line in lines:
                     some.append(line)
@@ -301,11 +301,6 @@ class Spool:
                         some.clear()
             finally:
                 self._file.write("\n".join((*some, "")))
-        except OSError as exc:
-            raise OutputError(
-                f"{self.folder}: cannot be written: {exc.strerror or exc}",
-                hint="make room there, or choose --format ndjson, which needs none",
-            ) from exc
 
     def lines(self) -> Iterator[str]:
         """All of them."""

@@ -8,7 +8,7 @@ from random import Random
 
 import pytest
 
-from handctl.model.line_quality import RoundTrips
+from handctl.model.result import RoundTrips
 
 
 def trips(*milliseconds: float) -> RoundTrips:

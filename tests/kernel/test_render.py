@@ -18,8 +18,7 @@ import pytest
 from handctl.errors import OutputError
 from handctl.model.result import Column, Sample, Table
 from handctl.model.settings import Settings
-from handctl.screen.output import Sink
-from handctl.screen.render import stream
+from handctl.screen.render import Sink, stream
 from tests.support.cli import (
     FINGERS,
     PATIENCE,

@@ -19,8 +19,7 @@ import pytest
 from handctl.model.result import Cell, Column, Counters, Grid, Sample, Table
 from handctl.model.settings import Settings
 from handctl.screen import render
-from handctl.screen.output import Sink
-from handctl.screen.render import show, stream
+from handctl.screen.render import Sink, show, stream
 from handctl.screen.sanitize import no_formula, shown, text_shown, value_shown
 from tests.hostile.locale_cells import judge, run_in
 from tests.support.cli import PATIENCE, clean_environment, fake, program, run

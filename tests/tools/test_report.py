@@ -334,7 +334,7 @@ def test_the_environment_names_versions_and_nobody(monkeypatch: pytest.MonkeyPat
     assert set(facts) == {"system", "Python", *port_inventory.needed()}
     assert re.fullmatch(r"\d+\.\d+.*", facts["click"])
     assert os.uname().nodename not in " ".join(facts.values()).split()
-    monkeypatch.setattr(port_inventory, "needed", lambda: ("no-such-package",))
+    monkeypatch.setattr(report_private, "needed", lambda: ("no-such-package",))
     assert dict(environment())["no-such-package"] == "not installed as a package"
 
 

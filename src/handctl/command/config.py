@@ -26,6 +26,7 @@ from handctl.command.options import lasting_options
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, WIRES
 from handctl.files import NoFile, read
+from handctl.light import light
 from handctl.system.folders import config_path
 from handctl.wording import near
 
@@ -155,7 +156,7 @@ def read_config(path: str = "", passed: list[UsageError] | None = None) -> Confi
 def parse(path: str, text: str, passed: list[UsageError] | None = None) -> Config:
     """The configuration in `text`; `path` is for the messages. Raises UsageError, see `read_config`."""
     data = _toml(path, text)
-    book = _Book(path, lines_of(text), passed)
+    book = _Book(path, lines_of(text), key_checks(), passed)
     tables = data.pop("devices", {})
     values = book.entries((), data, tuple(book.checks), "option")
     devices: dict[str, Device] = {}
@@ -191,22 +192,22 @@ def _toml(path: str, text: str) -> dict[str, Any]:
         raise _wrong(path, line, f"not valid TOML: {what}", "correct that line: put texts in quotes") from exc
 
 
+@light(eq=False)
 class _Book:
     """Check the entries of one file and know the line of each."""
 
-    def __init__(self, path: str, lines: Mapping[tuple[str, ...], int], passed: list[UsageError] | None) -> None:
-        self._path = path
-        self._passed = passed
-        self._lines = lines
-        self.checks = key_checks()
+    path: str
+    lines: Mapping[tuple[str, ...], int]
+    checks: Mapping[str, Check]
+    passed: list[UsageError] | None
 
     def line(self, place: tuple[str, ...]) -> int | None:
-        while place and place not in self._lines:
+        while place and place not in self.lines:
             place = place[:-1]
-        return self._lines.get(place)
+        return self.lines.get(place)
 
     def wrong(self, place: tuple[str, ...], text: str, hint: str) -> UsageError:
-        return _wrong(self._path, self.line(place), text, hint)
+        return _wrong(self.path, self.line(place), text, hint)
 
     @contextlib.contextmanager
     def noted(self) -> Iterator[None]:
@@ -214,9 +215,9 @@ class _Book:
         try:
             yield
         except UsageError as exc:
-            if self._passed is None:
+            if self.passed is None:
                 raise
-            self._passed.append(exc)
+            self.passed.append(exc)
 
     def entries(
         self, place: tuple[str, ...], table: Mapping[str, Any], known: tuple[str, ...], what: str

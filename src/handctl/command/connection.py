@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from handctl.link import Link
     from handctl.link.fake import Kept
     from handctl.link.transcript import Tap, TraceFile
-    from handctl.model.line_quality import LineQuality
-    from handctl.model.result import Journal
+    from handctl.model.result import Journal, LineQuality
     from handctl.stop.device_access import DeviceAccess
 
 

@@ -15,13 +15,13 @@ import click
 from handctl import __version__
 from handctl.command.console import print_message
 from handctl.errors import HandctlError, Interrupted, OutputError, UsageError, joined
+from handctl.model.result import SCHEMA, Journal, Message, Table
 from handctl.screen.sanitize import utf8_stdout
 from handctl.wording import sentence, utc
 
 if TYPE_CHECKING:
     from handctl.command.invocation import Invocation
     from handctl.link import Link
-    from handctl.model.result import Journal, Message, Table
     from handctl.screen.render import Context
 
 
@@ -77,24 +77,24 @@ class Outcome:
 
     def stream(self, context: Context) -> HandctlError | None:
         """Show a stream to its end; what went wrong."""
-        from handctl.screen import output, render
+        from handctl.screen import render
 
         table = self.table
         assert table is not None
         self.tell()  # of what was met before the first row
         self._live = True
         try:
-            with output.Sink(self._asked.settings) as place:
+            with render.Sink(self._asked.settings) as place:
                 return render.stream(table, place, context)
         except OutputError as exc:
             return weightier(table.failure, exc)
 
     def show(self, context: Context) -> None:
         """Show a finished result, or the error in formats that include it. Raises OutputError."""
-        from handctl.screen import output, render
+        from handctl.screen import render
 
         if self.table is not None or render.speaks(self._asked.settings.format, self.failure):
-            with output.Sink(self._asked.settings) as place:
+            with render.Sink(self._asked.settings) as place:
                 render.show(self.table, self.failure, place, context)
         self.tell()
 
@@ -140,8 +140,6 @@ def make_envelope(
     link: Link | None = None,
 ) -> dict[str, Any]:
     """The JSON envelope without rows. The `link`, where there is one, has the clock."""
-    from handctl.model.result import SCHEMA
-
     rows = [message.as_row() for message in journal.messages]
     if failure is not None:
         rows.append({"level": "error", "code": failure.code, "text": failure.text, "hint": failure.hint})
@@ -188,8 +186,6 @@ def late_envelope(args: Sequence[str], error: HandctlError, streams: bool, comma
     wanted = wanted or str(in_file("format") or ("json" if in_file("json") else ""))
     if wanted not in ("json", "ndjson"):
         return
-    from handctl.model.result import Journal
-
     envelope = make_envelope(command, error, None, Journal(), extra)
     utf8_stdout()
     try:

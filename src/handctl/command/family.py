@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import UsageError
-from handctl.families import FAMILIES
+from handctl.families import COMMANDS, FAMILIES
 from handctl.light import NamedTuple
 
 if TYPE_CHECKING:
@@ -120,7 +120,6 @@ def in_words(kind: str, data: bytes, can_id: int | None) -> str:
 
 def map_of(name: str) -> ParamMap[Any] | None:
     """The parameter map of a top-level command."""
-    from handctl.families import COMMANDS
     from handctl.model.param import ParamMap
 
     maps = (value for value in vars(import_module(COMMANDS[name][0])).values() if isinstance(value, ParamMap))

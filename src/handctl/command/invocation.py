@@ -25,7 +25,7 @@ from handctl.command.options import (
 )
 from handctl.errors import OutputError, UsageError
 from handctl.files import why_unwritable
-from handctl.model.result import Journal
+from handctl.model.result import Journal, Message
 from handctl.model.settings import Settings
 from handctl.system.folders import config_path
 
@@ -321,8 +321,6 @@ def shown_steps(steps: Sequence[Step], settings: Settings, changes: Changes | No
 
 def tell_unasked(run: Invocation, question: str, steps: Sequence[Step]) -> None:
     """Say it when a variable or a file answered; where that moves a worn device, at once and whatever -q says."""
-    from handctl.model.result import Message
-
     source = run.sources["yes"]
     if source == COMMAND_LINE:
         return

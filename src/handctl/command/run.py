@@ -30,7 +30,7 @@ from handctl.command.family import Family, implied
 from handctl.command.invocation import Invocation, check_before, shown_steps, tell_unasked, told, unsent
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
 from handctl.interrupts import device_done, end_on_signals, finish_on_signals, output_abandoned
-from handctl.model.result import Column, Journal, Table
+from handctl.model.result import Column, Journal, LineQuality, Table
 from handctl.model.settings import Settings
 from handctl.model.write_ledger import SENT
 from handctl.screen.sanitize import text_shown
@@ -38,7 +38,6 @@ from handctl.wording import honest
 
 if TYPE_CHECKING:
     from handctl.link import Link
-    from handctl.model.line_quality import LineQuality
     from handctl.model.param import Changes, Step
     from handctl.model.prompts import Prompts
 
@@ -131,8 +130,6 @@ class Run(Invocation):
 
     def device_at(self, link: str, **settings: Any) -> Any:
         """A further device of this family, at another LINK, let go of with the first. Raises UsageError, LinkError."""
-        from handctl.model.line_quality import LineQuality
-
         other = copy(self)  # it says, counts and writes in the same place, but has a link, a lock and a line of its own
         if self.end is not None and self.link is not None:
             settings["deadline"] = max(self.end - self.link.now(), 0.001)

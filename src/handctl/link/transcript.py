@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 from handctl import interrupts
 from handctl.errors import LinkError, OutputError, UsageError
-from handctl.files import at_once
+from handctl.files import at_once, writing
 from handctl.interrupts import handing_over
 from handctl.link.base import CanFrame, Deadline, FrameLink, Link
 
@@ -249,15 +249,10 @@ class TraceFile(Tap):
         self._file = None
         self._waits = -1
         if path:
-            try:
+            with writing(path, "the trace ", hint="give --trace another file. Nothing was sent."):
                 self._file = open(  # noqa: SIM115 - until close
                     path, "w", encoding="utf-8", newline="\n", buffering=1, opener=at_once
                 )
-            except OSError as exc:
-                raise OutputError(
-                    f"{path}: the trace cannot be written: {exc.strerror or exc}",
-                    hint="give --trace another file. Nothing was sent.",
-                ) from exc
             self._waits = interrupts.watch(self._file, result=False)
             try:
                 self._file.write(f"# {header}\n")

@@ -23,11 +23,11 @@ from typing import TYPE_CHECKING, Protocol
 from handctl.errors import Aftermath, DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer
 from handctl.families import FAMILIES
 from handctl.light import NamedTuple
+from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
 from handctl.model.param import Step
 from handctl.model.settings import Settings
 
 if TYPE_CHECKING:
-    from handctl.link import ByteLink, Deadline, FrameLink, Link
     from handctl.model.prompts import Prompts
     from handctl.model.write_ledger import Ledger
 
@@ -213,8 +213,6 @@ def drive(
 
     `before` is told of each step that is not a question.
     """
-    from handctl.link import FrameLink
-
     exchange = _frames if isinstance(link, FrameLink) else _bytes
     try:
         action = next(sequence)
@@ -241,8 +239,6 @@ def drive(
 
 def aimed(link: Link, settings: Settings) -> StopContext:
     """The stop context of the device on an open link."""
-    from handctl.link import FrameLink
-
     can = isinstance(link, FrameLink)
     return StopContext(settings, can, None if can or not link.can_set_baud else link.baud)  # type: ignore[attr-defined]
 
@@ -283,8 +279,6 @@ def _bytes(link: ByteLink, action: StopStep, pieces: Pieces, went: Callable[[], 
 
 
 def _frames(link: FrameLink, action: StopStep, pieces: Pieces, went: Callable[[], None]) -> None:
-    from handctl.link import CanFrame
-
     if action.step is QUIET:
         deadline = link.deadline(action.seconds)
         while not deadline.expired and (heard := link.receive(deadline)) is not None:

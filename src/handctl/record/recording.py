@@ -137,18 +137,15 @@ class Recording:
 
     def _append(self, text: str) -> None:
         data = text.encode()
-        try:
-            written = 0
-            while written < len(data):
-                written += os.write(self._file, data[written:])
-        except OSError as exc:
-            with contextlib.suppress(OSError):
-                os.ftruncate(self._file, self._size)
-            raise OutputError(
-                f"{self.path}: cannot be written: {exc.strerror or exc}",
-                hint="the rows before that are complete",
-                code="log-file",
-            ) from exc
+        with writing(self.path, hint="the rows before that are complete", code="log-file"):
+            try:
+                written = 0
+                while written < len(data):
+                    written += os.write(self._file, data[written:])
+            except OSError:
+                with contextlib.suppress(OSError):
+                    os.ftruncate(self._file, self._size)
+                raise
         self._size += len(data)
 
     def close(self) -> None:
@@ -156,16 +153,16 @@ class Recording:
         if self._file < 0:
             return
         file, self._file = self._file, -1
-        try:
+        with writing(self.path, code="log-file"):
             try:
-                disk.sync(file)
-                self._on_disk = True
-            finally:
-                os.close(file)
-        except OSError as exc:
-            if exc.errno in (errno.EINVAL, errno.ENOTSUP):  # not every file system can sync
-                return
-            raise OutputError(f"{self.path}: cannot be written: {exc.strerror or exc}", code="log-file") from exc
+                try:
+                    disk.sync(file)
+                    self._on_disk = True
+                finally:
+                    os.close(file)
+            except OSError as exc:
+                if exc.errno not in (errno.EINVAL, errno.ENOTSUP):  # not every file system can sync
+                    raise
 
     def finish(self, ended: str, **more: Any) -> None:
         """Close the file, and say in the sidecar what it holds and how it `ended`. Raises OutputError."""
@@ -301,14 +298,11 @@ def refuse_existing(path: str, force: bool) -> None:
 def open_new(path: str, force: bool) -> int:
     """A new file, descriptor for writing. Never touches an existing one unless `force`. Raises UsageError and OutputError."""
     refuse_existing(path, force)
-    try:
-        return os.open(path, os.O_WRONLY | os.O_CREAT | disk.BINARY | (os.O_TRUNC if force else os.O_EXCL), 0o666)
-    except FileExistsError as exc:
-        raise UsageError(f"{path} exists", hint="choose another file", code="file-exists") from exc
-    except OSError as exc:
-        raise OutputError(
-            f"{path}: cannot be written: {exc.strerror or exc}", hint="choose another file", code="log-file"
-        ) from exc
+    with writing(path, hint="choose another file", code="log-file"):
+        try:
+            return os.open(path, os.O_WRONLY | os.O_CREAT | disk.BINARY | (os.O_TRUNC if force else os.O_EXCL), 0o666)
+        except FileExistsError as exc:
+            raise UsageError(f"{path} exists", hint="choose another file", code="file-exists") from exc
 
 
 def in_words(setting: Mapping[str, Any]) -> str:

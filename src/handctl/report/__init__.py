@@ -34,6 +34,7 @@ from handctl.model.result import Column, Grid, Message, Row, Sample, Table
 from handctl.report.html import Report, page
 from handctl.screen.render import default_view
 from handctl.system.processes import system_name
+from handctl.tools.port_inventory import Machine, needed
 from handctl.wording import plural
 
 if TYPE_CHECKING:
@@ -368,8 +369,6 @@ Facts = list[tuple[str, str]]
 
 def environment() -> Facts:
     """System, Python and the versions of the packages that handctl uses."""
-    from handctl.tools.port_inventory import needed
-
     facts = [
         ("system", system_name()),
         ("Python", f"{platform.python_implementation()} {platform.python_version()}"),
@@ -386,8 +385,6 @@ def _version(package: str) -> str:
 
 def port(link: str) -> Facts:
     """What the system reports about the serial port or CAN interface of `link`; nothing for other links."""
-    from handctl.tools.port_inventory import Machine
-
     machine = Machine()
     if link.startswith("can:socketcan:"):
         name = link.removeprefix("can:socketcan:").partition("?")[0]

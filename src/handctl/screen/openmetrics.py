@@ -18,8 +18,7 @@ from handctl.screen.csv_output import PARTS
 from handctl.screen.sanitize import shown
 
 if TYPE_CHECKING:
-    from handctl.screen.output import Sink
-    from handctl.screen.render import Context
+    from handctl.screen.render import Context, Sink
 
 VERBS = ("status", "dump", "watch")
 """The commands that show what a device is like now."""

@@ -16,7 +16,7 @@ from handctl.model.result import Cell, Grid
 from handctl.system.terminal import without_color
 
 if TYPE_CHECKING:
-    from handctl.screen.output import Sink
+    from handctl.screen.render import Sink
 
 TONES = {"": "", "good": "green", "warn": "yellow", "bad": "bold red", "dim": "dim"}
 """Meaning -> style. A meaning is always told by a word too, never by colour alone."""

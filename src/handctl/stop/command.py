@@ -16,15 +16,15 @@ from handctl.command.options import COMMAND_LINE, NAMED
 from handctl.errors import DeviceRefused, HandctlError, LinkError, UsageError
 from handctl.link import Deadline
 from handctl.link.lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock
+from handctl.model.param import Step
 from handctl.model.result import Column, Table
+from handctl.model.settings import Settings
+from handctl.model.stop_sequence import Sent, StopContext, StopSequence, stop_sequence_of, unheard
 from handctl.stop.device_access import DeviceAccess, lock_for, report, stopped_at
 from handctl.system import clock, processes
 
 if TYPE_CHECKING:
     from handctl.command.run import Run
-    from handctl.model.param import Step
-    from handctl.model.settings import Settings
-    from handctl.model.stop_sequence import Sent, StopContext, StopSequence
 
 HEARD_SECONDS = 0.3
 """A holder that does not answer within this is asleep, or blocked."""
@@ -77,8 +77,6 @@ def stop(
 
 def _plan(run: Run, sequence: Callable[[StopContext], StopSequence] | None) -> list[Step]:
     """What goes out where nothing answers."""
-    from handctl.model.stop_sequence import StopContext, stop_sequence_of, unheard
-
     assert run.family is not None
     port, can = run.settings.port, on_can(run.settings)
     fixed = can or run.family.baud is None or (port or "").startswith(("tcp://", "socket://", "replay:"))
@@ -136,8 +134,6 @@ def _left(bound: Deadline | None, seconds: float) -> float:
 
 def _take_over(run: Run, told: dict[str, Any]) -> None:
     """Note in the ledger of this command what another one has sent for it, from the report of that one."""
-    from handctl.model.param import Step
-
     for one in told.get("wire", ()):
         step = Step(one["meaning"], bytes.fromhex(one["data"]), moves=True, can_id=one["can_id"])
         run.ledger.plan([step])
@@ -267,8 +263,6 @@ def _own(run: Run) -> None:
 
 def _trouble(run: Run, settings: Settings) -> HandctlError | None:
     """Why nothing would go out with these settings, None where it would."""
-    from handctl.model.stop_sequence import StopContext, stop_sequence_of, unheard
-
     assert run.family is not None
     try:
         if run.family.check is not None:
@@ -282,9 +276,7 @@ def _trouble(run: Run, settings: Settings) -> HandctlError | None:
 
 
 def _without(settings: Settings, keys: list[str]) -> Settings:
-    from handctl.model.settings import Settings as Default
-
-    shared = {key: value for key, value in Default()._asdict().items() if key in keys}
+    shared = {key: value for key, value in Settings()._asdict().items() if key in keys}
     return settings._replace(**shared, own={key: value for key, value in settings.own.items() if key not in keys})
 
 

@@ -14,12 +14,24 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import STOPPED, HandctlError, Interrupted, LinkError
+from handctl.model.stop_sequence import (
+    NOT_STOPPED,
+    Sent,
+    StopContext,
+    Stopped,
+    StopSequence,
+    aimed,
+    carry_out,
+    runs,
+    shown,
+    stop_sequence_of,
+)
+from handctl.system import signals
 
 if TYPE_CHECKING:
     from handctl.command.invocation import Invocation
     from handctl.link import Deadline, Link
     from handctl.link.lock import Lock
-    from handctl.model.stop_sequence import Sent, StopContext, Stopped, StopSequence
     from handctl.stop.stop_listener import StopListener
 
 MOST = 24
@@ -164,8 +176,6 @@ class DeviceAccess:
             return self.stopped
 
     def _stop(self, who: str) -> dict[str, Any]:
-        from handctl.model.stop_sequence import NOT_STOPPED, Stopped, shown
-        from handctl.system import signals
 
         if self._run.prompts.unstoppable:
             return report(Stopped(self._run.prompts.unstoppable), (), refused=True)
@@ -190,7 +200,6 @@ class DeviceAccess:
 
     def pressed(self, frame: Any) -> None:
         """The stop key of a live view. A Ctrl-C right after it does not cut the stop off."""
-        from handctl.system import signals
 
         with signals.one_at_a_time(signals.numbers(suspend=True, alarm=True)):
             self.stop(f"stopped by the key {self.stop_key}")
@@ -198,7 +207,6 @@ class DeviceAccess:
 
     def end(self, frame: Any) -> None:
         """The way of Ctrl-C, whatever that is just now. Where it only counts, the next write ends the command."""
-        from handctl.system import signals
 
         if not self._run.prompts.unstoppable:
             signals.interrupt(frame)
@@ -212,8 +220,6 @@ def stopped_at(
     until: Deadline | None = None,
 ) -> Stopped:
     """The stop of the run's family over `link`, or another `talk`, at the most `until` then. Never raises."""
-    from handctl.model.stop_sequence import aimed, carry_out, stop_sequence_of
-
     assert run.family is not None
     met = run.opened is not None and run.journal.counters.writes > 0
     context = run.opened.stop_context() if met else aimed(link, run.settings)
@@ -237,8 +243,6 @@ def report(stopped: Stopped | None, sent: Sequence[Sent], *, refused: bool = Fal
 
 def rows(sent: Sequence[Sent]) -> list[dict[str, Any]]:
     """Sent and received bytes, one row per step; repetitions are one row."""
-    from handctl.model.stop_sequence import runs
-
     return [
         {
             "step": at,
@@ -254,8 +258,6 @@ def rows(sent: Sequence[Sent]) -> list[dict[str, Any]]:
 
 def wire(sent: Sequence[Sent]) -> list[dict[str, Any]]:
     """The traffic for the ledger of the process that asked: each step as often as it was sent, and the last reply."""
-    from handctl.model.stop_sequence import runs
-
     return [
         {
             "data": step.data.hex(),
@@ -282,7 +284,6 @@ def keyboard(hold: DeviceAccess | None, pressed: Callable[[str], bool]) -> Itera
     The stop key stops the device first.
     """
     from handctl.stop.stop_listener import Keyboard
-    from handctl.system import signals
 
     def came(key: str, frame: Any) -> None:
         if hold is not None and key == hold.stop_key:

@@ -10,12 +10,13 @@ import os
 import re
 import sys
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+from handctl.command import config_edit
 from handctl.command.command_tree import Group
-from handctl.command.config import DEVICE_KEYS, NAME_HELP, is_name, read_config
+from handctl.command.config import DEVICE_KEYS, NAME_HELP, Config, Device, is_name, read_config
 from handctl.command.config_edit import stable_name
 from handctl.command.family import Family, refuse_missing, refuse_serial
 from handctl.command.options import COMMAND_LINE, InFile, Source, own_options, said
@@ -24,14 +25,11 @@ from handctl.command.run import Run
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, WIRES
 from handctl.files import read_text
+from handctl.link import NoFrames, NoLink, is_can
 from handctl.link.base import SCHEMES
 from handctl.model.result import Column, Row, Table
 from handctl.model.settings import Settings
 from handctl.tools.probes import family_of
-
-if TYPE_CHECKING:
-    from handctl.command.config import Config, Device
-
 
 MOST = 1_000_000
 """Characters of the output of a scan."""
@@ -93,8 +91,6 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
 
     Saves the family and, if given, --port, --id, --baud, --timeout, --deadline and --retries. Does not contact the device.
     """
-    from handctl.command import config_edit
-
     if not is_name(name):
         raise UsageError(f"{name!r} cannot be the name of a device", hint=f"allowed: {NAME_HELP}")
     given = _given(run)
@@ -129,8 +125,6 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
 
 def _changed(run: Run, config: Config, edit: Callable[[Config], str], values: dict[str, Any], row: Row) -> Table:
     """The file edited, or with --dry-run only looked at; `values` are those of the device afterwards."""
-    from handctl.command import config_edit
-
     if run.settings.dry_run:
         config_edit.verified(config, edit(config), values, row["name"])
         run.journal.info("dry-run", "dry run: nothing was written")
@@ -143,8 +137,6 @@ def _changed(run: Run, config: Config, edit: Callable[[Config], str], values: di
 @click.argument("name")
 def remove(run: Run, name: str) -> Table:
     """Delete a name from the configuration file. The rest of the file is unchanged."""
-    from handctl.command import config_edit
-
     config = read_config()
     device = config.find(name)
     default = config.values.get("device")
@@ -214,8 +206,6 @@ def check(run: Run, kind: str, given: dict[str, Any]) -> None:
 
     A path that may name another adapter tomorrow gets a warning with the better name.
     """
-    from handctl.link import NoFrames, NoLink, is_can
-
     family, port = family_of(kind), str(given["port"])
     refuse_missing(family, given)
     check_link(port, family)

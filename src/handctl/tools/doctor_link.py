@@ -18,8 +18,7 @@ from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, Not
 from handctl.link import ByteLink, CanFrame, Deadline, Link
 from handctl.link.transcript import observed
 from handctl.model.checks import Check
-from handctl.model.line_quality import SLOW, RoundTrips
-from handctl.model.result import Journal, hex_bytes
+from handctl.model.result import SLOW, Journal, RoundTrips, hex_bytes
 from handctl.tools.port_inventory import Machine
 from handctl.tools.probes import FamilyProbe
 from handctl.wording import plural

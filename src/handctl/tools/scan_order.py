@@ -11,9 +11,8 @@ from handctl.command.run import Run
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.families import SCANNED
 from handctl.link import ByteLink, Deadline, Link
-from handctl.model.line_quality import LineQuality
 from handctl.model.other_devices import signed
-from handctl.model.result import Journal, Row
+from handctl.model.result import Journal, LineQuality, Row
 from handctl.model.scan_task import ScanTask
 from handctl.number_parsing import number_in
 from handctl.tools.probes import FamilyProbe, family_of, has_speed, listened, probe_of

@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 from handctl.errors import HandctlError, Interrupted, NoAnswer, ProtocolError, joined
 from handctl.model.device import OTHER_FORM
-from handctl.model.line_quality import LineQuality
-from handctl.model.result import Column, Journal, Row, Table, hex_bytes
+from handctl.model.result import Column, Journal, LineQuality, Row, Table, hex_bytes
 from handctl.wording import plural
 
 TALKATIVE = 16

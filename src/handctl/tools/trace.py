@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import chain, islice
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import click
 
@@ -19,13 +19,21 @@ from handctl.command.run import Run
 from handctl.errors import CheckFailed, HandctlError, UsageError
 from handctl.families import FAMILIES
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Value
-from handctl.tools.trace_read import FAMILY_EVENT, TranscriptRow
-
-if TYPE_CHECKING:
-    from handctl.model.explainer import ExplainedBytes
-    from handctl.model.result import Grid, Row, Table
-    from handctl.tools.trace_read import TranscriptRow
-
+from handctl.model.result import Cell, Column, Grid, Row, Sample, Table, hex_bytes
+from handctl.tools.trace_read import (
+    FAMILY_EVENT,
+    Stamp,
+    TranscriptReader,
+    TranscriptRow,
+    chosen,
+    explainer_of,
+    lines_of,
+    opened,
+    printable,
+    row_text,
+    statistics_text,
+    wire,
+)
 
 # -- two transcripts, by their requests and replies, not by time or chunks ---------------------------------------------
 #
@@ -218,8 +226,6 @@ def diff(run: Run, a: str, b: str, family: str | None) -> Table:
     An exchange is a request with its reply. Times, message numbers and the way data was split are ignored. `-` is stdin.
     Exit code 7 means that they differ.
     """
-    from handctl.model.result import Column, Table
-
     if a == b == "-":
         raise UsageError("stdin can only be read once", hint="give a file for A or B")
     one = _Telling(a, family)
@@ -262,10 +268,7 @@ def decode(run: Run, family: str, hex_bytes: tuple[str, ...], side: str | None) 
     Accepts EB 90, 0xEB,0x90, \\xEB\\x90, xxd output, a line of a transcript, or a CAN frame such as 11000001#04. `-` reads stdin.
     If a checksum is wrong, the correct one is shown too. Exit code 7 means that no frame is valid.
     """
-    from handctl.model.result import Column, Table
     from handctl.tools.probes import probe_of
-    from handctl.tools.trace import parse_given
-    from handctl.tools.trace_read import explainer_of
 
     text = sys.stdin.read() if hex_bytes == ("-",) else " ".join(hex_bytes)
     explainer = explainer_of(family)
@@ -298,8 +301,6 @@ class _Telling:
 
     def rows(self, run: Run) -> Iterator[TranscriptRow]:
         """The rows; the file is open as long as they are read. Raises UsageError."""
-        from handctl.tools.trace_read import TranscriptReader, chosen, lines_of, opened
-
         with opened(self.path) as source:
             self.family, by_bytes, lines = chosen(lines_of(source, self.path), self.family, self.path)
             if by_bytes:
@@ -326,8 +327,6 @@ def _matcher(only: str | None, pattern: str | None) -> Callable[[TranscriptRow],
         ) from exc
 
     def matches(row: TranscriptRow) -> bool:
-        from handctl.tools.trace_read import wire
-
         if row.comment:
             return only is None and wanted is None
         if only is not None and not row.problem:
@@ -339,7 +338,6 @@ def _matcher(only: str | None, pattern: str | None) -> Callable[[TranscriptRow],
 
 def _collected(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool]) -> Table:
     from handctl.files import Spool
-    from handctl.model.result import Table
 
     spool = Spool()
     failure: HandctlError | None = None
@@ -351,8 +349,6 @@ def _collected(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool
 
 
 def _streamed(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool]) -> Table:
-    from handctl.model.result import Column, Sample, Table
-
     # Each sample is flushed: of a file several rows are one, what comes on stdin is shown as it comes.
     at_once = AT_ONCE if run.settings.format == "ndjson" and told.path != "-" else 1
 
@@ -375,8 +371,7 @@ def _streamed(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool]
 
 
 def _write_text(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool]) -> None:
-    from handctl.screen.output import Sink
-    from handctl.tools.trace_read import row_text, statistics_text
+    from handctl.screen.render import Sink
 
     with Sink(run.settings) as sink:
         width = shutil.get_terminal_size().columns if sink.terminal else None
@@ -420,9 +415,6 @@ def _difference_text(rows: list[Row]) -> str:
 
 
 def _piece_row(piece: ExplainedBytes) -> Row:
-    from handctl.model.result import hex_bytes
-    from handctl.tools.trace_read import Stamp, TranscriptRow
-
     nowhere = Stamp(None, 0)
     row = TranscriptRow(nowhere, nowhere, piece).as_row()
     del row["line"]
@@ -431,9 +423,6 @@ def _piece_row(piece: ExplainedBytes) -> Row:
 
 
 def _decoded_view(rows: list[Row]) -> list[Grid]:
-    from handctl.model.result import Cell, Grid
-    from handctl.tools.trace_read import printable
-
     grids = []
     for row in rows:
         lines = tuple(

@@ -26,8 +26,7 @@ from handctl.families import FAMILIES, TOLD
 from handctl.light import light
 from handctl.link.transcript import Entry, parse_line
 from handctl.model.explainer import DEVICE, HOST, SIDES, ExplainedBytes, Explainer
-from handctl.model.line_quality import RoundTrips
-from handctl.model.result import Row
+from handctl.model.result import RoundTrips, Row
 from handctl.screen.render import dumps
 from handctl.wording import plural
 

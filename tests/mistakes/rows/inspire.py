@@ -406,9 +406,9 @@ ROWS = (
         "read-of-a-stranger",
         "identity left out",
         "handctl.devices.inspire.identity",
-        "FamilyGate._judge_read",
-        "if kind is not None:",
-        "if kind is not None and not blocks:",
+        "FamilyGate.read",
+        "if (kind := look.contradiction(self._read_as)) is not None:",
+        "if (kind := look.contradiction(self._read_as)) is not None and not blocks:",
         "tests/contract/test_strangers.py::test_a_table_of_foreign_registers_is_refused",
     ),
     mistake(

@@ -145,7 +145,8 @@ def pack_s16(values: Iterable[int]) -> bytes:
 
 def unpack_s16(data: bytes | None) -> list[int]:
     """The signed 16-bit values of `data`, little-endian; none where nothing was read."""
-    return [int.from_bytes(data[i : i + 2], "little", signed=True) for i in range(0, len(data) - 1, 2)] if data else []
+    data = data or b""
+    return [int.from_bytes(data[i : i + 2], "little", signed=True) for i in range(0, len(data) - 1, 2)]
 
 
 def read_reply_prefix(device_id: int, address: int, count: int, flag: int = READ) -> bytes:

@@ -31,9 +31,8 @@ from handctl.devices.inspire.serial_bus import Bus, frames_of_others, headless
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, CanFrame, Deadline
 from handctl.model.decoder import frames_in
-from handctl.model.line_quality import LineQuality
 from handctl.model.prompts import Prompts
-from handctl.model.result import Journal
+from handctl.model.result import Journal, LineQuality
 
 LATELY = 4096
 """Bytes sent: those of the last seconds."""

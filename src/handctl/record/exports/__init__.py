@@ -15,7 +15,8 @@ from functools import cached_property
 from importlib import import_module
 from typing import Any
 
-from handctl.errors import OutputError, UsageError
+from handctl.errors import UsageError
+from handctl.files import writing
 from handctl.model.export_formats import FORMATS
 from handctl.record.log_file import Block, LogFile
 from handctl.record.survey import Event, Line, Survey, survey
@@ -135,10 +136,8 @@ def write(export: Export, kind: str) -> None:
     known = export.log.spans
     if known is not None and (not known or export.segment not in (None, *known)):  # at once, before hours are read
         raise export.log.without(export.segment)
-    try:
+    with writing(export.path):
         import_module(f"{__name__}.{kind}").write(export)
-    except OSError as exc:
-        raise OutputError(f"{export.path}: cannot be written: {exc.strerror or exc}") from exc
     export.remarks += export.log.remarks()
 
 

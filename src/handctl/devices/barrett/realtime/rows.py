@@ -25,10 +25,9 @@ from handctl.devices.barrett.realtime.flags import FlagRequest, Prepared
 from handctl.devices.barrett.realtime.guards import Event, Guards
 from handctl.devices.barrett.views import NAME, UNIT, VALUE, row_of
 from handctl.errors import CheckFailed
-from handctl.model.line_quality import RoundTrips
 from handctl.model.param import Number, scale_of
 from handctl.model.prompts import CTRL_C
-from handctl.model.result import Grid, Row, Sample, Table
+from handctl.model.result import Grid, RoundTrips, Row, Sample, Table
 from handctl.model.sampling import started
 
 if TYPE_CHECKING:
