@@ -19,6 +19,7 @@ from functools import cache
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from handctl.devices.inspire import eb90
+from handctl.devices.inspire.eb90 import Frame
 from handctl.errors import Aftermath, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, CanFrame, Deadline, Link
 from handctl.model.device import Line
@@ -28,7 +29,6 @@ from handctl.model.result import Journal
 from handctl.model.stop_sequence import on_early_end
 
 if TYPE_CHECKING:
-    from handctl.devices.inspire.eb90 import Frame
     from handctl.devices.inspire.identity import FamilyGate
 
 Span = tuple[int, int]
