@@ -6,6 +6,7 @@ The table of `connect_table` says how the hand is met. One command at a time; no
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from handctl.devices.barrett.gcl.codec import (
     BANNER,
@@ -64,14 +65,11 @@ class GclLine(Line):
         link: ByteLink,
         journal: Journal,
         *,
-        timeout: float | None = None,
-        retries: int | None = None,
-        bound: Deadline | None = None,
         speed: int | None = None,
         interrupt: bool = False,
+        **limits: Any,
     ) -> None:
-        super().__init__(link, journal, retries=retries, bound=bound)
-        self.timeout = timeout
+        super().__init__(link, journal, **limits)
         self.only = speed
         self.interrupt = interrupt
         self.opened = link.now()

@@ -202,8 +202,6 @@ def _add_diagnose(group: Group) -> None:
         The exit code is 7 if a check warns or fails, or if the hand does not answer.
         """
         from handctl.devices.barrett.maintenance import diagnose as doctor
-        from handctl.devices.barrett.maintenance import movement_checks
-        from handctl.devices.barrett.maintenance.diagnose import ExaminedHand
 
         if listed:
             return doctor.list_table()
@@ -217,23 +215,21 @@ def _add_diagnose(group: Group) -> None:
             )
 
         def examine(hand: BarrettHand) -> Table:
-            patient = ExaminedHand(hand, simulated=lambda: run.simulated, name=name)
+            patient = doctor.ExaminedHand(hand, simulated=lambda: run.simulated, name=name)
             wanted = [*doctor.USUAL, *(entry.checks if entry is not None else ())]
             findings, failure = doctor.examine(patient, wanted, run.settings.baud)
             answers = findings[0].status == "ok" and failure is None
             if move and answers:
-                findings += movement_checks.run_all(patient, names, digits, run.prompts)
+                findings += doctor.run_all(patient, names, digits, run.prompts)
             else:
-                findings += movement_checks.not_run(
-                    names, "no communication" if not answers else "moves the hand: --move"
-                )
+                findings += doctor.not_run(names, "no communication" if not answers else "moves the hand: --move")
             return doctor.table_of(hand, findings, symptom, failure)
 
         if not move:
             run.only_reads("--move")
             return examine(run.device())
         return Act(
-            movement_checks.steps(names, digits),
+            doctor.steps(names, digits),
             examine,
             "This moves the hand. Keep people and things out of its reach",
         )
