@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.maintenance import diagnose, health, movement_checks, symptoms
+from handctl.devices.barrett.maintenance import diagnose, health, symptoms
 from handctl.devices.barrett.maintenance.diagnose import CHECKS, ExaminedHand
 from handctl.devices.barrett.maintenance.health import Finding
 from handctl.devices.barrett.maintenance.symptoms import PROCEDURES
@@ -58,11 +58,11 @@ def test_the_book_has_the_manuals_symptoms_and_only_known_checks() -> None:
     assert list(symptoms.SYMPTOMS) == NAMES
     for name, entry in symptoms.SYMPTOMS.items():
         assert set(entry.checks) <= set(CHECKS), name
-        assert set(entry.trials) <= set(movement_checks.TRIALS), name
+        assert set(entry.trials) <= set(diagnose.TRIALS), name
         assert entry.steps and all("§" in source for _, source in entry.steps), name
     used = {check for entry in symptoms.SYMPTOMS.values() for check in entry.checks}
     assert set(CHECKS) == used | set(diagnose.USUAL)
-    assert set(movement_checks.TRIALS) == {trial for entry in symptoms.SYMPTOMS.values() for trial in entry.trials}
+    assert set(diagnose.TRIALS) == {trial for entry in symptoms.SYMPTOMS.values() for trial in entry.trials}
 
 
 def test_procedures_have_sections() -> None:
@@ -325,16 +325,16 @@ HEALTHY = "initialized=1"
 )
 def test_trials(trial: str, query: str, bad: dict[str, str]) -> None:
     hand, link = simulated(query)
-    found = movement_checks.run_all(ExaminedHand(hand, simulated=lambda: True), [trial], "123", Prompts())
+    found = diagnose.run_all(ExaminedHand(hand, simulated=lambda: True), [trial], "123", Prompts())
     got = {name: status for name, status in statuses(found).items() if status != OK}
     assert got == bad
     moved = [line for line in link.commands if "GET" not in line]
-    planned = [step.data.decode().strip() for step in movement_checks.steps([trial], "123")]
+    planned = [step.data.decode().strip() for step in diagnose.steps([trial], "123")]
     assert moved == planned if not (FAIL in bad.values() and "initialized=0" in query) else moved == planned[:1]
 
 
 def test_the_movements_are_those() -> None:
-    got = {name: trial.commands("12") for name, trial in movement_checks.TRIALS.items()}
+    got = {name: trial.commands("12") for name, trial in diagnose.TRIALS.items()}
     assert got == {
         "initialize": ["12HI"],
         "open": ["12O"],
@@ -351,12 +351,12 @@ def test_a_slow_spread_is_seen() -> None:
     body.values["MCV", "SPREAD"] = body.values["MOV", "SPREAD"] = 4080  # what the hand was told is far slower
     hand = body.hand
     hand.checked(hand.line.ask("4FSET MCV 16 MOV 16"))
-    assert {finding.status for finding in movement_checks.run_all(body, ["spread_time"], "123", Prompts())} == {WARNING}
+    assert {finding.status for finding in diagnose.run_all(body, ["spread_time"], "123", Prompts())} == {WARNING}
 
 
 def test_a_failed_trial_ends_the_rest() -> None:
     hand, link = simulated("initialized=0")
-    found = movement_checks.run_all(ExaminedHand(hand, simulated=lambda: True), ["open", "direction"], "12", Prompts())
+    found = diagnose.run_all(ExaminedHand(hand, simulated=lambda: True), ["open", "direction"], "12", Prompts())
     assert statuses(found) == {"open": FAIL, "direction": SKIPPED}
     assert [line for line in link.commands if "GET" not in line] == ["12O"]
 
@@ -366,5 +366,5 @@ def test_interrupt_stops_the_hand(trial: str) -> None:
     hand, link = simulated(HEALTHY)
     link.interrupt_at = link.now() + 0.4
     with pytest.raises(Interrupted, match=r"\^C stopped the hand"):
-        movement_checks.run_all(ExaminedHand(hand, simulated=lambda: True), [trial], "123", Prompts())
+        diagnose.run_all(ExaminedHand(hand, simulated=lambda: True), [trial], "123", Prompts())
     assert b"\x03" in link.sent

@@ -385,7 +385,7 @@ class Slow(ByteLink):
 class OneByte:
     """A family whose cheapest question is one byte."""
 
-    FAMILY, WIRES, SPEEDS, PING, ECHOES = "one", ("serial", "tcp"), (9600,), "byte", False
+    WIRES, SPEEDS, PING = ("serial", "tcp"), (9600,), "byte"
 
     def probe(self, link: Any, journal: Any, deadline: Deadline, ids: Any = (1,)) -> list[dict[str, Any]]:
         return []

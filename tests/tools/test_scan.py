@@ -73,7 +73,7 @@ def test_evidence_is_what_the_device_said() -> None:
 
 def test_every_family_has_a_probe() -> None:
     for name in FAMILIES:
-        assert name == probe_of(name).FAMILY
+        assert probe_of(name).PING
 
 
 # -- what is sent, and in which order -----------------------------------------------------------------------------

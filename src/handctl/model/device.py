@@ -73,13 +73,23 @@ def limits_of(settings: Settings, link: Link) -> Limits:
 class Line:
     """What a device is reached through: its link, the journal, and the limits of what is asked there.
 
+    timeout  seconds allowed for a reply; `usual_timeout` where the user says nothing
     retries  repetitions of a read that got no valid answer; what writes is never repeated
     bound    deadline of the whole command, None = none
     """
 
+    usual_timeout: float | None = None
+
     def __init__(
-        self, link: Link, journal: Journal, *, retries: int | None = None, bound: Deadline | None = None
+        self,
+        link: Link,
+        journal: Journal,
+        *,
+        timeout: float | None = None,
+        retries: int | None = None,
+        bound: Deadline | None = None,
     ) -> None:
+        self.timeout = self.usual_timeout if timeout is None else timeout
         self.link = link
         self.journal = journal
         self.retries = RETRIES if retries is None else retries

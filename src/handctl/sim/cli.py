@@ -10,6 +10,7 @@ import click
 
 from handctl.number_parsing import number_in
 from handctl.sim import create, folder_of, kinds, model_class
+from handctl.sim.bus import whole_of
 
 Address = tuple[str, int]
 
@@ -315,7 +316,6 @@ def _bus(
         )
     if by_id is not None and not on_pty and not slcan_pty:
         raise click.UsageError("--by-id needs --pty or --slcan-pty")
-    from handctl.sim.bus import whole_of
     from handctl.sim.bus.file import read
     from handctl.sim.engine import serve, slcan
 

@@ -20,14 +20,11 @@ class FamilyProbe(Protocol):
     WIRES   kinds of link it may be on: "serial", "tcp", "can"
     SPEEDS  bit/s of its serial port, the usual one first; () = it has none
     PING    what `ping` reads, for people
-    ECHOES  whether the device itself sends back what it receives
     """
 
-    FAMILY: str
     WIRES: tuple[str, ...]
     SPEEDS: tuple[int, ...]
     PING: str
-    ECHOES: bool
 
     def probe(
         self, link: Any, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
@@ -42,6 +39,7 @@ class FamilyProbe(Protocol):
         """The cheapest documented read, asked once. Raises NoAnswer, ProtocolError, LinkError."""
 
     # sweep(link, journal, bound, quest, targets) looks for all ids of one maker's families at once, each by its TARGET.
+    # ECHOES: the device itself sends back what it receives.
     # ASIDE: on a serial line that others may be on it is asked by `sweep` alone, which comes behind them.
     # parse_ids(text, wire) -> the ids of --ids; raises UsageError.
     # overheard(data) -> ids that others ask, where a family knows its own frames in what comes unasked.

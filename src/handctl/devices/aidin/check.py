@@ -17,14 +17,14 @@ from math import degrees, inf, sqrt
 from statistics import fmean, median, pstdev
 
 from handctl.devices.aidin import motion
-from handctl.devices.aidin.device import LARGEST_RADIAN, AidinHand, step_of, stop_after, stopped_if_cut_short
+from handctl.devices.aidin.device import LARGEST_RADIAN, AidinHand, step_of, stopped_if_cut_short, stopped_on_error
+from handctl.devices.aidin.exchange import Wire, values_of
 from handctl.devices.aidin.exchange_settings import ExchangeMode
-from handctl.devices.aidin.feedback import Wire, values_of
 from handctl.devices.aidin.map import AIDIN, ENCODERS, FINGERS, some
 from handctl.devices.aidin.motion import Goal, ramp
 from handctl.devices.aidin.procedures import AT_STOP, STILL, check_homed, moving, named, stroke
 from handctl.devices.aidin.stopper import PERIOD
-from handctl.errors import CheckFailed, HandctlError
+from handctl.errors import CheckFailed
 from handctl.model.checks import FAIL, OK, SKIPPED, WARNING, Check, table_of
 from handctl.model.param import Number, Step
 from handctl.model.prompts import CTRL_C, Prompts
@@ -408,15 +408,9 @@ def check(hand: AidinHand, prompts: Prompts) -> Table:
     ledger = hand.journal.ledger
     begun = ledger.mark
     ledger.plan([_home(start, hand.conversation.way.end)])
-    with stopped_if_cut_short(hand, prompts):
-        try:
-            mover = _Mover(hand, prompts, start)
-            trips = mover.all()
-        except HandctlError as exc:  # nobody sees the fingers any more
-            stop_after(hand, exc)
-            raise
-        finally:
-            prompts.done()
+    with stopped_if_cut_short(hand, prompts), stopped_on_error(hand, prompts):  # after one nobody sees the fingers
+        mover = _Mover(hand, prompts, start)
+        trips = mover.all()
     table = table_of(findings(rest, trips), causes=("motors",))
     if mover.back and any(trip.moved(trip.index) for trip in trips if trip is not None):
         ledger.confirm("motors moved there and back, according to the feedback", since=begun)

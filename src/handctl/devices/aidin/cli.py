@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -18,14 +18,12 @@ from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.exchange_settings import exchange_settings_of
 from handctl.devices.aidin.map import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, Mode, Target
 from handctl.errors import UsageError
+from handctl.link import ByteLink
 from handctl.model.device import Gate, limits_of
 from handctl.model.param import Step
+from handctl.model.result import Journal
+from handctl.model.settings import Settings
 from handctl.model.stop_sequence import BEAT
-
-if TYPE_CHECKING:
-    from handctl.link import ByteLink
-    from handctl.model.result import Journal
-    from handctl.model.settings import Settings
 
 PORT = 8000
 RECOMMENDED = 700

@@ -8,9 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 
-from handctl.devices.aidin.exchange import Conversation
+from handctl.devices.aidin.exchange import MISSING, Conversation, Wire, number_of
 from handctl.devices.aidin.exchange_settings import ExchangeMode
-from handctl.devices.aidin.feedback import MISSING, Wire, number_of
 from handctl.devices.aidin.json_codec import TERMINATORS, Out, encode
 from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, AidinParam, Mode, some
 from handctl.errors import Aftermath, HandctlError, LinkError, ProtocolError
@@ -232,14 +231,21 @@ def step_of(meaning: str, data: bytes, end: bytes) -> Step:
     return Step(f"{meaning}: {data.decode()}", data + end, moves=True)
 
 
-def stop_after(hand: AidinHand, exc: HandctlError) -> None:
-    """A movement has failed: stop the hand, and add the result of the stop to the error.
+@contextmanager
+def stopped_on_error(hand: AidinHand, prompts: Prompts) -> Iterator[None]:
+    """Around what must not go on after an error: it stops the hand, and has the result of the stop in its words.
 
     Of a link that is lost `stopped_if_cut_short` tells.
     """
-    if not isinstance(exc, LinkError):
-        stopped = hand.stop()
-        exc.add_aftermath(Aftermath(behind=_told(stopped), moving=stopped.error is LinkError))
+    try:
+        yield
+    except HandctlError as exc:
+        if not isinstance(exc, LinkError):
+            stopped = hand.stop()
+            exc.add_aftermath(Aftermath(behind=_told(stopped), moving=stopped.error is LinkError))
+        raise
+    finally:
+        prompts.done()
 
 
 def _told(stopped: Stopped) -> str:

@@ -24,14 +24,14 @@ from handctl.devices.aidin.device import (
     outside,
     reading,
     step_of,
-    stop_after,
     stopped_if_cut_short,
+    stopped_on_error,
 )
-from handctl.devices.aidin.feedback import Feedback, Wire, values_of
+from handctl.devices.aidin.exchange import Feedback, Wire, values_of
 from handctl.devices.aidin.map import AIDIN, CURRENTS, AidinParam, Mode, Target, both_ranges, some
 from handctl.devices.aidin.procedures import SHORT, check_homed, connect_or_command, named
 from handctl.devices.aidin.stopper import PERIOD
-from handctl.errors import Aftermath, CheckFailed, HandctlError, NoAnswer, UsageError
+from handctl.errors import Aftermath, CheckFailed, NoAnswer, UsageError
 from handctl.model import movement
 from handctl.model.movement import ARRIVAL, REACHED, TARGET, UNREAD, Arrival, Seen, Stillness, Watch, judged, listed
 from handctl.model.param import Number, Step, elements_of, given
@@ -453,7 +453,7 @@ def currents(
     ledger = hand.journal.ledger
     ledger.plan([last_step(goal, values, hand.conversation.way.end)])
     with stopped_if_cut_short(hand, prompts, beat=beat):
-        try:
+        with stopped_on_error(hand, prompts):
             try:
                 table = drive.run(values, seconds, blind=blind)
                 drive.to(drive.zero, "Currents return to 0,")
@@ -464,11 +464,6 @@ def currents(
                     prompts.say("Interrupted. The currents return to 0. Press Ctrl-C again to stop immediately.")
                     drive.to(drive.zero, "Currents return to 0,", presses)
                 raise
-        except HandctlError as exc:
-            stop_after(hand, exc)
-            raise
-        finally:
-            prompts.done()
         if table.failure is None:
             ledger.confirm("the currents followed", since=drive.begun)
         stopped = hand.stop()

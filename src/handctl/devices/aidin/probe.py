@@ -10,11 +10,9 @@ from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.link import ByteLink, Deadline
 from handctl.model.result import Journal, Row
 
-FAMILY = "aidin"
 WIRES = ("tcp",)
 SPEEDS: tuple[int, ...] = ()
 PING = "feedback"
-ECHOES = False
 
 
 def probe(

@@ -18,14 +18,14 @@ from handctl.devices.aidin.device import (
     object_of,
     outside,
     reading,
-    stop_after,
     stopped_if_cut_short,
+    stopped_on_error,
 )
+from handctl.devices.aidin.exchange import Feedback, Wire
 from handctl.devices.aidin.exchange_settings import ExchangeMode
-from handctl.devices.aidin.feedback import Feedback, Wire
 from handctl.devices.aidin.map import AIDIN, AidinParam, Mode, some
 from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
-from handctl.errors import CheckFailed, HandctlError, NoAnswer, UsageError
+from handctl.errors import CheckFailed, NoAnswer, UsageError
 from handctl.model.param import Number, elements_of
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Cell, Column, Grid, Row, Table
@@ -247,13 +247,8 @@ def home(hand: AidinHand, prompts: Prompts) -> Table:
     data = object_of(Mode.HOMING)
     mark = hand.journal.ledger.mark
     with stopped_if_cut_short(hand, prompts, "homing failed, so the hand is not homed. "):
-        try:
+        with stopped_on_error(hand, prompts):
             begin = _hold(hand, data, prompts, seen, blind=blind)
-        except HandctlError as exc:
-            stop_after(hand, exc)
-            raise
-        finally:
-            prompts.done()
         with in_force(LEFT):
             seen.note(hand.link.now(), _origin(hand, data, blind=blind))
     return _judged(hand, seen.ways(begin + ZEROED), mark)

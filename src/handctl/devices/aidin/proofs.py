@@ -11,9 +11,8 @@ from itertools import pairwise
 from statistics import median
 
 from handctl.devices.aidin.device import AidinHand
-from handctl.devices.aidin.exchange import LISTEN
+from handctl.devices.aidin.exchange import ALL, LISTEN
 from handctl.devices.aidin.exchange_settings import ExchangeMode
-from handctl.devices.aidin.feedback import ALL
 from handctl.devices.aidin.json_codec import TERMINATORS, Decoder
 from handctl.devices.aidin.map import AIDIN
 from handctl.errors import NoAnswer, ProtocolError

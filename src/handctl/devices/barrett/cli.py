@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -36,14 +36,11 @@ from handctl.devices.barrett.map import BARRETT, BAUD_CODES, SPEEDS, check_caref
 from handctl.devices.barrett.realtime.cli import add_realtime
 from handctl.devices.barrett.views import GCL, row_of
 from handctl.errors import UsageError
+from handctl.link import ByteLink
 from handctl.model.device import limits_of
 from handctl.model.param import Element, Number, Step
-from handctl.model.result import Column, Table
-
-if TYPE_CHECKING:
-    from handctl.link import ByteLink
-    from handctl.model.result import Journal
-    from handctl.model.settings import Settings
+from handctl.model.result import Column, Journal, Table
+from handctl.model.settings import Settings
 
 MOTORS_OPTION = click.option(
     "--motors", metavar="12S", help="Motors: digits 1 to 4, G for the fingers, S for the spread (default: all)."

@@ -20,7 +20,6 @@ from handctl.link import ByteLink, Deadline
 from handctl.model.result import Journal, Row, hex_bytes
 from handctl.wording import plural
 
-FAMILY = "barrett"
 WIRES = ("serial", "tcp")
 PING = "PGET TEMP"
 ECHOES = True

@@ -23,18 +23,17 @@ from handctl.devices.ekso.gait_cli import add_gait
 from handctl.devices.ekso.map import EKSO
 from handctl.devices.ekso.policy import largest_step, write_limits_of
 from handctl.errors import OutputError, UsageError
+from handctl.link import ByteLink
 from handctl.model.device import Gate, limits_of
 from handctl.model.export_formats import FORMATS
-from handctl.model.result import Column, Table
+from handctl.model.param import Step
+from handctl.model.result import Column, Journal, Table
+from handctl.model.settings import Settings
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.audit import AuditLog
     from handctl.devices.ekso.export import Exported
     from handctl.devices.ekso.log_file import LogFile
-    from handctl.link import ByteLink
-    from handctl.model.param import Step
-    from handctl.model.result import Journal
-    from handctl.model.settings import Settings
     from handctl.record.source import Source
 
 

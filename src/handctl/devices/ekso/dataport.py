@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from handctl.devices.ekso.frames import (
     BODY_BYTES,
@@ -119,20 +120,19 @@ class DataPort(Line):
     """
 
     link: ByteLink
+    timeout: float
+    usual_timeout = DEFAULT_TIMEOUT
 
     def __init__(
         self,
         link: ByteLink,
         journal: Journal,
         *,
-        timeout: float | None = None,
-        retries: int | None = None,
-        bound: Deadline | None = None,
         mode: str = "body",
         first_id: int = 1,
+        **limits: Any,
     ) -> None:
-        super().__init__(link, journal, retries=retries, bound=bound)
-        self.timeout = timeout if timeout is not None else DEFAULT_TIMEOUT
+        super().__init__(link, journal, **limits)
         self.mode = mode
         self.counts = Counts()
         self.gate: Gate | None = None

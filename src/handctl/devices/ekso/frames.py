@@ -22,6 +22,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from handctl.errors import ProtocolError, UsageError
+from handctl.model.decoder import Stream
 
 OVERHEAD = 6
 LENGTH_MODES: dict[str, int] = {"body": 0, "n-4": 2, "n-2": 4, "frame": 6}
@@ -222,7 +223,7 @@ ORDERS = {
 _BEGIN = re.compile(b"[%s]" % re.escape(bytes(EXCHANGES)))
 
 
-class Decoder:
+class Decoder(Stream[Frame]):
     """Finds frames in a stream: `expect` the answer to a request, `feed` bytes, call `next` until it returns None.
 
     Every place where a known command stands may begin a frame; it is one when its length allows a size that this
@@ -233,24 +234,15 @@ class Decoder:
     """
 
     def __init__(self) -> None:
-        self._buffer = bytearray()
+        super().__init__()
         self._expected: tuple[int, int] | None = None
         self._request = b""
-        self.skipped = 0
         self.mode: str | None = None
 
     def expect(self, request: bytes) -> None:
         """What follows shall answer `request`; bytes that are still held are kept."""
         self._request = request
         self._expected = key_of(request)
-
-    def feed(self, data: bytes) -> None:
-        self._buffer += data
-
-    @property
-    def pending(self) -> int:
-        """Bytes held back because they may still become a frame."""
-        return len(self._buffer)
 
     def clear(self) -> None:
         """Drop what is held."""
@@ -275,20 +267,6 @@ class Decoder:
                     break  # the answer has begun: what looks like a frame inside it is none
         self._drop(keep, stray=keep)
         return None
-
-    def finish(self) -> list[Frame]:
-        """The stream has ended: whole frames that a false, never completed header was hiding."""
-        found = []
-        while self._buffer:
-            try:
-                frame = self.next()
-            except ProtocolError:
-                continue
-            if frame is not None:
-                found.append(frame)
-            elif self._buffer:
-                self._drop(1, stray=1)
-        return found
 
     def _drop(self, count: int, *, stray: int) -> None:
         del self._buffer[:count]

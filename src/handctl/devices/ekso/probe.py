@@ -10,11 +10,9 @@ from handctl.devices.ekso.frames import Command
 from handctl.link import ByteLink, Deadline
 from handctl.model.result import Journal, Row
 
-FAMILY = "ekso"
 WIRES = ("serial", "tcp")
 SPEEDS = (115200,)
 PING = "GetTime"
-ECHOES = False
 TIMEOUT = 0.25
 
 

@@ -22,6 +22,7 @@ from functools import lru_cache
 
 from handctl.errors import ProtocolError, UsageError
 from handctl.light import NamedTuple
+from handctl.model.decoder import Stream
 
 HOST = b"\xeb\x90"
 DEVICE = b"\x90\xeb"
@@ -165,29 +166,7 @@ def command_reply_prefix(device_id: int, flag: int) -> bytes:
     return DEVICE + bytes([device_id, length, flag])
 
 
-class Stream:
-    """Bytes that came and are not consumed yet. `skipped` counts those that belonged to no frame."""
-
-    def __init__(self) -> None:
-        self._buffer = bytearray()
-        self.skipped = 0
-
-    def feed(self, data: bytes) -> None:
-        self._buffer += data
-
-    def rest(self) -> bytes:
-        """Take out what has not been consumed."""
-        rest = bytes(self._buffer)
-        self._buffer.clear()
-        return rest
-
-    @property
-    def pending(self) -> int:
-        """Bytes held back because they may still become a frame."""
-        return len(self._buffer)
-
-
-class Decoder(Stream):
+class Decoder(Stream[Frame]):
     """Finds the expected frames in a stream: `feed` bytes, then call `next` until it returns None.
 
     Only frames that begin with one of `prefixes` (header, id, length, flag, and the address where there is one) are
@@ -229,21 +208,6 @@ class Decoder(Stream):
             )
         del buffer[:end]
         return Frame(frame[:2], frame[2], frame[4], frame[5:-1])
-
-    def finish(self) -> list[Frame]:
-        """The stream has ended: whole frames that a false, never completed header was hiding."""
-        found = []
-        while self._buffer:
-            try:
-                frame = self.next()
-            except ProtocolError:
-                continue
-            if frame is not None:
-                found.append(frame)
-            elif self._buffer:
-                del self._buffer[:1]
-                self.skipped += 1
-        return found
 
     def _candidate(self) -> int:
         """Offset of the first place where one of the prefixes stands, or begins at the end; len(buffer) if there is none.

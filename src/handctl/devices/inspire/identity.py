@@ -25,7 +25,6 @@ from handctl.model.device import Gate
 from handctl.model.result import hex_bytes
 
 if TYPE_CHECKING:
-    from handctl.devices.inspire.register_bus import RegisterBus, Span
     from handctl.devices.inspire.register_device import RegisterDevice
 
 At = Callable[[int, int], bytes | None]

@@ -23,6 +23,7 @@ from functools import cache
 from handctl.devices.inspire import eb90
 from handctl.errors import ProtocolError, UsageError
 from handctl.light import NamedTuple
+from handctl.model.decoder import Stream
 
 READ, WRITE_ONE, WRITE_MANY = 0x03, 0x06, 0x10
 FAILED = 0x80
@@ -178,7 +179,7 @@ def to_memory(data: bytes) -> bytes:
     return bytes(swapped)
 
 
-class RtuDecoder(eb90.Stream):
+class RtuDecoder(Stream[Answer]):
     """Finds the answer to one request in a stream of a serial line: `feed` bytes, then call `next` until it returns None.
 
     A frame on this wire has no mark at its beginning. So a candidate is what begins with the unit and the function that
@@ -234,7 +235,7 @@ class RtuDecoder(eb90.Stream):
         return reply_size(self._request) + 3
 
 
-class TcpDecoder(eb90.Stream):
+class TcpDecoder(Stream[Answer]):
     """Cuts a TCP stream into answers: `feed` bytes, then call `next` until it returns None."""
 
     def next(self) -> Answer | None:

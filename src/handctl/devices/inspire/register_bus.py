@@ -19,8 +19,9 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from handctl.devices.inspire import eb90
+from handctl.devices.inspire.eb90 import Frame
 from handctl.errors import Aftermath, HandctlError, LinkError, NoAnswer, ProtocolError
-from handctl.link import ByteLink, CanFrame, Deadline, Link
+from handctl.link import ByteLink, CanFrame, Link
 from handctl.model.device import Line
 from handctl.model.other_devices import harmless
 from handctl.model.param import Step
@@ -28,7 +29,6 @@ from handctl.model.result import Journal
 from handctl.model.stop_sequence import on_early_end
 
 if TYPE_CHECKING:
-    from handctl.devices.inspire.eb90 import Frame
     from handctl.devices.inspire.identity import FamilyGate
 
 Span = tuple[int, int]
@@ -146,23 +146,15 @@ class RegisterBus(Line, ABC):
     per = 1
     wire = "eb90"
 
-    def __init__(
-        self,
-        link: Link,
-        device_id: int,
-        journal: Journal,
-        *,
-        family: str = "",
-        timeout: float | None = None,
-        retries: int | None = None,
-        bound: Deadline | None = None,
-    ) -> None:
+    timeout: float
+    usual_timeout = DEFAULT_TIMEOUT
+
+    def __init__(self, link: Link, device_id: int, journal: Journal, *, family: str = "", **limits: Any) -> None:
         self.check_id(device_id)
-        super().__init__(link, journal, retries=retries, bound=bound)
+        super().__init__(link, journal, **limits)
         self.id = device_id
         self.family = family or self.usual
         self.read_flag, self.write_flag = self.spaces.get(self.family) or self.spaces["hand"]
-        self.timeout = DEFAULT_TIMEOUT if timeout is None else timeout
         self._met: set[int] = set()  # ids that have answered a read, also through `at`
 
     @staticmethod

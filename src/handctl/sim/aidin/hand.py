@@ -9,14 +9,9 @@ closed form from the time that passed, so a jump of virtual time gives the same 
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from handctl.sim.engine.model import NOTHING
-
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from typing import Any
-
-    from handctl.sim.engine.model import Random
+from handctl.sim.engine.model import NOTHING, Random
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 STROKES = ((280000, 280000, 210000), *((440000, 440000, 170000),) * 4)

@@ -6,12 +6,10 @@ says JSON, a buffer of 2048 bytes, and no more: no delimiter, no acknowledge. Wh
 
 from __future__ import annotations
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from typing import Any
+from collections.abc import Callable
+from typing import Any
 
-    from handctl.sim.aidin.hand import Hand
+from handctl.sim.aidin.hand import Hand
 
 BLANKS = b" \t\r\n\0"
 RADIANS = 0.017453292519943295  # of one degree

@@ -6,13 +6,12 @@ not in the memory: nobody stores them.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
+
 from handctl.number_parsing import number_in
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable
+Row = tuple[str, int, int, int, int, int, int, str]
 
-    Row = tuple[str, int, int, int, int, int, int, str]
 
 MOVEMENT, STATUS, REALTIME, ADVANCED = 1, 2, 3, 4  # groups of parameters: §5.3.1 to §5.3.4; STATUS is read-only
 

@@ -15,6 +15,8 @@ from __future__ import annotations
 
 from math import cos, floor, pi, radians, sin
 
+from handctl.sim.engine.model import Random
+
 LEAN_TIME, RISE_TIME = 7.8, 3.7  # s; trunk forward without current, then the joints driven
 FOOT_X, FOOT_Y = 2.75, 4.0  # in, from the leg equations
 POSTURES = ("sitting", "standing", "walking", "rising", "lowering", "held")
@@ -214,10 +216,6 @@ def _way(place: float) -> tuple[float, float, float]:
 TICK_MS = 2
 WRAP = 4294967296  # ms; BootTime is two words
 FIRST_BOOT_MS = 1  # after a restart; every value of the log was odd
-
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from handctl.sim.engine.model import Random
 
 SIZES = {
     # ppm of drift, ms of a jump, ms that a restart takes: least and most of each; None: it does not restart

@@ -15,6 +15,7 @@ A transcription of its own, raw numbers throughout. Limits are invented; the cod
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from math import ceil, floor
 
@@ -32,7 +33,7 @@ from handctl.sim.ekso.body import (
     Unrest,
     hips,
 )
-from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, soonest
+from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, Rows, soonest
 
 # Per word of GetSettings: (name, ParameterID or None, values that SetValue takes, power-on value). The order of the
 # words is not that of the IDs. A range is a limit in hundredths (status 2 beyond it), a set is a list of codes (status
@@ -96,12 +97,6 @@ def judge_value(place: int, raw: int) -> int:
         return 0
     return 2 if isinstance(allowed, range) else 3
 
-
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from handctl.sim.engine.model import Rows
 
 # Commands; the last is met in the field, not in the manual.
 TIME, DATE, SET_VALUE, CANCEL, EVENT = 150, 151, 155, 156, 160

@@ -10,11 +10,7 @@ from __future__ import annotations
 import struct
 
 from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS, Cable
-from handctl.sim.engine.model import Model, Reply, soonest
-
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from handctl.sim.engine.model import Rows
+from handctl.sim.engine.model import Model, Reply, Rows, soonest
 
 CAN_OPTIONS: Rows = {
     **LINE_OPTIONS,

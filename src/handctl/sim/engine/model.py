@@ -5,34 +5,37 @@ Knows nothing of any wire format. Time is always passed in (seconds, monotone); 
 
 from __future__ import annotations
 
-TYPE_CHECKING = False  # the typing and collections.abc modules are not worth their import time here
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-    from typing import Any, ClassVar, Protocol
+from collections.abc import Callable, Iterable, Iterator
+from importlib import import_module
+from itertools import repeat
+from typing import Any, ClassVar, Protocol
 
-    class Control(Protocol):
-        """A module that knows a device from outside: its control commands, what a state file keeps of it, its use."""
 
-        HELP: str  # the commands
+class Control(Protocol):
+    """A module that knows a device from outside: its control commands, what a state file keeps of it, its use."""
 
-        def command(self, device: Any, words: list[str]) -> str | None:
-            """One control command: the answer, "" when there is no such command, None when it has changed the device. Raises
-            ValueError."""
+    HELP: str  # the commands
 
-        def snapshot(self, device: Any) -> dict[str, Any]:
-            """What a state file keeps."""
+    def command(self, device: Any, words: list[str]) -> str | None:
+        """One control command: the answer, "" when there is no such command, None when it has changed the device. Raises
+        ValueError."""
 
-        def restore(self, device: Any, state: dict[str, Any]) -> None:
-            """Takes a snapshot back; KeyError, TypeError or ValueError when it does not fit."""
+    def snapshot(self, device: Any) -> dict[str, Any]:
+        """What a state file keeps."""
 
-        def use(self, device: Any) -> Iterator[float]:
-            """Somebody who uses the device: each step acts on it, and tells the seconds until the next one."""
+    def restore(self, device: Any, state: dict[str, Any]) -> None:
+        """Takes a snapshot back; KeyError, TypeError or ValueError when it does not fit."""
 
-    Form = Any
-    Rows = dict[str, tuple[Form, str]]
-    """Options, name -> (form, help). A form is False or True (0 or 1, the default), words to choose from (the first is the
-    default, or the one before them), (default, lowest, highest) of whole numbers, the same with a default such as "0,0,0" of as many numbers,
-    (default, most) of seconds, or None: any text."""
+    def use(self, device: Any) -> Iterator[float]:
+        """Somebody who uses the device: each step acts on it, and tells the seconds until the next one."""
+
+
+Form = Any
+Rows = dict[str, tuple[Form, str]]
+"""Options, name -> (form, help). A form is False or True (0 or 1, the default), words to choose from (the first is the
+default, or the one before them), (default, lowest, highest) of whole numbers, the same with a default such as "0,0,0" of as many numbers,
+(default, most) of seconds, or None: any text."""
+
 
 NOTHING: frozenset[str] = frozenset()
 
@@ -282,12 +285,10 @@ class Model:
 
     def user(self) -> Iterator[float]:
         """Somebody who uses the device: each step acts on it, and tells the seconds until the next one."""
-        from itertools import repeat
 
         return self._control().use(self) if self.CONTROL else repeat(3600.0)
 
     def _control(self) -> Control:
-        from importlib import import_module
 
         control: Any = import_module(self.CONTROL)
         return control  # type: ignore[no-any-return]

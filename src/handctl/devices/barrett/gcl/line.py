@@ -6,6 +6,7 @@ The table of `connect_table` says how the hand is met. One command at a time; no
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from handctl.devices.barrett.gcl.codec import (
     BANNER,
@@ -65,15 +66,12 @@ class GclLine(Line):
         link: ByteLink,
         journal: Journal,
         *,
-        timeout: float | None = None,
-        retries: int | None = None,
-        bound: Deadline | None = None,
         speed: int | None = None,
         sign: str = "",
         interrupt: bool = False,
+        **limits: Any,
     ) -> None:
-        super().__init__(link, journal, retries=retries, bound=bound)
-        self.timeout = timeout
+        super().__init__(link, journal, **limits)
         self.only = speed
         self.sign = sign
         self.interrupt = interrupt

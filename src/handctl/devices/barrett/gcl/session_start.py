@@ -10,11 +10,11 @@ from handctl.devices.barrett.gcl import connect_table as table
 from handctl.devices.barrett.gcl.codec import ABORT, CR, MOTORS, has_prompt, values
 from handctl.devices.barrett.map import SPEEDS, with_sign
 from handctl.errors import HandctlError, LinkError, NoAnswer, NotRunning, ProtocolError
+from handctl.link import ByteLink
 from handctl.wording import plural
 
 if TYPE_CHECKING:
     from handctl.devices.barrett.gcl.line import GclLine
-    from handctl.link import ByteLink
 
 ABORT_COLLECT = 0.15
 LATE_PROMPT = 0.25

@@ -24,14 +24,6 @@ HAND_NAME = click.option(
 )
 
 
-def add_care_commands(group: Group) -> None:
-    """Add the commands to the family's group."""
-    _add_maintenance(group)
-    _add_strain(group)
-    _add_fingertips(group)
-    _add_diagnose(group)
-
-
 def _live(run: Run, live: bool, **only: Any) -> None:
     """Make this run a stream, or refuse what `only` a stream has without --live. Raises UsageError."""
     given = [f"--{name}" for name, value in only.items() if value]
@@ -40,7 +32,27 @@ def _live(run: Run, live: bool, **only: Any) -> None:
     run.streams = live
 
 
-def _add_maintenance(group: Group) -> None:
+GREASED_HELP = "Record points as greased today: all, worm, spur, motor-spur, palm, or spur.F1 for one finger. Separate points with commas."
+
+
+def _procedure(name: str) -> Table:
+    from handctl.devices.barrett.maintenance import symptoms
+
+    found = symptoms.PROCEDURES[name]
+    rows = [
+        {"step": number, "text": text, "source": f"barrett {source}"}
+        for number, (text, source) in enumerate(found.steps, 1)
+    ]
+    return Table(
+        rows=rows,
+        columns=(Column("step", "Step", right=True), Column("text", found.title), Column("source", "Section")),
+        text=lambda _: "\n".join(symptoms.lines(name)) + "\n",
+    )
+
+
+def add_care_commands(group: Group) -> None:
+    """Add the commands to the family's group."""
+
     @group.verb("maintenance", "Service")
     @click.option("--greased", metavar="POINT", is_flag=False, flag_value="all", help=GREASED_HELP)
     @click.option(
@@ -67,26 +79,6 @@ def _add_maintenance(group: Group) -> None:
             care.grease(points)
         return lubrication.table_of(hand, care, check=check)
 
-
-GREASED_HELP = "Record points as greased today: all, worm, spur, motor-spur, palm, or spur.F1 for one finger. Separate points with commas."
-
-
-def _procedure(name: str) -> Table:
-    from handctl.devices.barrett.maintenance import symptoms
-
-    found = symptoms.PROCEDURES[name]
-    rows = [
-        {"step": number, "text": text, "source": f"barrett {source}"}
-        for number, (text, source) in enumerate(found.steps, 1)
-    ]
-    return Table(
-        rows=rows,
-        columns=(Column("step", "Step", right=True), Column("text", found.title), Column("source", "Section")),
-        text=lambda _: "\n".join(symptoms.lines(name)) + "\n",
-    )
-
-
-def _add_strain(group: Group) -> None:
     @group.verb("strain", "Service", writes=True)
     @click.option(
         "--open",
@@ -139,8 +131,6 @@ def _add_strain(group: Group) -> None:
         run.streams = live and not run.settings.dry_run
         return Act(gauges.preparation_steps, measure)
 
-
-def _add_fingertips(group: Group) -> None:
     @group.verb("fingertips", "Inspect")
     @click.option(
         "--positions",
@@ -186,8 +176,6 @@ def _add_fingertips(group: Group) -> None:
         hand = run.device()
         return get_set_watch.within(bounds, tips.stream(hand, **timing) if live else tips.now(hand))
 
-
-def _add_diagnose(group: Group) -> None:
     @group.verb("diagnose", "Service", writes=True, asks="with `--move`")
     @click.argument("symptom", required=False)
     @click.option("--list", "listed", is_flag=True, help="List the symptoms in the manual. Needs no device.")
@@ -202,8 +190,6 @@ def _add_diagnose(group: Group) -> None:
         The exit code is 7 if a check warns or fails, or if the hand does not answer.
         """
         from handctl.devices.barrett.maintenance import diagnose as doctor
-        from handctl.devices.barrett.maintenance import movement_checks
-        from handctl.devices.barrett.maintenance.diagnose import ExaminedHand
 
         if listed:
             return doctor.list_table()
@@ -217,23 +203,21 @@ def _add_diagnose(group: Group) -> None:
             )
 
         def examine(hand: BarrettHand) -> Table:
-            patient = ExaminedHand(hand, simulated=lambda: run.simulated, name=name)
+            patient = doctor.ExaminedHand(hand, simulated=lambda: run.simulated, name=name)
             wanted = [*doctor.USUAL, *(entry.checks if entry is not None else ())]
             findings, failure = doctor.examine(patient, wanted, run.settings.baud)
             answers = findings[0].status == "ok" and failure is None
             if move and answers:
-                findings += movement_checks.run_all(patient, names, digits, run.prompts)
+                findings += doctor.run_all(patient, names, digits, run.prompts)
             else:
-                findings += movement_checks.not_run(
-                    names, "no communication" if not answers else "moves the hand: --move"
-                )
+                findings += doctor.not_run(names, "no communication" if not answers else "moves the hand: --move")
             return doctor.table_of(hand, findings, symptom, failure)
 
         if not move:
             run.only_reads("--move")
             return examine(run.device())
         return Act(
-            movement_checks.steps(names, digits),
+            doctor.steps(names, digits),
             examine,
             "This moves the hand. Keep people and things out of its reach",
         )

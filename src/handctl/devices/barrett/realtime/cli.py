@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -137,8 +138,6 @@ def add_realtime(group: Group) -> None:
         received, temperature = schedule.received(receive, indices)
         controls = schedule.controls_of(send, velocity, gain, path, indices, run.settings.deadline)
         if isinstance(controls, schedule.Live):
-            import threading
-
             threading.Thread(target=controls.listen, daemon=True).start()
         off = set(GUARDS) if "all" in unguarded else {*unguarded, *(["opening"] if force else [])}
         flag_request = FlagRequest(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import click
 
 from handctl.command.command_tree import Group
@@ -20,13 +18,10 @@ from handctl.devices.inspire.exo.device import ExoHand, parse_command
 from handctl.devices.inspire.map import BAUD_RATES, EXO, address_in
 from handctl.devices.inspire.serial_bus import Bus
 from handctl.errors import UsageError
+from handctl.link import ByteLink
 from handctl.model.device import limits_of
-from handctl.model.result import Table
-
-if TYPE_CHECKING:
-    from handctl.link import ByteLink
-    from handctl.model.result import Journal
-    from handctl.model.settings import Settings
+from handctl.model.result import Journal, Table
+from handctl.model.settings import Settings
 
 
 def open_exo(link: ByteLink, settings: Settings, journal: Journal) -> ExoHand:

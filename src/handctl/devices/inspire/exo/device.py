@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from handctl.devices.inspire import eb90
+from handctl.devices.inspire import eb90, identity
 from handctl.devices.inspire.identity import identify_alone
 from handctl.devices.inspire.map import ALONE, BAUD_RATES, EXO, FINGERS, OVER_TEMPERATURE, pushes
 from handctl.devices.inspire.register_bus import may_still_move
@@ -178,7 +178,6 @@ class ExoHand(RegisterDevice):
 
     def _strangeness(self) -> list[str]:
         """What the bytes just read say against an EH55BF1, told as a warning; reads nothing more."""
-        from handctl.devices.inspire import identity
 
         at = identity.within(self.last_blocks)
         told = identity.is_six_wide(at)

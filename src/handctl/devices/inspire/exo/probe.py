@@ -11,10 +11,8 @@ from handctl.devices.inspire.serial_bus import SILENCE_HINT
 
 __all__ = ["SPEEDS", "ignores_speed", "parse_ids", "sweep"]
 
-FAMILY = "exo"
 WIRES = ("serial", "tcp")
 PING = "force_actual"
-ECHOES = False
 TARGET = Target(
     EXO,
     probe=(1472, 2),

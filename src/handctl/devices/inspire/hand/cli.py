@@ -34,20 +34,18 @@ from handctl.devices.inspire.hand.generation import (
 from handctl.devices.inspire.hand.map import BYTE_MAP, DG2, SPEEDS
 from handctl.devices.inspire.map import ALONE, address_in
 from handctl.devices.inspire.modbus_frames import TCP_PORT
+from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.errors import UsageError
-from handctl.link import FrameLink
+from handctl.link import ByteLink, FrameLink
 from handctl.model.device import limits_of
-from handctl.model.param import COMMAND, Element, Number, Step, given
-from handctl.model.result import Column, Row, Table
+from handctl.model.param import COMMAND, Element, Number, Step, elements_of, given
+from handctl.model.result import Column, Journal, Row, Table
+from handctl.model.settings import Settings
 from handctl.system.folders import config_path
 
 if TYPE_CHECKING:
     from handctl.command.config import Config
     from handctl.devices.inspire.hand.pairing import Paired
-    from handctl.devices.inspire.register_bus import RegisterBus
-    from handctl.link import ByteLink
-    from handctl.model.result import Journal
-    from handctl.model.settings import Settings
 
 
 def open_hand(link: ByteLink | FrameLink, settings: Settings, journal: Journal) -> Hand:
@@ -523,7 +521,6 @@ def _check_names(names: dict[str, str], force: bool) -> None:
 def _steps(run: Run, other: str | None, octets: list[int] | None, *, moving: bool) -> list[Step]:
     """What can be said of the bytes before a hand is read: angles and speeds depend on where the finger is."""
     from handctl.devices.inspire.hand.motion import NUDGE_SPEED, NUDGED
-    from handctl.model.param import elements_of
 
     planner: Hand = run.planner()
     steps: list[Step] = []

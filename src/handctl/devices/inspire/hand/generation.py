@@ -10,7 +10,7 @@ What the user says of a hand before anybody asks it, its generation and its wire
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.hand.map import BYTE_MAP, DF, DG2, F1, MAPS, MODELS, TP, model_of
@@ -30,12 +30,10 @@ from handctl.devices.inspire.identity import (
 from handctl.devices.inspire.modbus_frames import RTU, RTU_SPEED, TCP, TCP_PORT, mode_of
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError, UsageError
+from handctl.link import ByteLink
 from handctl.model.param import ParamMap
+from handctl.model.settings import Settings
 from handctl.number_parsing import number_in
-
-if TYPE_CHECKING:
-    from handctl.link import ByteLink
-    from handctl.model.settings import Settings
 
 HERE = ("127.0.0.1", "localhost", "[::1]")
 """This machine, where simulators are served."""

@@ -11,9 +11,9 @@ but the power.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-from handctl.devices.inspire.hand.device import COURSES
+from handctl.devices.inspire.hand.device import COURSES, Hand
 from handctl.devices.inspire.hand.map import BLOCKED, BYTE_MAP, HOT, UNMEASURED
 from handctl.devices.inspire.map import ALONE, pushes
 from handctl.devices.inspire.procedures import outcome, wait_for_calibration
@@ -25,9 +25,6 @@ from handctl.model.param import Changes, Element, FromTo, Number, Reading, eleme
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table
 from handctl.model.stop_sequence import on_early_end
-
-if TYPE_CHECKING:
-    from handctl.devices.inspire.hand.device import Hand
 
 MOVED = {course.target: course.actual for course in COURSES}
 """What is commanded -> what shows where it is."""

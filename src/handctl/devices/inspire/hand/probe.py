@@ -252,7 +252,6 @@ def current_limit(held: Values) -> Row4:
 
 __all__ = ["address_of", "fingerprint", "further", "ignores_speed", "parse_ids", "sweep"]
 
-FAMILY = "hand"
 WIRES = ("serial", "tcp", "can")
 SPEEDS = (115200,)
 """At the slower ones the question of the exoskeleton hand, which every hand answers, finds it (rh56 §2.1). 921600 reads as
@@ -260,7 +259,6 @@ a trigger to a BarrettHand in its boot window: only `handctl hand scan` asks the
 ASIDE = True
 """On a line that a BarrettHand may be on, Modbus RTU waits until that was asked: 03 is its ^C, where the speed does not matter."""
 PING = "angle_actual"
-ECHOES = False
 ANGLES = (1546, 4)
 
 
@@ -301,7 +299,7 @@ def probe(
 def identify(device: Hand) -> tuple[str, str, str]:
     """Whether it is one: status, evidence, remedy of a check. Read-only. Raises what the bus raises."""
     found = device.gate.seen(device.bus)
-    if found.kind.family != FAMILY:
+    if found.kind.family != "hand":
         command = f"use `{found.kind.command}`, the command for it"
         return "fail", f"this is {found.kind.words}: {found.evidence}", command
     if found.model is None:

@@ -13,7 +13,7 @@ from handctl.devices.inspire.explain import InspireExplainer
 from handctl.devices.inspire.hand.map import BYTE_MAP
 from handctl.devices.inspire.modbus_frames import RTU, TCP, mode_of, only_reads, pdu_of
 from handctl.errors import UsageError
-from handctl.link import CanFrame
+from handctl.link import ByteLink, CanFrame
 from handctl.model.explainer import DEVICE, HOST
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table, hex_bytes
@@ -128,7 +128,6 @@ def _refuse_write(hand: Hand, number: int, address: int, data: bytes) -> None:
 
 def exchange(hand: Hand, data: bytes, wait: float) -> Table:
     """Send the bytes once, listen until `wait` seconds have brought nothing more, show every frame that came."""
-    from handctl.link import ByteLink
 
     bus, link = hand.bus, hand.bus.link
     if not isinstance(link, ByteLink):

@@ -10,13 +10,12 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from handctl.devices.inspire.hand.map import DF, MODELS, TP
-from handctl.errors import DeviceRefused, UsageError
+from handctl.errors import DeviceRefused, HandctlError, UsageError
 from handctl.model.result import Cell, Column, Grid, Row, Table, hex_bytes
 from handctl.model.sampling import Sampler
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.hand.device import Hand
-    from handctl.errors import HandctlError
 
 INVALID = 65280
 """Values from here on were seen from saturated or broken cells."""

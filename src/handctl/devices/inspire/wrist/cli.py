@@ -13,19 +13,17 @@ from handctl.command.family import Family
 from handctl.command.options import REPLY_WAIT, Seconds
 from handctl.command.run import Act, Run
 from handctl.devices.inspire import common_cli as verbs
-from handctl.devices.inspire import identity
+from handctl.devices.inspire import eb90, identity
 from handctl.devices.inspire.map import BAUD_RATES, WRIST, address_in
 from handctl.devices.inspire.serial_bus import Bus
 from handctl.devices.inspire.wrist.device import Wrist
-from handctl.link import FrameLink
+from handctl.link import ByteLink, FrameLink
 from handctl.model.device import limits_of
-from handctl.model.result import Table
+from handctl.model.result import Journal, Table
+from handctl.model.settings import Settings
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.can_bus import CanBus
-    from handctl.link import ByteLink
-    from handctl.model.result import Journal
-    from handctl.model.settings import Settings
 
 
 def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal) -> Wrist:
@@ -80,7 +78,6 @@ def hand_read(run: Run, address: str, count: int) -> Table:
     """Read COUNT bytes (1 to 252) from ADDRESS in the hand, not in the wrist.
 
     Uses flag 11, on CAN flag 0."""
-    from handctl.devices.inspire import eb90
     from handctl.devices.inspire.wrist import raw as wrist_raw
 
     place = address_in(address)

@@ -12,10 +12,8 @@ from handctl.devices.inspire.serial_bus import WIRING_HINT
 
 __all__ = ["SPEEDS", "ignores_speed", "parse_ids", "sweep"]
 
-FAMILY = "wrist"
 WIRES = ("serial", "tcp", "can")
 PING = "current_1024"
-ECHOES = False
 TARGET = Target(
     WRIST,
     probe=(1020, 2),
