@@ -31,7 +31,7 @@ THIS_MACHINE = (
     (doctor, "machine_checks", list),
     (report, "environment", list),
     (port_inventory, "source", str),
-    (port_users, "rivals", lambda: port_users.Rivals([])),
+    (port_users, "rivals", lambda: port_users.OtherUsers([])),
 )
 """What tells of the machine: says nothing here."""
 EVENTS = ((FakeLink, "set_baud"), (FakeLink, "reopen"), (FakeLink, "power_cycle"), (FakeFrames, "power_cycle"))

@@ -159,15 +159,15 @@ class Link(ABC):
         """Switch the device off and on. Only simulators can: False means the operator must."""
         return False
 
-    def recorded_next(self, request: bytes) -> bool:
+    def is_next_recorded(self, request: bytes) -> bool:
         """Whether the transcript that plays the device has this request next: who may choose asks as was asked then."""
         return False
 
-    def fall_silent(self) -> None:
+    def block_sending(self) -> None:
         """From now on nothing goes out: who tries is interrupted. The device was stopped, and is to stay so."""
         setattr(self, self._goes_out, _interrupt)  # in place of the method: a check in it would cost every write
 
-    def keep_to_this_thread(self) -> None:
+    def only_this_thread(self) -> None:
         """From now on only this thread sends and receives; any other that tries is interrupted."""
         mine = get_ident()
 

@@ -32,8 +32,8 @@ from handctl.model.stop_sequence import (
     Stopped,
     StopPlan,
     StopSequence,
-    aimed,
-    carry_out,
+    context_for_link,
+    run_stop,
     stop_sequence_of,
     stopped_by_ctrl_c,
 )
@@ -283,13 +283,13 @@ class Device(ABC):
     def stop_context(self) -> StopContext:
         """The context of its stop sequence: everything this program knows about it."""
         settings = self.options._replace(id=getattr(self._line, "id", self.options.id))
-        return aimed(self.link, settings)._replace(fixed=True, proven=True)
+        return context_for_link(self.link, settings)._replace(fixed=True, proven=True)
 
     def stop(self, *, powered: bool = False) -> Stopped:
         """Stop it by its family's plan, after --deadline too; `powered` as in `StopContext`. Never raises."""
         ledger = self.journal.ledger
         sequence = stop_sequence_of(self.kind, self.stop_context()._replace(powered=powered))
-        return carry_out(self.link, sequence, ledger=ledger if ledger.words is not None else None)
+        return run_stop(self.link, sequence, ledger=ledger if ledger.words is not None else None)
 
     def guarded(
         self, *, beat: float = 0.0, powered: bool = False, sequence: Callable[[StopContext], StopSequence] | None = None
@@ -298,11 +298,11 @@ class Device(ABC):
 
         `beat` as in `link.deadman`, `powered` as in `StopContext`.
         """
-        from handctl.link.deadman import guarding
+        from handctl.link.deadman import guard_link
 
         context = self.stop_context()._replace(powered=powered)
         stop = StopPlan(sequence or partial(stop_sequence_of, self.kind), context)
-        return guarding(self.link, stop, self.journal.warn, beat=beat)
+        return guard_link(self.link, stop, self.journal.warn, beat=beat)
 
     @contextmanager
     def driven(self, prompts: Prompts, *, beat: float = 0.0, powered: bool = False, what: str = "") -> Iterator[Guard]:
@@ -401,7 +401,7 @@ class Device(ABC):
         names = ", ".join(lacks)
         text = f"not on this firmware: {names}"
         if not any(message.text == text for message in self.journal.messages):
-            said, why = said_of(self._line.where, absent[0]), absent[0].error
+            said, why = reply_text(self._line.where, absent[0]), absent[0].error
             refused = why is not None and why.exit_code == NotPresent.exit_code
             self.journal.info("not-on-this-firmware", text, hint=f"it replied: {said}" if refused else said)
         return [reading for reading in readings if reading not in absent]
@@ -476,7 +476,7 @@ class Device(ABC):
             raise CheckFailed(f"{self._line.where}: {'; '.join(wrong)}", hint=hint, code="read-back")
 
 
-def said_of(where: str, reading: Reading) -> str:
+def reply_text(where: str, reading: Reading) -> str:
     """What the device said of a reading that failed, without the link."""
     return reading.error.text.removeprefix(where).lstrip(": ") if reading.error is not None else ""
 

@@ -184,7 +184,7 @@ class Watch:
             axis.note(now, seen.get(name, Seen(None)))
         return all(self._ended(axis) for axis in self._axes.values())
 
-    def _stands(self, axis: _Axis) -> bool:
+    def _is_still(self, axis: _Axis) -> bool:
         """If the device reports that it has stopped, no more time is needed; its report that it moves is not enough by itself."""
         need = 0.0 if axis.seen.moves is False else max(self.still.seconds, axis.goal.patience)
         return axis.equal >= self.still.samples and self.now - axis.since >= need
@@ -195,7 +195,7 @@ class Watch:
             return False
         if axis.seen.blocked or (axis.exact and not self.still.passes):
             return True
-        return self._stands(axis) and lasted >= max(self.still.least, 0.0 if axis.near else self.still.grace)
+        return self._is_still(axis) and lasted >= max(self.still.least, 0.0 if axis.near else self.still.grace)
 
     @property
     def short(self) -> list[str]:
@@ -209,7 +209,7 @@ class Watch:
     def _arrival(self, axis: _Axis, deeper: Seen | None) -> Arrival:
         seen = axis.seen if deeper is None or axis.near else deeper
         value = axis.seen.value
-        moving = axis.moved and not self._stands(axis)
+        moving = axis.moved and not self._is_still(axis)
         if value is None:
             return Arrival(axis.goal, None, UNREAD)
         if seen.blocked:

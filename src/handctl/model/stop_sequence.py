@@ -4,7 +4,7 @@ A family's `stopper` is a module with one function:
 
     stop_steps(context) -> StopSequence    yields `StopStep`s, receives the bytes that came back, returns `Stopped`
 
-It does no I/O, so the owner of the link runs it with `carry_out`: the command `stop`, a command that another process asks
+It does no I/O, so the owner of the link runs it with `run_stop`: the command `stop`, a command that another process asks
 to stop, Ctrl-C inside a command, and the child process of a command that was killed.
 
 Every sequence follows these rules: a step is repeated until it is acknowledged (`stop_repetition`); steps that need no
@@ -119,7 +119,7 @@ def silence(seconds: float = SILENCE) -> Generator[StopStep, Pieces, Pieces]:
     return (yield StopStep(QUIET, seconds, lambda _pieces: False, reads=True, size=0))
 
 
-def taken_over(stopped: Stopped, what: str) -> Stopped:
+def did_not_last(stopped: Stopped, what: str) -> Stopped:
     """The result of a stop that was acknowledged but did not last."""
     text = f"{stopped.text}. {SILENCE:g} s later {what}: it does not obey, or another program is commanding it"
     return Stopped(text, FIND_WHO, DeviceRefused)
@@ -153,13 +153,13 @@ class StopPlan:
         sequence(context)  # imports the family's stopper now: later there may be no time, or no disk
 
     def __call__(self, link: Link) -> Stopped:
-        return drive(link, self._sequence(self._context), [])
+        return exchange_steps(link, self._sequence(self._context), [])
 
     def __reduce__(self) -> tuple[object, ...]:
         return StopPlan, (self._sequence, self._context)
 
 
-def unheard(sequence: StopSequence, *, reads: bool = False) -> list[Step]:
+def writes_without_replies(sequence: StopSequence, *, reads: bool = False) -> list[Step]:
     """The writes of a stop without any reply, each once: for a link that cannot receive.
 
     Questions are left out but with `reads`: a stop that needs their answers, as a wrist's, is [] then.
@@ -175,7 +175,7 @@ def unheard(sequence: StopSequence, *, reads: bool = False) -> list[Step]:
         return steps
 
 
-def carry_out(
+def run_stop(
     link: Link,
     sequence: StopSequence,
     sent: list[Sent] | None = None,
@@ -194,7 +194,7 @@ def carry_out(
 
     try:
         with ledger.repeating() if ledger is not None else nullcontext():
-            stopped = drive(link, sequence, sent, plan, until)
+            stopped = exchange_steps(link, sequence, sent, plan, until)
     except HandctlError as exc:
         return Stopped(exc.text, exc.hint, type(exc))
     if ledger is not None and stopped.evidence:
@@ -202,7 +202,7 @@ def carry_out(
     return stopped
 
 
-def drive(
+def exchange_steps(
     link: Link,
     sequence: StopSequence,
     sent: list[Sent],
@@ -239,7 +239,7 @@ def drive(
         return stopped
 
 
-def aimed(link: Link, settings: Settings) -> StopContext:
+def context_for_link(link: Link, settings: Settings) -> StopContext:
     """The stop context of the device on an open link."""
     from handctl.link import FrameLink
 
@@ -247,12 +247,12 @@ def aimed(link: Link, settings: Settings) -> StopContext:
     return StopContext(settings, can, None if can or not link.can_set_baud else link.baud)  # type: ignore[attr-defined]
 
 
-def by_ctrl_c(error: HandctlError) -> bool:
+def ended_by_interrupt(error: HandctlError) -> bool:
     """Whether this is the end of a command that was interrupted, however its stop ended."""
     return error.exit_code == 130 or error.code == NOT_STOPPED
 
 
-def interrupted(stopped: Stopped, what: str = "") -> HandctlError:
+def interrupt_error(stopped: Stopped, what: str = "") -> HandctlError:
     """The end of a command that Ctrl-C has ended: exit code 130 only where the stop was acknowledged."""
     text = f"{what}{stopped.text}"
     if stopped.error is None:
@@ -309,7 +309,7 @@ def _frames(link: FrameLink, action: StopStep, pieces: Pieces, went: Callable[[]
                 return
 
 
-def runs(sent: Iterable[Sent]) -> Iterator[tuple[Sent, int]]:
+def with_repeat_counts(sent: Iterable[Sent]) -> Iterator[tuple[Sent, int]]:
     """The steps, each with how often it went out running; of its answers the last."""
     for _, group in groupby(sent, key=lambda one: one.step):
         alike = list(group)
@@ -318,7 +318,7 @@ def runs(sent: Iterable[Sent]) -> Iterator[tuple[Sent, int]]:
 
 def shown(sent: Sequence[Sent]) -> str:
     """What went out, without what only asked: ``03, 54 0D``; the same step several times running is counted."""
-    found = runs(one for one in sent if not one.reads)
+    found = with_repeat_counts(one for one in sent if not one.reads)
     return ", ".join(one.step.wire + (f" ({times} times)" if times > 1 else "") for one, times in found)
 
 
@@ -330,7 +330,7 @@ AGAIN = Stopped(
 )
 
 
-class Counted(Protocol):
+class WriteCounter(Protocol):
     """The counters of a journal."""
 
     writes: int
@@ -340,7 +340,7 @@ class Counted(Protocol):
 def on_early_end(
     left: Aftermath,
     *,
-    since: Counted | None = None,
+    since: WriteCounter | None = None,
     by: type[HandctlError] = LinkError,
     interrupt: bool = True,
 ) -> Iterator[None]:
@@ -372,14 +372,14 @@ def stopped_by_ctrl_c(stop: Callable[[], Stopped], prompts: Prompts, what: str =
     try:
         yield
     except KeyboardInterrupt as exc:
-        raise stopped(stop, prompts, what) from exc
+        raise stop_undisturbed(stop, prompts, what) from exc
 
 
-def stopped(stop: Callable[[], Stopped], prompts: Prompts, what: str = "") -> HandctlError:
+def stop_undisturbed(stop: Callable[[], Stopped], prompts: Prompts, what: str = "") -> HandctlError:
     """Stop the movement without being interrupted; returns the error that ends the command."""
     with prompts.undisturbed():
         prompts.done()
         try:
-            return interrupted(stop(), what)
+            return interrupt_error(stop(), what)
         except KeyboardInterrupt:
-            return interrupted(AGAIN, what)
+            return interrupt_error(AGAIN, what)

@@ -77,14 +77,14 @@ def stop(
 
 def _plan(run: Run, sequence: Callable[[StopContext], StopSequence] | None) -> list[Step]:
     """What goes out where nothing answers."""
-    from handctl.model.stop_sequence import StopContext, stop_sequence_of, unheard
+    from handctl.model.stop_sequence import StopContext, stop_sequence_of, writes_without_replies
 
     assert run.family is not None
     port, can = run.settings.port, on_can(run.settings)
     fixed = can or run.family.baud is None or (port or "").startswith(("tcp://", "socket://", "replay:"))
     speed = None if fixed else run.settings.baud or _last_speed(run, port or "") or run.family.baud
     context = StopContext(run.settings, can, speed)
-    return unheard(
+    return writes_without_replies(
         sequence(context) if sequence is not None else stop_sequence_of(run.family.kind, context), reads=True
     )
 
@@ -267,13 +267,13 @@ def _own(run: Run) -> None:
 
 def _trouble(run: Run, settings: Settings) -> HandctlError | None:
     """Why nothing would go out with these settings, None where it would."""
-    from handctl.model.stop_sequence import StopContext, stop_sequence_of, unheard
+    from handctl.model.stop_sequence import StopContext, stop_sequence_of, writes_without_replies
 
     assert run.family is not None
     try:
         if run.family.check is not None:
             run.family.check(settings)
-        unheard(stop_sequence_of(run.family.kind, StopContext(settings, on_can(settings))), reads=True)
+        writes_without_replies(stop_sequence_of(run.family.kind, StopContext(settings, on_can(settings))), reads=True)
     except HandctlError as exc:
         return exc
     except (ValueError, LookupError, OverflowError, TypeError, AttributeError) as exc:

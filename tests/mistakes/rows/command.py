@@ -37,7 +37,7 @@ ROWS = (
         "frame-full-disk-hides-the-device",
         "wrong exit code",
         "handctl.command.envelope",
-        "weightier",
+        "more_serious",
         "if error is None or isinstance(error, OutputError):",
         "if error is not lost:",
         "tests/kernel/test_render.py::test_the_error_of_the_device_weighs_more_than_a_full_disk",

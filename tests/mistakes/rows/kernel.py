@@ -407,7 +407,7 @@ ROWS = (
         "success without evidence",
         "handctl.model.movement",
         "Watch._arrival",
-        "moving = axis.moved and not self._stands(axis)",
+        "moving = axis.moved and not self._is_still(axis)",
         "moving = False",
         "tests/kernel/test_movement.py::test_when_an_axis_has_ended",
     ),

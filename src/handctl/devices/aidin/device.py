@@ -19,7 +19,7 @@ from handctl.model.device import Device
 from handctl.model.param import Element, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Finding, Grid, Row, Table
-from handctl.model.stop_sequence import StopContext, Stopped, interrupted, on_early_end
+from handctl.model.stop_sequence import StopContext, Stopped, interrupt_error, on_early_end
 
 SLACK = 0.01
 """Share of a range by which a value may be outside: encoders and angles jitter at the stops."""
@@ -274,7 +274,7 @@ def stopped_if_cut_short(hand: AidinHand, prompts: Prompts, what: str = "", *, b
         if stopped is None:
             exc.hint = "; ".join(filter(None, (exc.hint, UNTOLD if lost else "", told)))
         elif pressed:  # what was said before it was stopped is no longer so
-            raise interrupted(stopped._replace(text=f"{MENDED}: {stopped.text}"), what) from exc
+            raise interrupt_error(stopped._replace(text=f"{MENDED}: {stopped.text}"), what) from exc
         else:
             exc.hint = f"{MENDED}: {_told(stopped)}"
         raise

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Hashable
 
 from handctl.devices.ekso.frames import READS, Command, Decoder, Frame
-from handctl.model.write_ledger import Answered
+from handctl.model.write_ledger import RequestReplyRules
 
 CRC_BYTES = 2
 
 
-class EksoWriteRules(Answered[Frame]):
+class EksoWriteRules(RequestReplyRules[Frame]):
     """One connection."""
 
     def key(self, request: bytes) -> Hashable:

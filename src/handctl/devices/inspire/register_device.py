@@ -33,7 +33,7 @@ from handctl.model.movement import Arrival, Goal, Seen, Stillness, Watch, judged
 from handctl.model.param import Element, Number, ParamMap, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Column, Row, Table, hex_bytes
-from handctl.model.stop_sequence import Stopped, interrupted, on_early_end
+from handctl.model.stop_sequence import Stopped, interrupt_error, on_early_end
 from handctl.wording import plural
 
 FAILS = (NoAnswer, ProtocolError, DeviceRefused)
@@ -386,7 +386,7 @@ class RegisterDevice(Device):
         except KeyboardInterrupt as exc:
             if self.journal.counters.writes == before:
                 raise
-            raise interrupted(self.stop() if self._moving else Stopped(unsure, look)) from exc
+            raise interrupt_error(self.stop() if self._moving else Stopped(unsure, look)) from exc
 
     def _written(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
         written: list[str] = []

@@ -253,7 +253,7 @@ class Bus(ByteBus):
     def quiet(self, address: int, count: int) -> bool:
         request = eb90.read_request(self.id, address // self.per, count, self.read_flag)
         if self.link.replayed:
-            return self.link.recorded_next(request)
+            return self.link.is_next_recorded(request)
         return bool(self._met) or self._quiet(request)
 
     def _quiet(self, request: bytes) -> bool:
@@ -375,7 +375,7 @@ class Bus(ByteBus):
         if self._met or not link.can_set_baud or not eb90.only_reads(request):
             return b""
         first = ahead(link.baud)
-        return first if not link.replayed or link.recorded_next(first + request) else b""
+        return first if not link.replayed or link.is_next_recorded(first + request) else b""
 
     def pace(self, seconds: float) -> float | None:
         """Seconds until the answer to a question that was not asked lately: no late answer to another one passes for it.
