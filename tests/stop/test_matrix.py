@@ -246,7 +246,7 @@ def test_a_reader_that_sleeps_does_not_cut_off_the_stop_of_a_holder(family: str)
         signal.raise_signal(signal.SIGALRM)
         write(*given, **more)
 
-    with TerminalPrompts(quiet=True).impatient(60.0, lambda: OutputError("no reader")):
+    with TerminalPrompts(quiet=True).stop_if_slow(60.0, lambda: OutputError("no reader")):
         far.write = late  # type: ignore[method-assign]
         stopped = by_holder(device, far)
     assert stopped.error is None, stopped

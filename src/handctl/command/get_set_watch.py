@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from handctl.command.run import Act, Asked
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError, UsageError, joined
-from handctl.model.device import pending, question, released
+from handctl.model.device import pending_moves, pending_table, question
 from handctl.model.param import PUSHES, SETTING, Changes, Element, FromTo, Number, Param, ParamMap, Reading, Step
 from handctl.model.result import Column, Grid, Journal, Row, Sample, Table
 
@@ -72,7 +72,7 @@ def get(run: Run, params: ParamMap[Any], names: Sequence[str]) -> Table:
     except UsageError:  # perhaps known to another kind of device of this family
         elements = select(meant(run, params, names), names)
     device: Device = run.device()
-    table = device.table(device.read(device.here(elements)))
+    table = device.table(device.read(device.of_this_device(elements)))
     table.plain = ("value",)
     return table
 
@@ -180,7 +180,7 @@ def going(run: Run, device: Device, changes: Sequence[Change], what: str = "Sett
 
 def _places(device: Device, changes: Sequence[Change]) -> dict[str, Element]:
     """Where each begins: a set point where its axis is, as far as the device can tell; by path."""
-    places = {course.target: device.map[course.actual] for course in device.courses}
+    places = {course.target: device.map[course.actual] for course in device.setpoint_pairs}
     return {one.path: Element(places.get(one.param.name, one.param), one.index) for one, _ in changes}
 
 
@@ -201,9 +201,9 @@ def ask_released(run: Run, device: Device, changes: Sequence[Change], steps: Seq
     if not any(release.by in names for release in device.releases):
         return
     device.identify()
-    if waiting := released(device, changes):
+    if waiting := pending_moves(device, changes):
         moving = [step._replace(moves=True) for step in steps]
-        run.confirm(question(waiting), moving, changes=pending(waiting))
+        run.confirm(question(waiting), moving, changes=pending_table(waiting))
         device.will_move()
 
 
@@ -326,7 +326,7 @@ def watch(
     more, slowly = (
         select(params, names) if seen and not elements and names else [] for names in (device.additional, device.slowly)
     )
-    elements = device.here(elements or select(params, device.live))
+    elements = device.of_this_device(elements or select(params, device.live))
     ranges = {
         element.param.name: (float(element.param.low), float(element.param.high))
         for element in elements

@@ -205,10 +205,10 @@ class Device(ABC):
     beside       also shown in the live view when no quantity was named; those in `slowly` once a second
     scales       ends of the live view's bars where no range is documented: ours, and wider as soon as more is seen
     worn         a person may be wearing it, so movements need a confirmation
-    courses      set-points and where they lead, `releases` the writes that let an axis go there (`Course`, `Release`)
+    setpoint_pairs  set points and the quantities that follow them, `releases` the writes that let an axis go there (`SetpointPair`, `Release`)
     not_covered  what a snapshot cannot contain; `restore` reports it
 
-    A family writes `read`, `named`, `valued` and `view`; `plan` and `write` where values can be set by name; and overrides
+    A family writes `read`, `element_keys`, `value_keys` and `view`; `plan` and `write` where values can be set by name; and overrides
     what its device does otherwise, by calling this one first where it adds to it.
     """
 
@@ -222,7 +222,7 @@ class Device(ABC):
     slowly: tuple[str, ...] = ()
     scales: Mapping[str, tuple[float, float]] = MappingProxyType({})
     worn = False
-    courses: Sequence[Course] = ()
+    setpoint_pairs: Sequence[SetpointPair] = ()
     releases: Sequence[Release] = ()
     not_covered: tuple[str, ...] = ()
 
@@ -329,20 +329,20 @@ class Device(ABC):
     def follow(self) -> None:  # noqa: B027 - most devices say nothing unasked
         """From now on a reading is the next thing that the device says unasked, and nothing of it is passed over."""
 
-    def came(self) -> Moment | None:
+    def reading_time(self) -> Moment | None:
         """Within which time the last reading came, where it may have waited to be read; None = since it was asked for."""
         return None
 
-    def here(self, elements: list[Element]) -> list[Element]:
+    def of_this_device(self, elements: list[Element]) -> list[Element]:
         """The same where this very device has them; another generation may have other parts. Raises what `read` raises."""
         return elements
 
     @abstractmethod
-    def named(self, element: Element) -> Row:
+    def element_keys(self, element: Element) -> Row:
         """The keys of a row that say which element it is (cli contract, row keys)."""
 
     @abstractmethod
-    def valued(self, reading: Reading) -> Row:
+    def value_keys(self, reading: Reading) -> Row:
         """The keys of a row for the value: value, unit and the family's own."""
 
     @staticmethod
@@ -353,11 +353,11 @@ class Device(ABC):
     def row(self, reading: Reading) -> Row:
         """The data row of one reading, or its error. The keys that come from the map are the same in all families."""
         element, value, error = reading.element, reading.value, reading.error
-        param, row = element.param, self.named(element)
+        param, row = element.param, self.element_keys(element)
         if error is not None or value is None:
             row |= {"error": error.text if error is not None else "not read", "unit": param.unit}
             return {**row, "path": element.path}
-        row = {**row, **self.valued(reading), "path": element.path}
+        row = {**row, **self.value_keys(reading), "path": element.path}
         if self.product:
             self.about.setdefault("model", self.product)
         if (scale := param.scale) is not None:
@@ -407,7 +407,7 @@ class Device(ABC):
         return [reading for reading in readings if reading not in absent]
 
     @contextmanager
-    def keeping(self, so_far: Callable[[], Sequence[Reading]]) -> Iterator[None]:
+    def keep_partial(self, so_far: Callable[[], Sequence[Reading]]) -> Iterator[None]:
         """Around reading: when it ends in the middle, what was read `so_far` is shown, if there is anything."""
         try:
             yield
@@ -421,7 +421,7 @@ class Device(ABC):
         dumped = [param for param in self.map if param.readable and not param.optional]
         return self.table(self.present(self.read([element for param in dumped for element in elements_of(param)])))
 
-    def judge(
+    def with_findings(
         self,
         table: Table,
         findings: Sequence[Finding],
@@ -522,7 +522,7 @@ class Gate:
 # -- what a write would let go --------------------------------------------------------------------------------------
 
 
-class Course(NamedTuple):
+class SetpointPair(NamedTuple):
     """Names of a set-point and of what shows where the axis is; `near` counts as there.
 
     closing  1 or -1: whether the axis closes as the number grows or falls; 0 = not known
@@ -552,7 +552,7 @@ class Release(NamedTuple):
     closing: bool = False
 
 
-class Pending(NamedTuple):
+class PendingMove(NamedTuple):
     """An axis that would move."""
 
     part: str
@@ -565,7 +565,7 @@ class Pending(NamedTuple):
         return FromTo(f"{self.part} ({self.target})", self.here, self.there, more)
 
 
-def released(device: Device, changes: Sequence[tuple[Element, Number]]) -> list[Pending]:
+def pending_moves(device: Device, changes: Sequence[tuple[Element, Number]]) -> list[PendingMove]:
     """The axes that these writes would let go, from what the device tells now. Raises what kept it from being read."""
     freed: dict[tuple[str, bool], None] = {}
     for release in device.releases:
@@ -579,8 +579,8 @@ def released(device: Device, changes: Sequence[tuple[Element, Number]]) -> list[
                 freed[element.part or "", release.closing] = None
     if not freed:
         return []
-    found: dict[Pending, None] = {}
-    for course in device.courses:
+    found: dict[PendingMove, None] = {}
+    for course in device.setpoint_pairs:
         wanted = {part for part, _ in freed}
         targets = [one for one in elements_of(device.map[course.target]) if one.part in wanted]
         places = [one for one in elements_of(device.map[course.actual]) if one.part in wanted]
@@ -592,7 +592,7 @@ def released(device: Device, changes: Sequence[tuple[Element, Number]]) -> list[
             if here is None or there in element.param.special or abs(there - here) <= course.near:
                 continue
             if (part, False) in freed or course.closes(here, there):
-                found[Pending(part, course.target, here, there)] = None
+                found[PendingMove(part, course.target, here, there)] = None
     return list(found)
 
 
@@ -606,12 +606,12 @@ def _values(device: Device, elements: Sequence[Element]) -> list[Number]:
     return values
 
 
-def pending(waiting: Sequence[Pending]) -> Changes:
+def pending_table(waiting: Sequence[PendingMove]) -> Changes:
     """The table of that question."""
     return Changes("Axis", rows=[one.row() for one in waiting])
 
 
-def question(waiting: Sequence[Pending]) -> str:
+def question(waiting: Sequence[PendingMove]) -> str:
     """What is asked before such a write."""
     text = "This moves what has not reached its target yet"
     twice = len({one.part for one in waiting}) < len(waiting)

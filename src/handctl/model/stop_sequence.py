@@ -377,7 +377,7 @@ def stopped_by_ctrl_c(stop: Callable[[], Stopped], prompts: Prompts, what: str =
 
 def stop_undisturbed(stop: Callable[[], Stopped], prompts: Prompts, what: str = "") -> HandctlError:
     """Stop the movement without being interrupted; returns the error that ends the command."""
-    with prompts.undisturbed():
+    with prompts.without_interrupts():
         prompts.done()
         try:
             return interrupt_error(stop(), what)

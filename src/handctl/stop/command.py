@@ -203,7 +203,7 @@ def _from_here(
             continue
         sent.clear()
         end = None if bound is None else link.deadline(bound.remaining)
-        with run.prompts.undisturbed():
+        with run.prompts.without_interrupts():
             stopped = stopped_at(run, link, sent, sequence, end)
     expired = end is not None and end.expired
     silent = (

@@ -29,8 +29,8 @@ ROWS = (
         "a question shows where the axis was sent as where it is",
         "handctl.command.get_set_watch",
         "_places",
-        "places = {course.target: device.map[course.actual] for course in device.courses}",
-        "places = {course.target: device.map[course.target] for course in device.courses}",
+        "places = {course.target: device.map[course.actual] for course in device.setpoint_pairs}",
+        "places = {course.target: device.map[course.target] for course in device.setpoint_pairs}",
         "tests/kernel/test_terminal.py::test_a_command_of_fingers_asks_with_a_table",
     ),
     mistake(

@@ -73,7 +73,7 @@ class AidinHand(Device):
         """See Device."""
         self.conversation.each = True
 
-    def came(self) -> Moment | None:
+    def reading_time(self) -> Moment | None:
         """See Device: of a stream, when the bytes of the last reading came."""
         follows = self.conversation.each and self.conversation.exchange is ExchangeMode.STREAM
         return self.conversation.came if follows else None
@@ -82,7 +82,7 @@ class AidinHand(Device):
         """A key that stayed away while another came three times."""
         return error.code == MISSING
 
-    def named(self, element: Element) -> Row:
+    def element_keys(self, element: Element) -> Row:
         param, index = param_of(element), element.index
         return {
             "name": param.name,
@@ -91,7 +91,7 @@ class AidinHand(Device):
             "element": param.label_of(index),
         }
 
-    def valued(self, taken: Reading) -> Row:
+    def value_keys(self, taken: Reading) -> Row:
         """Angles in degrees, and in `rad` as on the wire."""
         param = param_of(taken.element)
         row: Row = {"value": taken.value, "unit": param.unit}
@@ -120,7 +120,7 @@ class AidinHand(Device):
             from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
 
             self.journal.info("homed-unknown", ALL_ZERO, REMEDIES["all-zero"].hint)
-        return self.judge(table, unhealthy(table.rows), check)
+        return self.with_findings(table, unhealthy(table.rows), check)
 
 
 def param_of(element: Element) -> AidinParam:
@@ -263,7 +263,7 @@ def stopped_if_cut_short(hand: AidinHand, prompts: Prompts, what: str = "", *, b
             except HandctlError:
                 raise  # who raised it has decided what becomes of the fingers
             except Exception:
-                with prompts.undisturbed():
+                with prompts.without_interrupts():
                     hand.stop()
                 raise
     except HandctlError as exc:  # the child that guarded the old connection has gone, and with it the last to hold that
@@ -288,7 +288,7 @@ def _stop_again(hand: AidinHand, prompts: Prompts, presses: int) -> tuple[Stoppe
     end, before = hand.link.deadline(AGAIN), prompts.unstoppable
     prompts.unstoppable = MENDS
     try:
-        with prompts.counting() as counted:
+        with prompts.count_interrupts() as counted:
             counted.most = presses
             while True:
                 try:

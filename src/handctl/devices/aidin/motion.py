@@ -41,7 +41,7 @@ from handctl.model.movement import (
     listed,
 )
 from handctl.model.param import Number, Step, elements_of
-from handctl.model.prompts import CTRL_C, Presses, Prompts
+from handctl.model.prompts import CTRL_C, InterruptCount, Prompts
 from handctl.model.result import Row, Table
 from handctl.model.stop_sequence import BEAT, Stopped
 
@@ -279,7 +279,7 @@ def currents(
             except KeyboardInterrupt:
                 if not ramp_down:
                     raise
-                with prompts.counting() as presses:
+                with prompts.count_interrupts() as presses:
                     prompts.say("Interrupted. The currents return to 0. Press Ctrl-C again to stop immediately.")
                     drive.to(drive.zero, "Currents return to 0,", presses)
                 raise
@@ -358,7 +358,7 @@ class _Drive:
         followed(self._hand, self._goal, values, table)
         return table
 
-    def to(self, values: list[float], what: str, presses: Presses | None = None) -> None:
+    def to(self, values: list[float], what: str, presses: InterruptCount | None = None) -> None:
         """Go there on the ramp, until one of `presses` ends it. Raises NoAnswer when the hand falls silent meanwhile."""
         way = ramp(self._goal, self.at, values, PERIOD)
         for number, step in enumerate(way, 1):

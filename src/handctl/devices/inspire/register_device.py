@@ -302,7 +302,9 @@ class RegisterDevice(Device):
         registers = {element.param.name: register_of(element) for element in elements}
         memory, gate = Memory(), self.bus.gate
         try:
-            with self.keeping(lambda: [_reading(element, memory) for element in elements] if memory.blocks else []):
+            with self.keep_partial(
+                lambda: [_reading(element, memory) for element in elements] if memory.blocks else []
+            ):
                 self._reader.read(registers.values(), memory)
         except (NoAnswer, ProtocolError) as exc:
             if gate is not None:
@@ -313,7 +315,7 @@ class RegisterDevice(Device):
             gate.read(self.bus, self.last_blocks)
         return [_reading(element, memory) for element in elements]
 
-    def named(self, element: Element) -> Row:
+    def element_keys(self, element: Element) -> Row:
         register = register_of(element)
         return {"name": register.name, "finger": element.part, "address": register.place_of(element.index)}
 
@@ -323,7 +325,7 @@ class RegisterDevice(Device):
             del self.about["model"]  # nobody has looked
         return {**row, "raw": None} if "error" in row else row
 
-    def valued(self, reading: Reading) -> Row:
+    def value_keys(self, reading: Reading) -> Row:
         register = register_of(reading.element)
         assert reading.value is not None
         label = register.label(reading.value)

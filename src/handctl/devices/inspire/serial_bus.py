@@ -14,7 +14,7 @@ from handctl.devices.inspire.register_bus import FEWER, FRESH, ByteBus, ahead, q
 from handctl.errors import JUDGED, DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.link import CanFrame, Deadline
 from handctl.model.decoder import frames_in
-from handctl.model.other_devices import harmless
+from handctl.model.other_devices import harmless_to_others
 from handctl.model.param import Step
 from handctl.model.result import hex_bytes
 from handctl.wording import plural
@@ -259,7 +259,7 @@ class Bus(ByteBus):
     def _quiet(self, request: bytes) -> bool:
         """Whether no other device on this line would act on it. A recording has no other devices."""
         link = self.link
-        return link.replayed or harmless(request, link.baud if link.can_set_baud else None)
+        return link.replayed or harmless_to_others(request, link.baud if link.can_set_baud else None)
 
     def _ask_quietly(self, device_id: int, retries: int | None) -> None:
         """Before a request that another device could act on, send one that none acts on. Raises as `read` does."""

@@ -19,7 +19,7 @@ from handctl.devices.inspire.register_bus import may_still_move
 from handctl.devices.inspire.register_device import Movement, RegisterDevice
 from handctl.devices.inspire.serial_bus import Bus
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError, UsageError
-from handctl.model.device import Course, Release
+from handctl.model.device import Release, SetpointPair
 from handctl.model.movement import REACHED, Goal, Seen, Stillness
 from handctl.model.param import Element, Number, Reading, Step, elements_of, given
 from handctl.model.prompts import Prompts
@@ -43,7 +43,7 @@ class ExoHand(RegisterDevice):
     map = EXO
     live = LIVE
     worn = True
-    courses = (Course("position_set", "position_actual", NEAR, closing=-1),)
+    setpoint_pairs = (SetpointPair("position_set", "position_actual", NEAR, closing=-1),)
     releases = (Release("clear_errors", "error", lambda bits, _: bool(int(bits) & ~OVER_TEMPERATURE)),)
     not_covered = (
         "the results of a calibration (no register holds them)",
@@ -147,7 +147,7 @@ class ExoHand(RegisterDevice):
         table = self.table(readings)
         table.view = status_view
         findings = unhealthy(readings)
-        return self.judge(table, findings, check, more=self._strangeness)
+        return self.with_findings(table, findings, check, more=self._strangeness)
 
     def confirm_identity(self, *, keeps: bool = True) -> None:
         if keeps:

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from handctl.devices.inspire.hand.device import COURSES
+from handctl.devices.inspire.hand.device import SETPOINT_PAIRS
 from handctl.devices.inspire.hand.map import BLOCKED, BYTE_MAP, HOT, UNMEASURED
 from handctl.devices.inspire.map import ALONE, pushes
 from handctl.devices.inspire.procedures import outcome, wait_for_calibration
@@ -29,9 +29,9 @@ from handctl.model.stop_sequence import on_early_end
 if TYPE_CHECKING:
     from handctl.devices.inspire.hand.device import Hand
 
-MOVED = {course.target: course.actual for course in COURSES}
+MOVED = {course.target: course.actual for course in SETPOINT_PAIRS}
 """What is commanded -> what shows where it is."""
-NEAR = {course.target: course.near for course in COURSES}
+NEAR = {course.target: course.near for course in SETPOINT_PAIRS}
 STILL = Stillness(samples=4, seconds=1.0, refresh=0.031, dead=0.1)
 """The hand renews its state every 31 ms, and a movement begins 55 to 80 ms after its command (rh56 §5). Where a finger
 stands and its status says that it moves, the hand gets a second to report what holds it."""
@@ -114,13 +114,13 @@ def _held_to(speed: Number | None, limit: Number | None) -> tuple[tuple[str, str
 def releasing(hand: Hand, changes: Sequence[tuple[Element, Number]], question: str) -> tuple[str, Changes | None]:
     """The `question` of a write that commands no finger, with those that it lets go; None = none."""
     waiting = _released(hand, changes)
-    return (joined(question, device.question(waiting)), device.pending(waiting)) if waiting else (question, None)
+    return (joined(question, device.question(waiting)), device.pending_table(waiting)) if waiting else (question, None)
 
 
-def _released(hand: Hand, changes: Sequence[tuple[Element, Number]]) -> list[device.Pending]:
+def _released(hand: Hand, changes: Sequence[tuple[Element, Number]]) -> list[device.PendingMove]:
     """Further fingers that the same write lets go."""
     commanded = {element.part for element, _ in changes if element.param.name in MOVED}
-    return [one for one in device.released(hand, changes) if one.part not in commanded]
+    return [one for one in device.pending_moves(hand, changes) if one.part not in commanded]
 
 
 def tell_no_speed(hand: Hand, changes: Sequence[tuple[Element, Number]], before: Before) -> None:

@@ -106,7 +106,7 @@ class Wrist(RegisterDevice):
             and not WRIST[row["name"]].bits
             and not WRIST[row["name"]].allowed(row["value"])
         ]
-        return self.judge(table, findings, check)
+        return self.with_findings(table, findings, check)
 
     def targets(self, pitch: float | None, yaw: float | None, time: int | None) -> list[tuple[Element, Number]]:
         """Checked changes for a movement. Raises UsageError out of range (wrist §1) or when no axis is named."""
