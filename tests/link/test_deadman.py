@@ -26,7 +26,7 @@ from unittest import mock
 import pytest
 
 from handctl.errors import LinkError
-from handctl.link import CanFrame, NoLink, Outlet, can, deadman, open_link, serial
+from handctl.link import CanFrame, NoLink, RawAccess, can, deadman, open_link, serial
 from handctl.link.deadman import LARGEST, EarlyWrite, _pack, _unpack, guard_link, stop_in_child
 from handctl.link.lock import InUse, hold
 from handctl.model.settings import Settings
@@ -409,9 +409,9 @@ class WayOut(NoLink):
     """A link of which a child could write to this descriptor."""
 
     def __init__(self, descriptor: int) -> None:
-        self.way = Outlet(descriptor)
+        self.way = RawAccess(descriptor)
 
-    def outlet(self) -> Outlet:
+    def outlet(self) -> RawAccess:
         return self.way
 
 
@@ -441,7 +441,7 @@ def test_where_no_process_can_be_started_nothing_is_driven() -> None:
 def test_a_job_is_the_same_in_another_process() -> None:
     """On Windows the child gets it by a pipe: the way out with its codec, and the plan with the device's own id."""
     frame = CanFrame(0x057C8001, bytes(8))
-    ways = [serial.outlet_of(mock.Mock(_port_handle=7), "COM7"), Outlet(7, can._slcan_frame, can._slcan_frames)]
+    ways = [serial.outlet_of(mock.Mock(_port_handle=7), "COM7"), RawAccess(7, can._slcan_frame, can._slcan_frames)]
     context = StopContext(Settings(id=9), speed=115200, fixed=True)
     for way, power in product(ways, (False, True)):
         assert way is not None
@@ -499,7 +499,7 @@ def test_a_child_has_a_link_of_its_own(frames: bool) -> None:
     ours, theirs = socket.socketpair()
     ours.setblocking(False)
     encode, decode = (lambda data, can_id: b"%d:" % can_id + data, lambda data: ([CanFrame(7, data)], b""))
-    outlet = Outlet(ours.fileno(), encode, decode) if frames else Outlet(ours.fileno(), baud=9600)  # type: ignore[arg-type]
+    outlet = RawAccess(ours.fileno(), encode, decode) if frames else RawAccess(ours.fileno(), baud=9600)  # type: ignore[arg-type]
     heard: list[Any] = []
 
     def talk(link: Any) -> None:

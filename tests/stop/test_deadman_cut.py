@@ -15,7 +15,7 @@ import pytest
 
 from handctl.devices.barrett.realtime.schedule import Controls
 from handctl.devices.inspire import can_frames, eb90
-from handctl.link import Deadline, Link, Outlet, deadman
+from handctl.link import Deadline, Link, RawAccess, deadman
 from handctl.link.can import _slcan_frame
 from handctl.link.deadman import EarlyWrite, Guard
 from handctl.model.device import Device
@@ -38,7 +38,7 @@ def die(link: Any, stop: Callable[[Link], object], first: Sequence[EarlyWrite] =
     link.put = lambda data, deadline: link.write(data, deadline) if data else None
     link.sleep_reading = link.sleep
     with mock.patch.object(deadman, "RawBytes", lambda _outlet: link):
-        deadman.stop_in_child(Outlet(-1), stop, deadman._pack(b"", first))
+        deadman.stop_in_child(RawAccess(-1), stop, deadman._pack(b"", first))
 
 
 def told_of(device: Device) -> Callable[[Link], object]:

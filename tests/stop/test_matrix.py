@@ -24,7 +24,7 @@ from handctl.command.console import TerminalPrompts
 from handctl.devices.inspire import eb90
 from handctl.errors import OutputError
 from handctl.families import FAMILIES
-from handctl.link import Outlet, deadman
+from handctl.link import RawAccess, deadman
 from handctl.model.param import elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
@@ -162,7 +162,7 @@ def by_child(device: Any, far: Far) -> Stopped | None:
     with mock.patch.object(deadman, "guard_link", lambda *given, **_more: nullcontext(told.append(given))):
         device.guarded()
     ((_link, stop, _warn),) = told
-    way, stop = pickle.loads(pickle.dumps((Outlet(-1), stop)))  # noqa: S301 - as it goes to the child on Windows
+    way, stop = pickle.loads(pickle.dumps((RawAccess(-1), stop)))  # noqa: S301 - as it goes to the child on Windows
     with mock.patch.object(deadman, "RawBytes", lambda _outlet: far):
         deadman.stop_in_child(way, stop, deadman._pack(b"", ()))
     return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from handctl.charts.curves import escape
-from handctl.model.outline import Outline, Painted, painted, title
+from handctl.model.outline import BarWithValue, Outline, bars_with_values, title
 from handctl.model.result import Row
 
 ACROSS, DOWN, WIDE, EDGE = 62, 17, 26, 34
@@ -16,7 +16,7 @@ LEAST = 6 * ACROSS
 
 def outline_svg(outline: Outline, by: str, rows: Sequence[Row], words: str = "") -> str:
     """The picture, coloured by one of its quantities; `words` in front of its name. "" where no row is of a bar."""
-    bars = painted(outline, by, rows)
+    bars = bars_with_values(outline, by, rows)
     if not any(one.row for one in bars):
         return ""
     top = max(0, *(one.bar.foot + max(0, one.bar.length) for one in bars))
@@ -40,7 +40,7 @@ def outline_svg(outline: Outline, by: str, rows: Sequence[Row], words: str = "")
     )
 
 
-def _bar(one: Painted, middle: float, foot: float) -> str:
+def _bar(one: BarWithValue, middle: float, foot: float) -> str:
     """One bar with its value at the tip and its name at the other end."""
     long = abs(one.bar.length) * DOWN - 3
     up = one.bar.length > 0

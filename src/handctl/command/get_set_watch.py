@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from handctl.command.run import Act, Asked
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError, UsageError, joined
 from handctl.model.device import pending_moves, pending_table, question
-from handctl.model.param import PUSHES, SETTING, Changes, Element, FromTo, Number, Param, ParamMap, Reading, Step
+from handctl.model.param import PUSHES, SETTING, Changes, Element, Number, Param, ParamMap, Reading, Step, ValueChange
 from handctl.model.result import Column, Grid, Journal, Row, Sample, Table
 
 if TYPE_CHECKING:
@@ -190,7 +190,8 @@ def _from_to(device: Device, changes: Sequence[Change], held: Held, what: str = 
     now = {path: reading.value for path, reading in begins.items() if reading is not None}
     units = {element.param.unit for element, _ in changes}
     rows = [
-        FromTo((what != "Setting" and one.part) or one.full_name, now.get(one.path), value) for one, value in changes
+        ValueChange((what != "Setting" and one.part) or one.full_name, now.get(one.path), value)
+        for one, value in changes
     ]
     return Changes(what, (len(units) == 1 and units.pop()) or "", rows)
 
@@ -281,7 +282,7 @@ def describe_row(param: Param, kind: str) -> Row:
 
 def picture(kind: str, by: str) -> Callable[[list[Row]], list[Grid]]:
     """How rows are seen as the outline of a family; `by` "" = its usual colours. Raises UsageError for what it has not."""
-    from handctl.model.outline import drawn, outline_of
+    from handctl.model.outline import outline_grid, outline_of
 
     outline = outline_of(kind)
     if outline is None:
@@ -289,7 +290,7 @@ def picture(kind: str, by: str) -> Callable[[list[Row]], list[Grid]]:
     if by and by not in outline.measures:
         text = f"{kind} has no {by!r} to draw"
         raise UsageError(text, hint=f"use {' or '.join(outline.measures)}. Nothing was sent.", code="no-picture")
-    return lambda rows: [drawn(outline, by or next(iter(outline.measures)), rows)]
+    return lambda rows: [outline_grid(outline, by or next(iter(outline.measures)), rows)]
 
 
 # -- watch --------------------------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ import click
 
 from handctl.command.console import TerminalPrompts, print_message
 from handctl.command.family import Family, in_words, load, on_can, refuse_missing, refuse_serial, wire_in
-from handctl.command.options import COMMAND_LINE, ENVIRONMENT, FILE, Named, files_of, refuse_clashes, said, words_of
+from handctl.command.options import COMMAND_LINE, ENVIRONMENT, FILE, NamedFile, files_of, refuse_clashes, said, words_of
 from handctl.errors import OutputError, UsageError
 from handctl.files import why_unwritable
 from handctl.model.result import Journal
@@ -231,13 +231,13 @@ def _check_files(run: Invocation) -> None:
     """Raise UsageError when an output of this run would replace an input, the configuration file or another output."""
     settings = run.settings
     outputs = [
-        Named(label, path) for label, path in (("--output", settings.output), ("--trace", settings.trace)) if path
+        NamedFile(label, path) for label, path in (("--output", settings.output), ("--trace", settings.trace)) if path
     ]
     if not outputs and not run.outputs:
         return
     replayed = (settings.port or "").partition("replay:")
-    inputs = [Named("--port", replayed[2])] if replayed[1] and not replayed[0] else []
-    own = Named("the configuration file", config_path())
+    inputs = [NamedFile("--port", replayed[2])] if replayed[1] and not replayed[0] else []
+    own = NamedFile("the configuration file", config_path())
     try:
         refuse_clashes([*run.inputs, *inputs, own], [*outputs, *run.outputs])
     except UsageError:

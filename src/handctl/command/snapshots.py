@@ -21,7 +21,7 @@ from handctl.command.run import Act, Asked
 from handctl.errors import CheckFailed, OutputError, UsageError, joined
 from handctl.files import atomic_write, read_text, why_unwritable, writing
 from handctl.model.device import pending_moves, question
-from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Changes, Element, FromTo, Number, ParamMap, Step
+from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Changes, Element, Number, ParamMap, Step, ValueChange
 from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:
@@ -277,8 +277,8 @@ def _ask(run: Run, params: ParamMap[Any], device: Device, differing: Sequence[Ch
         run.confirm(f"This {ACTING[PUSHES]}", _steps(device, forces), changes=changes)
 
 
-def _from_to(changes: Sequence[Change], live: dict[str, Number]) -> list[FromTo]:
-    return [FromTo(element.full_name, live.get(element.full_name), value) for element, value in changes]
+def _from_to(changes: Sequence[Change], live: dict[str, Number]) -> list[ValueChange]:
+    return [ValueChange(element.full_name, live.get(element.full_name), value) for element, value in changes]
 
 
 def _restoring(params: ParamMap[Any], changes: Sequence[Change]) -> str:

@@ -60,7 +60,7 @@ def plain(data: bytes, _can_id: int | None) -> bytes:
     return data
 
 
-class Outlet:
+class RawAccess:
     """How bytes get out of a link and into it without the link: what a process needs that outlives this one (deadman.py).
 
     descriptor  of the system; on Windows its handle
@@ -87,7 +87,7 @@ class Outlet:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For another process: who watches and listens is in this one."""
-        return Outlet, (self.descriptor, self.encode, self.decode, self.baud)
+        return RawAccess, (self.descriptor, self.encode, self.decode, self.baud)
 
 
 class Link(ABC):
@@ -126,7 +126,7 @@ class Link(ABC):
     def event(self, text: str) -> None:  # noqa: B027 - only a tap records events
         """Note an event (change of baud rate, power-cycle) in the transcript, if one is recorded."""
 
-    def outlet(self) -> Outlet | None:
+    def outlet(self) -> RawAccess | None:
         """The way out for a second process; None where there is none: inside this process, or inside a library."""
         return None
 

@@ -35,7 +35,7 @@ from functools import partial
 from typing import NamedTuple
 
 from handctl.errors import LinkError
-from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, Outlet, nothing
+from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, RawAccess, nothing
 from handctl.system import child, clock, descriptors
 from handctl.system.child import Heir, Job
 
@@ -82,7 +82,7 @@ class Guard:
     """The child of one link; without an `outlet` nothing is guarded. `held` are descriptors that it keeps open, too."""
 
     def __init__(
-        self, outlet: Outlet | None, stop: Stop, warn: Warn, held: Sequence[int] = (), beat: float = 0.0
+        self, outlet: RawAccess | None, stop: Stop, warn: Warn, held: Sequence[int] = (), beat: float = 0.0
     ) -> None:
         self._outlet, self._stop, self._warn, self._held, self._beat = outlet, stop, warn, tuple(held), beat
         self._heir: Heir | None = None
@@ -182,14 +182,14 @@ def _cannot(why: str) -> LinkError:
 # -- what the child does -------------------------------------------------------------------------------------------------
 
 
-def _act(outlet: Outlet, stop: Stop, message: bytes) -> None:
+def _act(outlet: RawAccess, stop: Stop, message: bytes) -> None:
     with suppress(Exception):
         stop_in_child(outlet, stop, message)
     with suppress(OSError):
         descriptors.close(outlet.descriptor)  # before the lock: who gets that next must find the port free
 
 
-def stop_in_child(outlet: Outlet, stop: Stop, message: bytes) -> None:
+def stop_in_child(outlet: RawAccess, stop: Stop, message: bytes) -> None:
     """Complete the frame, send what goes first, and stop; an error of one does not keep the next from being done."""
     owed, shots = _unpack(message)
     link = RawBytes(outlet) if outlet.decode is None else RawFrames(outlet)
@@ -209,7 +209,7 @@ def _unread(text: str, code: str) -> LinkError:
 class _Raw(Link):
     """A descriptor of the system, without the library that has opened it."""
 
-    def __init__(self, outlet: Outlet) -> None:
+    def __init__(self, outlet: RawAccess) -> None:
         self._outlet = outlet
 
     def put(self, data: bytes, deadline: Deadline) -> None:
@@ -247,7 +247,7 @@ class _Raw(Link):
 class RawBytes(_Raw, ByteLink):
     """The link of a child: a port or a connection."""
 
-    def __init__(self, outlet: Outlet) -> None:
+    def __init__(self, outlet: RawAccess) -> None:
         super().__init__(outlet)
         self.baud, self.can_set_baud = outlet.baud, outlet.baud is not None
 
@@ -261,7 +261,7 @@ class RawBytes(_Raw, ByteLink):
 class RawFrames(_Raw, FrameLink):
     """The same on a CAN bus."""
 
-    def __init__(self, outlet: Outlet) -> None:
+    def __init__(self, outlet: RawAccess) -> None:
         super().__init__(outlet)
         self._rest = b""
         self._frames: list[CanFrame] = []

@@ -24,7 +24,7 @@ from handctl.errors import (
     joined,
 )
 from handctl.light import NamedTuple
-from handctl.model.param import Changes, Element, FromTo, Number, ParamMap, Reading, elements_of
+from handctl.model.param import Changes, Element, Number, ParamMap, Reading, ValueChange, elements_of
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table, hex_bytes
 from handctl.model.settings import Settings
 from handctl.model.stop_sequence import (
@@ -560,9 +560,9 @@ class PendingMove(NamedTuple):
     here: Number
     there: Number
 
-    def row(self, *more: tuple[str, str]) -> FromTo:
+    def row(self, *more: tuple[str, str]) -> ValueChange:
         """Its line of the table that a question shows."""
-        return FromTo(f"{self.part} ({self.target})", self.here, self.there, more)
+        return ValueChange(f"{self.part} ({self.target})", self.here, self.there, more)
 
 
 def pending_moves(device: Device, changes: Sequence[tuple[Element, Number]]) -> list[PendingMove]:

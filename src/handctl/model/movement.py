@@ -97,7 +97,7 @@ class Goal(NamedTuple):
         return "?" if value is None else f"{value:.{self.decimals}f}{self.unit}"
 
 
-class Seen(NamedTuple):
+class AxisReading(NamedTuple):
     """One axis at one moment.
 
     moves    what the device itself says of it; None = nothing
@@ -144,13 +144,13 @@ class _Axis:
 
     def __init__(self, goal: Goal) -> None:
         self.goal = goal
-        self.seen = Seen(None)
+        self.seen = AxisReading(None)
         self.equal = 0
         self.anchor: Number | None = None
         self.since = 0.0
         self.moved = False
 
-    def note(self, now: float, seen: Seen) -> None:
+    def note(self, now: float, seen: AxisReading) -> None:
         self.seen = seen
         if seen.value is None:
             return
@@ -177,11 +177,11 @@ class Watch:
         self.begun = self.now = now
         self._axes = {goal.name: _Axis(goal) for goal in goals}
 
-    def note(self, now: float, seen: Mapping[str, Seen]) -> bool:
+    def note(self, now: float, seen: Mapping[str, AxisReading]) -> bool:
         """Take the readings of this moment; whether every axis has ended its movement."""
         self.now = now
         for name, axis in self._axes.items():
-            axis.note(now, seen.get(name, Seen(None)))
+            axis.note(now, seen.get(name, AxisReading(None)))
         return all(self._ended(axis) for axis in self._axes.values())
 
     def _is_still(self, axis: _Axis) -> bool:
@@ -202,11 +202,11 @@ class Watch:
         """The axes that are not at their targets. A family may read more about them to give the reason."""
         return [name for name, axis in self._axes.items() if not axis.near]
 
-    def arrivals(self, deeper: Mapping[str, Seen] | None = None) -> list[Arrival]:
+    def arrivals(self, deeper: Mapping[str, AxisReading] | None = None) -> list[Arrival]:
         """What became of each axis; `deeper` is what was read once more, when it was over, of those that are `short`."""
         return [self._arrival(self._axes[name], (deeper or {}).get(name)) for name in self._axes]
 
-    def _arrival(self, axis: _Axis, deeper: Seen | None) -> Arrival:
+    def _arrival(self, axis: _Axis, deeper: AxisReading | None) -> Arrival:
         seen = axis.seen if deeper is None or axis.near else deeper
         value = axis.seen.value
         moving = axis.moved and not self._is_still(axis)
@@ -249,7 +249,11 @@ class Clock(NamedTuple):
 
 
 def watch(
-    goals: Sequence[Goal], still: Stillness, look: Callable[[], Mapping[str, Seen]], prompts: Prompts, clock: Clock
+    goals: Sequence[Goal],
+    still: Stillness,
+    look: Callable[[], Mapping[str, AxisReading]],
+    prompts: Prompts,
+    clock: Clock,
 ) -> Watch:
     """Look until every axis has ended its movement, or the wait is over."""
     seen = Watch(goals, still, clock.now())

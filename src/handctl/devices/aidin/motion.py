@@ -34,7 +34,7 @@ from handctl.model.movement import (
     TARGET,
     UNREAD,
     Arrival,
-    Seen,
+    AxisReading,
     Stillness,
     Watch,
     judged,
@@ -195,12 +195,12 @@ def _settle(hand: AidinHand, goal: Goal, values: list[float], seen: Watch, promp
         feedback, told = conversation.feedback, {}
         if param.key in feedback.values and param.key not in feedback.errors:
             places = values_of(param, feedback.values[param.key])
-            told = {name: Seen(place) for name, place in zip(param.elements, places, strict=True)}
+            told = {name: AxisReading(place) for name, place in zip(param.elements, places, strict=True)}
         ended = seen.note(looked_at, told)
 
 
-def _places(table: Table) -> dict[str, Seen]:
-    return {element_of(row): Seen(row["value"]) for row in table.rows}
+def _places(table: Table) -> dict[str, AxisReading]:
+    return {element_of(row): AxisReading(row["value"]) for row in table.rows}
 
 
 def element_of(row: Row) -> str:
@@ -208,7 +208,7 @@ def element_of(row: Row) -> str:
     return f"{row['finger']}.{row['element']}"
 
 
-def _pushing(hand: AidinHand, seen: Watch) -> dict[str, Seen]:
+def _pushing(hand: AidinHand, seen: Watch) -> dict[str, AxisReading]:
     """For elements that are not at their targets: whether a motor of the same finger pushes, by the last reported currents."""
     told = hand.conversation.feedback
     if CURRENT.key in told.errors or CURRENT.key not in told.values:
@@ -218,7 +218,7 @@ def _pushing(hand: AidinHand, seen: Watch) -> dict[str, Seen]:
     for name in seen.short:
         finger = name.partition(".")[0]
         most = max((value for motor, value in currents.items() if motor.startswith(f"{finger}.")), key=abs)
-        found[name] = Seen(None, contact=f"a motor draws {most} per mille" if abs(most) >= PUSHING else "")
+        found[name] = AxisReading(None, contact=f"a motor draws {most} per mille" if abs(most) >= PUSHING else "")
     return found
 
 

@@ -29,7 +29,7 @@ from handctl.errors import (
 )
 from handctl.light import NamedTuple
 from handctl.model.device import Device
-from handctl.model.movement import Arrival, Goal, Seen, Stillness, Watch, judged, marked, watch, with_arrival
+from handctl.model.movement import Arrival, AxisReading, Goal, Stillness, Watch, judged, marked, watch, with_arrival
 from handctl.model.param import Element, Number, ParamMap, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Column, Row, Table, hex_bytes
@@ -238,8 +238,8 @@ class Movement(NamedTuple):
     goals: Sequence[Goal]
     still: Stillness
     elements: Sequence[Element]
-    seen: Callable[[Sequence[Reading]], dict[str, Seen]]
-    evidence: Callable[[Watch, Sequence[Reading]], dict[str, Seen] | None]
+    seen: Callable[[Sequence[Reading]], dict[str, AxisReading]]
+    evidence: Callable[[Watch, Sequence[Reading]], dict[str, AxisReading] | None]
     what: str = "The fingers"
     pause: float = 0.0
     name: Callable[[Reading], str] = lambda reading: reading.element.part or ""
@@ -447,7 +447,7 @@ class RegisterDevice(Device):
         self.identify()
         last: list[Reading] = []
 
-        def look() -> dict[str, Seen]:
+        def look() -> dict[str, AxisReading]:
             last[:] = self.read(this.elements)
             return this.seen(last)
 
