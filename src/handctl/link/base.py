@@ -61,14 +61,14 @@ def plain(data: bytes, _can_id: int | None) -> bytes:
 
 
 class RawAccess:
-    """How bytes get out of a link and into it without the link: what a process needs that outlives this one (deadman.py).
+    """Access to the descriptor of a link, for a process that outlives this one (deadman.py).
 
     descriptor  of the system; on Windows its handle
     encode      a frame (its data, and the identifier on a CAN bus) as this link writes it
     decode      on a CAN bus: what was read -> the frames in it, and the rest; None where bytes are bytes
     baud        speed of a port in bit/s, None where there is none
-    before      called before anything is written; replaced by who watches
-    owes        told when a frame is half sent, with its rest, and with b"" once it is out; replaced by who listens
+    before      called before anything is written; set by the guard
+    owes        called with the rest of a frame that is half sent, and with b"" once it is out; set by the guard
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class RawAccess:
         self.owes: Callable[[bytes], None] = nothing
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """For another process: who watches and listens is in this one."""
+        """For another process: `before` and `owes` stay in this one."""
         return RawAccess, (self.descriptor, self.encode, self.decode, self.baud)
 
 
@@ -97,7 +97,7 @@ class Link(ABC):
     fake      True when a simulator in this process answers
     replayed  True when a transcript plays the device
     held      descriptors that keep others off the device (locks)
-    observers who is told of what passes, see `tap.observed`
+    observers get every byte that passes, see `link.transcript.observed`
     """
 
     name: str = ""
@@ -127,11 +127,11 @@ class Link(ABC):
         """Note an event (change of baud rate, power-cycle) in the transcript, if one is recorded."""
 
     def outlet(self) -> RawAccess | None:
-        """The way out for a second process; None where there is none: inside this process, or inside a library."""
+        """Access for a second process; None where there is none: inside this process, or inside a library."""
         return None
 
     def discard(self) -> None:
-        """Drop what lies in the input and belongs to nobody: a late answer, or what was said unasked. Raises LinkError."""
+        """Drop unread input: late replies and unsolicited messages. Raises LinkError."""
         now = self.deadline(0)
         for _ in range(STALE_READS):
             if not self._take(now):
@@ -160,11 +160,11 @@ class Link(ABC):
         return False
 
     def is_next_recorded(self, request: bytes) -> bool:
-        """Whether the transcript that plays the device has this request next: who may choose asks as was asked then."""
+        """Whether the transcript that plays the device has this request next: a caller with a choice then sends the recorded one."""
         return False
 
     def block_sending(self) -> None:
-        """From now on nothing goes out: who tries is interrupted. The device was stopped, and is to stay so."""
+        """From now on nothing is sent: a thread that tries is interrupted. The device was stopped, and must stay stopped."""
         setattr(self, self._goes_out, _interrupt)  # in place of the method: a check in it would cost every write
 
     def only_this_thread(self) -> None:

@@ -1,7 +1,7 @@
 """Base classes of every family's device and line, as the common commands use them.
 
-For who writes a family: its `Line` asks one question and judges the answer, its `Device` knows names and values and no
-bytes. What a family overrides is its protocol; what it inherits is what every verb expects. Knows no family, does no I/O.
+For the author of a family: its `Line` sends one request and judges the reply, its `Device` knows names and values and no
+bytes. A family overrides what its protocol needs and inherits what every verb expects. Knows no family, does no I/O.
 """
 
 from __future__ import annotations
@@ -71,9 +71,9 @@ def limits_of(settings: Settings, link: Link) -> Limits:
 
 
 class Line:
-    """What a device is reached through: its link, the journal, and the limits of what is asked there.
+    """The line to a device: its link, the journal, and the time limits of its requests.
 
-    retries  repetitions of a read that got no valid answer; what writes is never repeated
+    retries  repetitions of a read without a valid reply; writes are never repeated
     bound    deadline of the whole command, None = none
     """
 
@@ -144,13 +144,13 @@ class Line:
             )
 
     def reopened(self) -> None:
-        """The port was opened again: what was under way is lost, and it may lead to a stranger."""
+        """The port was opened again: pending replies are lost, and it may lead to a different device."""
 
     def overheard(self, data: bytes) -> None:
-        """Bytes that somebody else has read on this line before it was used: they may tell the state of the device."""
+        """Take bytes that were read from this line before it was used: they may show the state of the device."""
 
     def repeated(self, retries: int | None, ask: Callable[P, T], *args: P.args, **more: P.kwargs) -> T:
-        """What `ask` returns of these, asked again where no valid answer came; for reads only. Raises what it raised last."""
+        """Call `ask`, again if there is no valid reply, and return its result; for reads only. Raises its last error."""
         for attempt in range(1 + (self.retries if retries is None else retries)):
             if attempt:
                 self.journal.counters.retries += 1
@@ -202,7 +202,7 @@ class Device(ABC):
     map          its parameters; what is not in it does not exist for the verbs
     columns      of its tables; `plain` of --format plain, where these are fewer
     live         the quantities that change during use: the default of `watch`
-    beside       also shown in the live view when no quantity was named; those in `slowly` once a second
+    additional   also shown in the live view when no quantity was named; those in `slowly` once a second
     scales       ends of the live view's bars where no range is documented: ours, and wider as soon as more is seen
     worn         a person may be wearing it, so movements need a confirmation
     setpoint_pairs  set points and the quantities that follow them, `releases` the writes that let an axis go there (`SetpointPair`, `Release`)
@@ -255,27 +255,27 @@ class Device(ABC):
         self._line.reopened()
         return True
 
-    # -- who it is -----------------------------------------------------------------------------------------------
+    # -- identity ------------------------------------------------------------------------------------------------
 
     def identity(self) -> dict[str, object]:
-        """What tells this device from another of its kind, as far as it can be read."""
+        """Model, firmware and serial number of this device, as far as they can be read."""
         return {"kind": self.kind}
 
     def identify(self) -> None:  # noqa: B027 - where whatever is read tells who it is, there is nothing to do
         """Identify the device before reading for a plan, so that a different one is named instead of called silent. Raises NotIdentified."""
 
     def ready(self) -> None:  # noqa: B027 - most have nothing to find out
-        """Find out how it speaks, where that takes time: no part of the first sample of a stream."""
+        """Detect its protocol variant where that takes time, so that it does not delay the first sample of a stream."""
 
     def own_map(self) -> ParamMap[Any]:
-        """The map of this very device, asked for where its family has several."""
+        """The map of this particular device, for families with several."""
         return self.map
 
     def find_for_restore(self, values: dict[str, Number]) -> None:  # noqa: B027 - most have no address to set
         """Make the line address the device that a restore is for; nothing to do unless its address is a setting."""
 
     def further(self, identity: dict[str, object]) -> Collection[str]:
-        """Names of `optional` settings that this very device has, by what it says of itself."""
+        """Names of the `optional` settings that this particular device has, according to its identity."""
         return ()
 
     # -- stopping ------------------------------------------------------------------------------------------------
@@ -294,7 +294,7 @@ class Device(ABC):
     def guarded(
         self, *, beat: float = 0.0, powered: bool = False, sequence: Callable[[StopContext], StopSequence] | None = None
     ) -> AbstractContextManager[Guard]:
-        """While it lasts the death of this process stops the device by the same plan, or `talk`. Raises LinkError.
+        """While this is active, the death of this process stops the device by the same plan, or by `sequence`. Raises LinkError.
 
         `beat` as in `link.deadman`, `powered` as in `StopContext`.
         """
@@ -327,19 +327,19 @@ class Device(ABC):
         return None
 
     def follow(self) -> None:  # noqa: B027 - most devices say nothing unasked
-        """From now on a reading is the next thing that the device says unasked, and nothing of it is passed over."""
+        """From now on a reading is the next unsolicited message of the device, and none is skipped."""
 
     def reading_time(self) -> Moment | None:
-        """Within which time the last reading came, where it may have waited to be read; None = since it was asked for."""
+        """The time within which the last reading arrived, if it may have waited in a buffer; None = since its request."""
         return None
 
     def of_this_device(self, elements: list[Element]) -> list[Element]:
-        """The same where this very device has them; another generation may have other parts. Raises what `read` raises."""
+        """Those of `elements` that this particular device has; another generation may have other parts. Raises what `read` raises."""
         return elements
 
     @abstractmethod
     def element_keys(self, element: Element) -> Row:
-        """The keys of a row that say which element it is (cli contract, row keys)."""
+        """The keys of a row that identify its element (cli contract, row keys)."""
 
     @abstractmethod
     def value_keys(self, reading: Reading) -> Row:
@@ -348,7 +348,7 @@ class Device(ABC):
     @staticmethod
     @abstractmethod
     def view(rows: list[Row]) -> list[Grid]:
-        """How people see rows of readings."""
+        """The tables that show rows of readings to people."""
 
     def row(self, reading: Reading) -> Row:
         """The data row of one reading, or its error. The keys that come from the map are the same in all families."""
@@ -446,7 +446,7 @@ class Device(ABC):
     # -- writing -------------------------------------------------------------------------------------------------
 
     def will_move(self) -> None:
-        """What is written next moves it, whatever it is: from then on an interrupt stops it."""
+        """Call this before a write that moves the device: from then on an interrupt stops it."""
         self.journal.moves(self.stop)
 
     def plan(self, changes: Sequence[tuple[Element, Number]]) -> list[Step]:
@@ -477,15 +477,15 @@ class Device(ABC):
 
 
 def reply_text(where: str, reading: Reading) -> str:
-    """What the device said of a reading that failed, without the link."""
+    """The reply of the device to a read that failed, without the name of the link."""
     return reading.error.text.removeprefix(where).lstrip(": ") if reading.error is not None else ""
 
 
-# -- who is there, before the first write ---------------------------------------------------------------------------
+# -- check of the identity, before the first write ---------------------------------------------------------------------------
 
 
 class Gate:
-    """The gate before writes: open once the identity was checked, or with `--assume-identity`."""
+    """The identity check before writes: passed once the identity was checked, or with `--assume-identity`."""
 
     def __init__(self, assumed: bool = False) -> None:
         self.assumed = assumed
@@ -519,11 +519,11 @@ class Gate:
             journal.warn("identity-assumed", text)
 
 
-# -- what a write would let go --------------------------------------------------------------------------------------
+# -- movements that a write would release --------------------------------------------------------------------------------------
 
 
 class SetpointPair(NamedTuple):
-    """Names of a set-point and of what shows where the axis is; `near` counts as there.
+    """A set point and the quantity that shows the position of its axis; within `near` it counts as reached.
 
     closing  1 or -1: whether the axis closes as the number grows or falls; 0 = not known
     """
@@ -607,12 +607,12 @@ def _values(device: Device, elements: Sequence[Element]) -> list[Number]:
 
 
 def pending_table(waiting: Sequence[PendingMove]) -> Changes:
-    """The table of that question."""
+    """The table of the question before such a write."""
     return Changes("Axis", rows=[one.row() for one in waiting])
 
 
 def question(waiting: Sequence[PendingMove]) -> str:
-    """What is asked before such a write."""
+    """The question before such a write."""
     text = "This moves what has not reached its target yet"
     twice = len({one.part for one in waiting}) < len(waiting)
     return f"{text}. Of two targets of a finger, the one that was set last counts" if twice else text

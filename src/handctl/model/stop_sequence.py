@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 
 WRITE_SECONDS = 1.0
 SILENCE = 0.3
-"""Seconds without a byte of ours before a stopped device is looked at again: by then another master has spoken."""
+"""Seconds without sending before a stopped device is checked again: by then another master has sent something."""
 BETWEEN = 0.1
-"""Seconds from one look at where it is to the next."""
+"""Seconds between two readings of its position."""
 MOST = 65536
-"""Bytes listened to at the most for one answer: a line full of noise must not hold up what comes next."""
+"""Most bytes that are read for one reply: a line full of noise must not delay the next step."""
 
 Pieces = list[bytes]
 """What came back: chunks of a byte stream, or the data of CAN frames that have the identifier of the request."""
@@ -108,10 +108,10 @@ StopSequence = Generator[StopStep, Pieces, Stopped]
 NOT_STOPPED = "not-stopped"
 """Code of the error of a command that was interrupted, and whose stop was not acknowledged."""
 BEAT = 0.5
-"""Seconds for which a command may stand still that drives what does not end by itself, such as currents."""
+"""Seconds for which a command may hang that drives what does not end by itself, such as currents."""
 TOO_LATE = "the deadline passed before handctl could confirm that the device has stopped"
 QUIET = Step("listen", b"")
-"""Nothing goes out."""
+"""Nothing is sent."""
 
 
 def silence(seconds: float = SILENCE) -> Generator[StopStep, Pieces, Pieces]:
@@ -162,7 +162,7 @@ class StopPlan:
 def writes_without_replies(sequence: StopSequence, *, reads: bool = False) -> list[Step]:
     """The writes of a stop without any reply, each once: for a link that cannot receive.
 
-    Questions are left out but with `reads`: a stop that needs their answers, as a wrist's, is [] then.
+    Reads are left out unless `reads`: a stop that needs their replies, such as a wrist's, is [] then.
     """
     steps: list[Step] = []
     try:
@@ -184,7 +184,7 @@ def run_stop(
 ) -> Stopped:
     """Run a stop over an open link. Never raises: a lost link is one of its results.
 
-    `until` bounds it; the first step that changes something goes out all the same.
+    `until` bounds it; the first step that changes something is sent anyway.
     """
     sent = [] if sent is None else sent
 
@@ -211,7 +211,7 @@ def exchange_steps(
 ) -> Stopped:
     """Exchange the steps over an open link. Sent steps are appended to `sent`, also when LinkError ends it.
 
-    `before` is told of each step that is not a question.
+    `before` is called with each step that is not a read.
     """
     from handctl.link import FrameLink
 
@@ -322,7 +322,7 @@ def shown(sent: Sequence[Sent]) -> str:
     return ", ".join(one.step.wire + (f" ({times} times)" if times > 1 else "") for one, times in found)
 
 
-# -- what is left behind when something ends in the middle ----------------------------------------------------------
+# -- interrupts and lost links in the middle of a movement ----------------------------------------------------------
 
 
 AGAIN = Stopped(
