@@ -12,7 +12,7 @@ from handctl.link import ByteLink, Deadline, open_link
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
 from handctl.model.settings import Settings
-from handctl.model.stop_sequence import StopContext, Stopped, drive, stop_sequence_of
+from handctl.model.stop_sequence import StopContext, Stopped, exchange_steps, stop_sequence_of
 from tests.support.scripted import RecordedLink, ScriptedLink
 
 STOP = b'{"hand_mode":3}\n'
@@ -117,4 +117,4 @@ def stopped_behind(sent: list[bytes]) -> bytes:
 
 def stopped(link: ByteLink, **settings: Any) -> Stopped:
     """Run the family's stopper over `link`; how it ended."""
-    return drive(link, stop_sequence_of("aidin", StopContext(Settings(own=settings))), [])
+    return exchange_steps(link, stop_sequence_of("aidin", StopContext(Settings(own=settings))), [])

@@ -13,7 +13,7 @@ from handctl.devices.aidin.map import CURRENTS, ENCODERS
 from handctl.devices.aidin.motion import currents, parse
 from handctl.errors import CheckFailed, Interrupted, NoAnswer, ProtocolError, UsageError
 from handctl.link import Deadline
-from handctl.model.prompts import Presses, Prompts
+from handctl.model.prompts import InterruptCount, Prompts
 from tests.aidin.support import (
     STOP,
     Streamer,
@@ -124,7 +124,7 @@ class Watched(Prompts):
     waits = False
 
     @contextmanager
-    def undisturbed(self) -> Iterator[None]:
+    def without_interrupts(self) -> Iterator[None]:
         self.waits = True
         try:
             yield
@@ -214,8 +214,8 @@ def test_a_second_ctrl_c_does_not_wait_for_the_way_back_to_0() -> None:
 
     class Pressed(Prompts):
         @contextmanager
-        def counting(self) -> Iterator[Presses]:
-            presses = Presses()
+        def count_interrupts(self) -> Iterator[InterruptCount]:
+            presses = InterruptCount()
             presses.count = 1
             yield presses
 

@@ -7,7 +7,7 @@ import pytest
 from handctl.devices.aidin.map import ANGLES, CURRENTS, ENCODERS, TIPS
 from handctl.devices.aidin.motion import Goal, axes_of, parse, ramp
 from handctl.errors import CheckFailed, UsageError
-from handctl.model.movement import Seen, Stillness, Watch
+from handctl.model.movement import AxisReading, Stillness, Watch
 from tests.support.each_row import each_row
 from tests.support.refused import refused
 
@@ -185,7 +185,7 @@ def test_a_ramp_begins_within_the_range() -> None:
 def off(goal: Goal, values: list[float], here: list[float]) -> list[str]:
     """The elements that one look finds away from their targets."""
     watch = Watch(axes_of(goal, values), Stillness(samples=1, seconds=0.0), 0.0)
-    watch.note(0.0, {name: Seen(place) for name, place in zip(goal.target.command.elements, here, strict=True)})
+    watch.note(0.0, {name: AxisReading(place) for name, place in zip(goal.target.command.elements, here, strict=True)})
     return [one.goal.name for one in watch.arrivals() if one.verdict != "reached"]
 
 

@@ -11,7 +11,7 @@ from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.firmware.download import Download, Loader
 from handctl.devices.barrett.firmware.srecords import Firmware, parse
 from handctl.errors import HandctlError
-from handctl.model.prompts import Presses, Prompts
+from handctl.model.prompts import InterruptCount, Prompts
 from tests.barrett.srecords import END, HEADER, record
 from tests.barrett.support import Simulated, hand_on
 
@@ -40,7 +40,7 @@ class Operator(Prompts):
         self.shown: list[str] = []
         self.asked: list[str] = []
         self.press_at: dict[int, int] = {}  # number of the progress -> presses so far
-        self.presses = Presses()
+        self.presses = InterruptCount()
         self.ready = True
 
     def say(self, text: str) -> None:
@@ -74,7 +74,7 @@ class Operator(Prompts):
     moving = True
 
     @contextmanager
-    def counting(self) -> Iterator[Presses]:
+    def count_interrupts(self) -> Iterator[InterruptCount]:
         yield self.presses
 
 

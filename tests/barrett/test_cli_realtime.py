@@ -385,7 +385,7 @@ def test_nothing_disturbs_the_leaving(number: signal.Signals) -> None:
 
     before = signal.signal(number, fall)
     try:
-        with TerminalPrompts(quiet=True).undisturbed():
+        with TerminalPrompts(quiet=True).without_interrupts():
             signal.raise_signal(number)
         assert signal.getsignal(number) is fall
     finally:
@@ -394,7 +394,7 @@ def test_nothing_disturbs_the_leaving(number: signal.Signals) -> None:
 
 def test_presses_are_counted() -> None:
     before = signal.getsignal(signal.SIGINT)
-    with TerminalPrompts(quiet=True).counting() as presses:
+    with TerminalPrompts(quiet=True).count_interrupts() as presses:
         assert presses.count == 0
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGINT)

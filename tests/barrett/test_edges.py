@@ -16,7 +16,7 @@ from handctl.devices.barrett.realtime.flags import FlagRequest
 from handctl.devices.barrett.realtime.loop import RealtimeLoop
 from handctl.errors import HandctlError, NoAnswer
 from handctl.link import Deadline
-from handctl.model.prompts import Presses, Prompts
+from handctl.model.prompts import InterruptCount, Prompts
 from tests.barrett.download import DATA, SIZE, Operated, Operator, sha
 from tests.barrett.download import Run as Load
 from tests.barrett.realtime import Run, example
@@ -59,8 +59,8 @@ def test_ctrl_c_while_a_block_is_written_ends_the_loop() -> None:
             self.blocks = 0
 
         @contextmanager
-        def counting(self) -> Iterator[Presses]:
-            presses = Presses()
+        def count_interrupts(self) -> Iterator[InterruptCount]:
+            presses = InterruptCount()
             yield presses
             self.blocks += 1
             presses.count = self.blocks == 3

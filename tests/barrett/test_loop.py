@@ -304,7 +304,7 @@ def test_leaving_is_undisturbed() -> None:
         depth = 0
 
         @contextmanager
-        def undisturbed(self) -> Iterator[None]:
+        def without_interrupts(self) -> Iterator[None]:
             self.depth += 1
             yield
             self.depth -= 1

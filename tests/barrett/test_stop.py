@@ -10,7 +10,7 @@ from handctl.devices.barrett import state_files
 from handctl.devices.barrett.map import SPEEDS
 from handctl.devices.barrett.stopper import power_off
 from handctl.model.settings import Settings
-from handctl.model.stop_sequence import SILENCE, StopContext, unheard
+from handctl.model.stop_sequence import SILENCE, StopContext, writes_without_replies
 from handctl.sim.bus.wire_pair import RECEIVERS, resample
 from tests.support.cli import Result, Spy, run, spying
 from tests.support.each_row import each_row
@@ -94,7 +94,7 @@ def test_firmware_is_not_harmed(found: str, uart: str, remembered: int | None, m
 def test_nothing_that_goes_out_unheard_is_a_trigger(speed: int, receiver: str) -> None:
     """Each write alone; what an adapter sends without a pause, up to all repetitions of ^C, together."""
     for prefix in PREFIXES:
-        for step in unheard(power_off(StopContext(Settings(), speed=speed), prefix)):
+        for step in writes_without_replies(power_off(StopContext(Settings(), speed=speed), prefix)):
             at = int(step.meaning.partition(" at ")[2].partition(" ")[0])
             assert 0xFF not in resample(step.data, at, 9600, receiver), (step, at)
             if step.data[-1:] == b"\x03":

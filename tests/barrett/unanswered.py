@@ -19,9 +19,9 @@ from handctl.devices.inspire.eb90 import read_request
 from handctl.devices.inspire.hand.probe import TARGET
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
-from handctl.link.deadman import Guard, Shot
+from handctl.link.deadman import EarlyWrite, Guard
 from handctl.model.settings import Settings
-from handctl.model.stop_sequence import StopContext, drive, stop_sequence_of
+from handctl.model.stop_sequence import StopContext, exchange_steps, stop_sequence_of
 from handctl.tools.probes import probe_of
 from tests.barrett.line_receiver import Sent
 from tests.barrett.support import hand_on
@@ -61,13 +61,13 @@ def stops() -> Iterator[Way]:
             context = StopContext(Settings(), speed=speed)
             yield (
                 f"{family} stop at {speed}",
-                sent(speed, lambda link, f=family, a=context: drive(link, stop_sequence_of(f, a), [])),
+                sent(speed, lambda link, f=family, a=context: exchange_steps(link, stop_sequence_of(f, a), [])),
             )  # type: ignore[misc]
     for speed, prefix in product(SPEEDS, PREFIXES[1:]):
         context = StopContext(Settings(), speed=speed)
         yield (
             f"barrett stop {prefix} at {speed}",
-            sent(speed, lambda link, p=prefix, a=context: drive(link, power_off(a, p), [])),
+            sent(speed, lambda link, p=prefix, a=context: exchange_steps(link, power_off(a, p), [])),
         )  # type: ignore[misc]
 
 
@@ -84,9 +84,9 @@ class Noted(Guard):
 
     def __init__(self) -> None:
         super().__init__(None, lambda _link: None, lambda *_words: None)
-        self.first: list[Shot] = []
+        self.first: list[EarlyWrite] = []
 
-    def update(self, first: Sequence[Shot], beat: float | None = None) -> None:
+    def update(self, first: Sequence[EarlyWrite], beat: float | None = None) -> None:
         self.first = list(first)
 
 
@@ -110,7 +110,7 @@ def deaths() -> Iterator[Way]:
                 link.write(shot.data, None)
             link.sleep(shot.pause)
         for powered in (False, True):
-            drive(link, power_off(hand.stop_context()._replace(powered=powered), flag_request.prefix), [])
+            exchange_steps(link, power_off(hand.stop_context()._replace(powered=powered), flag_request.prefix), [])
         yield f"kill -9 at {speed}: {motors} motors, {', '.join(names)}, gain {gain}", link.writes
 
 

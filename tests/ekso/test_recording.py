@@ -23,7 +23,7 @@ from handctl.devices.ekso.map import DATA, SETTINGS
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.model.prompts import Prompts
 from handctl.model.sampling import WITHIN_MS, Moment
-from handctl.record.recording import Limits, Loop, changed, file_name, undisturbed
+from handctl.record.recording import Limits, Loop, changed, file_name, without_interrupts
 from handctl.record.source import Sample, clean
 from handctl.record.timeline import LEARNED, MOST_PARTED, ClockFit, Timeline
 from tests.ekso.recordings import STANDING, Device, opened, recorded, run, steady, words_at
@@ -656,7 +656,7 @@ def test_a_signal_waits_for_the_row() -> None:
     steps = []
     old = signal.signal(signal.SIGTERM, stop)
     try:
-        with pytest.raises(KeyboardInterrupt), undisturbed():
+        with pytest.raises(KeyboardInterrupt), without_interrupts():
             signal.raise_signal(signal.SIGTERM)
             steps.append("the row is written")
         assert signal.pthread_sigmask(signal.SIG_BLOCK, []) & {signal.SIGINT, signal.SIGTERM} == set()

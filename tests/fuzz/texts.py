@@ -157,7 +157,7 @@ class Configuration:
             assert exc.exit_code == 2
             assert exc.hint
             return 1
-        assert set(found.values) <= set(self._checks)
+        assert set(found.values) <= set(config.key_checks())
         for device in found.devices.values():
             assert device.kind in ("exo", "wrist", "barrett", "ekso", "aidin")
             assert device.entries["port"].value

@@ -67,7 +67,7 @@ def triggering() -> Iterator[None]:
 
 def loud() -> AbstractContextManager[Any]:
     """What a stranger may act upon is asked at once."""
-    return mock.patch.object(serial_bus, "harmless", lambda *_: True)
+    return mock.patch.object(serial_bus, "harmless_to_others", lambda *_: True)
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,7 @@ def try_(scratch: Path, words: tuple[str, ...], link: Any, *more: str) -> Result
         return run(*args, "-p", f"fake://{words[0]}{'?bus=can' if can else ''}", "-y", "--json", *more)
 
 
-def harmless(sent_bytes: Any) -> bool:
+def harmless_to_others(sent_bytes: Any) -> bool:
     """By the dossier alone: nothing but read requests (flags 11 and 30, CAN flags 0 and 4 with one byte)."""
     if isinstance(sent_bytes, CanFrame):
         return sent_bytes.can_id >> 26 in (0, 4) and len(sent_bytes.data) == 1
@@ -130,7 +130,7 @@ def test_no_writing_frame_reaches_a_stranger(scratch: Path, family: str) -> None
             link = stranger()
             result = try_(scratch, WORDS[name], link)
             assert getattr(link, "written", []) == [], (device, name, result)
-            assert all(harmless(data) for data in link.sent), (device, name, link.sent)
+            assert all(harmless_to_others(data) for data in link.sent), (device, name, link.sent)
             assert result.code in ({6} if device in (*WRISTS, *HANDS) else {4, 5, 6}), (device, name, result)
 
 
@@ -168,7 +168,7 @@ def test_on_can_no_writing_frame_reaches_a_hand_without_a_wrist(scratch: Path, n
     own = ON_CAN.get(name.removeprefix("wrist "))
     result = try_(scratch, ("wrist", *own) if own else WORDS[name], link)
     assert result.code == 6, result
-    assert link.written == [] and all(harmless(frame) for frame in link.sent), link.sent
+    assert link.written == [] and all(harmless_to_others(frame) for frame in link.sent), link.sent
 
 
 @pytest.mark.parametrize(("kind", "baud"), [("barrett", "9600"), ("barrett", "115200"), ("ekso", "115200")])
@@ -180,7 +180,7 @@ def test_no_writing_frame_reaches_the_simulators_of_other_families(
         link = RecordedLink(open_link(f"fake://{kind}?clock=virtual", baud=int(baud)))  # type: ignore[arg-type]
         result = try_(scratch, WORDS[name], link, "--timeout", "0.1")
         assert result.code in (4, 5, 6), (name, result)
-        assert all(harmless(data) for data in link.sent), (name, link.sent)
+        assert all(harmless_to_others(data) for data in link.sent), (name, link.sent)
 
 
 def test_the_right_device_is_written_to(scratch: Path) -> None:
@@ -271,7 +271,7 @@ def test_a_raw_frame_is_looked_at_by_the_id_that_it_names(scratch: Path) -> None
     link.spaces = [Memory((1606, "<5B", (0,) * 5), (1618, "<5B", (31, 32, 33, 34, 35)))]
     result = try_(scratch, ("exo", "raw", "EB 90 02 05 12 D4 05 2C 01 1F"), link)
     assert result.code == 4 and "id 2" in result.error["text"], result
-    assert link.written == [] and all(harmless(data) for data in link.sent)
+    assert link.written == [] and all(harmless_to_others(data) for data in link.sent)
 
 
 def test_nothing_is_sent_before_the_confirmation(scratch: Path) -> None:
@@ -354,7 +354,7 @@ def test_interrupted_while_it_looks_nothing_is_written_and_nothing_is_stopped(sc
     link.interrupt_at = 0.1
     result = try_(scratch, WORDS["exo force"], link)
     assert result.code == 130 and "Nothing was written" in result.error["text"], result
-    assert all(harmless(data) for data in link.sent)
+    assert all(harmless_to_others(data) for data in link.sent)
 
 
 # -- commands that read -----------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import pytest
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import CanFrame
 from handctl.model.settings import Settings
-from handctl.model.stop_sequence import Sent, StopContext, Stopped, StopSequence, drive
+from handctl.model.stop_sequence import Sent, StopContext, Stopped, StopSequence, exchange_steps
 from tests.inspire.wrist_support import ScriptedFrames
 from tests.support.each_row import each_row
 from tests.support.odd_hands import (
@@ -47,7 +47,7 @@ def sequence(wire: str, **own: object) -> StopSequence:
 def stop(odd: Odd, **own: object) -> tuple[Stopped, list[Sent]]:
     sent: list[Sent] = []
     link = ScriptedFrames(odd.frame) if odd.wire == CAN else ScriptedLink(odd)
-    return drive(link, sequence(odd.wire, **own), sent), sent
+    return exchange_steps(link, sequence(odd.wire, **own), sent), sent
 
 
 @pytest.mark.parametrize("wire", WIRES)
@@ -103,7 +103,7 @@ def test_a_line_with_echo_is_asked_in_both_protocols(wire: str) -> None:
         return [(0.0, request), *(whole(request) if ours else [])]
 
     link = ScriptedLink(answer)
-    stopped = drive(link, sequence(wire), [])
+    stopped = exchange_steps(link, sequence(wire), [])
     assert stopped.error is None and odd.memory[SPEEDS] == bytes(12), stopped
 
 
@@ -113,9 +113,9 @@ def test_a_loopback_of_the_adapter_is_no_refusal() -> None:
     def both(frame: CanFrame) -> list[tuple[float, CanFrame]]:
         return [(0.0, frame), *odd.frame(frame)]
 
-    stopped = drive(ScriptedFrames(both), sequence(CAN), [])
+    stopped = exchange_steps(ScriptedFrames(both), sequence(CAN), [])
     assert stopped.error is None and odd.memory[SPEEDS] == bytes(12), stopped
-    alone = drive(ScriptedFrames(lambda frame: [(0.0, frame)]), sequence(CAN), [])
+    alone = exchange_steps(ScriptedFrames(lambda frame: [(0.0, frame)]), sequence(CAN), [])
     assert alone.error is not None and alone.error is not DeviceRefused, alone
 
 

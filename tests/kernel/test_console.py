@@ -70,7 +70,7 @@ def test_while_presses_are_counted_no_signal_ends_or_stops_the_program(name: str
     """Asleep by Ctrl-Z in the middle of a stop, it would not finish stopping the device."""
     number = getattr(signal, name)
     before = signal.getsignal(number)
-    with TerminalPrompts(quiet=True).counting() as presses:
+    with TerminalPrompts(quiet=True).count_interrupts() as presses:
         handler = signal.getsignal(number)
         assert callable(handler) and handler is not before
         handler(number, None)
@@ -82,13 +82,13 @@ def test_while_presses_are_counted_no_signal_ends_or_stops_the_program(name: str
 @pytest.mark.real
 def test_the_alarm_of_impatience_is_off_afterwards() -> None:
     before = signal.getsignal(signal.SIGALRM)
-    with TerminalPrompts(quiet=True).impatient(30.0, lambda: OutputError("late")):
+    with TerminalPrompts(quiet=True).stop_if_slow(30.0, lambda: OutputError("late")):
         assert 29.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 30.0
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
     assert signal.getsignal(signal.SIGALRM) is before
     with (
         pytest.raises(OutputError, match="late"),
-        TerminalPrompts(quiet=True).impatient(0.01, lambda: OutputError("late")),
+        TerminalPrompts(quiet=True).stop_if_slow(0.01, lambda: OutputError("late")),
     ):
         time.sleep(5)
 

@@ -79,7 +79,7 @@ def test_what_is_no_file_holds_no_configuration(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     with pytest.raises(UsageError, match="is not a file"):
-        change(str(pipe), {}, lambda config: config.text, {}, "left")
+        change(str(pipe), lambda config: config.text, {}, "left")
     assert stat.S_ISFIFO(pipe.lstat().st_mode)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.errors import UsageError
-from handctl.model.movement import Arrival, Goal, Seen, Stillness, Watch, judged
+from handctl.model.movement import Arrival, AxisReading, Goal, Stillness, Watch, judged
 from handctl.model.param import given
 from tests.support.each_row import each_row
 
@@ -13,10 +13,10 @@ STILL = Stillness(samples=3, seconds=0.2)
 GOAL = Goal("a", 100, near=5)
 
 
-def fed(goal: Goal, still: Stillness, *values: Seen | int | None, period: float = 0.1) -> tuple[list[bool], str]:
+def fed(goal: Goal, still: Stillness, *values: AxisReading | int | None, period: float = 0.1) -> tuple[list[bool], str]:
     """Whether the movement had ended behind each reading, and the verdict behind the last."""
     watch = Watch([goal], still, 0.0)
-    seen = [one if isinstance(one, Seen) else Seen(one) for one in values]
+    seen = [one if isinstance(one, AxisReading) else AxisReading(one) for one in values]
     ended = [watch.note(number * period, {"a": one}) for number, one in enumerate(seen)]
     return ended, watch.arrivals()[0].verdict
 
@@ -31,13 +31,17 @@ def fed(goal: Goal, still: Stillness, *values: Seen | int | None, period: float 
         ((0, 50, 50), [False, False, False], "moving"),
         ((50,), [False], "short"),  # one reading shows no movement
         ((None, None), [False, False], "unread"),
-        ((50, Seen(50, blocked="locked")), [False, True], "blocked"),
-        ((50, Seen(50, moves=False), Seen(50, moves=False, contact="it pushes")), [False, False, True], "contact"),
-        ((50, Seen(50, moves=True), Seen(50, moves=True)), [False, False, True], "short"),
+        ((50, AxisReading(50, blocked="locked")), [False, True], "blocked"),
+        (
+            (50, AxisReading(50, moves=False), AxisReading(50, moves=False, contact="it pushes")),
+            [False, False, True],
+            "contact",
+        ),
+        ((50, AxisReading(50, moves=True), AxisReading(50, moves=True)), [False, False, True], "short"),
         ((101, 99, 101, 99), [False] * 4, "moving"),  # near, but it does not stand
     ],
 )
-def test_when_an_axis_has_ended(values: tuple[Seen | int | None, ...], ended: list[bool], verdict: str) -> None:
+def test_when_an_axis_has_ended(values: tuple[AxisReading | int | None, ...], ended: list[bool], verdict: str) -> None:
     assert fed(GOAL, STILL, *values) == (ended, verdict)
 
 
@@ -64,9 +68,9 @@ def test_what_a_family_knows_of_its_movements(
 
 def test_what_was_read_once_more_counts_for_those_that_are_off() -> None:
     watch = Watch([GOAL, GOAL._replace(name="b")], STILL, 0.0)
-    watch.note(0.0, {"a": Seen(50), "b": Seen(100)})
+    watch.note(0.0, {"a": AxisReading(50), "b": AxisReading(100)})
     assert watch.short == ["a"] and not watch.reached
-    deeper = dict.fromkeys("ab", Seen(None, contact="it draws 900 mA"))
+    deeper = dict.fromkeys("ab", AxisReading(None, contact="it draws 900 mA"))
     assert [one.verdict for one in watch.arrivals(deeper)] == ["contact", "reached"]
 
 

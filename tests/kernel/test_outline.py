@@ -9,7 +9,7 @@ import pytest
 from handctl.charts.curves import outline_svg
 from handctl.command.family import load
 from handctl.families import FAMILIES
-from handctl.model.outline import Bar, Measure, Outline, drawn, outline_of, painted
+from handctl.model.outline import Bar, Measure, Outline, bars_with_values, outline_grid, outline_of
 from handctl.model.result import Cell, Row
 from tests.support.cli import run
 
@@ -41,14 +41,14 @@ def rows(heat: Any, *, position: int = 100, error: bool = False, **more: Any) ->
 def test_the_colour_of_a_bar(given: list[Row], text: str, tone: str) -> None:
     if text == "?" and given[0]["value"] is None:
         given[0] = {"path": "t.a", "error": "no answer"}
-    first, other = painted(ONE, "heat", given)
+    first, other = bars_with_values(ONE, "heat", given)
     assert (first.text, first.tone) == (text, tone)
     assert (other.text, other.tone, other.row) == ("-", "dim", {})
 
 
 @pytest.mark.parametrize(("position", "full"), [(0, 1), (50, 2), (100, 4), (140, 4), (-5, 1)])
 def test_a_bar_is_as_long_as_the_finger_is_straight(position: int, full: int) -> None:
-    grid = drawn(ONE, "heat", rows(20, position=position))
+    grid = outline_grid(ONE, "heat", rows(20, position=position))
     column = [line[0] for line in grid.lines[1:5]]
     assert [isinstance(cell, Cell) and cell.text == "████" for cell in column] == [False] * (4 - full) + [True] * full
     assert (grid.headings, grid.title) == (("a", "b"), "heat [°C]")
@@ -61,7 +61,7 @@ def test_the_bars_of_a_family_are_quantities_of_it(kind: str) -> None:
     outline = outline_of(kind)
     assert outline is not None
     for by in outline.measures:
-        without = [one.bar.part for one in painted(outline, by, status) if not one.row]
+        without = [one.bar.part for one in bars_with_values(outline, by, status) if not one.row]
         assert without in ([], ["thumb_rotation"] if kind == "exo" else [])
         assert outline_svg(outline, by, status).count("<text") == 2 * len(outline.bars)
     assert load(kind, "outline").OUTLINE is outline
@@ -92,5 +92,5 @@ def test_error_bits_are_named_below_the_picture(kind: str) -> None:
 
 
 def test_actuators_without_a_known_place() -> None:
-    assert drawn(ONE, "heat", [{"path": "t.m1", "value": 3}]).headings == ()
+    assert outline_grid(ONE, "heat", [{"path": "t.m1", "value": 3}]).headings == ()
     assert outline_svg(ONE, "heat", [{"path": "t.m1", "value": 3}]) == ""

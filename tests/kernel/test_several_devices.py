@@ -208,7 +208,7 @@ def test_the_stop_key_stops_all_and_a_device_that_did_not_answer_decides(
 def test_what_another_thread_does_on_a_link_that_is_being_stopped_is_interrupted() -> None:
     link = open_link("fake://exo?clock=virtual")
     assert isinstance(link, ByteLink)
-    link.keep_to_this_thread()
+    link.only_this_thread()
     link.write(b"x", link.deadline(1))
     ended: list[str] = []
 

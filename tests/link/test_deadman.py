@@ -26,8 +26,8 @@ from unittest import mock
 import pytest
 
 from handctl.errors import LinkError
-from handctl.link import CanFrame, NoLink, Outlet, can, deadman, open_link, serial
-from handctl.link.deadman import LARGEST, Shot, _pack, _unpack, act_for, guarding
+from handctl.link import CanFrame, NoLink, RawAccess, can, deadman, open_link, serial
+from handctl.link.deadman import LARGEST, EarlyWrite, _pack, _unpack, guard_link, stop_in_child
 from handctl.link.lock import InUse, hold
 from handctl.model.settings import Settings
 from handctl.model.stop_sequence import StopContext, StopPlan, stop_sequence_of
@@ -343,11 +343,11 @@ def test_a_fork_that_outlives_the_parent_does_not_keep_the_guard_waiting(
 def test_an_end_in_order_sends_nothing_and_leaves_nobody(place: Place) -> None:
     link = open_link(place.link)
     before, open_before = children(), os.listdir("/dev/fd")
-    with guarding(link, stop, warned) as guard:
+    with guard_link(link, stop, warned) as guard:
         assert len(children()) == len(before) + 1
-        guard.update([Shot(b"HALT")])
+        guard.update([EarlyWrite(b"HALT")])
     assert children() == before
-    with pytest.raises(ZeroDivisionError), guarding(link, stop, warned):
+    with pytest.raises(ZeroDivisionError), guard_link(link, stop, warned):
         raise ZeroDivisionError
     # Those of an earlier test may close meanwhile, but none is new.
     assert children() == before and not set(os.listdir("/dev/fd")) - set(open_before)
@@ -360,7 +360,7 @@ def test_an_end_in_order_sends_nothing_and_leaves_nobody(place: Place) -> None:
 def test_a_guard_that_was_killed_is_replaced(place: Place) -> None:
     link = open_link(place.link)
     before = children()
-    with guarding(link, stop, warned):
+    with guard_link(link, stop, warned):
         (first,) = set(children()) - set(before)
         os.kill(first, signal.SIGKILL)
         wait_until(lambda: gone(first))
@@ -379,7 +379,7 @@ def test_a_guard_that_has_gone_or_acted_is_seen_before_the_next_frame(monkeypatc
     monkeypatch.setattr(child, "ended", lambda _heir: None)
     monkeypatch.setattr(child, "finished", lambda _heir, _seconds: None)
     link = WayOut(-1)
-    with pytest.raises(KeyboardInterrupt), guarding(link, stop, lambda code, *_: told.append(code)):
+    with pytest.raises(KeyboardInterrupt), guard_link(link, stop, lambda code, *_: told.append(code)):
         for count in (1, 1, 2, 2):
             assert len(started) == count
             link.way.before()
@@ -392,7 +392,7 @@ def test_a_guard_that_has_gone_or_acted_is_seen_before_the_next_frame(monkeypatc
 def test_simulators_in_this_process_have_no_child() -> None:
     before = children()
     link = open_link("fake://exo?clock=virtual")
-    with guarding(link, stop, warned) as guard:
+    with guard_link(link, stop, warned) as guard:
         guard.update([])
         assert children() == before
     link.close()
@@ -400,7 +400,7 @@ def test_simulators_in_this_process_have_no_child() -> None:
 
 def test_a_link_without_a_way_out_is_told_of() -> None:
     told: list[tuple[str, ...]] = []
-    with guarding(NoLink(), stop, lambda *words: told.append(words)):
+    with guard_link(NoLink(), stop, lambda *words: told.append(words)):
         pass
     ((code, text, hint),) = told
     assert code == "unguarded" and "nothing stops the device" in text and hint
@@ -410,16 +410,16 @@ class WayOut(NoLink):
     """A link of which a child could write to this descriptor."""
 
     def __init__(self, descriptor: int) -> None:
-        self.way = Outlet(descriptor)
+        self.way = RawAccess(descriptor)
 
-    def outlet(self) -> Outlet:
+    def outlet(self) -> RawAccess:
         return self.way
 
 
 def test_without_fork_it_is_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(os, "fork")
     told: list[tuple[str, ...]] = []
-    with guarding(WayOut(-1), stop, lambda *words: told.append(words)):
+    with guard_link(WayOut(-1), stop, lambda *words: told.append(words)):
         pass
     assert [words[0] for words in told] == ["unguarded"]
 
@@ -429,7 +429,7 @@ def test_where_no_process_can_be_started_nothing_is_driven() -> None:
     before = os.listdir("/dev/fd")
     refuse = mock.patch.object(os, "fork", side_effect=BlockingIOError(11, "Resource temporarily unavailable"))
     driven = False
-    with refuse, pytest.raises(LinkError) as caught, guarding(WayOut(writer), stop, warned):
+    with refuse, pytest.raises(LinkError) as caught, guard_link(WayOut(writer), stop, warned):
         driven = True
     assert not driven
     assert (caught.value.exit_code, caught.value.code) == (3, "no-guard")
@@ -442,7 +442,7 @@ def test_where_no_process_can_be_started_nothing_is_driven() -> None:
 def test_a_job_is_the_same_in_another_process() -> None:
     """On Windows the child gets it by a pipe: the way out with its codec, and the plan with the device's own id."""
     frame = CanFrame(0x057C8001, bytes(8))
-    ways = [serial.outlet_of(mock.Mock(_port_handle=7), "COM7"), Outlet(7, can._slcan_frame, can._slcan_frames)]
+    ways = [serial.outlet_of(mock.Mock(_port_handle=7), "COM7"), RawAccess(7, can._slcan_frame, can._slcan_frames)]
     context = StopContext(Settings(id=9), speed=115200, fixed=True)
     for way, power in product(ways, (False, True)):
         assert way is not None
@@ -471,7 +471,7 @@ def test_of_many_messages_the_last_one_counts() -> None:
 
 
 def test_messages_come_back_as_they_went() -> None:
-    first = [Shot(b"", 0.25), Shot(b"\x03", 0.0), Shot(bytes(range(256)), 1.0)]
+    first = [EarlyWrite(b"", 0.25), EarlyWrite(b"\x03", 0.0), EarlyWrite(bytes(range(256)), 1.0)]
     for owed in (b"", b"x", bytes(300)):
         text = _pack(owed, first)
         assert _unpack(text) == (owed, first)
@@ -500,7 +500,7 @@ def test_a_child_has_a_link_of_its_own(frames: bool) -> None:
     ours, theirs = socket.socketpair()
     ours.setblocking(False)
     encode, decode = (lambda data, can_id: b"%d:" % can_id + data, lambda data: ([CanFrame(7, data)], b""))
-    outlet = Outlet(ours.fileno(), encode, decode) if frames else Outlet(ours.fileno(), baud=9600)  # type: ignore[arg-type]
+    outlet = RawAccess(ours.fileno(), encode, decode) if frames else RawAccess(ours.fileno(), baud=9600)  # type: ignore[arg-type]
     heard: list[Any] = []
 
     def talk(link: Any) -> None:
@@ -519,7 +519,9 @@ def test_a_child_has_a_link_of_its_own(frames: bool) -> None:
             heard.append((link.receive if frames else link.read)(link.deadline(1.0)))
 
     seen: list[bytes] = []
-    act_for(outlet, lambda link: (seen.append(theirs.recv(100)), talk(link)), _pack(b"rest", [Shot(b"first")]))
+    stop_in_child(
+        outlet, lambda link: (seen.append(theirs.recv(100)), talk(link)), _pack(b"rest", [EarlyWrite(b"first")])
+    )
     assert seen == [b"restfirst"]
     assert heard == ([None, CanFrame(7, b"ok")] if frames else [b"", b"ok"])
     ours.close()

@@ -16,7 +16,7 @@ import pytest
 
 from handctl.errors import HandctlError
 from handctl.link import open_link
-from handctl.link.port_users import Rivals, holders, rivals
+from handctl.link.port_users import OtherUsers, holders, rivals
 from tests.support.cli import Simulator, run
 
 
@@ -65,7 +65,7 @@ def test_who_has_a_pseudo_terminal_open_is_named_and_its_device_is_not(
     """No lock of any kind; the other program only has it open. Who holds the master is the device: here this process."""
     name = terminal
     link = open_link(name)
-    assert rivals(link) == Rivals([])
+    assert rivals(link) == OtherUsers([])
     process = other(HAVE_PORT, name)
     assert [one.pid for one in rivals(link).names] == [process.pid]
     link.close()
@@ -89,7 +89,7 @@ def test_who_is_connected_to_the_same_server_is_named(other: Callable[..., subpr
     """Reading goes on; what writes is refused, and a stop is not."""
     with Simulator("--tcp", "127.0.0.1:0", kind="aidin") as simulator:
         link = open_link(simulator.link)
-        assert rivals(link) == Rivals([])
+        assert rivals(link) == OtherUsers([])
         host, port = simulator.link.removeprefix("tcp://").split(":")
         process = other("socket.create_connection((sys.argv[1], int(sys.argv[2])))", host, port)
         assert [one.pid for one in rivals(link).names] == [process.pid]

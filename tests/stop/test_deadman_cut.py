@@ -15,9 +15,9 @@ import pytest
 
 from handctl.devices.barrett.realtime.schedule import Controls
 from handctl.devices.inspire import can_frames, eb90
-from handctl.link import Deadline, Link, Outlet, deadman
+from handctl.link import Deadline, Link, RawAccess, deadman
 from handctl.link.can import _slcan_frame
-from handctl.link.deadman import Guard, Shot
+from handctl.link.deadman import EarlyWrite, Guard
 from handctl.model.device import Device
 from handctl.sim import create
 from handctl.sim.engine.slcan import Adapter
@@ -33,18 +33,18 @@ MOVE = unhex("EB 90 01 09 31 0E 04 E8 03 18 FC E8 03 37")
 """Yaw 10, pitch -10, 1000 ms (wrist §2.1)."""
 
 
-def die(link: Any, stop: Callable[[Link], object], first: Sequence[Shot] = ()) -> None:
+def die(link: Any, stop: Callable[[Link], object], first: Sequence[EarlyWrite] = ()) -> None:
     """What the child does, on the link of its parent."""
     link.put = lambda data, deadline: link.write(data, deadline) if data else None
     link.sleep_reading = link.sleep
     with mock.patch.object(deadman, "RawBytes", lambda _outlet: link):
-        deadman.act_for(Outlet(-1), stop, deadman._pack(b"", first))
+        deadman.stop_in_child(RawAccess(-1), stop, deadman._pack(b"", first))
 
 
 def told_of(device: Device) -> Callable[[Link], object]:
     """The stop that a child of this device is given."""
     told: list[Any] = []
-    with mock.patch.object(deadman, "guarding", lambda *given, **_more: nullcontext(told.append(given))):
+    with mock.patch.object(deadman, "guard_link", lambda *given, **_more: nullcontext(told.append(given))):
         device.guarded()
     stop: Callable[[Link], object] = told[0][1]
     return stop
@@ -56,9 +56,9 @@ class Kept(Guard):
     def __init__(self, stop: Callable[[Link], object]) -> None:
         super().__init__(None, stop, lambda *_words: None)
         self.stop = stop
-        self.told: list[list[Shot]] = []
+        self.told: list[list[EarlyWrite]] = []
 
-    def update(self, first: Sequence[Shot], beat: float | None = None) -> None:
+    def update(self, first: Sequence[EarlyWrite], beat: float | None = None) -> None:
         self.told.append(list(first))
 
 
@@ -68,7 +68,7 @@ def test_a_control_block_that_was_cut_off(monkeypatch: pytest.MonkeyPatch, cut: 
     controls = Controls({0: ("velocity", "gain")}, {(0, "velocity"): 30, (0, "gain"): 13})
     guards: list[Kept] = []
     monkeypatch.setattr(
-        deadman, "guarding", lambda _link, stop, _warn, **_more: nullcontext(guards.append(Kept(stop)) or guards[-1])
+        deadman, "guard_link", lambda _link, stop, _warn, **_more: nullcontext(guards.append(Kept(stop)) or guards[-1])
     )
     run = Run("wire=auto", receive={0: ("position",)}, temperature=False, controls=controls, motors=(0,), guards=()).go(
         5

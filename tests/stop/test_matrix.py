@@ -24,12 +24,12 @@ from handctl.command.console import TerminalPrompts
 from handctl.devices.inspire import eb90
 from handctl.errors import OutputError
 from handctl.families import FAMILIES
-from handctl.link import Outlet, deadman
+from handctl.link import RawAccess, deadman
 from handctl.model.param import elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
 from handctl.model.settings import Settings
-from handctl.model.stop_sequence import Stopped, aimed, carry_out, interrupted, stop_sequence_of
+from handctl.model.stop_sequence import Stopped, context_for_link, interrupt_error, run_stop, stop_sequence_of
 from handctl.stop.device_access import DeviceAccess
 from tests.stop.far import Far, Weather
 from tests.support.each_row import each_row
@@ -129,7 +129,7 @@ def opened(family: str) -> tuple[Any, Far]:
 
 def by_verb(device: Any, far: Far) -> Stopped:
     """`handctl FAMILY stop`, which knows nothing of the device."""
-    return carry_out(far, stop_sequence_of(device.kind, aimed(far, Settings())))
+    return run_stop(far, stop_sequence_of(device.kind, context_for_link(far, Settings())))
 
 
 def by_holder(device: Any, far: Far) -> Stopped:
@@ -148,10 +148,10 @@ def by_holder(device: Any, far: Far) -> Stopped:
     return Stopped(told["text"], told["hint"], type(error) if error.exit_code != 130 else None, told["evidence"])
 
 
-def by_ctrl_c(device: Any, _far: Far) -> Stopped:
+def ended_by_interrupt(device: Any, _far: Far) -> Stopped:
     """Ctrl-C inside a movement."""
     stopped: Stopped = device.stop()
-    ended = interrupted(stopped)
+    ended = interrupt_error(stopped)
     assert (ended.exit_code == 130) == (stopped.error is None), "130 is an acknowledged stop"
     return stopped
 
@@ -159,16 +159,16 @@ def by_ctrl_c(device: Any, _far: Far) -> Stopped:
 def by_child(device: Any, far: Far) -> Stopped | None:
     """The process that outlives a command that died: nobody hears what it says."""
     told: list[Any] = []
-    with mock.patch.object(deadman, "guarding", lambda *given, **_more: nullcontext(told.append(given))):
+    with mock.patch.object(deadman, "guard_link", lambda *given, **_more: nullcontext(told.append(given))):
         device.guarded()
     ((_link, stop, _warn),) = told
-    way, stop = pickle.loads(pickle.dumps((Outlet(-1), stop)))  # noqa: S301 - as it goes to the child on Windows
+    way, stop = pickle.loads(pickle.dumps((RawAccess(-1), stop)))  # noqa: S301 - as it goes to the child on Windows
     with mock.patch.object(deadman, "RawBytes", lambda _outlet: far):
-        deadman.act_for(way, stop, deadman._pack(b"", ()))
+        deadman.stop_in_child(way, stop, deadman._pack(b"", ()))
     return None
 
 
-WAYS = {"verb": by_verb, "holder": by_holder, "ctrl-c": by_ctrl_c, "child": by_child}
+WAYS = {"verb": by_verb, "holder": by_holder, "ctrl-c": ended_by_interrupt, "child": by_child}
 
 
 # -- the weather -----------------------------------------------------------------------------------------------------------
@@ -246,7 +246,7 @@ def test_a_reader_that_sleeps_does_not_cut_off_the_stop_of_a_holder(family: str)
         signal.raise_signal(signal.SIGALRM)
         write(*given, **more)
 
-    with TerminalPrompts(quiet=True).impatient(60.0, lambda: OutputError("no reader")):
+    with TerminalPrompts(quiet=True).stop_if_slow(60.0, lambda: OutputError("no reader")):
         far.write = late  # type: ignore[method-assign]
         stopped = by_holder(device, far)
     assert stopped.error is None, stopped

@@ -14,7 +14,7 @@ from handctl.devices.aidin.motion import currents, parse
 from handctl.devices.barrett.map import SPEEDS
 from handctl.devices.barrett.realtime.schedule import Controls
 from handctl.link import deadman
-from handctl.link.deadman import Guard, Shot
+from handctl.link.deadman import EarlyWrite, Guard
 from handctl.model.prompts import Prompts
 from tests.aidin import support as aidin
 from tests.barrett.realtime import Run
@@ -35,7 +35,7 @@ class Heard(Guard):
         self.beats.append((self.link.now(), self.beats[-1][1]))
         self._write(data, deadline)
 
-    def update(self, first: Sequence[Shot], beat: float | None = None) -> None:
+    def update(self, first: Sequence[EarlyWrite], beat: float | None = None) -> None:
         self.beats.append((self.link.now(), self.beats[-1][1] if beat is None else beat))
 
     def longest(self) -> float:
@@ -47,11 +47,11 @@ class Heard(Guard):
 def heard(monkeypatch: pytest.MonkeyPatch) -> list[Heard]:
     found: list[Heard] = []
 
-    def guarding(link: Any, _stop: Any, _warn: Any, *, beat: float = 0.0) -> Any:
+    def guard_link(link: Any, _stop: Any, _warn: Any, *, beat: float = 0.0) -> Any:
         found.append(Heard(link, beat))
         return nullcontext(found[-1])
 
-    monkeypatch.setattr(deadman, "guarding", guarding)
+    monkeypatch.setattr(deadman, "guard_link", guard_link)
     return found
 
 

@@ -24,7 +24,7 @@ import pytest
 from handctl.errors import DeviceRefused, NoAnswer
 from handctl.families import FAMILIES
 from handctl.model.settings import Settings
-from handctl.model.stop_sequence import Sent, StopContext, drive, stop_sequence_of, unheard
+from handctl.model.stop_sequence import Sent, StopContext, exchange_steps, stop_sequence_of, writes_without_replies
 from handctl.sim.engine.serve import send_control
 from handctl.stop.stop_listener import STOP_SECONDS
 from handctl.system import processes
@@ -78,7 +78,7 @@ def test_a_stop_that_nobody_answers_ends_and_claims_nothing(family: str, speed: 
             break
     assert ended is not None and ended.error is not None and ended.error.exit_code == 4, ended
     assert seconds < (3 if speed is None else STOP_SECONDS), "it takes longer than anybody waits"
-    for step in unheard(stop_sequence_of(family, StopContext(Settings(), speed=speed))):
+    for step in writes_without_replies(stop_sequence_of(family, StopContext(Settings(), speed=speed))):
         assert step.moves and step.meaning
 
 
@@ -299,7 +299,7 @@ STAY = bytes.fromhex("EB900107310E04C800640077")
 @each_row("latency", LATE)
 def test_a_late_wrist_is_stopped(latency: float) -> None:
     link = late_wrist(latency)
-    stopped = drive(link, stop_sequence_of("wrist", StopContext(Settings())), [])
+    stopped = exchange_steps(link, stop_sequence_of("wrist", StopContext(Settings())), [])
     assert stopped.error is None and STAY in link.sent and RELEASE not in link.sent, stopped
 
 
@@ -307,7 +307,7 @@ def test_a_late_wrist_is_stopped(latency: float) -> None:
 def test_a_late_wrist_that_was_typed_as_a_hand_is_named(latency: float) -> None:
     """50 ms and the time on the wire: so long the question holds up the stop of a hand, and no longer."""
     link = late_wrist(latency)
-    stopped = drive(link, stop_sequence_of("exo", StopContext(Settings())), [])
+    stopped = exchange_steps(link, stop_sequence_of("exo", StopContext(Settings())), [])
     assert stopped.error is DeviceRefused and "handctl wrist stop" in stopped.hint and STAY not in link.sent, stopped
     forces = [at for at, data in zip(link.sent_at, link.sent, strict=True) if data == RELEASE]
     assert bool(forces) == (latency > 0.06) and all(at >= 0.05 for at in forces) and min(forces, default=0) < 0.06
@@ -316,11 +316,13 @@ def test_a_late_wrist_that_was_typed_as_a_hand_is_named(latency: float) -> None:
 @pytest.mark.parametrize("typed", ["exo", "wrist"])
 def test_silence_is_said_plainly(typed: str) -> None:
     sent: list[Sent] = []
-    stopped = drive(ScriptedLink(), stop_sequence_of(typed, StopContext(Settings())), sent)
+    stopped = exchange_steps(ScriptedLink(), stop_sequence_of(typed, StopContext(Settings())), sent)
     assert stopped.error is NoAnswer and "switch the power off" in stopped.hint
     assert [one.reads for one in sent] == [True, *([typed == "wrist"] * len(sent[1:]))]
     assert len(sent) >= 5, "again and again"
-    unacknowledged = drive(late_wrist(0.01, acknowledges=False), stop_sequence_of("wrist", StopContext(Settings())), [])
+    unacknowledged = exchange_steps(
+        late_wrist(0.01, acknowledges=False), stop_sequence_of("wrist", StopContext(Settings())), []
+    )
     assert unacknowledged.error is NoAnswer and "did not acknowledge" in unacknowledged.text
 
 
@@ -338,7 +340,7 @@ def test_a_late_hand_is_stopped_and_believed(latency: float) -> None:
         return [(latency, reply + bytes([sum(reply[2:]) % 256]))]
 
     link = ScriptedLink(answer)
-    stopped = drive(link, stop_sequence_of("exo", StopContext(Settings())), [])
+    stopped = exchange_steps(link, stop_sequence_of("exo", StopContext(Settings())), [])
     held = "the hand acknowledged two commands: all forces to 0, then hold at 900 910 920 930 940"
     assert stopped.error is None and held in stopped.text, stopped
     assert bytes.fromhex("EB90010B3284038E039803A203AC0345") in link.sent
@@ -346,8 +348,12 @@ def test_a_late_hand_is_stopped_and_believed(latency: float) -> None:
 
 @pytest.mark.parametrize("typed", ["exo", "wrist"])
 def test_an_echo_or_other_bytes_are_not_silence(typed: str) -> None:
-    echo = drive(ScriptedLink(lambda request: [(0.001, request)]), stop_sequence_of(typed, StopContext(Settings())), [])
-    other = drive(ScriptedLink(lambda _: [(0.001, b"=> ")]), stop_sequence_of(typed, StopContext(Settings())), [])
+    echo = exchange_steps(
+        ScriptedLink(lambda request: [(0.001, request)]), stop_sequence_of(typed, StopContext(Settings())), []
+    )
+    other = exchange_steps(
+        ScriptedLink(lambda _: [(0.001, b"=> ")]), stop_sequence_of(typed, StopContext(Settings())), []
+    )
     assert echo.error is not None and other.error is not None and {echo.error.exit_code, other.error.exit_code} == {5}
     assert "only our own bytes came back" in echo.text and "3D 3E 20" in other.text, (echo, other)
 

@@ -11,7 +11,7 @@ from handctl.link import Deadline
 from handctl.model.param import Step
 from handctl.model.settings import Settings
 from handctl.model.stop_repetition import attempts, single_write_stop
-from handctl.model.stop_sequence import Sent, StopContext, drive, stop_sequence_of, unheard
+from handctl.model.stop_sequence import Sent, StopContext, exchange_steps, stop_sequence_of, writes_without_replies
 from tests.support.cli import run
 from tests.support.scripted import Reply, ScriptedLink
 from tests.support.stop import RELEASE
@@ -38,7 +38,7 @@ def half_deaf(places: str) -> ScriptedLink:
 )
 def test_a_hold_that_is_not_acknowledged_is_no_stop(places: str, last: str) -> None:
     link, sent = half_deaf(places), list[Sent]()
-    stopped = drive(link, stop_sequence_of("exo", StopContext(Settings())), sent)
+    stopped = exchange_steps(link, stop_sequence_of("exo", StopContext(Settings())), sent)
     assert stopped.error is NoAnswer, stopped
     assert "but not the next one" in stopped.text and "switch the power off" in stopped.hint
     written = [one for one in sent if not one.reads]
@@ -83,38 +83,40 @@ def wrist(taken: str, silent: int = 0) -> ScriptedLink:
 
 def test_a_wrist_is_held_where_it_is_yaw_first() -> None:
     link = wrist("01")
-    stopped = drive(link, stop_sequence_of("wrist", StopContext(Settings())), [])
+    stopped = exchange_steps(link, stop_sequence_of("wrist", StopContext(Settings())), [])
     assert stopped.error is None and "pitch 1.00°, yaw 2.00° and acknowledged it" in stopped.text, stopped
     assert summed("EB900107310E04 C800 6400") in link.sent, "yaw_set with pitch_set behind it (wrist §2.1)"
 
 
 def test_a_wrist_that_refuses_its_hold_was_not_stopped() -> None:
-    stopped = drive(wrist("00"), stop_sequence_of("wrist", StopContext(Settings())), [])
+    stopped = exchange_steps(wrist("00"), stop_sequence_of("wrist", StopContext(Settings())), [])
     assert stopped.error is DeviceRefused and "rejected" in stopped.text, stopped
 
 
 def test_a_wrist_that_is_silent_twice_is_asked_a_third_time() -> None:
-    assert drive(wrist("01", silent=2), stop_sequence_of("wrist", StopContext(Settings())), []).error is None
-    assert drive(wrist("01", silent=9), stop_sequence_of("wrist", StopContext(Settings())), []).error is NoAnswer
+    assert exchange_steps(wrist("01", silent=2), stop_sequence_of("wrist", StopContext(Settings())), []).error is None
+    assert (
+        exchange_steps(wrist("01", silent=9), stop_sequence_of("wrist", StopContext(Settings())), []).error is NoAnswer
+    )
 
 
 def test_a_stop_that_is_one_write_goes_out_until_it_is_acknowledged() -> None:
     step = Step("the stop", b"STOP", moves=True)
     link = ScriptedLink(lambda _: [(0.01, b"ok")] if len(link.sent) == 2 else [])
     context = StopContext(Settings())
-    assert drive(link, single_write_stop(step, b"ok", "it stands", context), []).error is None
+    assert exchange_steps(link, single_write_stop(step, b"ok", "it stands", context), []).error is None
     assert link.sent == [b"STOP", b"STOP"]
     silent = ScriptedLink()
-    assert drive(silent, single_write_stop(step, b"ok", "it stands", context), []).error is NoAnswer
+    assert exchange_steps(silent, single_write_stop(step, b"ok", "it stands", context), []).error is NoAnswer
     assert len(silent.sent) == attempts(context) and 1.0 <= silent.now() < 1.2
     other = ScriptedLink(lambda _: [(0.01, b"?")])
-    assert drive(other, single_write_stop(step, b"ok", "", context), []).error is ProtocolError
+    assert exchange_steps(other, single_write_stop(step, b"ok", "", context), []).error is ProtocolError
 
 
 def test_who_cannot_listen_sends_what_changes_something() -> None:
     """The child that stands in for a command that died: the forces of a hand, but no question."""
-    assert [step.data for step in unheard(stop_sequence_of("exo", StopContext(Settings())))] == [RELEASE]
-    assert unheard(stop_sequence_of("wrist", StopContext(Settings()))) == []
+    assert [step.data for step in writes_without_replies(stop_sequence_of("exo", StopContext(Settings())))] == [RELEASE]
+    assert writes_without_replies(stop_sequence_of("wrist", StopContext(Settings()))) == []
 
 
 class Flood(ScriptedLink):
@@ -129,5 +131,5 @@ class Flood(ScriptedLink):
 def test_a_line_full_of_noise_does_not_hold_a_stop_up() -> None:
     """64 KiB are enough of what is no answer, however soon they come."""
     link = Flood()
-    assert drive(link, stop_sequence_of("exo", StopContext(Settings())), []).error is ProtocolError
+    assert exchange_steps(link, stop_sequence_of("exo", StopContext(Settings())), []).error is ProtocolError
     assert RELEASE in link.sent

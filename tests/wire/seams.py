@@ -18,7 +18,7 @@ from unittest import mock
 
 from handctl import report
 from handctl.link import deadman, port_users
-from handctl.link.base import Outlet
+from handctl.link.base import RawAccess
 from handctl.link.fake import FakeFrames, FakeLink
 from handctl.stop.device_access import DeviceAccess
 from handctl.system import child
@@ -31,7 +31,7 @@ THIS_MACHINE = (
     (doctor, "machine_checks", list),
     (report, "environment", list),
     (port_inventory, "source", str),
-    (port_users, "rivals", lambda: port_users.Rivals([])),
+    (port_users, "rivals", lambda: port_users.OtherUsers([])),
 )
 """What tells of the machine: says nothing here."""
 EVENTS = ((FakeLink, "set_baud"), (FakeLink, "reopen"), (FakeLink, "power_cycle"), (FakeFrames, "power_cycle"))
@@ -208,7 +208,7 @@ class Child:
         return last
 
 
-class Way(Outlet):
+class Way(RawAccess):
     """Out of a simulated link, for a child of the same process."""
 
     link: Any

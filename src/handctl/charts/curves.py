@@ -11,7 +11,7 @@ from html import escape as escape_markup
 from math import floor, log10
 from typing import NamedTuple
 
-from handctl.model.outline import Outline, Painted, painted, title
+from handctl.model.outline import BarWithValue, Outline, bars_with_values, title
 from handctl.model.result import Row, Sample
 
 # -- the outline of a device: its fingers or joints in their place, with their values ------------------------------
@@ -25,7 +25,7 @@ LEAST = 6 * ACROSS
 
 def outline_svg(outline: Outline, by: str, rows: Sequence[Row], words: str = "") -> str:
     """The picture, coloured by one of its quantities; `words` in front of its name. "" where no row is of a bar."""
-    bars = painted(outline, by, rows)
+    bars = bars_with_values(outline, by, rows)
     if not any(one.row for one in bars):
         return ""
     top = max(0, *(one.bar.foot + max(0, one.bar.length) for one in bars))
@@ -49,7 +49,7 @@ def outline_svg(outline: Outline, by: str, rows: Sequence[Row], words: str = "")
     )
 
 
-def _bar(one: Painted, middle: float, foot: float) -> str:
+def _bar(one: BarWithValue, middle: float, foot: float) -> str:
     """One bar with its value at the tip and its name at the other end."""
     long = abs(one.bar.length) * DOWN - 3
     up = one.bar.length > 0

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from handctl import interrupts
 from handctl.errors import HandctlError, OutputError
-from handctl.model.prompts import Presses, Prompts, confirms
+from handctl.model.prompts import InterruptCount, Prompts, confirms
 from handctl.screen.sanitize import short, shown
 from handctl.wording import honest, sentence
 
@@ -86,8 +86,8 @@ class TerminalPrompts(Prompts):
             return 1
 
     @contextmanager
-    def counting(self) -> Iterator[Presses]:
-        presses = Presses()
+    def count_interrupts(self) -> Iterator[InterruptCount]:
+        presses = InterruptCount()
 
         def press(_number: int, _frame: Any) -> None:
             presses.count += 1
@@ -98,12 +98,12 @@ class TerminalPrompts(Prompts):
             yield presses
 
     @contextmanager
-    def undisturbed(self) -> Iterator[None]:
-        with self.counting():
+    def without_interrupts(self) -> Iterator[None]:
+        with self.count_interrupts():
             yield
 
     @contextmanager
-    def impatient(self, seconds: float, stop: Callable[[], HandctlError]) -> Iterator[None]:
+    def stop_if_slow(self, seconds: float, stop: Callable[[], HandctlError]) -> Iterator[None]:
         import threading
 
         from handctl.system import signals

@@ -87,7 +87,7 @@ class Outcome:
             with render.Sink(self._asked.settings) as place:
                 return render.stream(table, place, context)
         except OutputError as exc:
-            return weightier(table.failure, exc)
+            return more_serious(table.failure, exc)
 
     def show(self, context: Context) -> None:
         """Show a finished result, or the error in formats that include it. Raises OutputError."""
@@ -103,7 +103,7 @@ class Outcome:
         for message in () if self._asked.settings.quiet else self._held:
             _print(message)
         self._held.clear()
-        return weightier(self.failure, exc)
+        return more_serious(self.failure, exc)
 
 
 def _print(message: Message) -> None:
@@ -233,9 +233,9 @@ def interrupted(run: Invocation) -> HandctlError:
     stop = run.journal.still_moving()
     if stop is None:
         return Interrupted("interrupted")
-    from handctl.model.stop_sequence import stopped
+    from handctl.model.stop_sequence import stop_undisturbed
 
-    return stopped(stop, run.prompts)
+    return stop_undisturbed(stop, run.prompts)
 
 
 def with_cause(run: Invocation, error: HandctlError) -> HandctlError:
@@ -263,7 +263,7 @@ def from_click(exc: click.UsageError) -> UsageError:
     return UsageError(text, hint=f"`{path} -h` shows how to use it")
 
 
-def weightier(error: HandctlError | None, lost: OutputError) -> HandctlError:
+def more_serious(error: HandctlError | None, lost: OutputError) -> HandctlError:
     """Combine an error of the device with one of the output: the device's is more important, and its text covers both."""
     if error is None or isinstance(error, OutputError):
         return lost

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from handctl.command.run import Act, Asked
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError, UsageError, joined
-from handctl.model.device import pending, question, released
-from handctl.model.param import PUSHES, SETTING, Changes, Element, FromTo, Number, Param, ParamMap, Reading, Step
+from handctl.model.device import pending_moves, pending_table, question
+from handctl.model.param import PUSHES, SETTING, Changes, Element, Number, Param, ParamMap, Reading, Step, ValueChange
 from handctl.model.result import Column, Grid, Journal, Row, Sample, Table
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def get(run: Run, params: ParamMap[Any], names: Sequence[str], limits: Sequence[
     except UsageError:  # perhaps known to another kind of device of this family
         elements = select(meant(run, params, names), names)
     device: Device = run.device()
-    table = device.table(device.read(device.here(elements)))
+    table = device.table(device.read(device.of_this_device(elements)))
     table.plain = ("value",)
     return within(bounds, table)
 
@@ -182,7 +182,7 @@ def going(run: Run, device: Device, changes: Sequence[Change], what: str = "Sett
 
 def _places(device: Device, changes: Sequence[Change]) -> dict[str, Element]:
     """Where each begins: a set point where its axis is, as far as the device can tell; by path."""
-    places = {course.target: device.map[course.actual] for course in device.courses}
+    places = {course.target: device.map[course.actual] for course in device.setpoint_pairs}
     return {one.path: Element(places.get(one.param.name, one.param), one.index) for one, _ in changes}
 
 
@@ -192,7 +192,8 @@ def _from_to(device: Device, changes: Sequence[Change], held: Held, what: str = 
     now = {path: reading.value for path, reading in begins.items() if reading is not None}
     units = {element.param.unit for element, _ in changes}
     rows = [
-        FromTo((what != "Setting" and one.part) or one.full_name, now.get(one.path), value) for one, value in changes
+        ValueChange((what != "Setting" and one.part) or one.full_name, now.get(one.path), value)
+        for one, value in changes
     ]
     return Changes(what, (len(units) == 1 and units.pop()) or "", rows)
 
@@ -203,9 +204,9 @@ def ask_released(run: Run, device: Device, changes: Sequence[Change], steps: Seq
     if not any(release.by in names for release in device.releases):
         return
     device.identify()
-    if waiting := released(device, changes):
+    if waiting := pending_moves(device, changes):
         moving = [step._replace(moves=True) for step in steps]
-        run.confirm(question(waiting), moving, changes=pending(waiting))
+        run.confirm(question(waiting), moving, changes=pending_table(waiting))
         device.will_move()
 
 
@@ -283,7 +284,7 @@ def describe_row(param: Param, kind: str) -> Row:
 
 def picture(kind: str, by: str) -> Callable[[list[Row]], list[Grid]]:
     """How rows are seen as the outline of a family; `by` "" = its usual colours. Raises UsageError for what it has not."""
-    from handctl.model.outline import drawn, outline_of
+    from handctl.model.outline import outline_grid, outline_of
 
     outline = outline_of(kind)
     if outline is None:
@@ -291,7 +292,7 @@ def picture(kind: str, by: str) -> Callable[[list[Row]], list[Grid]]:
     if by and by not in outline.measures:
         text = f"{kind} has no {by!r} to draw"
         raise UsageError(text, hint=f"use {' or '.join(outline.measures)}. Nothing was sent.", code="no-picture")
-    return lambda rows: [drawn(outline, by or next(iter(outline.measures)), rows)]
+    return lambda rows: [outline_grid(outline, by or next(iter(outline.measures)), rows)]
 
 
 # -- watch --------------------------------------------------------------------------------------------------------
@@ -328,7 +329,7 @@ def watch(
     more, slowly = (
         select(params, names) if seen and not elements and names else [] for names in (device.additional, device.slowly)
     )
-    elements = device.here(elements or select(params, device.live))
+    elements = device.of_this_device(elements or select(params, device.live))
     ranges = {
         element.param.name: (float(element.param.low), float(element.param.high))
         for element in elements

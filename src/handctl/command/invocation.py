@@ -17,7 +17,7 @@ from handctl.command.options import (
     ENVIRONMENT,
     FACTS,
     FILE,
-    Named,
+    NamedFile,
     files_of,
     refuse_clashes,
     said,
@@ -254,14 +254,14 @@ def _check_files(run: Invocation) -> None:
     """Raise UsageError when an output of this run would replace an input, the configuration file or another output."""
     settings = run.settings
     outputs = [
-        Named(label, path) for label, path in (("--output", settings.output), ("--trace", settings.trace)) if path
+        NamedFile(label, path) for label, path in (("--output", settings.output), ("--trace", settings.trace)) if path
     ]
     if not outputs and not run.outputs:
         return
     replayed = (settings.port or "").partition("replay:")
-    inputs = [Named("--port", replayed[2])] if replayed[1] and not replayed[0] else []
-    inputs += [Named("--facts", settings.facts)] if settings.facts else []
-    own = Named("the configuration file", config_path())
+    inputs = [NamedFile("--port", replayed[2])] if replayed[1] and not replayed[0] else []
+    inputs += [NamedFile("--facts", settings.facts)] if settings.facts else []
+    own = NamedFile("the configuration file", config_path())
     try:
         refuse_clashes([*run.inputs, *inputs, own], [*outputs, *run.outputs])
     except UsageError:

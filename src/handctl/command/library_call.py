@@ -50,7 +50,7 @@ class Caller(Prompts):
         return callable(self._confirm) and self._confirm(told(question, changes), plan_table(steps).rows)
 
     @contextmanager
-    def undisturbed(self) -> Iterator[None]:
+    def without_interrupts(self) -> Iterator[None]:
         from handctl.system.signals import held_back, numbers
 
         with held_back(numbers()):

@@ -30,7 +30,7 @@ from handctl.record.recording import (
     in_words,
     next_trial,
     refuse_existing,
-    undisturbed,
+    without_interrupts,
 )
 from handctl.record.source import RowsLayout, Sample, Source
 from handctl.screen.csv_output import column_of, in_persons_unit, name_of, text_of
@@ -166,7 +166,7 @@ def of_map(run: Run, names: Sequence[str], again: Callable[[], bool], *, every: 
         device.follow()
     blocks = {name: read for name in names if (read := device.block(name)) is not None}
     wanted = [name for name in names if name not in blocks] if names else device.live
-    return MapSource(device, device.here(select(device.map, wanted)), again, [*blocks.values()])
+    return MapSource(device, device.of_this_device(select(device.map, wanted)), again, [*blocks.values()])
 
 
 def _reopen(run: Run) -> bool:
@@ -208,7 +208,7 @@ def _finish(
     if differing and after is not None:
         shown = ", ".join(f"{name} {in_words(before[name])} -> {in_words(after[name])}" for name in differing)
         run.journal.warn("settings-changed", f"settings changed during the log: {shown}")
-    with undisturbed():
+    with without_interrupts():
         try:
             recording.finish(
                 failure.code if failure is not None else "limit",
@@ -296,13 +296,13 @@ class MapSource(Source):
         begun = device.link.now()
         readings = device.read(self._elements) if self._elements else []
         more = [row for read in self._blocks for row in read()]
-        moment = device.came() or Moment(begun, device.link.now())
+        moment = device.reading_time() or Moment(begun, device.link.now())
         failed = [reading for reading in readings if reading.error is not None]
         if readings and len(failed) == len(readings):
             raise failed[0].error or NoAnswer("nothing was read")
         good = [one.error is None and one.value is not None for one in readings]
         texts = [
-            text_of(in_persons_unit(device.valued(one))) if read else ""
+            text_of(in_persons_unit(device.value_keys(one))) if read else ""
             for one, read in zip(readings, good, strict=True)
         ]
         texts += [text_of(in_persons_unit(row)) for row in more]

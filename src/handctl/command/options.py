@@ -210,7 +210,7 @@ def lasting_options(wires: tuple[str, ...]) -> list[SharedOption]:
 # -- options that only some commands of one family have -------------------------------------------------------------
 
 
-class Own(click.Option):
+class FamilyOption(click.Option):
     """`@click.option("--operator", cls=Own, of="ekso")`. `check` raises UsageError for a value that makes no sense."""
 
     def __init__(self, names: Sequence[str], of: str, check: Callable[[Any], object] | None = None) -> None:
@@ -321,7 +321,7 @@ class OutFile(_File):
     """A file that a command writes."""
 
 
-class Named(NamedTuple):
+class NamedFile(NamedTuple):
     """A file of this run: its name for the user, its path, whether it is only appended to."""
 
     label: str
@@ -329,10 +329,10 @@ class Named(NamedTuple):
     grows: bool = False
 
 
-def files_of(ctx: click.Context) -> tuple[list[Named], list[Named]]:
+def files_of(ctx: click.Context) -> tuple[list[NamedFile], list[NamedFile]]:
     """The files that the parameters of this command name: inputs, outputs."""
-    inputs: list[Named] = []
-    outputs: list[Named] = []
+    inputs: list[NamedFile] = []
+    outputs: list[NamedFile] = []
     for param in ctx.command.params:
         kind, given = param.type, ctx.params.get(param.name or "")
         if not isinstance(kind, InFile | OutFile):
@@ -341,13 +341,13 @@ def files_of(ctx: click.Context) -> tuple[list[Named], list[Named]]:
         group = inputs if isinstance(kind, InFile) else outputs
         for path in given if isinstance(given, tuple) else (given,):
             if path and path != "-":
-                group += [Named(label, f"{path}{ending}", kind.grows) for ending in ("", *kind.additional)]
+                group += [NamedFile(label, f"{path}{ending}", kind.grows) for ending in ("", *kind.additional)]
                 if group is inputs and os.path.islink(path):  # what belongs to the file itself is no output, either
-                    group += [Named(label, f"{os.path.realpath(path)}{ending}") for ending in kind.additional]
+                    group += [NamedFile(label, f"{os.path.realpath(path)}{ending}") for ending in kind.additional]
     return inputs, outputs
 
 
-def refuse_clashes(inputs: list[Named], outputs: list[Named]) -> None:
+def refuse_clashes(inputs: list[NamedFile], outputs: list[NamedFile]) -> None:
     """Raise UsageError when an output is an input or another output, under whatever name, or a file that handctl keeps.
 
     Called before any of them is opened: an input is never lost.

@@ -67,7 +67,7 @@ def resolve(ctx: click.Context, wires: tuple[str, ...] = (), device: str = "", *
             raise
         passed.append(exc)
     if urgent:
-        _no_catch(chosen, passed)
+        _ignore_dry_run(chosen, passed)
     told.sources = chosen.sources
     return Settings().having({**chosen.values, "own": told.own})
 
@@ -92,7 +92,7 @@ def _take_facts(ctx: click.Context, chosen: _Chosen, own: Mapping[str, Any]) -> 
             chosen.offer(key, value, Source(FACTS, path))
 
 
-def _no_catch(chosen: _Chosen, passed: list[UsageError]) -> None:
+def _ignore_dry_run(chosen: _Chosen, passed: list[UsageError]) -> None:
     """A dry run that a variable or the file has set is a safety catch: it keeps things from moving, and so does a stop."""
     source = chosen.sources.get("dry_run", COMMAND_LINE)
     if source != COMMAND_LINE:

@@ -143,7 +143,7 @@ class Each:
     def silence(self) -> None:
         """Its link sends nothing more: what reads ends soon. A stop goes on."""
         if self.run.link is not None and not self.run.stops:
-            self.run.link.fall_silent()
+            self.run.link.block_sending()
 
     @property
     def rows(self) -> list[Row]:

@@ -20,8 +20,8 @@ from handctl import __version__
 from handctl.command.run import Act, Asked
 from handctl.errors import CheckFailed, OutputError, UsageError, joined
 from handctl.files import PAGE, PAGE_DATA, atomic_write, in_page, read_text, why_unwritable, writing
-from handctl.model.device import question, released
-from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Changes, Element, FromTo, Number, ParamMap, Step
+from handctl.model.device import pending_moves, question
+from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Changes, Element, Number, ParamMap, Step, ValueChange
 from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:
@@ -267,7 +267,7 @@ def _ask(run: Run, params: ParamMap[Any], device: Device, differing: Sequence[Ch
     """One question for all, a further one for forces; nothing has been written. Raises NotConfirmed."""
     forces = [change for change in differing if change[0].param.acts == PUSHES]
     others = [change for change in differing if change not in forces]
-    waiting = released(device, differing)
+    waiting = pending_moves(device, differing)
     if others:
         asked = joined(_restoring(params, others), question(waiting) if waiting else "")
         rows = [*_from_to(others, live), *(one.row() for one in waiting)]
@@ -277,8 +277,8 @@ def _ask(run: Run, params: ParamMap[Any], device: Device, differing: Sequence[Ch
         run.confirm(f"This {ACTING[PUSHES]}", _steps(device, forces), changes=changes)
 
 
-def _from_to(changes: Sequence[Change], live: dict[str, Number]) -> list[FromTo]:
-    return [FromTo(element.full_name, live.get(element.full_name), value) for element, value in changes]
+def _from_to(changes: Sequence[Change], live: dict[str, Number]) -> list[ValueChange]:
+    return [ValueChange(element.full_name, live.get(element.full_name), value) for element, value in changes]
 
 
 def _restoring(params: ParamMap[Any], changes: Sequence[Change]) -> str:

@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from handctl.errors import UsageError
-from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, NoFrames, NoLink, Outlet, Trouble
+from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, NoFrames, NoLink, RawAccess, Trouble
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -31,7 +31,7 @@ __all__ = [
     "Link",
     "NoFrames",
     "NoLink",
-    "Outlet",
+    "RawAccess",
     "Trouble",
     "is_can",
     "open_link",

@@ -60,15 +60,15 @@ def plain(data: bytes, _can_id: int | None) -> bytes:
     return data
 
 
-class Outlet:
-    """How bytes get out of a link and into it without the link: what a process needs that outlives this one (deadman.py).
+class RawAccess:
+    """Access to the descriptor of a link, for a process that outlives this one (deadman.py).
 
     descriptor  of the system; on Windows its handle
     encode      a frame (its data, and the identifier on a CAN bus) as this link writes it
     decode      on a CAN bus: what was read -> the frames in it, and the rest; None where bytes are bytes
     baud        speed of a port in bit/s, None where there is none
-    before      called before anything is written; replaced by who watches
-    owes        told when a frame is half sent, with its rest, and with b"" once it is out; replaced by who listens
+    before      called before anything is written; set by the guard
+    owes        called with the rest of a frame that is half sent, and with b"" once it is out; set by the guard
     """
 
     def __init__(
@@ -86,8 +86,8 @@ class Outlet:
         self.owes: Callable[[bytes], None] = nothing
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """For another process: who watches and listens is in this one."""
-        return Outlet, (self.descriptor, self.encode, self.decode, self.baud)
+        """For another process: `before` and `owes` stay in this one."""
+        return RawAccess, (self.descriptor, self.encode, self.decode, self.baud)
 
 
 class Link(ABC):
@@ -128,12 +128,12 @@ class Link(ABC):
     def event(self, text: str) -> None:  # noqa: B027 - only a tap records events
         """Note an event (change of baud rate, power-cycle) in the transcript, if one is recorded."""
 
-    def outlet(self) -> Outlet | None:
-        """The way out for a second process; None where there is none: inside this process, or inside a library."""
+    def outlet(self) -> RawAccess | None:
+        """Access for a second process; None where there is none: inside this process, or inside a library."""
         return None
 
     def discard(self) -> None:
-        """Drop what lies in the input and belongs to nobody: a late answer, or what was said unasked. Raises LinkError."""
+        """Drop unread input: late replies and unsolicited messages. Raises LinkError."""
         now = self.deadline(0)
         for _ in range(STALE_READS):
             if not self._take(now):
@@ -161,15 +161,15 @@ class Link(ABC):
         """Switch the device off and on. Only simulators can: False means the operator must."""
         return False
 
-    def recorded_next(self, request: bytes) -> bool:
-        """Whether the transcript that plays the device has this request next: who may choose asks as was asked then."""
+    def is_next_recorded(self, request: bytes) -> bool:
+        """Whether the transcript that plays the device has this request next: a caller with a choice then sends the recorded one."""
         return False
 
-    def fall_silent(self) -> None:
-        """From now on nothing goes out: who tries is interrupted. The device was stopped, and is to stay so."""
+    def block_sending(self) -> None:
+        """From now on nothing is sent: a thread that tries is interrupted. The device was stopped, and must stay stopped."""
         setattr(self, self._goes_out, _interrupt)  # in place of the method: a check in it would cost every write
 
-    def keep_to_this_thread(self) -> None:
+    def only_this_thread(self) -> None:
         """From now on only this thread sends and receives; any other that tries is interrupted."""
         mine = get_ident()
 

@@ -16,7 +16,7 @@ from typing import Any
 import can
 
 from handctl.errors import HandctlError, LinkError, NoAnswer, UsageError
-from handctl.link.base import CanFrame, Deadline, FrameLink, Outlet, Trouble
+from handctl.link.base import CanFrame, Deadline, FrameLink, RawAccess, Trouble
 from handctl.link.port_users import busy, refuse_held
 from handctl.link.slcan import (
     AGAIN_SECONDS,
@@ -104,7 +104,7 @@ class CanLink(FrameLink):
             self._unlock()
             raise
         self._slcan = self._bus if isinstance(self._bus, SlcanBus) else None
-        self._outlet: Outlet | None = None
+        self._outlet: RawAccess | None = None
         self._counted = 0  # errors of an adapter that are in error_frames
         self._left = False  # a controller of another interface is bus off
         self.bitrate = options["bitrate"]
@@ -143,13 +143,13 @@ class CanLink(FrameLink):
                 code="cannot-open",
             ) from exc
 
-    def outlet(self) -> Outlet | None:
+    def outlet(self) -> RawAccess | None:
         """Of a Linux CAN socket, and of an slcan adapter; other back ends are inside a vendor's library."""
         codec = {"socketcan": (_socketcan_frame, _socketcan_frames), "slcan": (_slcan_frame, _slcan_frames)}
         if self._outlet is None and self._interface in codec:
             with contextlib.suppress(can.CanError, OSError, NotImplementedError, ValueError):
                 found = self._bus.fileno() if self._slcan is None else ports.outlet(self._slcan.serialPortOrig)
-                self._outlet = None if found is None else Outlet(found, *codec[self._interface])
+                self._outlet = None if found is None else RawAccess(found, *codec[self._interface])
         return self._outlet
 
     def send(self, frame: CanFrame, deadline: Deadline) -> None:

@@ -11,7 +11,7 @@ A process that is suspended (SIGSTOP) is not dead, and nothing is sent. But wher
 was told, `beat` is how long its parent may be silent: then the child stops the device, and the parent, should it wake, ends
 as by Ctrl-C. A child that was killed is replaced before the next frame goes out.
 
-The child is a plain fork, without a new program in it. It is there when `guarding` returns, about 1 ms later, also
+The child is a plain fork, without a new program in it. It is there when `guard_link` returns, about 1 ms later, also
 where no interpreter can be found or no file be read, and it shares its memory with its parent. What makes a fork
 dangerous is avoided: only the forking thread lives on in the child, so the child takes no lock, imports nothing and
 starts nothing until it ends by `_exit`. It keeps the link, its pipes, and the lock of the device: nobody is let in before
@@ -35,7 +35,7 @@ from functools import partial
 from typing import NamedTuple
 
 from handctl.errors import LinkError
-from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, Outlet, nothing
+from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, RawAccess, nothing
 from handctl.system import child, clock, descriptors
 from handctl.system.child import Heir, Job
 
@@ -48,7 +48,7 @@ Stop = Callable[[Link], object]
 Warn = Callable[[str, str, str], object]
 
 
-class Shot(NamedTuple):
+class EarlyWrite(NamedTuple):
     """A write before the stop, and the seconds of silence after it."""
 
     data: bytes
@@ -56,7 +56,7 @@ class Shot(NamedTuple):
 
 
 @contextmanager
-def guarding(link: Link, stop: Stop, warn: Warn, *, beat: float = 0.0) -> Iterator[Guard]:
+def guard_link(link: Link, stop: Stop, warn: Warn, *, beat: float = 0.0) -> Iterator[Guard]:
     """Around code that moves a device: guard it with a child process. `warn` is called if the link cannot be guarded.
 
     A simulator in this process and a transcript need no guard: nothing outlives this process. Raises LinkError when no
@@ -82,12 +82,12 @@ class Guard:
     """The child of one link; without an `outlet` nothing is guarded. `held` are descriptors that it keeps open, too."""
 
     def __init__(
-        self, outlet: Outlet | None, stop: Stop, warn: Warn, held: Sequence[int] = (), beat: float = 0.0
+        self, outlet: RawAccess | None, stop: Stop, warn: Warn, held: Sequence[int] = (), beat: float = 0.0
     ) -> None:
         self._outlet, self._stop, self._warn, self._held, self._beat = outlet, stop, warn, tuple(held), beat
         self._heir: Heir | None = None
         self._owed = b""
-        self._first: Sequence[Shot] = ()
+        self._first: Sequence[EarlyWrite] = ()
         self._told = 0.0
 
     def arm(self) -> None:
@@ -96,7 +96,7 @@ class Guard:
             self._start()
             self._outlet.owes, self._outlet.before = self.owes, self._watch
 
-    def update(self, first: Sequence[Shot], beat: float | None = None) -> None:
+    def update(self, first: Sequence[EarlyWrite], beat: float | None = None) -> None:
         """From now on these go out before the stop, and this process may be silent for `beat` seconds. Raises LinkError."""
         self._first, self._beat = first, self._beat if beat is None else beat
         if self._heir is not None:
@@ -182,18 +182,18 @@ def _cannot(why: str) -> LinkError:
 # -- what the child does -------------------------------------------------------------------------------------------------
 
 
-def _act(outlet: Outlet, stop: Stop, message: bytes) -> None:
+def _act(outlet: RawAccess, stop: Stop, message: bytes) -> None:
     with suppress(Exception):
-        act_for(outlet, stop, message)
+        stop_in_child(outlet, stop, message)
     with suppress(OSError):
         descriptors.close(outlet.descriptor)  # before the lock: who gets that next must find the port free
 
 
-def act_for(outlet: Outlet, stop: Stop, message: bytes) -> None:
+def stop_in_child(outlet: RawAccess, stop: Stop, message: bytes) -> None:
     """Complete the frame, send what goes first, and stop; an error of one does not keep the next from being done."""
     owed, shots = _unpack(message)
     link = RawBytes(outlet) if outlet.decode is None else RawFrames(outlet)
-    for data, pause in (Shot(owed), *shots):
+    for data, pause in (EarlyWrite(owed), *shots):
         with suppress(LinkError):
             link.put(data, link.deadline(BOUND_SECONDS))
         with suppress(LinkError):
@@ -209,7 +209,7 @@ def _unread(text: str, code: str) -> LinkError:
 class _Raw(Link):
     """A descriptor of the system, without the library that has opened it."""
 
-    def __init__(self, outlet: Outlet) -> None:
+    def __init__(self, outlet: RawAccess) -> None:
         self._outlet = outlet
 
     def put(self, data: bytes, deadline: Deadline) -> None:
@@ -247,7 +247,7 @@ class _Raw(Link):
 class RawBytes(_Raw, ByteLink):
     """The link of a child: a port or a connection."""
 
-    def __init__(self, outlet: Outlet) -> None:
+    def __init__(self, outlet: RawAccess) -> None:
         super().__init__(outlet)
         self.baud, self.can_set_baud = outlet.baud, outlet.baud is not None
 
@@ -261,7 +261,7 @@ class RawBytes(_Raw, ByteLink):
 class RawFrames(_Raw, FrameLink):
     """The same on a CAN bus."""
 
-    def __init__(self, outlet: Outlet) -> None:
+    def __init__(self, outlet: RawAccess) -> None:
         super().__init__(outlet)
         self._rest = b""
         self._frames: list[CanFrame] = []
@@ -283,7 +283,7 @@ class RawFrames(_Raw, FrameLink):
 # -- what the child is told: the frame's rest and the shots ----------------------------------------------------------------
 
 
-def _pack(owed: bytes, first: Sequence[Shot]) -> bytes:
+def _pack(owed: bytes, first: Sequence[EarlyWrite]) -> bytes:
     parts = [len(owed).to_bytes(2, "big"), owed]
     for data, pause in first:
         parts += [len(data).to_bytes(2, "big"), round(pause * 1000).to_bytes(2, "big"), data]
@@ -292,12 +292,12 @@ def _pack(owed: bytes, first: Sequence[Shot]) -> bytes:
     return text
 
 
-def _unpack(text: bytes) -> tuple[bytes, list[Shot]]:
+def _unpack(text: bytes) -> tuple[bytes, list[EarlyWrite]]:
     size = int.from_bytes(text[:2], "big")
     owed, text = text[2 : 2 + size], text[2 + size :]
     first = []
     while text:
         size, pause = int.from_bytes(text[:2], "big"), int.from_bytes(text[2:4], "big")
-        first.append(Shot(text[4 : 4 + size], pause / 1000))
+        first.append(EarlyWrite(text[4 : 4 + size], pause / 1000))
         text = text[4 + size :]
     return owed, first

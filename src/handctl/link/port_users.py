@@ -95,25 +95,25 @@ def _has_master(pid: int, names: dict[str, str], number: str, root: Path) -> boo
     return False
 
 
-class Rivals(NamedTuple):
+class OtherUsers(NamedTuple):
     """Other programs that have the port of a link open: `names`, and whether there are processes that we may not see."""
 
     names: list[Process]
     hidden: bool = False
 
 
-def rivals(link: Link) -> Rivals:
+def rivals(link: Link) -> OtherUsers:
     """Others at the other end of an open link: on its port, or connected from this machine to the same server.
 
     A CAN bus, and the clients of other machines, cannot be known: then there are none.
     """
     outlet = link.outlet()
     if outlet is None:
-        return Rivals([])
+        return OtherUsers([])
     if port := name_of(outlet.descriptor):
         names = holders(port)
-        return Rivals(names, not names and any(_descriptors(pid, ROOT) is None for pid in _pids(ROOT)))
-    return Rivals(_connected(outlet.descriptor) if IN_SYS else [])
+        return OtherUsers(names, not names and any(_descriptors(pid, ROOT) is None for pid in _pids(ROOT)))
+    return OtherUsers(_connected(outlet.descriptor) if IN_SYS else [])
 
 
 def _connected(descriptor: int) -> list[Process]:

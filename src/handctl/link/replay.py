@@ -199,7 +199,7 @@ class _Replayed(Link):
     def sleep(self, seconds: float) -> None:
         self._clock += max(0.0, seconds)
 
-    def recorded_next(self, request: bytes) -> bool:
+    def is_next_recorded(self, request: bytes) -> bool:
         return self._recording.is_request_at(self._cursor, (None, request))
 
     def _ask(self, key: Key, text: str) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import serial
 
 from handctl.errors import LinkError, UsageError
-from handctl.link.base import SCHEMES, ByteLink, Deadline, Outlet, path_in, scheme_of
+from handctl.link.base import SCHEMES, ByteLink, Deadline, RawAccess, path_in, scheme_of
 from handctl.link.port_users import busy, group_of, group_remedy, holders, refuse_held
 from handctl.system import clock, ports
 from handctl.system.waits import readable, writable
@@ -223,7 +223,7 @@ class SerialLink(ByteLink):
                     raise self._stuck() from exc
         self._outlet.owes(b"")
 
-    def outlet(self) -> Outlet | None:
+    def outlet(self) -> RawAccess | None:
         return self._outlet
 
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:
@@ -289,11 +289,11 @@ class SerialLink(ByteLink):
             self._port.close()
 
 
-def outlet_of(port: Any, device: str) -> Outlet | None:
+def outlet_of(port: Any, device: str) -> RawAccess | None:
     """Where a second process can write to an open port of pyserial; None where the system gives it no descriptor."""
     telnet = device.startswith("rfc2217://")
     found = ports.outlet(getattr(port, "_socket", None) if telnet else port)
-    return None if found is None else Outlet(found, _telnet if telnet else None)
+    return None if found is None else RawAccess(found, _telnet if telnet else None)
 
 
 def _telnet(data: bytes, _can_id: int | None) -> bytes:

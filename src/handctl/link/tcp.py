@@ -7,7 +7,7 @@ import socket
 import struct
 
 from handctl.errors import LinkError, UsageError
-from handctl.link.base import ByteLink, Deadline, Outlet
+from handctl.link.base import ByteLink, Deadline, RawAccess
 from handctl.number_parsing import number_in
 from handctl.system.waits import connect, readable, writable
 
@@ -101,7 +101,7 @@ class TcpLink(ByteLink):
     def _set_up(self) -> None:
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        self._outlet = Outlet(self._socket.fileno())
+        self._outlet = RawAccess(self._socket.fileno())
 
     def write(self, data: bytes, deadline: Deadline) -> None:
         self._outlet.before()
@@ -136,7 +136,7 @@ class TcpLink(ByteLink):
             ) from exc
         return True
 
-    def outlet(self) -> Outlet:
+    def outlet(self) -> RawAccess:
         return self._outlet
 
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:

@@ -1,7 +1,7 @@
 """Base classes of every family's device and line, as the common commands use them.
 
-For who writes a family: its `Line` asks one question and judges the answer, its `Device` knows names and values and no
-bytes. What a family overrides is its protocol; what it inherits is what every verb expects. Knows no family, does no I/O.
+For the author of a family: its `Line` sends one request and judges the reply, its `Device` knows names and values and no
+bytes. A family overrides what its protocol needs and inherits what every verb expects. Knows no family, does no I/O.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from handctl.errors import (
     joined,
 )
 from handctl.light import NamedTuple
-from handctl.model.param import Changes, Element, FromTo, Number, ParamMap, Reading, elements_of
+from handctl.model.param import Changes, Element, Number, ParamMap, Reading, ValueChange, elements_of
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table, hex_bytes
 from handctl.model.settings import Settings
 from handctl.model.stop_sequence import (
@@ -32,8 +32,8 @@ from handctl.model.stop_sequence import (
     Stopped,
     StopPlan,
     StopSequence,
-    aimed,
-    carry_out,
+    context_for_link,
+    run_stop,
     stop_sequence_of,
     stopped_by_ctrl_c,
 )
@@ -71,7 +71,7 @@ def limits_of(settings: Settings, link: Link) -> Limits:
 
 
 class Line:
-    """What a device is reached through: its link, the journal, and the limits of what is asked there.
+    """The line to a device: its link, the journal, and the time limits of its requests.
 
     timeout  seconds allowed for a reply; `usual_timeout` where the user says nothing
     retries  repetitions of a read that got no valid answer; what writes is never repeated
@@ -154,13 +154,13 @@ class Line:
             )
 
     def reopened(self) -> None:
-        """The port was opened again: what was under way is lost, and it may lead to a stranger."""
+        """The port was opened again: pending replies are lost, and it may lead to a different device."""
 
     def overheard(self, data: bytes) -> None:
-        """Bytes that somebody else has read on this line before it was used: they may tell the state of the device."""
+        """Take bytes that were read from this line before it was used: they may show the state of the device."""
 
     def repeated(self, retries: int | None, ask: Callable[P, T], *args: P.args, **more: P.kwargs) -> T:
-        """What `ask` returns of these, asked again where no valid answer came; for reads only. Raises what it raised last."""
+        """Call `ask`, again if there is no valid reply, and return its result; for reads only. Raises its last error."""
         for attempt in range(1 + (self.retries if retries is None else retries)):
             if attempt:
                 self.journal.counters.retries += 1
@@ -212,14 +212,14 @@ class Device(ABC):
     map          its parameters; what is not in it does not exist for the verbs
     columns      of its tables; `plain` of --format plain, where these are fewer
     live         the quantities that change during use: the default of `watch`
-    beside       also shown in the live view when no quantity was named; those in `slowly` once a second
+    additional   also shown in the live view when no quantity was named; those in `slowly` once a second
     scales       ends of the live view's bars where no range is documented: ours, and wider as soon as more is seen
     worn         a person may be wearing it, so movements need a confirmation
-    courses      set-points and where they lead, `releases` the writes that let an axis go there (`Course`, `Release`)
+    setpoint_pairs  set points and the quantities that follow them, `releases` the writes that let an axis go there (`SetpointPair`, `Release`)
     not_covered  what a snapshot cannot contain; `restore` reports it
     line_end     what ends a typed line of text, None where the protocol is no text
 
-    A family writes `read`, `named`, `valued` and `view`; `plan` and `write` where values can be set by name; and overrides
+    A family writes `read`, `element_keys`, `value_keys` and `view`; `plan` and `write` where values can be set by name; and overrides
     what its device does otherwise, by calling this one first where it adds to it.
     """
 
@@ -233,7 +233,7 @@ class Device(ABC):
     slowly: tuple[str, ...] = ()
     scales: Mapping[str, tuple[float, float]] = MappingProxyType({})
     worn = False
-    courses: Sequence[Course] = ()
+    setpoint_pairs: Sequence[SetpointPair] = ()
     releases: Sequence[Release] = ()
     not_covered: tuple[str, ...] = ()
     line_end: bytes | None = None
@@ -267,27 +267,27 @@ class Device(ABC):
         self._line.reopened()
         return True
 
-    # -- who it is -----------------------------------------------------------------------------------------------
+    # -- identity ------------------------------------------------------------------------------------------------
 
     def identity(self) -> dict[str, object]:
-        """What tells this device from another of its kind, as far as it can be read."""
+        """Model, firmware and serial number of this device, as far as they can be read."""
         return {"kind": self.kind}
 
     def identify(self) -> None:  # noqa: B027 - where whatever is read tells who it is, there is nothing to do
         """Identify the device before reading for a plan, so that a different one is named instead of called silent. Raises NotIdentified."""
 
     def ready(self) -> None:  # noqa: B027 - most have nothing to find out
-        """Find out how it speaks, where that takes time: no part of the first sample of a stream."""
+        """Detect its protocol variant where that takes time, so that it does not delay the first sample of a stream."""
 
     def own_map(self) -> ParamMap[Any]:
-        """The map of this very device, asked for where its family has several."""
+        """The map of this particular device, for families with several."""
         return self.map
 
     def find_for_restore(self, values: dict[str, Number]) -> None:  # noqa: B027 - most have no address to set
         """Make the line address the device that a restore is for; nothing to do unless its address is a setting."""
 
     def further(self, identity: dict[str, object]) -> Collection[str]:
-        """Names of `optional` settings that this very device has, by what it says of itself."""
+        """Names of the `optional` settings that this particular device has, according to its identity."""
         return ()
 
     # -- stopping ------------------------------------------------------------------------------------------------
@@ -295,26 +295,26 @@ class Device(ABC):
     def stop_context(self) -> StopContext:
         """The context of its stop sequence: everything this program knows about it."""
         settings = self.options._replace(id=getattr(self._line, "id", self.options.id))
-        return aimed(self.link, settings)._replace(fixed=True, proven=True)
+        return context_for_link(self.link, settings)._replace(fixed=True, proven=True)
 
     def stop(self, *, powered: bool = False) -> Stopped:
         """Stop it by its family's plan, after --deadline too; `powered` as in `StopContext`. Never raises."""
         ledger = self.journal.ledger
         sequence = stop_sequence_of(self.kind, self.stop_context()._replace(powered=powered))
-        return carry_out(self.link, sequence, ledger=ledger if ledger.words is not None else None)
+        return run_stop(self.link, sequence, ledger=ledger if ledger.words is not None else None)
 
     def guarded(
         self, *, beat: float = 0.0, powered: bool = False, sequence: Callable[[StopContext], StopSequence] | None = None
     ) -> AbstractContextManager[Guard]:
-        """While it lasts the death of this process stops the device by the same plan, or `talk`. Raises LinkError.
+        """While this is active, the death of this process stops the device by the same plan, or by `sequence`. Raises LinkError.
 
         `beat` as in `link.deadman`, `powered` as in `StopContext`.
         """
-        from handctl.link.deadman import guarding
+        from handctl.link.deadman import guard_link
 
         context = self.stop_context()._replace(powered=powered)
         stop = StopPlan(sequence or partial(stop_sequence_of, self.kind), context)
-        return guarding(self.link, stop, self.journal.warn, beat=beat)
+        return guard_link(self.link, stop, self.journal.warn, beat=beat)
 
     @contextmanager
     def driven(self, prompts: Prompts, *, beat: float = 0.0, powered: bool = False, what: str = "") -> Iterator[Guard]:
@@ -339,37 +339,37 @@ class Device(ABC):
         return None
 
     def follow(self) -> None:  # noqa: B027 - most devices say nothing unasked
-        """From now on a reading is the next thing that the device says unasked, and nothing of it is passed over."""
+        """From now on a reading is the next unsolicited message of the device, and none is skipped."""
 
-    def came(self) -> Moment | None:
-        """Within which time the last reading came, where it may have waited to be read; None = since it was asked for."""
+    def reading_time(self) -> Moment | None:
+        """The time within which the last reading arrived, if it may have waited in a buffer; None = since its request."""
         return None
 
-    def here(self, elements: list[Element]) -> list[Element]:
-        """The same where this very device has them; another generation may have other parts. Raises what `read` raises."""
+    def of_this_device(self, elements: list[Element]) -> list[Element]:
+        """Those of `elements` that this particular device has; another generation may have other parts. Raises what `read` raises."""
         return elements
 
     @abstractmethod
-    def named(self, element: Element) -> Row:
-        """The keys of a row that say which element it is (cli contract, row keys)."""
+    def element_keys(self, element: Element) -> Row:
+        """The keys of a row that identify its element (cli contract, row keys)."""
 
     @abstractmethod
-    def valued(self, reading: Reading) -> Row:
+    def value_keys(self, reading: Reading) -> Row:
         """The keys of a row for the value: value, unit and the family's own."""
 
     @staticmethod
     @abstractmethod
     def view(rows: list[Row]) -> list[Grid]:
-        """How people see rows of readings."""
+        """The tables that show rows of readings to people."""
 
     def row(self, reading: Reading) -> Row:
         """The data row of one reading, or its error. The keys that come from the map are the same in all families."""
         element, value, error = reading.element, reading.value, reading.error
-        param, row = element.param, self.named(element)
+        param, row = element.param, self.element_keys(element)
         if error is not None or value is None:
             row |= {"error": error.text if error is not None else "not read", "unit": param.unit}
             return {**row, "path": element.path}
-        row = {**row, **self.valued(reading), "path": element.path}
+        row = {**row, **self.value_keys(reading), "path": element.path}
         if self.product:
             self.about.setdefault("model", self.product)
         if (scale := param.scale) is not None:
@@ -413,13 +413,13 @@ class Device(ABC):
         names = ", ".join(lacks)
         text = f"not on this firmware: {names}"
         if not any(message.text == text for message in self.journal.messages):
-            said, why = said_of(self._line.where, absent[0]), absent[0].error
+            said, why = reply_text(self._line.where, absent[0]), absent[0].error
             refused = why is not None and why.exit_code == NotPresent.exit_code
             self.journal.info("not-on-this-firmware", text, hint=f"it replied: {said}" if refused else said)
         return [reading for reading in readings if reading not in absent]
 
     @contextmanager
-    def keeping(self, so_far: Callable[[], Sequence[Reading]]) -> Iterator[None]:
+    def keep_partial(self, so_far: Callable[[], Sequence[Reading]]) -> Iterator[None]:
         """Around reading: when it ends in the middle, what was read `so_far` is shown, if there is anything."""
         try:
             yield
@@ -433,7 +433,7 @@ class Device(ABC):
         dumped = [param for param in self.map if param.readable and not param.optional]
         return self.table(self.present(self.read([element for param in dumped for element in elements_of(param)])))
 
-    def judge(
+    def with_findings(
         self,
         table: Table,
         findings: Sequence[Finding],
@@ -471,7 +471,7 @@ class Device(ABC):
     # -- writing -------------------------------------------------------------------------------------------------
 
     def will_move(self) -> None:
-        """What is written next moves it, whatever it is: from then on an interrupt stops it."""
+        """Call this before a write that moves the device: from then on an interrupt stops it."""
         self.journal.moves(self.stop)
 
     def plan(self, changes: Sequence[tuple[Element, Number]]) -> list[Step]:
@@ -501,16 +501,16 @@ class Device(ABC):
             raise CheckFailed(f"{self._line.where}: {'; '.join(wrong)}", hint=hint, code="read-back")
 
 
-def said_of(where: str, reading: Reading) -> str:
-    """What the device said of a reading that failed, without the link."""
+def reply_text(where: str, reading: Reading) -> str:
+    """The reply of the device to a read that failed, without the name of the link."""
     return reading.error.text.removeprefix(where).lstrip(": ") if reading.error is not None else ""
 
 
-# -- who is there, before the first write ---------------------------------------------------------------------------
+# -- check of the identity, before the first write ---------------------------------------------------------------------------
 
 
 class Gate:
-    """The gate before writes: open once the identity was checked, or with `--assume-identity`."""
+    """The identity check before writes: passed once the identity was checked, or with `--assume-identity`."""
 
     def __init__(self, assumed: bool = False) -> None:
         self.assumed = assumed
@@ -544,11 +544,11 @@ class Gate:
             journal.warn("identity-assumed", text)
 
 
-# -- what a write would let go --------------------------------------------------------------------------------------
+# -- movements that a write would release --------------------------------------------------------------------------------------
 
 
-class Course(NamedTuple):
-    """Names of a set-point and of what shows where the axis is; `near` counts as there.
+class SetpointPair(NamedTuple):
+    """A set point and the quantity that shows the position of its axis; within `near` it counts as reached.
 
     closing  1 or -1: whether the axis closes as the number grows or falls; 0 = not known
     """
@@ -577,7 +577,7 @@ class Release(NamedTuple):
     closing: bool = False
 
 
-class Pending(NamedTuple):
+class PendingMove(NamedTuple):
     """An axis that would move."""
 
     part: str
@@ -585,12 +585,12 @@ class Pending(NamedTuple):
     here: Number
     there: Number
 
-    def row(self, *more: tuple[str, str]) -> FromTo:
+    def row(self, *more: tuple[str, str]) -> ValueChange:
         """Its line of the table that a question shows."""
-        return FromTo(f"{self.part} ({self.target})", self.here, self.there, more)
+        return ValueChange(f"{self.part} ({self.target})", self.here, self.there, more)
 
 
-def released(device: Device, changes: Sequence[tuple[Element, Number]]) -> list[Pending]:
+def pending_moves(device: Device, changes: Sequence[tuple[Element, Number]]) -> list[PendingMove]:
     """The axes that these writes would let go, from what the device tells now. Raises what kept it from being read."""
     freed: dict[tuple[str, bool], None] = {}
     for release in device.releases:
@@ -604,8 +604,8 @@ def released(device: Device, changes: Sequence[tuple[Element, Number]]) -> list[
                 freed[element.part or "", release.closing] = None
     if not freed:
         return []
-    found: dict[Pending, None] = {}
-    for course in device.courses:
+    found: dict[PendingMove, None] = {}
+    for course in device.setpoint_pairs:
         wanted = {part for part, _ in freed}
         targets = [one for one in elements_of(device.map[course.target]) if one.part in wanted]
         places = [one for one in elements_of(device.map[course.actual]) if one.part in wanted]
@@ -617,7 +617,7 @@ def released(device: Device, changes: Sequence[tuple[Element, Number]]) -> list[
             if here is None or there in element.param.special or abs(there - here) <= course.near:
                 continue
             if (part, False) in freed or course.closes(here, there):
-                found[Pending(part, course.target, here, there)] = None
+                found[PendingMove(part, course.target, here, there)] = None
     return list(found)
 
 
@@ -631,13 +631,13 @@ def _values(device: Device, elements: Sequence[Element]) -> list[Number]:
     return values
 
 
-def pending(waiting: Sequence[Pending]) -> Changes:
-    """The table of that question."""
+def pending_table(waiting: Sequence[PendingMove]) -> Changes:
+    """The table of the question before such a write."""
     return Changes("Axis", rows=[one.row() for one in waiting])
 
 
-def question(waiting: Sequence[Pending]) -> str:
-    """What is asked before such a write."""
+def question(waiting: Sequence[PendingMove]) -> str:
+    """The question before such a write."""
     text = "This moves what has not reached its target yet"
     twice = len({one.part for one in waiting}) < len(waiting)
     return f"{text}. Of two targets of a finger, the one that was set last counts" if twice else text

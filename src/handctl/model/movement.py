@@ -97,7 +97,7 @@ class Goal(NamedTuple):
         return "?" if value is None else f"{value:.{self.decimals}f}{self.unit}"
 
 
-class Seen(NamedTuple):
+class AxisReading(NamedTuple):
     """One axis at one moment.
 
     moves    what the device itself says of it; None = nothing
@@ -144,13 +144,13 @@ class _Axis:
 
     def __init__(self, goal: Goal) -> None:
         self.goal = goal
-        self.seen = Seen(None)
+        self.seen = AxisReading(None)
         self.equal = 0
         self.anchor: Number | None = None
         self.since = 0.0
         self.moved = False
 
-    def note(self, now: float, seen: Seen) -> None:
+    def note(self, now: float, seen: AxisReading) -> None:
         self.seen = seen
         if seen.value is None:
             return
@@ -177,14 +177,14 @@ class Watch:
         self.begun = self.now = now
         self._axes = {goal.name: _Axis(goal) for goal in goals}
 
-    def note(self, now: float, seen: Mapping[str, Seen]) -> bool:
+    def note(self, now: float, seen: Mapping[str, AxisReading]) -> bool:
         """Take the readings of this moment; whether every axis has ended its movement."""
         self.now = now
         for name, axis in self._axes.items():
-            axis.note(now, seen.get(name, Seen(None)))
+            axis.note(now, seen.get(name, AxisReading(None)))
         return all(self._ended(axis) for axis in self._axes.values())
 
-    def _stands(self, axis: _Axis) -> bool:
+    def _is_still(self, axis: _Axis) -> bool:
         """If the device reports that it has stopped, no more time is needed; its report that it moves is not enough by itself."""
         need = 0.0 if axis.seen.moves is False else max(self.still.seconds, axis.goal.patience)
         return axis.equal >= self.still.samples and self.now - axis.since >= need
@@ -195,21 +195,21 @@ class Watch:
             return False
         if axis.seen.blocked or (axis.exact and not self.still.passes):
             return True
-        return self._stands(axis) and lasted >= max(self.still.least, 0.0 if axis.near else self.still.grace)
+        return self._is_still(axis) and lasted >= max(self.still.least, 0.0 if axis.near else self.still.grace)
 
     @property
     def short(self) -> list[str]:
         """The axes that are not at their targets. A family may read more about them to give the reason."""
         return [name for name, axis in self._axes.items() if not axis.near]
 
-    def arrivals(self, deeper: Mapping[str, Seen] | None = None) -> list[Arrival]:
+    def arrivals(self, deeper: Mapping[str, AxisReading] | None = None) -> list[Arrival]:
         """What became of each axis; `deeper` is what was read once more, when it was over, of those that are `short`."""
         return [self._arrival(self._axes[name], (deeper or {}).get(name)) for name in self._axes]
 
-    def _arrival(self, axis: _Axis, deeper: Seen | None) -> Arrival:
+    def _arrival(self, axis: _Axis, deeper: AxisReading | None) -> Arrival:
         seen = axis.seen if deeper is None or axis.near else deeper
         value = axis.seen.value
-        moving = axis.moved and not self._stands(axis)
+        moving = axis.moved and not self._is_still(axis)
         if value is None:
             return Arrival(axis.goal, None, UNREAD)
         if seen.blocked:
@@ -249,7 +249,11 @@ class Clock(NamedTuple):
 
 
 def watch(
-    goals: Sequence[Goal], still: Stillness, look: Callable[[], Mapping[str, Seen]], prompts: Prompts, clock: Clock
+    goals: Sequence[Goal],
+    still: Stillness,
+    look: Callable[[], Mapping[str, AxisReading]],
+    prompts: Prompts,
+    clock: Clock,
 ) -> Watch:
     """Look until every axis has ended its movement, or the wait is over."""
     seen = Watch(goals, still, clock.now())

@@ -28,7 +28,7 @@ def renamed(error: HandctlError, own: str) -> HandctlError:
     )
 
 
-def signed(data: bytes, families: Iterable[str]) -> bool:
+def has_frame_of(data: bytes, families: Iterable[str]) -> bool:
     """Whether bytes hold a frame of one of these families."""
     return any(_sign(family, data) for family in families)
 
@@ -38,7 +38,7 @@ def _sign(family: str, came: bytes) -> str:
 
 
 @lru_cache(256)
-def harmless(data: bytes, baud: int | None) -> bool:
+def harmless_to_others(data: bytes, baud: int | None) -> bool:
     """Whether no other device on the line can act on these bytes. `baud` None = every device receives them unchanged.
 
     A device that listens at a slower baud rate than `baud` receives garbage.

@@ -99,7 +99,7 @@ class Outline:
     ends: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
-class Painted(NamedTuple):
+class BarWithValue(NamedTuple):
     """A bar with its value: its row, {} = none; how far it is straight (0 to 1); the value as text; "good", "warn", "bad" or "dim"."""
 
     bar: Bar
@@ -136,14 +136,14 @@ def hand(fingers: Sequence[str], thumb: Sequence[str]) -> tuple[Bar, ...]:
     )
 
 
-def painted(outline: Outline, by: str, rows: Iterable[Row]) -> list[Painted]:
+def bars_with_values(outline: Outline, by: str, rows: Iterable[Row]) -> list[BarWithValue]:
     """The bars with the values of these rows; a bar that no row is of is dim."""
     at = {str(row.get("path")): row for row in rows}
     measure = outline.measures[by]
     return [_painted(outline, measure, bar, at) for bar in outline.bars]
 
 
-def _painted(outline: Outline, measure: Measure, bar: Bar, at: Mapping[str, Row]) -> Painted:
+def _painted(outline: Outline, measure: Measure, bar: Bar, at: Mapping[str, Row]) -> BarWithValue:
     row = at.get(measure.path.format(bar.part), {})
     wrong = at.get(outline.errors.format(bar.part), {}).get("errors") if outline.errors else None
     value = _value(row)
@@ -156,7 +156,7 @@ def _painted(outline: Outline, measure: Measure, bar: Bar, at: Mapping[str, Row]
         from handctl.model.limits import severity
 
         tone = ("good", "warn", "bad")[severity(abs(value), highest=measure.most)]
-    return Painted(bar, row, _share(outline, bar, at), text, "bad" if wrong or row.get("errors") else tone)
+    return BarWithValue(bar, row, _share(outline, bar, at), text, "bad" if wrong or row.get("errors") else tone)
 
 
 def _value(row: Row) -> float | None:
@@ -185,9 +185,9 @@ def title(outline: Outline, by: str, rows: Iterable[Row]) -> str:
     return f"{by} [{unit}]" if unit else by
 
 
-def drawn(outline: Outline, by: str, rows: Sequence[Row]) -> Grid:
+def outline_grid(outline: Outline, by: str, rows: Sequence[Row]) -> Grid:
     """The outline as a table: a column for each bar, its value on top. Nothing is drawn of other actuators."""
-    bars = painted(outline, by, rows)
+    bars = bars_with_values(outline, by, rows)
     if not any(one.row for one in bars):
         return Grid((), (), notes=("The places of its actuators are not known, so there is no picture.",))
     top = max(0, *(one.bar.foot + max(0, one.bar.length) for one in bars))
@@ -222,7 +222,7 @@ def _characters() -> tuple[str, str, str]:
     return ("████", "░░░░", "▒") if FINE else ("████", "....", ":")
 
 
-def _cell(one: Painted, row: int) -> Cell | None:
+def _cell(one: BarWithValue, row: int) -> Cell | None:
     """The piece of a bar in a row; None where it is not."""
     _, foot, length = one.bar
     place = row - foot if length > 0 else foot - 1 - row

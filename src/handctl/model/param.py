@@ -378,7 +378,7 @@ class Step(NamedTuple):
         return text if self.can_id is None else f"{self.can_id:08X} [{len(self.data)}] {text}".rstrip()
 
 
-class FromTo(NamedTuple):
+class ValueChange(NamedTuple):
     """A line of the table that a question shows: `what` goes from one value to another.
 
     now   the value of today, None where it was not read
@@ -402,7 +402,7 @@ class Changes(NamedTuple):
 
     what: str
     unit: str = ""
-    rows: Sequence[FromTo] = ()
+    rows: Sequence[ValueChange] = ()
 
     def lines(self) -> list[str]:
         """The table as text, aligned."""

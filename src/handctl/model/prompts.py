@@ -17,7 +17,7 @@ CTRL_C = "Ctrl-C stops."
 """Safety words of a movement that Ctrl-C stops."""
 
 
-class Presses:
+class InterruptCount:
     """How often the user asked to stop since it was made; one more than `most` is a KeyboardInterrupt."""
 
     count = 0
@@ -74,17 +74,17 @@ class Prompts:
         return False
 
     @contextmanager
-    def counting(self) -> Iterator[Presses]:
+    def count_interrupts(self) -> Iterator[InterruptCount]:
         """While it lasts Ctrl-C is counted instead of acted on: for a procedure that asks before it stops."""
-        yield Presses()
+        yield InterruptCount()
 
     @contextmanager
-    def undisturbed(self) -> Iterator[None]:
+    def without_interrupts(self) -> Iterator[None]:
         """Delay Ctrl-C while the device is stopped and restored: every step in here has its own deadline."""
         yield
 
     @contextmanager
-    def impatient(self, seconds: float, stop: Callable[[], HandctlError]) -> Iterator[None]:
+    def stop_if_slow(self, seconds: float, stop: Callable[[], HandctlError]) -> Iterator[None]:
         """When what happens inside lasts longer than `seconds`, call `stop` and raise its error there.
 
         For output that a reader does not take while motors run. Where the system has no such alarm nothing happens.

@@ -4,7 +4,7 @@ A family's `stopper` is a module with one function:
 
     stop_steps(context) -> StopSequence    yields `StopStep`s, receives the bytes that came back, returns `Stopped`
 
-It does no I/O, so the owner of the link runs it with `carry_out`: the command `stop`, a command that another process asks
+It does no I/O, so the owner of the link runs it with `run_stop`: the command `stop`, a command that another process asks
 to stop, Ctrl-C inside a command, and the child process of a command that was killed.
 
 Every sequence follows these rules: a step is repeated until it is acknowledged (`stop_repetition`); steps that need no
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 
 WRITE_SECONDS = 1.0
 SILENCE = 0.3
-"""Seconds without a byte of ours before a stopped device is looked at again: by then another master has spoken."""
+"""Seconds without sending before a stopped device is checked again: by then another master has sent something."""
 BETWEEN = 0.1
-"""Seconds from one look at where it is to the next."""
+"""Seconds between two readings of its position."""
 MOST = 65536
-"""Bytes listened to at the most for one answer: a line full of noise must not hold up what comes next."""
+"""Most bytes that are read for one reply: a line full of noise must not delay the next step."""
 
 Pieces = list[bytes]
 """What came back: chunks of a byte stream, or the data of CAN frames that have the identifier of the request."""
@@ -108,10 +108,10 @@ StopSequence = Generator[StopStep, Pieces, Stopped]
 NOT_STOPPED = "not-stopped"
 """Code of the error of a command that was interrupted, and whose stop was not acknowledged."""
 BEAT = 0.5
-"""Seconds for which a command may stand still that drives what does not end by itself, such as currents."""
+"""Seconds for which a command may hang that drives what does not end by itself, such as currents."""
 TOO_LATE = "the deadline passed before handctl could confirm that the device has stopped"
 QUIET = Step("listen", b"")
-"""Nothing goes out."""
+"""Nothing is sent."""
 
 
 def silence(seconds: float = SILENCE) -> Generator[StopStep, Pieces, Pieces]:
@@ -119,7 +119,7 @@ def silence(seconds: float = SILENCE) -> Generator[StopStep, Pieces, Pieces]:
     return (yield StopStep(QUIET, seconds, lambda _pieces: False, reads=True, size=0))
 
 
-def taken_over(stopped: Stopped, what: str) -> Stopped:
+def did_not_last(stopped: Stopped, what: str) -> Stopped:
     """The result of a stop that was acknowledged but did not last."""
     text = f"{stopped.text}. {SILENCE:g} s later {what}: it does not obey, or another program is commanding it"
     return Stopped(text, FIND_WHO, DeviceRefused)
@@ -153,16 +153,16 @@ class StopPlan:
         sequence(context)  # imports the family's stopper now: later there may be no time, or no disk
 
     def __call__(self, link: Link) -> Stopped:
-        return drive(link, self._sequence(self._context), [])
+        return exchange_steps(link, self._sequence(self._context), [])
 
     def __reduce__(self) -> tuple[object, ...]:
         return StopPlan, (self._sequence, self._context)
 
 
-def unheard(sequence: StopSequence, *, reads: bool = False) -> list[Step]:
+def writes_without_replies(sequence: StopSequence, *, reads: bool = False) -> list[Step]:
     """The writes of a stop without any reply, each once: for a link that cannot receive.
 
-    Questions are left out but with `reads`: a stop that needs their answers, as a wrist's, is [] then.
+    Reads are left out unless `reads`: a stop that needs their replies, such as a wrist's, is [] then.
     """
     steps: list[Step] = []
     try:
@@ -175,7 +175,7 @@ def unheard(sequence: StopSequence, *, reads: bool = False) -> list[Step]:
         return steps
 
 
-def carry_out(
+def run_stop(
     link: Link,
     sequence: StopSequence,
     sent: list[Sent] | None = None,
@@ -184,7 +184,7 @@ def carry_out(
 ) -> Stopped:
     """Run a stop over an open link. Never raises: a lost link is one of its results.
 
-    `until` bounds it; the first step that changes something goes out all the same.
+    `until` bounds it; the first step that changes something is sent anyway.
     """
     sent = [] if sent is None else sent
 
@@ -194,7 +194,7 @@ def carry_out(
 
     try:
         with ledger.repeating() if ledger is not None else nullcontext():
-            stopped = drive(link, sequence, sent, plan, until)
+            stopped = exchange_steps(link, sequence, sent, plan, until)
     except HandctlError as exc:
         return Stopped(exc.text, exc.hint, type(exc))
     if ledger is not None and stopped.evidence:
@@ -202,7 +202,7 @@ def carry_out(
     return stopped
 
 
-def drive(
+def exchange_steps(
     link: Link,
     sequence: StopSequence,
     sent: list[Sent],
@@ -211,7 +211,7 @@ def drive(
 ) -> Stopped:
     """Exchange the steps over an open link. Sent steps are appended to `sent`, also when LinkError ends it.
 
-    `before` is told of each step that is not a question.
+    `before` is called with each step that is not a read.
     """
     exchange = _frames if isinstance(link, FrameLink) else _bytes
     try:
@@ -237,18 +237,18 @@ def drive(
         return stopped
 
 
-def aimed(link: Link, settings: Settings) -> StopContext:
+def context_for_link(link: Link, settings: Settings) -> StopContext:
     """The stop context of the device on an open link."""
     can = isinstance(link, FrameLink)
     return StopContext(settings, can, None if can or not link.can_set_baud else link.baud)  # type: ignore[attr-defined]
 
 
-def by_ctrl_c(error: HandctlError) -> bool:
+def ended_by_interrupt(error: HandctlError) -> bool:
     """Whether this is the end of a command that was interrupted, however its stop ended."""
     return error.exit_code == 130 or error.code == NOT_STOPPED
 
 
-def interrupted(stopped: Stopped, what: str = "") -> HandctlError:
+def interrupt_error(stopped: Stopped, what: str = "") -> HandctlError:
     """The end of a command that Ctrl-C has ended: exit code 130 only where the stop was acknowledged."""
     text = f"{what}{stopped.text}"
     if stopped.error is None:
@@ -303,7 +303,7 @@ def _frames(link: FrameLink, action: StopStep, pieces: Pieces, went: Callable[[]
                 return
 
 
-def runs(sent: Iterable[Sent]) -> Iterator[tuple[Sent, int]]:
+def with_repeat_counts(sent: Iterable[Sent]) -> Iterator[tuple[Sent, int]]:
     """The steps, each with how often it went out running; of its answers the last."""
     for _, group in groupby(sent, key=lambda one: one.step):
         alike = list(group)
@@ -312,11 +312,11 @@ def runs(sent: Iterable[Sent]) -> Iterator[tuple[Sent, int]]:
 
 def shown(sent: Sequence[Sent]) -> str:
     """What went out, without what only asked: ``03, 54 0D``; the same step several times running is counted."""
-    found = runs(one for one in sent if not one.reads)
+    found = with_repeat_counts(one for one in sent if not one.reads)
     return ", ".join(one.step.wire + (f" ({times} times)" if times > 1 else "") for one, times in found)
 
 
-# -- what is left behind when something ends in the middle ----------------------------------------------------------
+# -- interrupts and lost links in the middle of a movement ----------------------------------------------------------
 
 
 AGAIN = Stopped(
@@ -324,7 +324,7 @@ AGAIN = Stopped(
 )
 
 
-class Counted(Protocol):
+class WriteCounter(Protocol):
     """The counters of a journal."""
 
     writes: int
@@ -334,7 +334,7 @@ class Counted(Protocol):
 def on_early_end(
     left: Aftermath,
     *,
-    since: Counted | None = None,
+    since: WriteCounter | None = None,
     by: type[HandctlError] = LinkError,
     interrupt: bool = True,
 ) -> Iterator[None]:
@@ -366,14 +366,14 @@ def stopped_by_ctrl_c(stop: Callable[[], Stopped], prompts: Prompts, what: str =
     try:
         yield
     except KeyboardInterrupt as exc:
-        raise stopped(stop, prompts, what) from exc
+        raise stop_undisturbed(stop, prompts, what) from exc
 
 
-def stopped(stop: Callable[[], Stopped], prompts: Prompts, what: str = "") -> HandctlError:
+def stop_undisturbed(stop: Callable[[], Stopped], prompts: Prompts, what: str = "") -> HandctlError:
     """Stop the movement without being interrupted; returns the error that ends the command."""
-    with prompts.undisturbed():
+    with prompts.without_interrupts():
         prompts.done()
         try:
-            return interrupted(stop(), what)
+            return interrupt_error(stop(), what)
         except KeyboardInterrupt:
-            return interrupted(AGAIN, what)
+            return interrupt_error(AGAIN, what)

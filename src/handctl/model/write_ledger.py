@@ -65,7 +65,7 @@ class WriteRules(Protocol):
         ...
 
 
-class Answered(ABC, Generic[F]):
+class RequestReplyRules(ABC, Generic[F]):
     """The WriteRules of a protocol without CAN, in which one request is out at a time and its answer names it.
 
     look   what to read when nothing has confirmed a write

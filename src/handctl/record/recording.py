@@ -42,7 +42,7 @@ class Clock(Protocol):
 
 
 @contextlib.contextmanager
-def undisturbed() -> Iterator[None]:
+def without_interrupts() -> Iterator[None]:
     """Ctrl-C and its like wait until the body is through, so that file and counts stay in step."""
     with signals.held_back(signals.numbers()):  # what had arrived before is raised
         yield
@@ -103,7 +103,7 @@ class Recording:
         stamp = Stamp(sample.moment.middle + self._utc_offset, place, seq)
         mark = self._pending_text()
         text = self.source.layout.line(stamp, sample.values, "; ".join([*_notes(place), *([mark] if mark else [])]))
-        with undisturbed():
+        with without_interrupts():
             self._append(text)
             self.timeline.count(place)
             self._reopened = False
@@ -494,7 +494,7 @@ class Loop:
         if limits.rate or limits.over is not None or looks or last:
             return None
         try:
-            with undisturbed():
+            with without_interrupts():
                 self._source.ask_ahead()
         except LinkError as exc:
             return exc

@@ -19,7 +19,7 @@ from handctl.link.lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock
 from handctl.model.param import Step
 from handctl.model.result import Column, Table
 from handctl.model.settings import Settings
-from handctl.model.stop_sequence import Sent, StopContext, StopSequence, stop_sequence_of, unheard
+from handctl.model.stop_sequence import Sent, StopContext, StopSequence, stop_sequence_of, writes_without_replies
 from handctl.stop.device_access import DeviceAccess, lock_for, report, stopped_at
 from handctl.system import clock, processes
 
@@ -82,7 +82,7 @@ def _plan(run: Run, sequence: Callable[[StopContext], StopSequence] | None) -> l
     fixed = can or run.family.baud is None or (port or "").startswith(("tcp://", "socket://", "replay:"))
     speed = None if fixed else run.settings.baud or _last_speed(run, port or "") or run.family.baud
     context = StopContext(run.settings, can, speed)
-    return unheard(
+    return writes_without_replies(
         sequence(context) if sequence is not None else stop_sequence_of(run.family.kind, context), reads=True
     )
 
@@ -199,7 +199,7 @@ def _from_here(
             continue
         sent.clear()
         end = None if bound is None else link.deadline(bound.remaining)
-        with run.prompts.undisturbed():
+        with run.prompts.without_interrupts():
             stopped = stopped_at(run, link, sent, sequence, end)
     expired = end is not None and end.expired
     silent = (
@@ -267,7 +267,7 @@ def _trouble(run: Run, settings: Settings) -> HandctlError | None:
     try:
         if run.family.check is not None:
             run.family.check(settings)
-        unheard(stop_sequence_of(run.family.kind, StopContext(settings, on_can(settings))), reads=True)
+        writes_without_replies(stop_sequence_of(run.family.kind, StopContext(settings, on_can(settings))), reads=True)
     except HandctlError as exc:
         return exc
     except (ValueError, LookupError, OverflowError, TypeError, AttributeError) as exc:

@@ -20,11 +20,11 @@ from handctl.model.stop_sequence import (
     StopContext,
     Stopped,
     StopSequence,
-    aimed,
-    carry_out,
-    runs,
+    context_for_link,
+    run_stop,
     shown,
     stop_sequence_of,
+    with_repeat_counts,
 )
 from handctl.system import signals
 
@@ -171,7 +171,7 @@ class DeviceAccess:
         """The same in another thread than the command's, which is interrupted; None where no link is open. Never raises."""
         with self._turn:
             if self.link is not None:
-                self.link.keep_to_this_thread()
+                self.link.only_this_thread()
             self._stop(who)
             return self.stopped
 
@@ -190,7 +190,7 @@ class DeviceAccess:
                 if self.link.reconnect(RECONNECT_SECONDS):
                     stopped = stopped_at(self._run, self.link, sent)
                     stopped = stopped._replace(text=f"connected again after the connection was lost: {stopped.text}")
-        self.link.fall_silent()
+        self.link.block_sending()
         wire = shown(sent)
         text = f"{who}. Sent {wire}: {stopped.text}" if 0 < len(wire) <= LONG else f"{who}: {stopped.text}"
         kind = stopped.error or Interrupted
@@ -222,9 +222,9 @@ def stopped_at(
     """The stop of the run's family over `link`, or another `talk`, at the most `until` then. Never raises."""
     assert run.family is not None
     met = run.opened is not None and run.journal.counters.writes > 0
-    context = run.opened.stop_context() if met else aimed(link, run.settings)
+    context = run.opened.stop_context() if met else context_for_link(link, run.settings)
     said = sequence(context) if sequence is not None else stop_sequence_of(run.family.kind, context)
-    return carry_out(link, said, sent, run.ledger if run.writes else None, until)
+    return run_stop(link, said, sent, run.ledger if run.writes else None, until)
 
 
 def report(stopped: Stopped | None, sent: Sequence[Sent], *, refused: bool = False) -> dict[str, Any]:
@@ -252,7 +252,7 @@ def rows(sent: Sequence[Sent]) -> list[dict[str, Any]]:
             "times": times,
             "answer": _short(came),
         }
-        for at, ((step, reads, came), times) in enumerate(runs(sent), 1)
+        for at, ((step, reads, came), times) in enumerate(with_repeat_counts(sent), 1)
     ]
 
 
@@ -266,7 +266,7 @@ def wire(sent: Sequence[Sent]) -> list[dict[str, Any]]:
             "times": times,
             "came": came[:MOST_CAME].hex(),
         }
-        for (step, reads, came), times in runs(sent)
+        for (step, reads, came), times in with_repeat_counts(sent)
         if not reads
     ]
 

@@ -60,7 +60,7 @@ def row_of(name: str, family: str, said: Mapping[str, Any]) -> Row:
     return {"name": name, "family": family, "link": said["port"], **{key: said.get(key) for key in KEYS}}
 
 
-def told(device: Device) -> Row:
+def device_row(device: Device) -> Row:
     """The same of one that is in the file."""
     return row_of(device.name, device.kind, {key: entry.value for key, entry in device.entries.items()})
 
@@ -69,7 +69,7 @@ def told(device: Device) -> Row:
 def list_devices(run: Run) -> Table:
     """List the named devices."""
     config = read_config()
-    rows = [told(device) for device in config.devices.values()]
+    rows = [device_row(device) for device in config.devices.values()]
     if not rows:
         run.journal.info(
             "no-devices",
@@ -144,7 +144,7 @@ def remove(run: Run, name: str) -> Table:
         raise UsageError(
             f"{config.path}, line {default.line}: {name!r} is the default device", hint="delete that line first"
         )
-    row = {**told(device), "file": config.path, "result": "removed"}
+    row = {**device_row(device), "file": config.path, "result": "removed"}
     return _changed(run, config, lambda now: config_edit.drop(now, name), {}, row)
 
 

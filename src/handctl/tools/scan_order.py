@@ -11,7 +11,7 @@ from handctl.command.run import Run
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.families import SCANNED
 from handctl.link import ByteLink, Deadline, Link
-from handctl.model.other_devices import signed
+from handctl.model.other_devices import has_frame_of
 from handctl.model.result import Journal, LineQuality, Row
 from handctl.model.scan_task import ScanTask
 from handctl.number_parsing import number_in
@@ -191,7 +191,7 @@ class LinkScan:
             return False
         met = b"".join(search.met[step].came for step, _ in self._passed if step in search.met)
         late = self._listened(link)
-        return signed(met, self._families) or signed(late, self._families)
+        return has_frame_of(met, self._families) or has_frame_of(late, self._families)
 
     def _may_repeat(self, step: Step) -> bool:
         """Whether a step may be asked again although nobody was understood: a hand that was just switched on may have
@@ -270,16 +270,16 @@ def plan(wire: str, families: Sequence[str], speeds: bool, port: int | None = No
 
 def _turn(guard: Guard, step: Step) -> int:
     """The harmless speeds, each set once; the guard's own step; the other speeds."""
-    harmless = dict(zip(guard.harmless, range(-len(guard.harmless), 0), strict=True))
-    return harmless.get(step.speed or 0, 0 if step == guard.step else 1)
+    harmless_to_others = dict(zip(guard.harmless_to_others, range(-len(guard.harmless_to_others), 0), strict=True))
+    return harmless_to_others.get(step.speed or 0, 0 if step == guard.step else 1)
 
 
 class Guard(NamedTuple):
-    """A step that comes before those at speeds that are not `harmless`, and how long the port is open before them."""
+    """A step that comes before those at speeds that are not `harmless_to_others`, and how long the port is open before them."""
 
     step: Step
     seconds: float
-    harmless: tuple[int, ...]
+    harmless_to_others: tuple[int, ...]
 
 
 def port_of(link: str) -> int | None:
@@ -296,7 +296,7 @@ def guard_of(family: str) -> Guard | None:
 def safe_speeds(steps: Sequence[Step]) -> frozenset[int] | None:
     """The speeds at which no family's boot monitor takes harm, None where all are such."""
     guards = [guard for step in steps if (guard := guard_of(step.family)) is not None]
-    return frozenset.intersection(*(frozenset(guard.harmless) for guard in guards)) if guards else None
+    return frozenset.intersection(*(frozenset(guard.harmless_to_others) for guard in guards)) if guards else None
 
 
 def makers_of(families: Iterable[str]) -> list[tuple[Callable[..., None] | None, list[str]]]:

@@ -85,7 +85,7 @@ def family_at(run: Run) -> str:
         found = named[0].kind
         _as_named(run, named)
     if not found:
-        found = _answering(run, link)
+        found = _replying_family(run, link)
     if found:
         return found
     raise UsageError(
@@ -95,7 +95,7 @@ def family_at(run: Run) -> str:
     )
 
 
-def _place(link: str, kind: str) -> str:
+def _canonical(link: str, kind: str) -> str:
     return canonical(link, family_of(kind).tcp_port if link.startswith("tcp://") else None)
 
 
@@ -106,7 +106,7 @@ def _named_at(link: str) -> list[Device]:
     except UsageError:
         return []
     ports = [(one, one.entries["port"].value) for one in devices if "port" in one.entries]
-    return [one for one, port in ports if _place(port, one.kind) == _place(link, one.kind)]
+    return [one for one, port in ports if _canonical(port, one.kind) == _canonical(link, one.kind)]
 
 
 def _as_named(run: Run, named: list[Device]) -> None:
@@ -122,7 +122,7 @@ def _as_named(run: Run, named: list[Device]) -> None:
     run.sources = {**run.sources, **sources}
 
 
-def _answering(run: Run, link: str) -> str:
+def _replying_family(run: Run, link: str) -> str:
     """The family that replies within SECONDS, and the baud rate; "" without a reply, or if the link is in use."""
     if link.startswith("replay:") or run.settings.dry_run:
         return ""

@@ -204,7 +204,7 @@ def show(run: Run, file: str, family: str | None, only: str | None, pattern: str
 
     Each row has time, direction, bytes, meaning and round-trip time. `*` marks errors. Stray bytes are those outside of any frame.
     """
-    told = _Telling(file, family)
+    told = _TranscriptPrinter(file, family)
     matches = _matcher(only, pattern)
     match run.settings.format:
         case "json":
@@ -228,10 +228,10 @@ def diff(run: Run, a: str, b: str, family: str | None) -> Table:
     """
     if a == b == "-":
         raise UsageError("stdin can only be read once", hint="give a file for A or B")
-    one = _Telling(a, family)
+    one = _TranscriptPrinter(a, family)
     rows_a = one.rows(run)
     first = next(rows_a, None)
-    other = _Telling(b, family or one.family)
+    other = _TranscriptPrinter(b, family or one.family)
     rows_b = other.rows(run)
     counts = dict.fromkeys(("same", "changed", "only-a", "only-b"), 0)
     rows: list[Row] = []
@@ -291,7 +291,7 @@ def decode(run: Run, family: str, hex_bytes: tuple[str, ...], side: str | None) 
 # -- show -------------------------------------------------------------------------------------------------------------
 
 
-class _Telling:
+class _TranscriptPrinter:
     """The rows of one transcript; `family` and `statistics` are known after the first row."""
 
     def __init__(self, path: str, family: str | None) -> None:
@@ -336,7 +336,7 @@ def _matcher(only: str | None, pattern: str | None) -> Callable[[TranscriptRow],
     return matches
 
 
-def _collected(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool]) -> Table:
+def _collected(run: Run, told: _TranscriptPrinter, matches: Callable[[TranscriptRow], bool]) -> Table:
     from handctl.files import Spool
 
     spool = Spool()
@@ -348,7 +348,7 @@ def _collected(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool
     return Table(spool=spool.lines, failure=failure, extra=told.extra)
 
 
-def _streamed(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool]) -> Table:
+def _streamed(run: Run, told: _TranscriptPrinter, matches: Callable[[TranscriptRow], bool]) -> Table:
     # Each sample is flushed: of a file several rows are one, what comes on stdin is shown as it comes.
     at_once = AT_ONCE if run.settings.format == "ndjson" and told.path != "-" else 1
 
@@ -370,7 +370,7 @@ def _streamed(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool]
     return Table(samples=samples(), columns=columns, summary=lambda: told.extra)
 
 
-def _write_text(run: Run, told: _Telling, matches: Callable[[TranscriptRow], bool]) -> None:
+def _write_text(run: Run, told: _TranscriptPrinter, matches: Callable[[TranscriptRow], bool]) -> None:
     from handctl.screen.render import Sink
 
     with Sink(run.settings) as sink:

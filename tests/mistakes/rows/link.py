@@ -10,8 +10,8 @@ ROWS = (
         "shared device",
         "handctl.link.port_users",
         "rivals",
-        "return Rivals(_connected(outlet.descriptor) if IN_SYS else [])",
-        "return Rivals([])",
+        "return OtherUsers(_connected(outlet.descriptor) if IN_SYS else [])",
+        "return OtherUsers([])",
         "tests/link/test_rivals.py::test_a_second_connection_to_one_server_is_found_by_its_socket",
     ),
     mistake(

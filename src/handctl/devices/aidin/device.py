@@ -18,7 +18,7 @@ from handctl.model.param import Element, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Finding, Grid, Row, Table
 from handctl.model.sampling import Moment
-from handctl.model.stop_sequence import StopContext, Stopped, interrupted, on_early_end
+from handctl.model.stop_sequence import StopContext, Stopped, interrupt_error, on_early_end
 
 SLACK = 0.01
 """Share of a range by which a value may be outside: encoders and angles jitter at the stops."""
@@ -80,7 +80,7 @@ class AidinHand(Device):
         """See Device."""
         self.conversation.each = True
 
-    def came(self) -> Moment | None:
+    def reading_time(self) -> Moment | None:
         """See Device: of a stream, when the bytes of the last reading came."""
         follows = self.conversation.each and self.conversation.exchange is ExchangeMode.STREAM
         return self.conversation.came if follows else None
@@ -89,7 +89,7 @@ class AidinHand(Device):
         """A key that stayed away while another came three times."""
         return error.code == MISSING
 
-    def named(self, element: Element) -> Row:
+    def element_keys(self, element: Element) -> Row:
         param, index = param_of(element), element.index
         return {
             "name": param.name,
@@ -98,7 +98,7 @@ class AidinHand(Device):
             "element": param.label_of(index),
         }
 
-    def valued(self, taken: Reading) -> Row:
+    def value_keys(self, taken: Reading) -> Row:
         """Angles in degrees, and in `rad` as on the wire."""
         param = param_of(taken.element)
         row: Row = {"value": taken.value, "unit": param.unit}
@@ -127,7 +127,7 @@ class AidinHand(Device):
             from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
 
             self.journal.info("homed-unknown", ALL_ZERO, REMEDIES["all-zero"].hint)
-        return self.judge(table, unhealthy(table.rows), check)
+        return self.with_findings(table, unhealthy(table.rows), check)
 
 
 def param_of(element: Element) -> AidinParam:
@@ -277,7 +277,7 @@ def stopped_if_cut_short(hand: AidinHand, prompts: Prompts, what: str = "", *, b
             except HandctlError:
                 raise  # who raised it has decided what becomes of the fingers
             except Exception:
-                with prompts.undisturbed():
+                with prompts.without_interrupts():
                     hand.stop()
                 raise
     except HandctlError as exc:  # the child that guarded the old connection has gone, and with it the last to hold that
@@ -288,7 +288,7 @@ def stopped_if_cut_short(hand: AidinHand, prompts: Prompts, what: str = "", *, b
         if stopped is None:
             exc.hint = "; ".join(filter(None, (exc.hint, UNTOLD if lost else "", told)))
         elif pressed:  # what was said before it was stopped is no longer so
-            raise interrupted(stopped._replace(text=f"{MENDED}: {stopped.text}"), what) from exc
+            raise interrupt_error(stopped._replace(text=f"{MENDED}: {stopped.text}"), what) from exc
         else:
             exc.hint = f"{MENDED}: {_told(stopped)}"
         raise
@@ -302,7 +302,7 @@ def _stop_again(hand: AidinHand, prompts: Prompts, presses: int) -> tuple[Stoppe
     end, before = hand.link.deadline(AGAIN), prompts.unstoppable
     prompts.unstoppable = MENDS
     try:
-        with prompts.counting() as counted:
+        with prompts.count_interrupts() as counted:
             counted.most = presses
             while True:
                 try:

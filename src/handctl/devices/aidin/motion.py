@@ -33,9 +33,20 @@ from handctl.devices.aidin.procedures import SHORT, check_homed, connect_or_comm
 from handctl.devices.aidin.stopper import PERIOD
 from handctl.errors import Aftermath, CheckFailed, NoAnswer, UsageError
 from handctl.model import movement
-from handctl.model.movement import ARRIVAL, REACHED, TARGET, UNREAD, Arrival, Seen, Stillness, Watch, judged, listed
+from handctl.model.movement import (
+    ARRIVAL,
+    REACHED,
+    TARGET,
+    UNREAD,
+    Arrival,
+    AxisReading,
+    Stillness,
+    Watch,
+    judged,
+    listed,
+)
 from handctl.model.param import Number, Step, elements_of, given
-from handctl.model.prompts import CTRL_C, Presses, Prompts
+from handctl.model.prompts import CTRL_C, InterruptCount, Prompts
 from handctl.model.result import Row, Table
 from handctl.model.stop_sequence import BEAT, Stopped
 
@@ -376,12 +387,12 @@ def _settle(hand: AidinHand, goal: Goal, values: list[float], seen: Watch, promp
         feedback, told = conversation.feedback, {}
         if param.key in feedback.values and param.key not in feedback.errors:
             places = values_of(param, feedback.values[param.key])
-            told = {name: Seen(place) for name, place in zip(param.elements, places, strict=True)}
+            told = {name: AxisReading(place) for name, place in zip(param.elements, places, strict=True)}
         ended = seen.note(looked_at, told)
 
 
-def _places(table: Table) -> dict[str, Seen]:
-    return {element_of(row): Seen(row["value"]) for row in table.rows}
+def _places(table: Table) -> dict[str, AxisReading]:
+    return {element_of(row): AxisReading(row["value"]) for row in table.rows}
 
 
 def element_of(row: Row) -> str:
@@ -389,7 +400,7 @@ def element_of(row: Row) -> str:
     return f"{row['finger']}.{row['element']}"
 
 
-def _pushing(hand: AidinHand, seen: Watch) -> dict[str, Seen]:
+def _pushing(hand: AidinHand, seen: Watch) -> dict[str, AxisReading]:
     """For elements that are not at their targets: whether a motor of the same finger pushes, by the last reported currents."""
     told = hand.conversation.feedback
     if CURRENT.key in told.errors or CURRENT.key not in told.values:
@@ -399,7 +410,7 @@ def _pushing(hand: AidinHand, seen: Watch) -> dict[str, Seen]:
     for name in seen.short:
         finger = name.partition(".")[0]
         most = max((value for motor, value in currents.items() if motor.startswith(f"{finger}.")), key=abs)
-        found[name] = Seen(None, contact=f"a motor draws {most} per mille" if abs(most) >= PUSHING else "")
+        found[name] = AxisReading(None, contact=f"a motor draws {most} per mille" if abs(most) >= PUSHING else "")
     return found
 
 
@@ -460,7 +471,7 @@ def currents(
             except KeyboardInterrupt:
                 if not ramp_down:
                     raise
-                with prompts.counting() as presses:
+                with prompts.count_interrupts() as presses:
                     prompts.say("Interrupted. The currents return to 0. Press Ctrl-C again to stop immediately.")
                     drive.to(drive.zero, "Currents return to 0,", presses)
                 raise
@@ -534,7 +545,7 @@ class _Drive:
         followed(self._hand, self._goal, values, table)
         return table
 
-    def to(self, values: list[float], what: str, presses: Presses | None = None) -> None:
+    def to(self, values: list[float], what: str, presses: InterruptCount | None = None) -> None:
         """Go there on the ramp, until one of `presses` ends it. Raises NoAnswer when the hand falls silent meanwhile."""
         way = ramp(self._goal, self.at, values, PERIOD)
         for number, step in enumerate(way, 1):

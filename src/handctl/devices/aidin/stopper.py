@@ -13,7 +13,7 @@ from handctl.devices.aidin.map import AIDIN, Mode
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
 from handctl.model.decoder import frames_in
 from handctl.model.param import Step
-from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, silence, taken_over
+from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, did_not_last, silence
 
 PERIOD = 0.02
 TIMES = 3
@@ -60,7 +60,7 @@ def stop_steps(context: StopContext) -> StopSequence:
     since_then = _currents(decoder, (yield from silence())) or _currents(decoder, (yield action))
     if any(map(flow, since_then)):
         peak = max(max(map(abs, one)) for one in since_then)
-        return taken_over(Stopped("stop was sent, and the currents stopped"), f"currents up to {peak} flow again")
+        return did_not_last(Stopped("stop was sent, and the currents stopped"), f"currents up to {peak} flow again")
     if not flowed:
         text = "stop was sent, but no current was flowing before, so the feedback "
         return Stopped(f"{text}does not show that the motors are off", "if in doubt, switch the hand's power off")

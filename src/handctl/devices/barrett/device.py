@@ -245,7 +245,7 @@ class BarrettHand(Device):
             rest = HandctlError("not read")
             return [_reading(one, found.get(gcl_name(one), rest), self.line.sign) for one in elements] if some() else []
 
-        with self.keeping(so_far):
+        with self.keep_partial(so_far):
             motors = sorted({element.index for element in elements if element.param.elements})
             prefix = "" if len(motors) in (0, 4) else "".join(str(motor + 1) for motor in motors)
             params = [BARRETT.by_mnemonic(name) for name in dict.fromkeys(map(gcl_name, elements))]
@@ -298,10 +298,10 @@ class BarrettHand(Device):
             for name, numbers in zip(names, values(answer, len(names), len(motors)), strict=True):
                 into[name] = dict(zip(motors, numbers, strict=True))
 
-    def named(self, element: Element) -> Row:
+    def element_keys(self, element: Element) -> Row:
         return {"name": element.param.name, "parameter": gcl_name(element), "motor": element.part}
 
-    def valued(self, reading: Reading) -> Row:
+    def value_keys(self, reading: Reading) -> Row:
         param = reading.element.param
         assert isinstance(param, GclParam) and reading.value is not None
         if param.name in BARRETT.texts:
@@ -453,7 +453,7 @@ class BarrettHand(Device):
             from handctl.devices.barrett.gcl.session_start import look_for_motion
 
             findings += [Finding(f"the hand is moving: {motor}", ("moving",)) for motor in look_for_motion(self.line)]
-        return self.judge(table, findings, check)
+        return self.with_findings(table, findings, check)
 
 
 def _step(text: str) -> Step:

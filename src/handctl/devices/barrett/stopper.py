@@ -19,7 +19,7 @@ from handctl.devices.barrett.gcl.connect_table import SAFE_ABORT, abort_at
 from handctl.devices.barrett.map import SPEEDS
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
-from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, silence, taken_over
+from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, did_not_last, silence
 
 FIRST, BETWEEN, LAST = 0.15, 0.02, 0.5
 """Seconds for the prompt behind the first ^C, behind the next ones, and behind the last: a movement needs time to end."""
@@ -56,7 +56,7 @@ def power_off(context: StopContext, prefix: str = "") -> StopSequence:
     stopped = yield from _power_off(context, prefix)
     if stopped.error is None and (said := b"".join((yield from silence())).strip(b"=> \r\n")):  # late prompts are ours
         shown = said[:24].hex(" ").upper()
-        return taken_over(stopped, f"the hand sent {shown}, which this command did not request")
+        return did_not_last(stopped, f"the hand sent {shown}, which this command did not request")
     return stopped
 
 

@@ -13,7 +13,7 @@ from handctl.command import get_set_watch, snapshots
 from handctl.command.command_tree import Command, Group
 from handctl.command.common_commands import NAMES, add_map_verbs
 from handctl.command.family import Family
-from handctl.command.options import LOG, RESAMPLE, SEGMENT, InFile, OutFile, Own, formats_help, log_options
+from handctl.command.options import LOG, RESAMPLE, SEGMENT, FamilyOption, InFile, OutFile, formats_help, log_options
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.dataport import DataPort
@@ -270,7 +270,7 @@ def _audit_options(body: Callable[..., Any]) -> Callable[..., Any]:
         help="A second audit log, as well as ekso-audit.jsonl in the user's state folder. Without a log no setting is written. The "
         "step limits use the last writes in ekso-audit.jsonl, so they apply to every port and FILE.",
     )(body)
-    return click.option("--operator", cls=Own, of="ekso")(body)
+    return click.option("--operator", cls=FamilyOption, of="ekso")(body)
 
 
 OVERRIDE = click.option(
@@ -478,4 +478,4 @@ def _check_mode(text: str) -> str:
 add_gait(cli)
 for _name, _command in cli.commands.items():
     if _name not in ("describe", "export", "gait", "policy") and isinstance(_command, Command):
-        _command.params.append(Own(["--length-mode"], "ekso", _check_mode))
+        _command.params.append(FamilyOption(["--length-mode"], "ekso", _check_mode))

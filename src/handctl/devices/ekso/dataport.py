@@ -28,7 +28,7 @@ from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.decoder import frames_in
 from handctl.model.device import Gate, Line
-from handctl.model.other_devices import harmless
+from handctl.model.other_devices import harmless_to_others
 from handctl.model.result import Journal, hex_bytes
 from handctl.model.sampling import Moment
 from handctl.wording import plural
@@ -271,7 +271,9 @@ class DataPort(Line):
         self.check_bound(row.name)
         if not row.writes and not self._met and not self.link.replayed:
             # A stranger on this line must not act upon what is asked, and the msgID is free.
-            while not harmless(self.request(command, body), self.link.baud if self.link.can_set_baud else None):
+            while not harmless_to_others(
+                self.request(command, body), self.link.baud if self.link.can_set_baud else None
+            ):
                 self._next_id = (self._next_id + 1) & 0xFFFF
         request = self.request(command, body)
         self._next_id = (self._next_id + 1) & 0xFFFF

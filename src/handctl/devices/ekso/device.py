@@ -201,7 +201,7 @@ class Ekso(Device):
     def read(self, elements: Sequence[Element]) -> list[Reading]:
         """Read elements with one request per message. Raises what went wrong when nothing could be read."""
         found: dict[str, list[Reading] | HandctlError] = {}
-        with self.keeping(lambda: _picked(elements, found)):
+        with self.keep_partial(lambda: _picked(elements, found)):
             messages = dict.fromkeys(_word(element).message for element in elements)
             known = self._lacking if messages.keys() - self._lacking.keys() else {}
             for message in messages:
@@ -237,11 +237,11 @@ class Ekso(Device):
         if len(messages) == 1:
             self.port.send_ahead(READS[messages.pop()])
 
-    def named(self, element: Element) -> Row:
+    def element_keys(self, element: Element) -> Row:
         param = _word(element)
         return {"name": param.name, "word": None if isinstance(param, Clock) else param.word, "id": param.id}
 
-    def valued(self, reading: Reading) -> Row:
+    def value_keys(self, reading: Reading) -> Row:
         param = _word(reading.element)
         assert reading.value is not None
         if isinstance(param, Clock):

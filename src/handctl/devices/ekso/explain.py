@@ -29,7 +29,7 @@ from handctl.devices.ekso.frames import (
 )
 from handctl.devices.ekso.map import CLOCKS, EKSO, MESSAGES, Word, boot_ms, boot_text
 from handctl.model.explainer import DEVICE, HOST, Cut, Cutter, ExplainedBytes, Later, Part, Value, stray
-from handctl.model.write_ledger import Answered
+from handctl.model.write_ledger import RequestReplyRules
 from handctl.wording import plural
 
 LONGEST = max(size for row in EXCHANGES.values() for size in row.answers) + OVERHEAD + max(LENGTH_MODES.values())
@@ -233,7 +233,7 @@ explainer = EksoExplainer
 CRC_BYTES = 2
 
 
-class EksoWriteRules(Answered[Frame]):
+class EksoWriteRules(RequestReplyRules[Frame]):
     """One connection."""
 
     def key(self, request: bytes) -> Hashable:

@@ -198,7 +198,7 @@ class Writer:
 
     def _intent(self, changes: Sequence[Change], _shown: Raws) -> None:
         (change,) = changes
-        with self._guide.counting() as presses:
+        with self._guide.count_interrupts() as presses:
             self._record("intent", change, frame=hex_bytes(self.port.request(Command.SET_VALUE, change.body)))
         if presses.count:
             self._result(change, None, None, f"{NOT_SENT}: interrupted")
@@ -301,7 +301,7 @@ class Writer:
             else {"answer": None, "status": None}
         )
         back = {p.name: after[p.word] for p in SETTINGS if p.name != PERSONAL} if after is not None else None
-        with self._guide.counting() as presses:
+        with self._guide.count_interrupts() as presses:
             try:
                 self._record("result", change, **said, read_back=back, verdict=verdict)
             except OutputError as exc:

@@ -56,7 +56,7 @@ def status(ekso: Ekso, check: bool) -> Table:
         findings.append(Finding(f"date and time cannot be read: {exc.text}", ("clock",)))
         over = ekso.port.over
         table.failure = exc if over or isinstance(exc, LinkError) else None
-    return ekso.judge(table, findings, check)
+    return ekso.with_findings(table, findings, check)
 
 
 def _raws(readings: list[Reading]) -> list[int]:

@@ -448,6 +448,6 @@ def _factory_reset(hand: RegisterDevice) -> Table:
 def outcome(hand: RegisterDevice, register: Register, label: str, raw: bytes | None) -> Table:
     told = hex_bytes(raw) if raw is not None else None
     return Table(
-        rows=[{**hand.named(Element(register, 0)), "value": label, "unit": None, "raw": told}],
+        rows=[{**hand.element_keys(Element(register, 0)), "value": label, "unit": None, "raw": told}],
         columns=(Column("name", "Name"), Column("address", "Address", right=True), Column("value", "Result")),
     )

@@ -23,7 +23,7 @@ from handctl.devices.inspire.eb90 import Frame
 from handctl.errors import Aftermath, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, CanFrame, Link
 from handctl.model.device import Line
-from handctl.model.other_devices import harmless
+from handctl.model.other_devices import harmless_to_others
 from handctl.model.param import Step
 from handctl.model.result import Journal
 from handctl.model.stop_sequence import on_early_end
@@ -55,7 +55,9 @@ For an id that has answered: an answer to one of these is younger than that to a
 def question(device_id: int, flag: int) -> Span:
     """What to ask an id first."""
     spans = READS[flag]
-    return next((span for span in spans if harmless(eb90.read_request(device_id, *span, flag), None)), spans[0])
+    return next(
+        (span for span in spans if harmless_to_others(eb90.read_request(device_id, *span, flag), None)), spans[0]
+    )
 
 
 AHEAD = {19200: 1, 57600: 2, 921600: 32}

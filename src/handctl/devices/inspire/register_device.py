@@ -30,11 +30,11 @@ from handctl.errors import (
 from handctl.light import NamedTuple
 from handctl.link import CanFrame
 from handctl.model.device import Device
-from handctl.model.movement import Arrival, Goal, Seen, Stillness, Watch, judged, marked, watch, with_arrival
+from handctl.model.movement import Arrival, AxisReading, Goal, Stillness, Watch, judged, marked, watch, with_arrival
 from handctl.model.param import Element, Number, ParamMap, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Column, Row, Table, hex_bytes
-from handctl.model.stop_sequence import Stopped, interrupted, on_early_end
+from handctl.model.stop_sequence import Stopped, interrupt_error, on_early_end
 from handctl.wording import plural
 
 FAILS = (NoAnswer, ProtocolError, DeviceRefused)
@@ -236,8 +236,8 @@ class Movement(NamedTuple):
     goals: Sequence[Goal]
     still: Stillness
     elements: Sequence[Element]
-    seen: Callable[[Sequence[Reading]], dict[str, Seen]]
-    evidence: Callable[[Watch, Sequence[Reading]], dict[str, Seen] | None]
+    seen: Callable[[Sequence[Reading]], dict[str, AxisReading]]
+    evidence: Callable[[Watch, Sequence[Reading]], dict[str, AxisReading] | None]
     what: str = "The fingers"
     pause: float = 0.0
     name: Callable[[Reading], str] = lambda reading: reading.element.part or ""
@@ -303,7 +303,9 @@ class RegisterDevice(Device):
         registers = {element.param.name: register_of(element) for element in elements}
         memory, gate = Memory(), self.bus.gate
         try:
-            with self.keeping(lambda: [_reading(element, memory) for element in elements] if memory.blocks else []):
+            with self.keep_partial(
+                lambda: [_reading(element, memory) for element in elements] if memory.blocks else []
+            ):
                 self._reader.read(registers.values(), memory)
         except (NoAnswer, ProtocolError) as exc:
             if gate is not None:
@@ -314,7 +316,7 @@ class RegisterDevice(Device):
             gate.read(self.bus, self.last_blocks)
         return [_reading(element, memory) for element in elements]
 
-    def named(self, element: Element) -> Row:
+    def element_keys(self, element: Element) -> Row:
         register = register_of(element)
         return {"name": register.name, "finger": element.part, "address": register.place_of(element.index)}
 
@@ -324,7 +326,7 @@ class RegisterDevice(Device):
             del self.about["model"]  # nobody has looked
         return {**row, "raw": None} if "error" in row else row
 
-    def valued(self, reading: Reading) -> Row:
+    def value_keys(self, reading: Reading) -> Row:
         register = register_of(reading.element)
         assert reading.value is not None
         label = register.label(reading.value)
@@ -387,7 +389,7 @@ class RegisterDevice(Device):
         except KeyboardInterrupt as exc:
             if self.journal.counters.writes == before:
                 raise
-            raise interrupted(self.stop() if self._moving else Stopped(unsure, look)) from exc
+            raise interrupt_error(self.stop() if self._moving else Stopped(unsure, look)) from exc
 
     def _written(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
         written: list[str] = []
@@ -446,7 +448,7 @@ class RegisterDevice(Device):
         self.identify()
         last: list[Reading] = []
 
-        def look() -> dict[str, Seen]:
+        def look() -> dict[str, AxisReading]:
             last[:] = self.read(this.elements)
             return this.seen(last)
 

@@ -100,7 +100,7 @@ class Requester:
         flag, link = self._bus.read_flag, self._bus.link
         request = eb90.read_request(device_id, *question(device_id, flag), flag)
         probe = ahead(link.baud if link.can_set_baud else None) + request
-        if link.replayed and not link.recorded_next(probe):
+        if link.replayed and not link.is_next_recorded(probe):
             probe = request  # an older recording
         wire = self._send(probe, 1)
         return self._collect(answered, wire + self._wait, probe, alone=device_id)

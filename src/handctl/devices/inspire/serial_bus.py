@@ -14,7 +14,7 @@ from handctl.devices.inspire.register_bus import FEWER, FRESH, ByteBus, ahead, q
 from handctl.errors import JUDGED, DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.link import CanFrame, Deadline
 from handctl.model.decoder import frames_in
-from handctl.model.other_devices import harmless
+from handctl.model.other_devices import harmless_to_others
 from handctl.model.param import Step
 from handctl.model.result import hex_bytes
 from handctl.wording import plural
@@ -254,13 +254,13 @@ class Bus(ByteBus):
     def quiet(self, address: int, count: int) -> bool:
         request = eb90.read_request(self.id, address // self.per, count, self.read_flag)
         if self.link.replayed:
-            return self.link.recorded_next(request)
+            return self.link.is_next_recorded(request)
         return bool(self._met) or self._quiet(request)
 
     def _quiet(self, request: bytes) -> bool:
         """Whether no other device on this line would act on it. A recording has no other devices."""
         link = self.link
-        return link.replayed or harmless(request, link.baud if link.can_set_baud else None)
+        return link.replayed or harmless_to_others(request, link.baud if link.can_set_baud else None)
 
     def _ask_quietly(self, device_id: int, retries: int | None) -> None:
         """Before a request that another device could act on, send one that none acts on. Raises as `read` does."""
@@ -376,7 +376,7 @@ class Bus(ByteBus):
         if self._met or not link.can_set_baud or not eb90.only_reads(request):
             return b""
         first = ahead(link.baud)
-        return first if not link.replayed or link.recorded_next(first + request) else b""
+        return first if not link.replayed or link.is_next_recorded(first + request) else b""
 
     def pace(self, seconds: float) -> float | None:
         """Seconds until the answer to a question that was not asked lately: no late answer to another one passes for it.

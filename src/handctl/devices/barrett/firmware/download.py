@@ -25,7 +25,7 @@ from handctl.errors import (
     ProtocolError,
 )
 from handctl.link import ByteLink
-from handctl.model.prompts import Presses, Prompts
+from handctl.model.prompts import InterruptCount, Prompts
 from handctl.model.result import Row
 
 MONITOR_SPEED = 9600
@@ -213,7 +213,7 @@ class Loader:
         told = 0
         self.hand.line.bound = None  # once begun it is finished: half a firmware is none
         self._guide.unstoppable = DOWNLOADS
-        with self._guide.counting() as presses:
+        with self._guide.count_interrupts() as presses:
             warned = 0
             for number, record in enumerate(self.firmware.records):
                 self._send(
@@ -288,7 +288,7 @@ class Loader:
             came += self.link.read(deadline)
         return came
 
-    def _on_press(self, presses: Presses, address: int) -> None:
+    def _on_press(self, presses: InterruptCount, address: int) -> None:
         self._guide.done()
         if presses.count == 1:
             self._guide.say(

@@ -25,7 +25,7 @@ from handctl.files import state_path
 from handctl.interrupts import reset_interrupts
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table
-from handctl.model.stop_sequence import interrupted
+from handctl.model.stop_sequence import interrupt_error
 from handctl.system import terminal
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def run_all(hand: BarrettHand, commands: Iterable[str], *, keep_going: bool) -> 
         try:
             answer = ask(hand, text)
         except KeyboardInterrupt:
-            lost = interrupted(hand.abort(), f"in {text}: ")
+            lost = interrupt_error(hand.abort(), f"in {text}: ")
         except HandctlError as exc:
             lost = exc
         if lost is not None:

@@ -40,7 +40,7 @@ from handctl.model.movement import ANY, REACHED
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Grid, Row, Table
-from handctl.model.stop_sequence import by_ctrl_c
+from handctl.model.stop_sequence import ended_by_interrupt
 from handctl.wording import plural
 
 USUAL = ("firmware", "status", "can_move", "parameters", "over_temperature_limit", "temperature", "odometer", "strain")
@@ -662,7 +662,7 @@ def run_all(patient: ExaminedHand, names: Sequence[str], digits: str, prompts: P
         try:
             found += TRIALS[name].run(patient, digits, prompts)
         except HandctlError as exc:
-            if by_ctrl_c(exc):
+            if ended_by_interrupt(exc):
                 raise
             found.append(Finding(name, FAIL, exc.text, exc.hint, "barrett §5.5"))
             return found + [Finding(rest, SKIPPED, f"{name} failed") for rest in names[place + 1 :]]

@@ -105,7 +105,7 @@ class RealtimeLoop:
                 if self.controls is None:
                     yield sample
                     continue
-                with self._guide.impatient(READER_SECONDS, self._stop_for_reader):
+                with self._guide.stop_if_slow(READER_SECONDS, self._stop_for_reader):
                     yield sample
         except DeviceRefused as exc:
             self._leave()
@@ -125,7 +125,7 @@ class RealtimeLoop:
             self._leave()
 
     def _leave(self) -> None:
-        with self._guide.undisturbed():
+        with self._guide.without_interrupts():
             self.session.leave()
 
     def _prepare(self, rate: float) -> None:
@@ -255,7 +255,7 @@ class RealtimeLoop:
         if not self.session.drives or not self.session.last:
             self._prove_by_silence()
             return
-        with self._guide.undisturbed():
+        with self._guide.without_interrupts():
             stands = self.session.stand()
         if not stands:
             raise ProtocolError(
@@ -285,7 +285,7 @@ class RealtimeLoop:
                 values, held = self._allowed(self.intake.guards, values, now)
             values = {index: dict(names) for index, names in values.items()}
             block = session.layout.control(values, feedback=feedback)
-        with self._guide.counting() as presses:
+        with self._guide.count_interrupts() as presses:
             if controls is not None:
                 session.last, session.stood = values, False
                 session.tell_dead_man()

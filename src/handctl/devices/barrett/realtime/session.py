@@ -18,7 +18,7 @@ from handctl.devices.barrett.realtime.blocks import ACKNOWLEDGE, Decoder, Layout
 from handctl.devices.barrett.realtime.flags import FlagRequest, asked_flags
 from handctl.devices.barrett.realtime.schedule import Controls
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
-from handctl.link.deadman import Guard, Shot
+from handctl.link.deadman import EarlyWrite, Guard
 from handctl.model.param import Element, Number, Step
 from handctl.model.stop_sequence import BEAT
 
@@ -223,9 +223,9 @@ class Session:
             zero += line.abort_bytes
         answered = ANSWER_SECONDS + wire(self.layout.control_size + self.layout.feedback_size)  # of the block before
         beat = max(BEAT, 3 * self.cycle, 2 * self.patience)
-        self._tell_first([Shot(b"", answered), Shot(zero, ANSWER_SECONDS + wire(len(zero) + 1))], beat)
+        self._tell_first([EarlyWrite(b"", answered), EarlyWrite(zero, ANSWER_SECONDS + wire(len(zero) + 1))], beat)
 
-    def _tell_first(self, shots: Sequence[Shot], beat: float) -> None:
+    def _tell_first(self, shots: Sequence[EarlyWrite], beat: float) -> None:
         """The child's, for as long as this loop drives: before and behind it, an answer may take its time."""
         if self.dead_man is not None:
             self.dead_man.update(shots, beat if self.flag_request.watched else 0.0)

@@ -19,8 +19,8 @@ from handctl.devices.inspire.register_bus import may_still_move
 from handctl.devices.inspire.register_device import Movement, RegisterDevice
 from handctl.devices.inspire.serial_bus import Bus
 from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError, UsageError
-from handctl.model.device import Course, Release
-from handctl.model.movement import REACHED, Goal, Seen, Stillness
+from handctl.model.device import Release, SetpointPair
+from handctl.model.movement import REACHED, AxisReading, Goal, Stillness
 from handctl.model.param import Element, Number, Reading, Step, elements_of, given
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Finding, Grid, Row, Table
@@ -94,7 +94,7 @@ class ExoHand(RegisterDevice):
     live = LIVE
     view = staticmethod(registers_view)
     worn = True
-    courses = (Course("position_set", "position_actual", NEAR, closing=-1),)
+    setpoint_pairs = (SetpointPair("position_set", "position_actual", NEAR, closing=-1),)
     releases = (Release("clear_errors", "error", lambda bits, _: bool(int(bits) & ~OVER_TEMPERATURE)),)
     not_covered = (
         "the results of a calibration (no register holds them)",
@@ -197,7 +197,7 @@ class ExoHand(RegisterDevice):
         table = self.table(readings)
         table.view = status_view
         findings = unhealthy(readings)
-        return self.judge(table, findings, check, more=self._strangeness)
+        return self.with_findings(table, findings, check, more=self._strangeness)
 
     def confirm_identity(self, *, keeps: bool = True) -> None:
         if keeps:
@@ -399,18 +399,18 @@ def move(hand: ExoHand, values: Mapping[int, int], prompts: Prompts, *, wait: fl
         [Goal(FINGERS[index], value, NEAR) for index, value in values.items()],
         STILL,
         elements_of(EXO["position_actual"]),
-        lambda readings: {reading.element.part or "": Seen(reading.value) for reading in readings},
+        lambda readings: {reading.element.part or "": AxisReading(reading.value) for reading in readings},
         lambda seen, _: _evidence(hand) if seen.short else None,
     )
     return hand.moved(this, lambda: hand.command_some("position", values), prompts, wait=wait, expect=expect)[0]
 
 
-def _evidence(hand: ExoHand) -> dict[str, Seen]:
+def _evidence(hand: ExoHand) -> dict[str, AxisReading]:
     """Why fingers are not at their targets: error bits, or a current that shows something in their way."""
     readings = hand.read([element for name in ("error", "current") for element in elements_of(EXO[name])])
     at = {reading.element.full_name: int(reading.value or 0) for reading in readings}
     return {
-        finger: Seen(
+        finger: AxisReading(
             None,
             blocked=EXO["error"].label(bits) or "" if (bits := at[f"error.{finger}"]) else "",
             contact=pushes(at[f"current.{finger}"]),

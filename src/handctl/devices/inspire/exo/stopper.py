@@ -12,7 +12,7 @@ from handctl.devices.inspire.stop_wires import QUICK, Read, Wire, answer, asks, 
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
 from handctl.model.stop_repetition import attempts, interval, repeat_until_answered
-from handctl.model.stop_sequence import StopContext, Stopped, StopSequence, StopStep, taken_over
+from handctl.model.stop_sequence import StopContext, Stopped, StopSequence, StopStep, did_not_last
 
 POSITION_SET, FORCE_SET, POSITION_ACTUAL = (
     EXO[name].address for name in ("position_set", "force_set", "position_actual")
@@ -65,7 +65,7 @@ def stop_steps(context: StopContext) -> StopSequence:
             STILL,
             places,
         )
-        return taken_over(Stopped(done), against) if against else Stopped(done)
+        return did_not_last(Stopped(done), against) if against else Stopped(done)
     if meaning:
         text = f"the hand acknowledged the command that sets all forces to 0, but not the next one: {meaning}"
         return Stopped(text, POWER, NoAnswer)

@@ -35,7 +35,7 @@ from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.devices.inspire.register_device import BlockReader, RegisterDevice, T
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
-from handctl.model.device import OTHER_FORM, Course, Release
+from handctl.model.device import OTHER_FORM, Release, SetpointPair
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
 from handctl.model.result import Cell, Finding, Grid, Row, Table
 from handctl.model.stop_sequence import StopContext
@@ -45,7 +45,10 @@ LIVE = ("stroke_actual", "angle_actual", "force_actual", "current", "error", "st
 SHOWN = ("id", "baud_code", "angle_set", "force_limit", "speed_set", *LIVE)
 
 
-COURSES = (Course("stroke_set", "stroke_actual", 40, closing=1), Course("angle_set", "angle_actual", 20, closing=-1))
+SETPOINT_PAIRS = (
+    SetpointPair("stroke_set", "stroke_actual", 40, closing=1),
+    SetpointPair("angle_set", "angle_actual", 20, closing=-1),
+)
 """Counts within which a finger has arrived: it may stop short without a fault (rh56 §6). 0 is open as a stroke, closed as an angle."""
 RELEASES = (
     Release("speed_set", "speed_set", lambda now, new: now == 0 and new > 0),
@@ -103,9 +106,9 @@ class Hand(RegisterDevice):
         return MAPS[self._known] if self._known is not None else BYTE_MAP
 
     @property
-    def courses(self) -> Sequence[Course]:  # type: ignore[override]
+    def setpoint_pairs(self) -> Sequence[SetpointPair]:  # type: ignore[override]
         """Which way the angles of an RH5DG2 grow is not known (rh56 §3.2)."""
-        return [one._replace(closing=0) for one in COURSES] if self._known == DG2 else COURSES
+        return [one._replace(closing=0) for one in SETPOINT_PAIRS] if self._known == DG2 else SETPOINT_PAIRS
 
     def identity(self) -> dict[str, object]:
         """The identity of this device: the hand has no register for model, side or serial number (rh56 §1)."""
@@ -223,7 +226,7 @@ class Hand(RegisterDevice):
             for asked, element in zip(elements, own, strict=True)
         ]
 
-    def here(self, elements: list[Element]) -> list[Element]:
+    def of_this_device(self, elements: list[Element]) -> list[Element]:
         """A quantity of all six actuators is one of all thirteen on an RH5DG2."""
         self.know()
         asked = Counter(element.param.name for element in elements)
@@ -262,7 +265,7 @@ class Hand(RegisterDevice):
         readings = self.present(self.read([element for one in names for element in elements_of(one)]))
         table = self.table(readings)
         table.view = lambda rows: status_view(rows, self._spoken())
-        return self.judge(table, unhealthy(readings), check)
+        return self.with_findings(table, unhealthy(readings), check)
 
     def _spoken(self) -> tuple[str, str]:
         """Its generation as far as it is known, and what it is connected by: "" on a plain serial line."""

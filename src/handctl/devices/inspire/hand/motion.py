@@ -13,22 +13,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from handctl.devices.inspire.hand.device import COURSES, Hand
+from handctl.devices.inspire.hand.device import SETPOINT_PAIRS, Hand
 from handctl.devices.inspire.hand.map import BLOCKED, BYTE_MAP, HOT, UNMEASURED
 from handctl.devices.inspire.map import ALONE, pushes
 from handctl.devices.inspire.procedures import outcome, wait_for_calibration
 from handctl.devices.inspire.register_device import Movement
 from handctl.errors import Aftermath, CheckFailed, DeviceRefused, HandctlError, joined
 from handctl.model import device
-from handctl.model.movement import REACHED, Goal, Seen, Stillness, Watch
-from handctl.model.param import Changes, Element, FromTo, Number, Reading, elements_of
+from handctl.model.movement import REACHED, AxisReading, Goal, Stillness, Watch
+from handctl.model.param import Changes, Element, Number, Reading, ValueChange, elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table
 from handctl.model.stop_sequence import on_early_end
 
-MOVED = {course.target: course.actual for course in COURSES}
+MOVED = {course.target: course.actual for course in SETPOINT_PAIRS}
 """What is commanded -> what shows where it is."""
-NEAR = {course.target: course.near for course in COURSES}
+NEAR = {course.target: course.near for course in SETPOINT_PAIRS}
 STILL = Stillness(samples=4, seconds=1.0, refresh=0.031, dead=0.1)
 """The hand renews its state every 31 ms, and a movement begins 55 to 80 ms after its command (rh56 §5). Where a finger
 stands and its status says that it moves, the hand gets a second to report what holds it."""
@@ -87,7 +87,7 @@ def question(hand: Hand, changes: Sequence[tuple[Element, Number]], before: Befo
             continue
         here = before.get(f"{MOVED[name]}.{finger}")
         speed, limit = held.get(f"speed_set.{finger}"), held.get(f"force_limit.{finger}")
-        rows.append(FromTo(finger, here, value, _held_to(speed, limit)))
+        rows.append(ValueChange(finger, here, value, _held_to(speed, limit)))
         speeds.append(speed)
     count = len(hand.map["angle_set"].elements)
     side = f"the {hand.side} hand" if hand.side else "the hand"
@@ -111,13 +111,13 @@ def _held_to(speed: Number | None, limit: Number | None) -> tuple[tuple[str, str
 def releasing(hand: Hand, changes: Sequence[tuple[Element, Number]], question: str) -> tuple[str, Changes | None]:
     """The `question` of a write that commands no finger, with those that it lets go; None = none."""
     waiting = _released(hand, changes)
-    return (joined(question, device.question(waiting)), device.pending(waiting)) if waiting else (question, None)
+    return (joined(question, device.question(waiting)), device.pending_table(waiting)) if waiting else (question, None)
 
 
-def _released(hand: Hand, changes: Sequence[tuple[Element, Number]]) -> list[device.Pending]:
+def _released(hand: Hand, changes: Sequence[tuple[Element, Number]]) -> list[device.PendingMove]:
     """Further fingers that the same write lets go."""
     commanded = {element.part for element, _ in changes if element.param.name in MOVED}
-    return [one for one in device.released(hand, changes) if one.part not in commanded]
+    return [one for one in device.pending_moves(hand, changes) if one.part not in commanded]
 
 
 def tell_no_speed(hand: Hand, changes: Sequence[tuple[Element, Number]], before: Before) -> None:
@@ -149,7 +149,7 @@ def move(
     hand.identify()
     targets = {element.part or "": value for element, value in changes if value != ALONE}
 
-    def seen(readings: Sequence[Reading]) -> dict[str, Seen]:
+    def seen(readings: Sequence[Reading]) -> dict[str, AxisReading]:
         at = {reading.element.full_name: reading for reading in readings}
         return {part: _seen(at[f"{MOVED[group]}.{part}"], at[f"status.{part}"]) for part in targets}
 
@@ -169,21 +169,21 @@ def _goal(group: str, part: str, target: Number, before: Before | None) -> Goal:
     return Goal(part, target, NEAR[group], speed, SLOWEST_CHANGE / speed if speed and speed > 0 else 0.0)
 
 
-def _seen(place: Reading, status: Reading) -> Seen:
+def _seen(place: Reading, status: Reading) -> AxisReading:
     """A finger by its place and its status code."""
     code = None if status.value is None else int(status.value)
     blocked = status.element.param.label(code) or "" if code in BLOCKED else ""
     contact = status.element.param.label(code) or "" if code == FORCE_REACHED else ""
-    return Seen(place.value, None if code is None else code in MOVING, blocked, contact)
+    return AxisReading(place.value, None if code is None else code in MOVING, blocked, contact)
 
 
-def _evidence(hand: Hand, seen: Watch, last: Sequence[Reading]) -> dict[str, Seen]:
+def _evidence(hand: Hand, seen: Watch, last: Sequence[Reading]) -> dict[str, AxisReading]:
     """Of fingers that stand off their targets, also the current shows an object; but not whatever status says already."""
     status = {reading.element.part: reading for reading in last if reading.element.param.name == "status"}
     short = [part for part in seen.short if status[part].value not in (*BLOCKED, FORCE_REACHED)]
     elements = [element for element in elements_of(hand.map["current"]) if element.part in short]
     return {
-        reading.element.part or "": Seen(None, contact=pushes(int(reading.value or 0)))
+        reading.element.part or "": AxisReading(None, contact=pushes(int(reading.value or 0)))
         for reading in (hand.read(elements) if elements else ())
     }
 

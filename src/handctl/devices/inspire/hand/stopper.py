@@ -16,7 +16,7 @@ from handctl.devices.inspire.identity import STATES, is_five_wide, is_six_wide, 
 from handctl.devices.inspire.stop_wires import CAN, EB90, QUICK, RTU, TAKEN, TCP, Read, Wire, lead, seen_since
 from handctl.errors import DeviceRefused, LinkError, NoAnswer, ProtocolError
 from handctl.model.stop_repetition import REPEAT_FOR, after_late_replies, repeat_until_answered
-from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, taken_over
+from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, did_not_last
 
 BRIEF = 0.3
 """Seconds for each protocol where both are tried, before both are tried for longer."""
@@ -94,7 +94,7 @@ def _stop(context: StopContext, name: str) -> Generator[StopStep, Pieces, Stoppe
     stopped = Stopped(f"the hand acknowledged speed 0 for every finger. {GOES_ON}. {POWER}")
     places = lambda: _values(wire, hand["angle_actual"])  # noqa: E731
     against = yield from seen_since(places, lambda: _values(wire, register), [0] * register.count, STILL)
-    return taken_over(stopped, against) if against else stopped
+    return did_not_last(stopped, against) if against else stopped
 
 
 def _is_hand(states: bytes) -> bool:

@@ -12,7 +12,7 @@ from handctl.devices.inspire.map import WRIST, pushes, register_of
 from handctl.devices.inspire.register_device import Movement, RegisterDevice
 from handctl.errors import UsageError
 from handctl.link import CanFrame
-from handctl.model.movement import REACHED, Goal, Seen, Stillness
+from handctl.model.movement import REACHED, AxisReading, Goal, Stillness
 from handctl.model.param import Element, Number, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Finding, Grid, Row, Table
@@ -114,7 +114,7 @@ class Wrist(RegisterDevice):
             and not WRIST[row["name"]].bits
             and not WRIST[row["name"]].allowed(row["value"])
         ]
-        return self.judge(table, findings, check)
+        return self.with_findings(table, findings, check)
 
     def targets(self, pitch: float | None, yaw: float | None, time: int | None) -> list[tuple[Element, Number]]:
         """Checked changes for a movement. Raises UsageError out of range (wrist §1) or when no axis is named."""
@@ -148,7 +148,7 @@ class Wrist(RegisterDevice):
             [Goal(axis, target, ARRIVED_DEGREES, decimals=2, unit="°") for axis, target in targets.items()],
             STILL._replace(least=time / 1000),
             ANGLES,
-            lambda readings: {axis_of(reading.element.param.name): Seen(reading.value) for reading in readings},
+            lambda readings: {axis_of(reading.element.param.name): AxisReading(reading.value) for reading in readings},
             lambda seen, _: self._evidence(targets) if seen.short else None,
             "The wrist",
             name=lambda reading: axis_of(reading.element.param.name),
@@ -160,13 +160,13 @@ class Wrist(RegisterDevice):
             self.journal.info("arrived", "the wrist has arrived")
         return table
 
-    def _evidence(self, axes: Collection[str]) -> dict[str, Seen]:
+    def _evidence(self, axes: Collection[str]) -> dict[str, AxisReading]:
         """Why axes are off their targets. Which actuator turns which axis is not documented: what one shows counts for both."""
         named = [Element(WRIST[name], 0) for name in ("error_1", "error_2", "current_1024", "current_1026")]
         values = [int(reading.value or 0) for reading in self.read(named)]
         errors = [f"actuator #{n}: {WRIST['error_1'].label(bits)}" for n, bits in enumerate(values[:2], 1) if bits]
         contact = next((text for value in values[2:] if (text := pushes(value))), "")
-        return {axis: Seen(None, blocked=", ".join(errors), contact=contact) for axis in axes}
+        return {axis: AxisReading(None, blocked=", ".join(errors), contact=contact) for axis in axes}
 
 
 def axis_of(name: str) -> str:

@@ -11,7 +11,7 @@ from handctl.devices.inspire.map import WRIST
 from handctl.devices.inspire.stop_wires import CAN, EB90, REFUSED, TAKEN, Wire, answer, asks, instead, lead, seen_since
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.stop_repetition import attempts, interval, repeat_until_answered
-from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, silence, taken_over
+from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, did_not_last, silence
 
 ANGLES, ANGLES_SET = WRIST["pitch_actual"].address, WRIST["yaw_set"].address
 """With yaw_actual behind it; with pitch_set behind it (wrist §2.1)."""
@@ -55,7 +55,7 @@ def stop_steps(context: StopContext) -> StopSequence:
             against = yield from seen_since(
                 lambda: wire.values(ANGLES, 2), lambda: wire.values(ANGLES_SET, 2), [yaw, pitch], STILL, here
             )
-            return taken_over(Stopped(done), against) if against else Stopped(done)
+            return did_not_last(Stopped(done), against) if against else Stopped(done)
         if told.seconds > interval(context):
             yield from silence(told.seconds)  # answers to repetitions tell where it was
     return Stopped(f"the wrist was commanded to {meaning} but did not acknowledge it", POWER, NoAnswer)
