@@ -56,6 +56,18 @@ def add_realtime(group: Group) -> None:
         help="Control values as CSV or JSON lines (t, velocity.F1 …). - is stdin. Live lines (without t) are valid for 1 s, then velocity is 0.",
     )
     @click.option(
+        "--law",
+        "laws",
+        multiple=True,
+        metavar="LAW",
+        help="A control law, such as 'velocity.F1 = clamp((9000 - P.F1)/20, -40, 40)'. Can be repeated. See LAWS.",
+    )
+    @click.option(
+        "--until",
+        metavar="CONDITION",
+        help="End when this is true, such as 'abs(P.F1 - 9000) < 50'. Same terms as a law.",
+    )
+    @click.option(
         "--measure",
         type=WholeRange(min=2),
         metavar="N",
@@ -95,6 +107,8 @@ def add_realtime(group: Group) -> None:
         velocity: str | None,
         gain: str | None,
         path: str | None,
+        laws: tuple[str, ...],
+        until: str | None,
         measure: int | None,
         sequential: bool | None,
         unguarded: tuple[str, ...],
@@ -119,12 +133,19 @@ def add_realtime(group: Group) -> None:
         exceeds 65 °C or OTEMP, whichever is lower. If a guard needs feedback that you did
         not request, handctl reads it without showing it.
 
+        LAWS: a law sets the velocity or the gain of a motor from the block before. P is the position, V the velocity, S the strain and D
+        the change of position, each with its motor: P.F1. T is the temperature in °C, N the number of the block, t the time in s, velocity.F1 and
+        gain.F1 the values sent last, and any other name a column of the --control file. Use + - * / comparisons, and, or, not, and abs, min, max, clamp,
+        sign, floor, round, sqrt, sin, cos. The result is rounded and limited to -127 to 127 (gain: 1 to 255). If it is not a number,
+        velocity 0 is sent and the loop ends with exit code 7. No law can override a guard.
+
         `doubt` in a row says why its value may be wrong: a delta did not fit into its byte, or the bytes after a block did
         not confirm its position in the stream.
         """
         from handctl.devices.barrett.motion import moved
         from handctl.devices.barrett.realtime import schedule
         from handctl.devices.barrett.realtime.flags import FlagRequest, refuse_disabled
+        from handctl.devices.barrett.realtime.laws import Rules
         from handctl.devices.barrett.realtime.loop import RealtimeLoop
         from handctl.devices.barrett.realtime.rows import measured
         from handctl.devices.barrett.realtime.session import steps_of
@@ -135,14 +156,23 @@ def add_realtime(group: Group) -> None:
             )
         indices = schedule.loop_motors(motors)
         received, temperature = schedule.received(receive, indices)
-        controls = schedule.controls_of(send, velocity, gain, path, indices, run.settings.deadline)
-        if isinstance(controls, schedule.Live):
+        rules = Rules(laws, until, indices, columns=path is not None)
+        given = schedule.controls_of(send, velocity, gain, path, indices, run.settings.deadline, rules.columns)
+        controls = rules.over(given)
+        if isinstance(given, schedule.Live):
             import threading
 
-            threading.Thread(target=controls.listen, daemon=True).start()
+            threading.Thread(target=given.listen, daemon=True).start()
         off = set(GUARDS) if "all" in unguarded else {*unguarded, *(["opening"] if force else [])}
         flag_request = FlagRequest(
-            tuple(indices), received, temperature, hold, frozenset(GUARDS) - off, delta_unit, not may_suspend
+            tuple(indices),
+            received,
+            temperature,
+            hold,
+            frozenset(GUARDS) - off,
+            delta_unit,
+            not may_suspend,
+            rules.needs,
         )
         homing = f"{flag_request.prefix}HI"
         first = [Step(f"{homing}: initialize", encode(homing), moves=True)] if initialize else []
@@ -158,7 +188,7 @@ def add_realtime(group: Group) -> None:
                 moved(hand, flag_request.prefix, "HI", None, run.prompts)
             waits = controls is not None if sequential is None else sequential
             loop = RealtimeLoop(
-                hand, run.prompts, flag_request, controls, sequential=waits, measuring=measure is not None
+                hand, run.prompts, flag_request, controls, sequential=waits, measuring=measure is not None, rules=rules
             )
             if measure is not None:
                 return measured(run, loop, measure, rate)

@@ -28,6 +28,7 @@ from handctl.devices.barrett.realtime.blocks import (
 )
 from handctl.devices.barrett.realtime.flags import FlagRequest, prepare
 from handctl.devices.barrett.realtime.guards import Guards
+from handctl.devices.barrett.realtime.laws import Rules
 from handctl.devices.barrett.realtime.rows import Intake, Sent, Taken
 from handctl.devices.barrett.realtime.schedule import Controls
 from handctl.devices.barrett.realtime.session import Session
@@ -57,12 +58,12 @@ UNPROVED = "no reply followed it, so its position in the stream is not confirmed
 class RealtimeLoop:
     """One run of the loop. `controls` gives the control values; None sends none: the hand is only watched.
 
-    `measuring` keeps what the unit of velocity is fitted to; a loop of hours keeps nothing.
+    `measuring` keeps what the unit of velocity is fitted to; a loop of hours keeps nothing. `rules` may end the loop.
     """
 
     def __init__(
         self, hand: BarrettHand, prompts: Prompts, flag_request: FlagRequest, controls: Controls | None, *, sequential: bool,
-        measuring: bool = False,
+        measuring: bool = False, rules: Rules | None = None,
     ) -> None:  # fmt: skip
         self.hand = hand
         self.flag_request = flag_request
@@ -70,6 +71,7 @@ class RealtimeLoop:
         self.session = Session(hand, flag_request, drives=controls is not None)
         self._guide = prompts
         self._sequential = sequential
+        self._rules = rules
         self.intake = Intake(hand, flag_request, measuring=measuring)
 
     # -- the whole run -------------------------------------------------------------------------------------------
@@ -99,6 +101,8 @@ class RealtimeLoop:
         try:
             self._prepare(rate)
             self._enter()
+            if self.controls is not None and self.controls.follows:
+                self._first_feedback()
             if self.controls is not None and not self._sequential:
                 self._self_test()
             for sample in self._exchange(self.controls, rate, count, duration):
@@ -160,6 +164,12 @@ class RealtimeLoop:
         self.intake.begin(start)
         session.enter()
 
+    def _first_feedback(self) -> None:
+        """What the first values are made of: one block that carries none."""
+        for _ in self._exchange(None, 0.0, 1, None):
+            pass
+        self.intake.forget()
+
     def _self_test(self) -> None:
         """Overlapped blocks that drive nothing: a hand that does not keep up with them must not be driven so."""
         assert self.controls is not None
@@ -205,10 +215,13 @@ class RealtimeLoop:
                             break
                         link.sleep(due - now)
                         now = link.now()
+                    if self._rules is not None:
+                        self._rules.known.number, self._rules.known.seconds = asked, now - intake.start
                     values = self._values(controls, now - intake.start)
                     over = (count is not None and asked >= count) or (
                         duration is not None and now - intake.start >= duration
                     )
+                    over = over or (asked > 0 and controls is self.controls and self._met())
                     if values is None or over or (bound is not None and bound.expired):
                         going = False
                         break
@@ -231,6 +244,8 @@ class RealtimeLoop:
                     last = None
                 if answer is not None:
                     last = intake.accept(answer, sent.popleft())
+                    if self._rules is not None:
+                        self._rules.known.see(last.feedback, last.positions, last.values, self.session.layout)
                     if intake.end is not None:
                         self._prove_last()  # what a lost byte has shifted is no reason that could be told
                         raise intake.end
@@ -261,6 +276,13 @@ class RealtimeLoop:
             raise ProtocolError(
                 f"{self.hand.link.name}: velocity 0 was not acknowledged at the end", hint=DISTURBED, code="bad-block"
             )
+
+    def _met(self) -> bool:
+        """Whether the end that a person gave has come. Raises CheckFailed."""
+        if self._rules is None or not (met := self._rules.met()):
+            return False
+        self.hand.journal.info("until", f"ended by {met}")
+        return True
 
     def _values(self, controls: Controls | None, seconds: float) -> Values | None:
         """What to send now; None when they are over. Raises CheckFailed for a line that came bad while motors ran."""
