@@ -543,6 +543,8 @@ class Barrett(Device):
         velocity: str | None = None,
         gain: str | None = None,
         control: Path | None = None,
+        law: Sequence[str] = (),
+        until: str | None = None,
         measure: int | None = None,
         sequential: bool | None = None,
         no_guard: Sequence[Literal["stall", "window", "strain", "opening", "heat", "all"]] = (),
