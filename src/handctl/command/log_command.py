@@ -19,7 +19,7 @@ from handctl.command.run import Run
 from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, UsageError
 from handctl.model.clock_comparison import Moment
 from handctl.model.param import Element, ParamMap, Reading
-from handctl.model.result import Column, Table
+from handctl.model.result import Column, Table, name_of
 from handctl.record.marks import Heard, Marks
 from handctl.record.recording import (
     Limits,
@@ -33,7 +33,7 @@ from handctl.record.recording import (
     undisturbed,
 )
 from handctl.record.source import RowsLayout, Sample, Source
-from handctl.screen.csv_output import column_of, in_persons_unit, name_of, text_of
+from handctl.screen.csv_output import column_of, in_persons_unit, text_of
 from handctl.wording import plural
 
 if TYPE_CHECKING:

@@ -18,8 +18,9 @@ from handctl.charts.curves import PIXELS, Curve
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
 from handctl.model.param import scale_of
+from handctl.model.result import PARTS
 from handctl.record.recording import schema
-from handctl.screen.csv_output import PARTS, of_column
+from handctl.screen.csv_output import of_column
 
 TIME = "t_s"
 ABOUT = frozenset(

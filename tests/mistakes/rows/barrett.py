@@ -388,4 +388,22 @@ ROWS = (
         "return max(low, min(high, round(self.expression.value(known))))",
         "tests/barrett/test_laws.py::test_a_gain_is_never_0_and_results_are_rounded_and_saturated",
     ),
+    mistake(
+        "library-the-end-of-a-loop-does-not-stop",
+        "no stop",
+        "handctl.api",
+        "Stream.__exit__",
+        "self.close()",
+        "pass",
+        "tests/barrett/test_step.py::test_its_end_stops_as_the_command_does",
+    ),
+    mistake(
+        "library-a-failed-stop-is-silent",
+        "swallowed error",
+        "handctl.api",
+        "Stream.close",
+        "if (failure := self._failure()) is not None:",
+        "if (failure := self._failure()) is not None and not self._over:",
+        "tests/barrett/test_step.py::test_a_stop_that_failed_is_raised_at_its_end",
+    ),
 )

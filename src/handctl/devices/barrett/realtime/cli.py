@@ -194,6 +194,7 @@ def add_realtime(group: Group) -> None:
                 return measured(run, loop, measure, rate)
             table = Table(columns=COLUMNS, plain=("name", "motor", "value", "unit"), summary=loop.summary, wide=True)
             table.ranges = {"strain": (0, 255), "position": (0, TRAVEL[0])}
+            table.steer = loop.steer
             table.samples = _guarded(loop, table, rate, count, duration)
             return table
 

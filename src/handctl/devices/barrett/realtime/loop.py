@@ -9,7 +9,7 @@ silence, and only then is it handed out.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import Any
 
@@ -72,6 +72,7 @@ class RealtimeLoop:
         self._guide = prompts
         self._sequential = sequential
         self._rules = rules
+        self._stepping = False
         self.intake = Intake(hand, flag_request, measuring=measuring)
 
     # -- the whole run -------------------------------------------------------------------------------------------
@@ -79,6 +80,16 @@ class RealtimeLoop:
     def summary(self) -> dict[str, Any]:
         """Rate, latencies, floors and what the guards did, for the closing envelope."""
         return self.intake.summary(drives=self.controls is not None, overlapped=not self._sequential)
+
+    def steer(self, values: Mapping[str, Any]) -> None:
+        """Send these values in the next block; from now on each sample is given out before another block goes out. Raises UsageError."""
+        if type(self.controls) is not Controls:
+            raise UsageError(
+                "step needs control values that nothing else gives",
+                hint="give --send velocity, and no --control or --law",
+            )
+        self.controls.steer(values)
+        self._stepping = self._sequential = True
 
     @property
     def failure(self) -> HandctlError | None:
@@ -203,6 +214,10 @@ class RealtimeLoop:
         going = True
         try:
             while going or sent or proved or last is not None:
+                if self._stepping and last is not None:
+                    self._answer(deque([self._send(None, {}, link.now(), feedback=False)]))
+                    taken, last = last, None
+                    yield intake.sample(taken)
                 while going and (not sent or (len(sent) == 1 and decoder.acknowledged and not self._sequential)):
                     now = link.now()
                     if rate and now < due:
@@ -293,10 +308,10 @@ class RealtimeLoop:
         except UsageError as exc:
             raise CheckFailed(f"{exc.text}. The loop has ended", hint=exc.hint, code="control") from exc
 
-    def _send(self, controls: Controls | None, values: Values, now: float) -> Sent:
-        """One block, as the guards allow. A Ctrl-C meanwhile waits until it is sent: leaving must know what is on the wire."""
+    def _send(self, controls: Controls | None, values: Values, now: float, *, feedback: bool = True) -> Sent:
+        """One block, as the guards allow. Without `feedback` only its acknowledgement comes, which proves the block before. A Ctrl-C meanwhile waits until it is sent: leaving must know what is on the wire."""
         session = self.session
-        feedback = session.layout.feedback_size > 1
+        feedback = feedback and session.layout.feedback_size > 1
         if not session.decoder.outstanding and session.decoder.received:
             self._next_answer()  # bytes that nobody asked for: what comes now could not be told apart
         held: dict[int, str] = {}

@@ -71,7 +71,25 @@ class Controls:
     def extremes(self, index: int) -> tuple[int, int]:
         """Lowest and highest velocity that a motor can be sent."""
         velocity = self._state[index]["velocity"]
-        return velocity, velocity
+        return LIMITS["velocity"] if self.live else (velocity, velocity)
+
+    def steer(self, values: Mapping[str, Any]) -> None:
+        """Values of a program that has the loop: of each name a number, one for each motor, or motor -> number. Raises UsageError."""
+        change: Change = {}
+        for name, given in values.items():
+            carrying = [index for index, names in self.carries.items() if name in names]
+            if not carrying:
+                raise UsageError(
+                    f"{name} is not sent",
+                    hint=f"add {name} to --send" if name in CONTROL else f"use {' or '.join(CONTROL)}",
+                )
+            if isinstance(given, Mapping):
+                text = ",".join(f"{motor}={value}" for motor, value in given.items())
+            else:
+                text = str(given) if isinstance(given, str | int | float) else ",".join(map(str, given))
+            change |= constant(text, name, carrying)
+        self._apply(change)
+        self.live = True
 
     def _apply(self, change: Change) -> None:
         for (index, name), value in change.items():
