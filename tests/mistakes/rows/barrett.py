@@ -406,4 +406,22 @@ ROWS = (
         "if (failure := self._failure()) is not None and not self._over:",
         "tests/barrett/test_step.py::test_a_stop_that_failed_is_raised_at_its_end",
     ),
+    mistake(
+        "realtime-a-recording-leaves-the-loop-late",
+        "no stop",
+        "handctl.record.recording",
+        "Loop.run",
+        "self._source.ended()",
+        "pass",
+        "tests/barrett/test_realtime_log.py::test_a_caller_that_fails_between_two_rows_stops_the_motors",
+    ),
+    mistake(
+        "realtime-a-recording-hides-a-failed-stop",
+        "swallowed error",
+        "handctl.devices.barrett.realtime.cli",
+        "_recorder",
+        "table.failure = loop.failure or table.failure",
+        "pass",
+        "tests/barrett/test_realtime_log.py::test_a_stop_that_failed_is_the_result",
+    ),
 )

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.command.command_tree import Group, streaming, suspendable
-from handctl.command.options import InFile, WholeRange
+from handctl.command.command_tree import Group, mark_options, streaming, suspendable
+from handctl.command.options import InFile, OutFile, WholeRange
 from handctl.command.run import Act, Run
 from handctl.devices.barrett.gcl.codec import encode
-from handctl.devices.barrett.map import TRAVEL
+from handctl.devices.barrett.map import BARRETT, TRAVEL
 from handctl.devices.barrett.views import DOUBT, MOTOR, NAME, UNIT, VALUE
 from handctl.errors import UsageError
 from handctl.model.param import Step
@@ -68,6 +68,14 @@ def add_realtime(group: Group) -> None:
         help="End when this is true, such as 'abs(P.F1 - 9000) < 50'. Same terms as a law.",
     )
     @click.option(
+        "--log",
+        "file",
+        metavar="FILE",
+        type=OutFile(additional=(".json",)),
+        help="Record the rows to a new FILE (CSV) with a sidecar FILE.json, as `log` does.",
+    )
+    @mark_options
+    @click.option(
         "--measure",
         type=WholeRange(min=2),
         metavar="N",
@@ -109,6 +117,7 @@ def add_realtime(group: Group) -> None:
         path: str | None,
         laws: tuple[str, ...],
         until: str | None,
+        file: str | None,
         measure: int | None,
         sequential: bool | None,
         unguarded: tuple[str, ...],
@@ -120,6 +129,7 @@ def add_realtime(group: Group) -> None:
         rate: float,
         count: int | None,
         duration: float | None,
+        **marks: Any,
     ) -> Act:
         """Run the RealTime loop (LOOP), shown live or written as NDJSON or CSV.
 
@@ -153,6 +163,12 @@ def add_realtime(group: Group) -> None:
         if measure is not None and (count is not None or duration is not None):
             raise UsageError(
                 "--measure cannot be combined with --count or --duration", hint="leave --count and --duration out"
+            )
+        recorder = _recorder(run, file, marks, rate, count, duration)
+        if file is not None and (measure is not None or (path == "-" and marks["mark_stdin"])):
+            raise UsageError(
+                "--log cannot be combined with --measure, nor --mark-stdin with --control -",
+                hint="leave one of them out",
             )
         indices = schedule.loop_motors(motors)
         received, temperature = schedule.received(receive, indices)
@@ -192,6 +208,8 @@ def add_realtime(group: Group) -> None:
             )
             if measure is not None:
                 return measured(run, loop, measure, rate)
+            if recorder is not None:
+                return recorder(hand, loop, {"laws": list(laws), "until": until})
             table = Table(columns=COLUMNS, plain=("name", "motor", "value", "unit"), summary=loop.summary, wide=True)
             table.ranges = {"strain": (0, 255), "position": (0, TRAVEL[0])}
             table.steer = loop.steer
@@ -199,6 +217,34 @@ def add_realtime(group: Group) -> None:
             return table
 
         return Act(lambda: [*first, *steps], drive)
+
+
+def _recorder(
+    run: Run, file: str | None, marks: dict[str, Any], rate: float, count: int | None, duration: float | None
+) -> Callable[[BarrettHand, RealtimeLoop, dict[str, Any]], Table] | None:
+    """What records a loop into FILE, None = nothing is recorded. Raises UsageError for what cannot be, before anything is sent."""
+    if file is None:
+        if given := [name for name, value in marks.items() if value not in (None, False, "")]:
+            raise UsageError(f"--{given[0].replace('_', '-')} needs --log", hint="add --log FILE")
+        return None
+    from handctl.command import log_command
+
+    wishes = log_command.RequestedOptions(duration, count, rate, silence=0.0, force=None, **marks)
+    log_command.place_of(run, file, wishes)
+
+    def recorded(hand: BarrettHand, loop: RealtimeLoop, about: dict[str, Any]) -> Table:
+        samples = loop.run(rate=rate, count=count, duration=duration, outline=True)
+        source = log_command.StreamSource(
+            hand, samples, lambda: loop.intake.moment, lambda: {"realtime": {**about, **loop.summary()}}
+        )
+        try:
+            table = log_command.log(run, file, wishes, BARRETT, lambda _again: source)
+        finally:
+            source.ended()
+        table.failure = loop.failure or table.failure
+        return table
+
+    return recorded
 
 
 def _guarded(loop: RealtimeLoop, table: Table, rate: float, count: int | None, duration: float | None) -> Iterator[Any]:

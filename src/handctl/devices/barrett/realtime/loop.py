@@ -96,21 +96,26 @@ class RealtimeLoop:
         """What went wrong while leaving."""
         return self.session.failure
 
-    def run(self, *, rate: float, count: int | None, duration: float | None) -> Iterator[Sample]:
-        """Samples, one a block, until `count`, `duration`, the end of the controls or Ctrl-C; always leaves the loop."""
+    def run(self, *, rate: float, count: int | None, duration: float | None, outline: bool = False) -> Iterator[Sample]:
+        """Samples, one a block, until `count`, `duration`, the end of the controls or Ctrl-C; always leaves the loop.
+
+        With `outline`, a sample without values comes before LOOP is sent.
+        """
         session = self.session
         if self.controls is None:
-            yield from self._run(rate, count, duration)
+            yield from self._run(rate, count, duration, outline=outline)
             return
         self.hand.line.connect()  # the last bytes depend on the speed of the port
         session.cycle = 1 / rate if rate else 0.0
         with self.hand.guarded(sequence=partial(power_off, prefix=self.flag_request.prefix)) as session.dead_man:
-            yield from self._run(rate, count, duration)
+            yield from self._run(rate, count, duration, outline=outline)
 
-    def _run(self, rate: float, count: int | None, duration: float | None) -> Iterator[Sample]:
+    def _run(self, rate: float, count: int | None, duration: float | None, *, outline: bool) -> Iterator[Sample]:
         session = self.session
         try:
             self._prepare(rate)
+            if outline:
+                yield self.intake.outline(self.controls.first if self.controls is not None else {})
             self._enter()
             if self.controls is not None and self.controls.follows:
                 self._first_feedback()
