@@ -27,7 +27,7 @@ from handctl.command.family import Family, load
 from handctl.command.library_call import Confirm, Line
 from handctl.errors import HandctlError, UsageError
 from handctl.families import FAMILIES, HISTORY
-from handctl.model.result import Row
+from handctl.model.result import Row, Table, name_of
 from handctl.model.settings import Settings
 from handctl.wording import sentence
 
@@ -148,6 +148,10 @@ def _arguments(command: Command) -> Iterator[Argument]:
 class Rows(list[Row]):
     """What a command returns."""
 
+    def named(self) -> dict[str, Any]:
+        """The values by name, such as ``position.F1``."""
+        return {name_of(row): row.get("value") for row in self}
+
     def frame(self) -> Any:
         """The rows as a pandas DataFrame. Raises ImportError where pandas is not installed."""
         pandas = import_module("pandas")
@@ -158,21 +162,51 @@ class Rows(list[Row]):
 
 
 class Stream(Iterator[Rows]):
-    """What a command of samples returns: the rows of each, until it ends or is closed."""
+    """What a command of samples returns: the rows of each, until it ends or is closed. A `with` closes it."""
 
-    def __init__(self, samples: Iterator[list[Row]], kind: str) -> None:
-        self._samples, self._kind = samples, kind
+    def __init__(
+        self, samples: Iterator[list[Row]], kind: str, table: Table | None, failure: Callable[[], HandctlError | None]
+    ) -> None:
+        self._samples, self._kind, self._table, self._failure = samples, kind, table, failure
+        self._over = False
+
+    def __enter__(self) -> Stream:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
 
     def __next__(self) -> Rows:
         try:
             return Rows(next(self._samples))
         except HandctlError as exc:
+            self._over = True
             raise told(exc, self._kind) from None
+        except BaseException:
+            self._over = True
+            raise
 
     def close(self) -> None:
-        """End it, and leave the device."""
-        if isinstance(self._samples, Generator):
+        """End it, and leave the device. Raises what the command would have ended with."""
+        if isinstance(self._samples, Generator) and not self._over:
+            self._over = True
             self._samples.close()
+            if (failure := self._failure()) is not None:
+                raise told(failure, self._kind)
+
+    def step(self, **values: Any) -> Rows:
+        """Send these control values in one block, and return its rows; what is left out keeps its value. Raises UsageError."""
+        steer = self._table.steer if self._table is not None else None
+        try:
+            if steer is not None:
+                steer(values)
+            elif values:
+                raise UsageError("this command takes no values", hint="take its samples in a loop")
+            return next(self)
+        except StopIteration:
+            raise told(UsageError("the stream has ended", hint="start it again"), self._kind) from None
+        except UsageError as exc:
+            raise told(exc, self._kind) from None
 
     def frame(self) -> Any:
         """The rows of all samples as a pandas DataFrame, when it has ended."""
@@ -245,7 +279,11 @@ class Device:
                 found = line.call(method.command, method.words, values, confirm=confirm, dry_run=dry_run, key=key)
             except HandctlError as exc:
                 raise told(exc, self.kind) from None
-            return Rows(found) if isinstance(found, list) else Stream(found, self.kind)
+            if isinstance(found, list):
+                return Rows(found)
+            one = line.last
+            assert one is not None
+            return Stream(found, self.kind, one.outcome.table, lambda: one.outcome.failure)
 
         call.__name__, call.__doc__ = name, method.command.help
         self.__dict__[name] = call

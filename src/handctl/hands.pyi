@@ -17,6 +17,9 @@ Path = str | PathLike[str]
 class Rows(list[Row]):
     """What a command returns."""
 
+    def named(self) -> dict[str, Any]:
+        """The values by name, such as `position.F1`."""
+
     def frame(self) -> Any:
         """The rows as a pandas DataFrame. Raises ImportError where pandas is not installed."""
 
@@ -24,8 +27,12 @@ class Stream(Iterator[Rows]):
     """What a command of samples returns: the rows of each, with `time` (UTC) and `t` in seconds, until it ends or is closed."""
 
     def __next__(self) -> Rows: ...
+    def __enter__(self) -> Self: ...
+    def __exit__(self, *error: object) -> None: ...
     def close(self) -> None:
-        """End it, and leave the device."""
+        """End it, and leave the device. Raises what the command would have ended with."""
+    def step(self, **values: Value | Sequence[Value] | Mapping[str, Value]) -> Rows:
+        """Send these control values in one block, and return its rows; what is left out keeps its value."""
     def frame(self) -> Any:
         """The rows of all samples as a pandas DataFrame, when it has ended."""
 
@@ -594,6 +601,13 @@ class Barrett(Device):
         velocity: str | None = None,
         gain: str | None = None,
         control: Path | None = None,
+        law: Sequence[str] = (),
+        until: str | None = None,
+        log: Path | None = None,
+        mark: str = "",
+        mark_udp: int | None = None,
+        lsl: bool = False,
+        mark_stdin: bool = False,
         measure: int | None = None,
         sequential: bool | None = None,
         no_guard: Sequence[Literal["stall", "window", "strain", "opening", "heat", "all"]] = (),

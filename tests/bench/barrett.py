@@ -56,13 +56,24 @@ CONTROL_BYTES, FEEDBACK_BYTES = 3, 8
 """The example of §6.4."""
 
 
+LAW = (
+    *LOOP[:2],
+    *LOOP[4:6],
+    "--law",
+    "velocity.F1 = clamp((P.F1 - P.F1)/20, -40, 40)",
+    "--law",
+    "velocity.F2 = 0*N",
+    "--delta-unit",
+    "1",
+)
+"""The same blocks, their values made by laws: the position is the sum of the deltas."""
 WATCH = ("--motors", "124", "--receive", "strain@12,delta,temperature")
 
 
 def loop_figures(speed: int, blocks: int) -> Iterator[Figure]:
     """Milliseconds a block beside the floors of dossier 12: driving sequentially with all guards (the default), driving
-    overlapped (asked for), and watching, where a block of control is one byte. Goals: 0.97 of the sequential rate, 0.95
-    of the overlapped one, and 455 of the 480 Hz that 38400 bit/s allow a watcher."""
+    overlapped (asked for), with laws, and watching, where a block of control is one byte. Goals: 0.97 of the sequential rate, 0.95
+    of the overlapped one and with laws, and 455 of the 480 Hz that 38400 bit/s allow a watcher."""
     byte = 10_000 / speed
     floors = {
         "sequential": (CONTROL_BYTES + FEEDBACK_BYTES) * byte,
@@ -72,6 +83,7 @@ def loop_figures(speed: int, blocks: int) -> Iterator[Figure]:
     for name, words, floor, goal in (
         ("driving", LOOP, "sequential", 1 / 0.97),
         ("driving, --overlapped", (*LOOP, "--overlapped"), "overlapped", 1 / 0.95),
+        ("driving, --law", LAW, "sequential", 1 / 0.95),
         ("watching", WATCH, "pipelined", 480 / 455),
     ):
         with hand("--set", f"baud={speed}") as link:

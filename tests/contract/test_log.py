@@ -123,8 +123,8 @@ def test_of_two_that_begin_a_trial_at_once_one_gets_the_next_number(
 ) -> None:
     looks = log_command.refuse_existing
 
-    def begun_by_another(path: str, force: bool) -> None:
-        looks(path, force)
+    def begun_by_another(path: str, force: bool, *, final: bool) -> None:
+        looks(path, force, final=final)
         Path(path).write_text("theirs\n")
 
     monkeypatch.setattr(log_command, "refuse_existing", begun_by_another)

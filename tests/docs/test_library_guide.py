@@ -20,7 +20,7 @@ BLOCKS = [(bool(fixture), text) for fixture, text in BLOCK.findall(TEXT) + BLOCK
 
 
 def test_there_are_such_programs() -> None:
-    assert [fixture for fixture, _ in BLOCKS].count(True) == 1 and len(BLOCKS) == 6
+    assert [fixture for fixture, _ in BLOCKS].count(True) == 1 and len(BLOCKS) == 7
     assert len(BLOCKS[-1][1].splitlines()) <= 5
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import cache
@@ -18,7 +18,7 @@ from handctl.command.get_set_watch import bounds_of, select
 from handctl.command.run import Run
 from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, UsageError
 from handctl.model.param import Element, ParamMap, Reading
-from handctl.model.result import Column, Table
+from handctl.model.result import Column, Table, name_of
 from handctl.model.sampling import Moment
 from handctl.record.marks import Heard, Marks
 from handctl.record.recording import (
@@ -32,13 +32,14 @@ from handctl.record.recording import (
     refuse_existing,
     without_interrupts,
 )
-from handctl.record.source import RowsLayout, Sample, Source
-from handctl.screen.csv_output import column_of, in_persons_unit, name_of, text_of
+from handctl.record.source import Ended, RowsLayout, Sample, Source
+from handctl.screen.csv_output import REMARKS, column_of, in_persons_unit, text_of
 from handctl.wording import plural
 
 if TYPE_CHECKING:
     from handctl.model.device import Device
     from handctl.model.result import Row
+    from handctl.model.result import Sample as Taken
     from handctl.record.log_file import LogFile
     from handctl.record.timeline import Hole
 
@@ -59,7 +60,7 @@ OWN_NAMES = ("usb:", "/dev/serial/by-id/", "fake://")
 
 @dataclass(frozen=True)
 class RequestedOptions:
-    """The options that every recording has."""
+    """The options that every recording has. `force`: None = nothing is ever overwritten."""
 
     duration: float | None
     count: int | None
@@ -68,7 +69,7 @@ class RequestedOptions:
     mark_udp: int | None
     mark_stdin: bool
     silence: float
-    force: bool
+    force: bool | None
     limits: Sequence[str] = ()
     until: Sequence[str] = ()
     lsl: bool = False
@@ -96,16 +97,8 @@ def log(
         if wishes != RequestedOptions(None, None, 0.0, "", None, False, wishes.silence, False, check=True):
             raise UsageError("--check records nothing, so it takes no other option of log", hint="leave them out")
         return export_command.check(run, reading(file) if reading is not None else LogFile(file, run.family.kind))
-    if wishes.lsl:
-        from handctl.record import lsl
-
-        lsl.library()  # what is not installed is told before anything is sent
-    named = path = file_name(file, run.family.kind)
-    trial = None
-    force = wishes.force and not run.settings.append
-    if run.settings.append:
-        path, trial = next_trial(named)
-    refuse_existing(path, force)
+    named, path, trial = place_of(run, file, wishes)
+    force = bool(wishes.force) and not run.settings.append
     bounds = bounds_of(run, params, wishes.limits, wishes.until)
     source = source_of(lambda: _reopen(run))
     before = dict(source.settings())
@@ -141,12 +134,16 @@ def log(
             by += [f"A datagram to 127.0.0.1:{marks.port} sets a mark"] if marks.port is not None else []
             take = marks.take
             if wishes.lsl:
+                from handctl.record import lsl
+
                 streams = cleanup.enter_context(closing(lsl.Streams(source, wishes.rate, marks.put)))
                 recording.on_row, take = streams.row, lambda: streams.marks(marks.take())
                 by.append(f"Rows and marks are sent on LSL as {streams.name!r}")
             where = f"{path}, trial {trial}" if trial else path
             run.prompts.say(". ".join((f"recording into {where}", *by, "Ctrl-C ends")))
             limits = Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end, over)
+            if source.paced:
+                limits = Limits(silence=0.0, bound=run.end, over=over)
             failure = Loop(recording, limits, _first(wishes.mark, take), run.prompts, before).run()
         failure = _finish(run, recording, before, failure) or (bounds.failure() if bounds is not None else None)
     finally:
@@ -155,6 +152,19 @@ def log(
     row = {**({} if trial is None else {"trial": trial}), **recording.as_row()}
     columns = SUMMARY if trial is None else (SUMMARY[0], Column("trial", "Trial", right=True), *SUMMARY[1:])
     return Table(rows=[row], columns=columns, plain=("rows", "rate"), failure=failure)
+
+
+def place_of(run: Run, file: str, wishes: RequestedOptions) -> tuple[str, str, int | None]:
+    """The name that was given, the file that is going to be made, and the number of its trial. Raises UsageError for what `log` cannot do."""
+    assert run.family is not None
+    if wishes.lsl:
+        from handctl.record import lsl
+
+        lsl.library()  # what is not installed is told before anything is sent
+    named = file_name(file, run.family.kind)
+    path, trial = next_trial(named) if run.settings.append else (named, None)
+    refuse_existing(path, bool(wishes.force) and not run.settings.append, final=wishes.force is None)
+    return named, path, trial
 
 
 def of_map(run: Run, names: Sequence[str], again: Callable[[], bool], *, every: bool = False) -> Source:
@@ -336,6 +346,49 @@ class MapSource(Source):
 
     def reopen(self) -> bool:
         return self._device.reopen(self._again)
+
+
+class StreamSource(MapSource):
+    """The samples of a stream, which has the device until it ends: settings are read before and after.
+
+    samples   first one without values, which shows what its rows are; then each as it comes
+    moment    when the last one was taken
+    summary   further keys of the sidecar
+    """
+
+    paced = True
+
+    def __init__(
+        self,
+        device: Device,
+        samples: Iterator[Taken],
+        moment: Callable[[], Moment],
+        summary: Callable[[], dict[str, Any]],
+    ) -> None:
+        super().__init__(device, (), lambda: False)
+        self._samples, self._moment, self._summary = samples, moment, summary
+
+    def settings(self) -> dict[str, dict[str, Any]]:
+        begun = self._met
+        found = super().settings()
+        if not begun:
+            self.layout = RowsLayout([(column_of(row), row) for row in next(self._samples).rows])
+        return found
+
+    def sample(self) -> Sample:
+        try:
+            rows = next(self._samples).rows
+        except StopIteration:
+            raise Ended from None
+        remarks = "; ".join(f"{name_of(row)}: {row[key]}" for row in rows for key in REMARKS if row.get(key))
+        return Sample(self._moment(), ([text_of(in_persons_unit(row)) for row in rows], remarks), rows=lambda: rows)
+
+    def ended(self) -> None:
+        if isinstance(self._samples, Generator):
+            self._samples.close()
+
+    def sidecar(self) -> dict[str, Any]:
+        return {**super().sidecar(), **self._summary()}
 
 
 class Keys:

@@ -458,9 +458,7 @@ UNTIL = click.option(
 BOUNDS = together(LIMIT, UNTIL)
 
 
-log_options = together(
-    click.argument("file", type=OutFile(additional=(".json",))),
-    streaming(0.0),
+mark_options = together(
     click.option("--mark", metavar="TEXT", default="", help="Mark the first row with TEXT."),
     click.option(
         "--mark-udp",
@@ -474,6 +472,12 @@ log_options = together(
         help="Send rows and marks on the Lab Streaming Layer, and record the marks that other programs send there. Needs handctl[lsl].",
     ),
     click.option("--mark-stdin", is_flag=True, help="Each line on standard input sets a mark with its text."),
+)
+"""How the rows of a recording get marks."""
+log_options = together(
+    click.argument("file", type=OutFile(additional=(".json",))),
+    streaming(0.0),
+    mark_options,
     click.option(
         "--silence",
         type=Seconds(),

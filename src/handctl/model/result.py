@@ -210,6 +210,13 @@ class RoundTrips:
 SCHEMA = "handctl/1"
 
 Row = dict[str, Any]
+PARTS = ("finger", "motor", "element")
+"""Keys of a row that say which part of its quantity it is, where it has no path."""
+
+
+def name_of(row: Row) -> str:
+    """What a row is of: its path, or its name with its part where `get` does not know it."""
+    return str(row.get("path") or ".".join(str(row[key]) for key in ("name", *PARTS) if row.get(key)))
 
 
 class Column(NamedTuple):
@@ -290,6 +297,7 @@ class Table:
     plain     the keys that `--format plain` prints, when not all columns
     text      rows -> finished text, where the device's own words are the result
     failure   what went wrong although there are rows: sets the exit code, the rows are shown all the same
+    steer     takes values for the next sample of a stream that can be given some, by their names
     samples   a stream; `summary` is called when it ends and goes into the closing envelope
     ranges    documented (low, high) per quantity name, for the bars of the live view
     scales    ends of the bars of other quantities: ours, so that nothing is wrong outside them
@@ -314,6 +322,7 @@ class Table:
     plain: tuple[str, ...] = ()
     text: Callable[[list[Row]], str] | None = None
     failure: HandctlError | None = None
+    steer: Callable[[Mapping[str, Any]], None] | None = None
     samples: Iterable[Sample] | None = None
     summary: Callable[[], dict[str, Any]] | None = None
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)

@@ -21,7 +21,7 @@ from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, Outpu
 from handctl.files import atomic_write, writing
 from handctl.model.prompts import Prompts
 from handctl.record.marks import Heard
-from handctl.record.source import Stamp, clean
+from handctl.record.source import Ended, Stamp, clean
 from handctl.record.timeline import CLOCKS, PORT_LOST, RESTART, Hole, Place, Timeline
 from handctl.system import disk, signals
 
@@ -278,8 +278,8 @@ def next_trial(path: str) -> tuple[str, int]:
     return (path, 1) if not last else (os.path.join(folder, f"{stem}-{last + 1}{ending}"), last + 1)
 
 
-def refuse_existing(path: str, force: bool) -> None:
-    """Raise UsageError when the file or its sidecar is there, unless `force`; a device or pipe is never written to."""
+def refuse_existing(path: str, force: bool, *, final: bool = False) -> None:
+    """Raise UsageError when the file or its sidecar is there, unless `force`; `final` offers none. A device or pipe is never written to."""
     if path.endswith(("/", os.sep)):
         raise UsageError(f"{path}: no such folder", hint="create it, or give the name of a new file", code="log-file")
     for taken in (path, f"{path}.json"):
@@ -291,7 +291,9 @@ def refuse_existing(path: str, force: bool) -> None:
             )
         if os.path.lexists(taken) and not force:
             raise UsageError(
-                f"{taken} exists", hint="give another name, or --force to overwrite it", code="file-exists"
+                f"{taken} exists",
+                hint="give another name" if final else "give another name, or --force to overwrite it",
+                code="file-exists",
             )
 
 
@@ -427,11 +429,14 @@ class Loop:
                 except LinkError as exc:
                     if exc.code != "lost" or not self.wait_for_port(exc):
                         raise
+        except Ended:
+            pass
         except KeyboardInterrupt:
             return Interrupted("interrupted")
         except HandctlError as exc:
             return exc
         finally:
+            self._source.ended()
             recording.skipped = self.pace.skipped
             with contextlib.suppress(OSError):
                 self._prompts.done()

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from handctl.model.result import Row
+from handctl.model.result import Row, name_of
 from handctl.model.sampling import Moment
 from handctl.record.timeline import Place
 
@@ -23,6 +23,10 @@ class Sample(NamedTuple):
     rows: Callable[[], Sequence[Row]] = tuple
 
 
+class Ended(Exception):
+    """A stream that ends by itself has ended: raised by `Source.sample`."""
+
+
 class Source(ABC):
     """A device that is recorded. Each method may raise NoAnswer, ProtocolError and LinkError.
 
@@ -31,6 +35,7 @@ class Source(ABC):
     period_ms   its usual period until the true one is known; None = nothing is known, and no interval is called a gap before that
     clock_name  what its own clock is called, "" = it has none
     looks       whether `look` asks anything
+    paced       its samples come at their own rate, and it ends by itself
     """
 
     kind: str
@@ -38,6 +43,7 @@ class Source(ABC):
     period_ms: float | None = None
     clock_name = ""
     looks = False
+    paced = False
 
     @abstractmethod
     def sample(self) -> Sample:
@@ -63,6 +69,9 @@ class Source(ABC):
 
     def unanswered(self) -> None:  # noqa: B027 - most look at nothing
         """The last `look` had no answer."""
+
+    def ended(self) -> None:  # noqa: B027 - most have nothing to end
+        """No more rows are asked for, whatever the reason."""
 
     def reopen(self) -> bool:
         """Open a lost port again: False where there is no such way. Raises LinkError while it is not there."""
@@ -135,10 +144,7 @@ class RowsLayout(Layout):
         self.names = (*(name for name, _ in lead("")), *(name for name, _ in columns), "error", MARK)
 
     def as_rows(self) -> list[dict[str, Any]]:
-        return [
-            {"column": column, "name": row.get("path") or row.get("name"), "unit": row.get("unit")}
-            for column, row in self._columns
-        ]
+        return [{"column": column, "name": name_of(row), "unit": row.get("unit")} for column, row in self._columns]
 
     def line(self, stamp: Stamp, values: tuple[Sequence[str], str], mark: str) -> str:
         """`values` are the texts of the columns, and of what could not be read."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from handctl.model.param import scale_of
-from handctl.model.result import Column, Row
+from handctl.model.result import Column, Row, name_of
 
 if TYPE_CHECKING:
     from handctl.model.settings import Settings
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
         def sources(self) -> Mapping[str, object]: ...
 
 
-PARTS = ("finger", "motor", "element")
-"""Keys of a row that say which part of its quantity it is, where it has no path."""
 UNITS = {
     "raw_counts": "raw counts", "a": "A", "raw": "",
     **{unit: unit for unit in ("cts/sample²", "cts/sample", "bit/s", "steps", "cts", "deg", "mA", "°C", "mm", "ms", "in", "A", "g", "s", "%", "°")},
@@ -59,11 +57,6 @@ def csv_lines(
             + ([guard(text_of(row.get("error")))] if with_errors else [])
         )
     return buffer.getvalue()
-
-
-def name_of(row: Row) -> str:
-    """What a row is of: its path, or its name with its part where `get` does not know it."""
-    return str(row.get("path") or ".".join(str(row[key]) for key in ("name", *PARTS) if row.get(key)))
 
 
 def column_of(row: Row) -> str:

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from handctl.errors import HandctlError, UsageError
 from handctl.model.param import BASES, scale_of
-from handctl.model.result import Row, Sample
-from handctl.screen.csv_output import PARTS
+from handctl.model.result import PARTS, Row, Sample
 from handctl.screen.sanitize import shown
 
 if TYPE_CHECKING:

@@ -22,9 +22,9 @@ from handctl.command.run import Run
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
 from handctl.model.param import scale_of
-from handctl.model.result import Column, Row, Table
+from handctl.model.result import PARTS, Column, Row, Table
 from handctl.record.recording import schema
-from handctl.screen.csv_output import PARTS, of_column
+from handctl.screen.csv_output import of_column
 from handctl.wording import near, plural
 
 if TYPE_CHECKING:

@@ -63,6 +63,14 @@ EXAMPLES = (
         "handctl barrett realtime --receive position --duration 5 -p /dev/ttyUSB0",
         "Watch the positions for five seconds.",
     ),
+    (
+        "handctl barrett realtime --motors 1 --law 'velocity.F1 = clamp((9000 - P.F1)/20, -40, 40)' --until 'abs(P.F1 - 9000) < 50' -p /dev/ttyUSB0",
+        "Move finger 1 to position 9000 with a control law. Starts immediately.",
+    ),
+    (
+        "handctl barrett realtime --receive position --duration 5 --log run.csv -p /dev/ttyUSB0",
+        "Record the positions to a new file with a sidecar.",
+    ),
     ("handctl barrett set MCV=80 --motors 12 --fake", "Set the closing velocity of two fingers, in RAM."),
     ("handctl barrett save -p /dev/ttyUSB0", "Save the parameters to EEPROM. Asks first."),
     ("handctl barrett baud -p /dev/ttyUSB0", "Show the baud rate of the hand."),

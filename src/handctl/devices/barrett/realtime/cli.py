@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from handctl.command.command_tree import Group
-from handctl.command.options import InFile, WholeRange, streaming, suspendable
+from handctl.command.options import InFile, OutFile, WholeRange, mark_options, streaming, suspendable
 from handctl.command.run import Act, Run
 from handctl.devices.barrett.gcl.codec import encode
-from handctl.devices.barrett.map import TRAVEL
+from handctl.devices.barrett.map import BARRETT, TRAVEL
 from handctl.devices.barrett.views import DOUBT, MOTOR, NAME, UNIT, VALUE
 from handctl.errors import UsageError
 from handctl.model.param import Step
@@ -57,6 +57,26 @@ def add_realtime(group: Group) -> None:
         help="Control values as CSV or JSON lines (t, velocity.F1 …). - is stdin. Live lines (without t) are valid for 1 s, then velocity is 0.",
     )
     @click.option(
+        "--law",
+        "laws",
+        multiple=True,
+        metavar="LAW",
+        help="A control law, such as 'velocity.F1 = clamp((9000 - P.F1)/20, -40, 40)'. Can be repeated. See LAWS.",
+    )
+    @click.option(
+        "--until",
+        metavar="CONDITION",
+        help="End when this is true, such as 'abs(P.F1 - 9000) < 50'. Same terms as a law.",
+    )
+    @click.option(
+        "--log",
+        "file",
+        metavar="FILE",
+        type=OutFile(additional=(".json",)),
+        help="Record the rows to a new FILE (CSV) with a sidecar FILE.json, as `log` does.",
+    )
+    @mark_options
+    @click.option(
         "--measure",
         type=WholeRange(min=2),
         metavar="N",
@@ -96,6 +116,9 @@ def add_realtime(group: Group) -> None:
         velocity: str | None,
         gain: str | None,
         path: str | None,
+        laws: tuple[str, ...],
+        until: str | None,
+        file: str | None,
         measure: int | None,
         sequential: bool | None,
         unguarded: tuple[str, ...],
@@ -107,6 +130,7 @@ def add_realtime(group: Group) -> None:
         rate: float,
         count: int | None,
         duration: float | None,
+        **marks: Any,
     ) -> Act:
         """Run the RealTime loop (LOOP), shown live or written as NDJSON or CSV.
 
@@ -120,12 +144,19 @@ def add_realtime(group: Group) -> None:
         exceeds 65 °C or OTEMP, whichever is lower. If a guard needs feedback that you did
         not request, handctl reads it without showing it.
 
+        LAWS: a law sets the velocity or the gain of a motor from the block before. P is the position, V the velocity, S the strain and D
+        the change of position, each with its motor: P.F1. T is the temperature in °C, N the number of the block, t the time in s, velocity.F1 and
+        gain.F1 the values sent last, and any other name a column of the --control file. Use + - * / comparisons, and, or, not, and abs, min, max, clamp,
+        sign, floor, round, sqrt, sin, cos. The result is rounded and limited to -127 to 127 (gain: 1 to 255). If it is not a number,
+        velocity 0 is sent and the loop ends with exit code 7. No law can override a guard.
+
         `doubt` in a row says why its value may be wrong: a delta did not fit into its byte, or the bytes after a block did
         not confirm its position in the stream.
         """
         from handctl.devices.barrett.motion import moved
         from handctl.devices.barrett.realtime import schedule
         from handctl.devices.barrett.realtime.flags import FlagRequest, refuse_disabled
+        from handctl.devices.barrett.realtime.laws import Rules
         from handctl.devices.barrett.realtime.loop import RealtimeLoop
         from handctl.devices.barrett.realtime.rows import measured
         from handctl.devices.barrett.realtime.session import steps_of
@@ -134,14 +165,29 @@ def add_realtime(group: Group) -> None:
             raise UsageError(
                 "--measure cannot be combined with --count or --duration", hint="leave --count and --duration out"
             )
+        recorder = _recorder(run, file, marks, rate, count, duration)
+        if file is not None and (measure is not None or (path == "-" and marks["mark_stdin"])):
+            raise UsageError(
+                "--log cannot be combined with --measure, nor --mark-stdin with --control -",
+                hint="leave one of them out",
+            )
         indices = schedule.loop_motors(motors)
         received, temperature = schedule.received(receive, indices)
-        controls = schedule.controls_of(send, velocity, gain, path, indices, run.settings.deadline)
-        if isinstance(controls, schedule.Live):
-            threading.Thread(target=controls.listen, daemon=True).start()
+        rules = Rules(laws, until, indices, columns=path is not None)
+        given = schedule.controls_of(send, velocity, gain, path, indices, run.settings.deadline, rules.columns)
+        controls = rules.over(given)
+        if isinstance(given, schedule.Live):
+            threading.Thread(target=given.listen, daemon=True).start()
         off = set(GUARDS) if "all" in unguarded else {*unguarded, *(["opening"] if force else [])}
         flag_request = FlagRequest(
-            tuple(indices), received, temperature, hold, frozenset(GUARDS) - off, delta_unit, not may_suspend
+            tuple(indices),
+            received,
+            temperature,
+            hold,
+            frozenset(GUARDS) - off,
+            delta_unit,
+            not may_suspend,
+            rules.needs,
         )
         homing = f"{flag_request.prefix}HI"
         first = [Step(f"{homing}: initialize", encode(homing), moves=True)] if initialize else []
@@ -157,16 +203,47 @@ def add_realtime(group: Group) -> None:
                 moved(hand, flag_request.prefix, "HI", None, run.prompts)
             waits = controls is not None if sequential is None else sequential
             loop = RealtimeLoop(
-                hand, run.prompts, flag_request, controls, sequential=waits, measuring=measure is not None
+                hand, run.prompts, flag_request, controls, sequential=waits, measuring=measure is not None, rules=rules
             )
             if measure is not None:
                 return measured(run, loop, measure, rate)
+            if recorder is not None:
+                return recorder(hand, loop, {"laws": list(laws), "until": until})
             table = Table(columns=COLUMNS, plain=("name", "motor", "value", "unit"), summary=loop.summary, wide=True)
             table.ranges = {"strain": (0, 255), "position": (0, TRAVEL[0])}
+            table.steer = loop.steer
             table.samples = _guarded(loop, table, rate, count, duration)
             return table
 
         return Act(lambda: [*first, *steps], drive)
+
+
+def _recorder(
+    run: Run, file: str | None, marks: dict[str, Any], rate: float, count: int | None, duration: float | None
+) -> Callable[[BarrettHand, RealtimeLoop, dict[str, Any]], Table] | None:
+    """What records a loop into FILE, None = nothing is recorded. Raises UsageError for what cannot be, before anything is sent."""
+    if file is None:
+        if given := [name for name, value in marks.items() if value not in (None, False, "")]:
+            raise UsageError(f"--{given[0].replace('_', '-')} needs --log", hint="add --log FILE")
+        return None
+    from handctl.command import log_command
+
+    wishes = log_command.RequestedOptions(duration, count, rate, silence=0.0, force=None, **marks)
+    log_command.place_of(run, file, wishes)
+
+    def recorded(hand: BarrettHand, loop: RealtimeLoop, about: dict[str, Any]) -> Table:
+        samples = loop.run(rate=rate, count=count, duration=duration, outline=True)
+        source = log_command.StreamSource(
+            hand, samples, lambda: loop.intake.moment, lambda: {"realtime": {**about, **loop.summary()}}
+        )
+        try:
+            table = log_command.log(run, file, wishes, BARRETT, lambda _again: source)
+        finally:
+            source.ended()
+        table.failure = loop.failure or table.failure
+        return table
+
+    return recorded
 
 
 def _guarded(loop: RealtimeLoop, table: Table, rate: float, count: int | None, duration: float | None) -> Iterator[Any]:

@@ -36,6 +36,7 @@ class FlagRequest(NamedTuple):
     guards       names of GUARDS that are on
     delta_unit   LFDPC as the user wants it; None = as velocity and rate need it
     watched      the motors are stopped where the command that drives them stands still
+    needs        (motor index, name) of feedback that is taken in, and not shown
     """
 
     motors: tuple[int, ...]
@@ -45,6 +46,7 @@ class FlagRequest(NamedTuple):
     guards: frozenset[str] = frozenset(GUARDS)
     delta_unit: int | None = None
     watched: bool = True
+    needs: frozenset[tuple[int, str]] = frozenset()
 
     @property
     def prefix(self) -> str:
@@ -102,6 +104,9 @@ def prepare(
     wanted = fitted | now | fitted  # what was asked for goes first
     shown = {index: _selection(wanted, index).feedback for index in flag_request.motors}
     temperature = bool(wanted["LFT", 0])
+    for index, name in flag_request.needs:
+        if name != "position" or not wanted["LFDP", index]:
+            wanted["LFT" if name == "temperature" else FEEDBACK[name], index] = 1
     _refuse_zero(wanted, flag_request.motors, sends=controls is not None)
     for index in driven:
         wanted.update(_for_guards(flag_request, wanted, index))

@@ -9,7 +9,7 @@ silence, and only then is it handed out.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import Any
 
@@ -28,6 +28,7 @@ from handctl.devices.barrett.realtime.blocks import (
 )
 from handctl.devices.barrett.realtime.flags import FlagRequest, prepare
 from handctl.devices.barrett.realtime.guards import Guards
+from handctl.devices.barrett.realtime.laws import Rules
 from handctl.devices.barrett.realtime.rows import Intake, Sent, Taken
 from handctl.devices.barrett.realtime.schedule import Controls
 from handctl.devices.barrett.realtime.session import Session
@@ -57,12 +58,12 @@ UNPROVED = "no reply followed it, so its position in the stream is not confirmed
 class RealtimeLoop:
     """One run of the loop. `controls` gives the control values; None sends none: the hand is only watched.
 
-    `measuring` keeps what the unit of velocity is fitted to; a loop of hours keeps nothing.
+    `measuring` keeps what the unit of velocity is fitted to; a loop of hours keeps nothing. `rules` may end the loop.
     """
 
     def __init__(
         self, hand: BarrettHand, prompts: Prompts, flag_request: FlagRequest, controls: Controls | None, *, sequential: bool,
-        measuring: bool = False,
+        measuring: bool = False, rules: Rules | None = None,
     ) -> None:  # fmt: skip
         self.hand = hand
         self.flag_request = flag_request
@@ -70,6 +71,8 @@ class RealtimeLoop:
         self.session = Session(hand, flag_request, drives=controls is not None)
         self._guide = prompts
         self._sequential = sequential
+        self._rules = rules
+        self._stepping = False
         self.intake = Intake(hand, flag_request, measuring=measuring)
 
     # -- the whole run -------------------------------------------------------------------------------------------
@@ -78,27 +81,44 @@ class RealtimeLoop:
         """Rate, latencies, floors and what the guards did, for the closing envelope."""
         return self.intake.summary(drives=self.controls is not None, overlapped=not self._sequential)
 
+    def steer(self, values: Mapping[str, Any]) -> None:
+        """Send these values in the next block; from now on each sample is given out before another block goes out. Raises UsageError."""
+        if type(self.controls) is not Controls:
+            raise UsageError(
+                "step needs control values that nothing else gives",
+                hint="give --send velocity, and no --control or --law",
+            )
+        self.controls.steer(values)
+        self._stepping = self._sequential = True
+
     @property
     def failure(self) -> HandctlError | None:
         """What went wrong while leaving."""
         return self.session.failure
 
-    def run(self, *, rate: float, count: int | None, duration: float | None) -> Iterator[Sample]:
-        """Samples, one a block, until `count`, `duration`, the end of the controls or Ctrl-C; always leaves the loop."""
+    def run(self, *, rate: float, count: int | None, duration: float | None, outline: bool = False) -> Iterator[Sample]:
+        """Samples, one a block, until `count`, `duration`, the end of the controls or Ctrl-C; always leaves the loop.
+
+        With `outline`, a sample without values comes before LOOP is sent.
+        """
         session = self.session
         if self.controls is None:
-            yield from self._run(rate, count, duration)
+            yield from self._run(rate, count, duration, outline=outline)
             return
         self.hand.line.connect()  # the last bytes depend on the speed of the port
         session.cycle = 1 / rate if rate else 0.0
         with self.hand.guarded(sequence=partial(power_off, prefix=self.flag_request.prefix)) as session.dead_man:
-            yield from self._run(rate, count, duration)
+            yield from self._run(rate, count, duration, outline=outline)
 
-    def _run(self, rate: float, count: int | None, duration: float | None) -> Iterator[Sample]:
+    def _run(self, rate: float, count: int | None, duration: float | None, *, outline: bool) -> Iterator[Sample]:
         session = self.session
         try:
             self._prepare(rate)
+            if outline:
+                yield self.intake.outline(self.controls.first if self.controls is not None else {})
             self._enter()
+            if self.controls is not None and self.controls.follows:
+                self._first_feedback()
             if self.controls is not None and not self._sequential:
                 self._self_test()
             for sample in self._exchange(self.controls, rate, count, duration):
@@ -160,6 +180,12 @@ class RealtimeLoop:
         self.intake.begin(start)
         session.enter()
 
+    def _first_feedback(self) -> None:
+        """What the first values are made of: one block that carries none."""
+        for _ in self._exchange(None, 0.0, 1, None):
+            pass
+        self.intake.forget()
+
     def _self_test(self) -> None:
         """Overlapped blocks that drive nothing: a hand that does not keep up with them must not be driven so."""
         assert self.controls is not None
@@ -193,6 +219,10 @@ class RealtimeLoop:
         going = True
         try:
             while going or sent or proved or last is not None:
+                if self._stepping and last is not None:
+                    self._answer(deque([self._send(None, {}, link.now(), feedback=False)]))
+                    taken, last = last, None
+                    yield intake.sample(taken)
                 while going and (not sent or (len(sent) == 1 and decoder.acknowledged and not self._sequential)):
                     now = link.now()
                     if rate and now < due:
@@ -205,10 +235,13 @@ class RealtimeLoop:
                             break
                         link.sleep(due - now)
                         now = link.now()
+                    if self._rules is not None:
+                        self._rules.known.number, self._rules.known.seconds = asked, now - intake.start
                     values = self._values(controls, now - intake.start)
                     over = (count is not None and asked >= count) or (
                         duration is not None and now - intake.start >= duration
                     )
+                    over = over or (asked > 0 and controls is self.controls and self._met())
                     if values is None or over or (bound is not None and bound.expired):
                         going = False
                         break
@@ -231,6 +264,8 @@ class RealtimeLoop:
                     last = None
                 if answer is not None:
                     last = intake.accept(answer, sent.popleft())
+                    if self._rules is not None:
+                        self._rules.known.see(last.feedback, last.positions, last.values, self.session.layout)
                     if intake.end is not None:
                         self._prove_last()  # what a lost byte has shifted is no reason that could be told
                         raise intake.end
@@ -262,6 +297,13 @@ class RealtimeLoop:
                 f"{self.hand.link.name}: velocity 0 was not acknowledged at the end", hint=DISTURBED, code="bad-block"
             )
 
+    def _met(self) -> bool:
+        """Whether the end that a person gave has come. Raises CheckFailed."""
+        if self._rules is None or not (met := self._rules.met()):
+            return False
+        self.hand.journal.info("until", f"ended by {met}")
+        return True
+
     def _values(self, controls: Controls | None, seconds: float) -> Values | None:
         """What to send now; None when they are over. Raises CheckFailed for a line that came bad while motors ran."""
         if controls is None:
@@ -271,10 +313,10 @@ class RealtimeLoop:
         except UsageError as exc:
             raise CheckFailed(f"{exc.text}. The loop has ended", hint=exc.hint, code="control") from exc
 
-    def _send(self, controls: Controls | None, values: Values, now: float) -> Sent:
-        """One block, as the guards allow. A Ctrl-C meanwhile waits until it is sent: leaving must know what is on the wire."""
+    def _send(self, controls: Controls | None, values: Values, now: float, *, feedback: bool = True) -> Sent:
+        """One block, as the guards allow. Without `feedback` only its acknowledgement comes, which proves the block before. A Ctrl-C meanwhile waits until it is sent: leaving must know what is on the wire."""
         session = self.session
-        feedback = session.layout.feedback_size > 1
+        feedback = feedback and session.layout.feedback_size > 1
         if not session.decoder.outstanding and session.decoder.received:
             self._next_answer()  # bytes that nobody asked for: what comes now could not be told apart
         held: dict[int, str] = {}

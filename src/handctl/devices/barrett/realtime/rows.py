@@ -28,7 +28,7 @@ from handctl.errors import CheckFailed
 from handctl.model.param import Number, scale_of
 from handctl.model.prompts import CTRL_C
 from handctl.model.result import Grid, RoundTrips, Row, Sample, Table
-from handctl.model.sampling import started
+from handctl.model.sampling import Moment, started
 
 if TYPE_CHECKING:
     from handctl.command.run import Run
@@ -57,6 +57,7 @@ class Taken(NamedTuple):
     positions: Mapping[int, int]
     saturated: Mapping[int, str]
     at: float
+    sent: float = 0.0
 
 
 class Positions:
@@ -101,6 +102,7 @@ class Intake:
     start     of the blocks, `started` the same as a time of day; rate = blocks a second that were asked for, 0 = as many as go; late = blocks behind it
     cycle     s that pass from one chance to act to the next, as seen lately
     end       why a guard ends the loop
+    moment    when the block of the last sample was sent, and when its feedback had come
     """
 
     def __init__(self, hand: BarrettHand, flag_request: FlagRequest, *, measuring: bool) -> None:
@@ -108,6 +110,7 @@ class Intake:
         self.prepared = Prepared(Layout({}), {}, False, {}, 0, False)
         self.guards: Guards | None = None
         self.end: CheckFailed | None = None
+        self.moment = Moment(0.0, 0.0)
         self.velocity_points: dict[int, list[tuple[float, int, int]]] = {index: [] for index in flag_request.motors}
         self.start = self.rate = 0.0
         self.started: float | None = None
@@ -146,7 +149,14 @@ class Intake:
                 self.guards.heat(feedback.temperature)
             self._tell(self.guards.events)
         self._in_force = sent.values
-        return Taken(feedback, sent.values, sent.held, places, saturated, now)
+        return Taken(feedback, sent.values, sent.held, places, saturated, now, sent.at)
+
+    def outline(self, values: Values) -> Sample:
+        """A sample as they will be, all its numbers 0."""
+        layout = self.prepared.layout
+        motors = {index: dict.fromkeys(motor.feedback, 0) for index, motor in layout.motors.items()}
+        blank = Taken(Feedback(motors, 0), values, {}, dict.fromkeys(motors, 0), {}, 0.0)
+        return Sample(0.0, tuple(rows_of(blank, layout, self.prepared.shown, self.prepared.temperature, "")))
 
     def _tell(self, events: list[Event]) -> None:
         """What the guards did since the last time."""
@@ -166,6 +176,7 @@ class Intake:
 
     def sample(self, taken: Taken, doubt: str = "") -> Sample:
         """The rows of a block; `doubt` speaks against all of them."""
+        self.moment = Moment(taken.sent, taken.at)
         self.samples += 1
         layout = self.prepared.layout
         if self._measuring:

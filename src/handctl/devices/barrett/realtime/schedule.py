@@ -12,10 +12,11 @@ Without one each line counts when it comes, and the end of the input ends the lo
 from __future__ import annotations
 
 import io
+import math
 import os
 import sys
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain, islice
 from typing import Any
 
@@ -23,10 +24,13 @@ from handctl.devices.barrett.gcl.codec import MOTORS, motor_prefix
 from handctl.devices.barrett.realtime.blocks import CONTROL, FEEDBACK, LIMITS, Values, check_control, selections, still
 from handctl.errors import NoAnswer, UsageError
 from handctl.files import is_pipe, read_text
+from handctl.number_parsing import real_in
 from handctl.system import clock, disk
 from handctl.system.waits import gives
 
-Change = dict[tuple[int, str], int]
+Change = dict[tuple[int, str], Any]
+COLUMNS = -1
+"""In place of a motor: the columns that only laws use."""
 MOST_ROWS = 100_000
 """With times: they are all kept, and a pipe may have more without end. At 50 a second it is half an hour."""
 ONE_OBJECT = 'write one object a line, such as {"t": 0, "velocity.F1": 20}'
@@ -38,6 +42,10 @@ class Controls:
     """Control values over time; this one never changes and never ends."""
 
     live = False
+    follows = False
+    """Each value is made of the feedback before it."""
+    silent = False
+    """Nothing has come for so long that velocities are 0."""
 
     def __init__(self, carries: Mapping[int, Sequence[str]], start: Change) -> None:
         self.carries = {index: tuple(names) for index, names in carries.items()}
@@ -63,7 +71,25 @@ class Controls:
     def extremes(self, index: int) -> tuple[int, int]:
         """Lowest and highest velocity that a motor can be sent."""
         velocity = self._state[index]["velocity"]
-        return velocity, velocity
+        return LIMITS["velocity"] if self.live else (velocity, velocity)
+
+    def steer(self, values: Mapping[str, Any]) -> None:
+        """Values of a program that has the loop: of each name a number, one for each motor, or motor -> number. Raises UsageError."""
+        change: Change = {}
+        for name, given in values.items():
+            carrying = [index for index, names in self.carries.items() if name in names]
+            if not carrying:
+                raise UsageError(
+                    f"{name} is not sent",
+                    hint=f"add {name} to --send" if name in CONTROL else f"use {' or '.join(CONTROL)}",
+                )
+            if isinstance(given, Mapping):
+                text = ",".join(f"{motor}={value}" for motor, value in given.items())
+            else:
+                text = str(given) if isinstance(given, str | int | float) else ",".join(map(str, given))
+            change |= constant(text, name, carrying)
+        self._apply(change)
+        self.live = True
 
     def _apply(self, change: Change) -> None:
         for (index, name), value in change.items():
@@ -138,7 +164,8 @@ class Live(Controls):
             self._apply(change)
             self._arrived.popleft()
             self._heard = seconds
-        return self._state if seconds - self._heard <= self.stale else still(self._state)
+        self.silent = seconds - self._heard > self.stale
+        return still(self._state) if self.silent else self._state
 
 
 def constant(text: str, name: str, motors: Sequence[int]) -> Change:
@@ -158,21 +185,30 @@ def constant(text: str, name: str, motors: Sequence[int]) -> Change:
     return {(index, name): value for index, value in zip(motors, values, strict=True)}
 
 
-def parse(lines: Iterable[str], where: str, motors: Sequence[int], start: Change) -> Controls:
-    """A schedule or live controls from CSV or JSON lines. Raises UsageError with the line number."""
+def parse(
+    lines: Iterable[str], where: str, motors: Sequence[int], start: Change, columns: Collection[str] = ()
+) -> Controls:
+    """A schedule or live controls from CSV or JSON lines, with further `columns`. Raises UsageError with the line number."""
     numbered = ((number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#"))
     first = next(numbered, None)
     if first is None:
         raise UsageError(f"{where}: no rows", hint="begin with a header such as t,velocity.F1, then rows of numbers")
     if first[1].lstrip().startswith("{"):
-        rows = _json_rows(chain([first], numbered), where, motors)
+        rows = _json_rows(chain([first], numbered), where, motors, columns)
     else:
-        rows = _csv_rows(first, numbered, where, motors)
+        rows = _csv_rows(first, numbered, where, motors, columns)
     if (head := next(rows, None)) is None:
         raise UsageError(f"{where}: a header, but no rows", hint="add rows of numbers below the header")
     time, change = head
     rows = chain([head], rows)
     carried = {index: tuple(n for n in CONTROL if (index, n) in {**start, **change}) for index in motors}
+    if missing := [name for name in columns if (COLUMNS, name) not in change]:
+        raise UsageError(
+            f"{where}: no column {missing[0]!r} in the first row, but a law uses it",
+            hint="add the column, or correct its name in --law or --until",
+        )
+    if columns:
+        carried[COLUMNS] = tuple(columns)
     rows = _steady(rows, carried, timed=time is not None, where=where)
     if time is None:
         return Live(carried, rows, start)
@@ -212,11 +248,15 @@ def _steady(
 
 
 def _csv_rows(
-    header: tuple[int, str], lines: Iterable[tuple[int, str]], where: str, motors: Sequence[int]
+    header: tuple[int, str],
+    lines: Iterable[tuple[int, str]],
+    where: str,
+    motors: Sequence[int],
+    columns: Collection[str],
 ) -> Iterator[tuple[float | None, Change]]:
     names = [name.strip() for name in _fields(header[1], f"{where}: line {header[0]}")]
     for name in names:
-        _targets(name, motors, f"{where}: line {header[0]}")
+        _targets(name, motors, columns, f"{where}: line {header[0]}")
     for number, line in lines:
         fields = _fields(line, f"{where}: line {number}")
         if len(fields) != len(names):
@@ -226,7 +266,7 @@ def _csv_rows(
             )
         yield _row(
             {name: field.strip() for name, field in zip(names, fields, strict=True) if field.strip()},
-            motors, f"{where}: line {number}",
+            motors, columns, f"{where}: line {number}",
         )  # fmt: skip
 
 
@@ -240,7 +280,7 @@ def _fields(line: str, where: str) -> list[str]:
 
 
 def _json_rows(
-    lines: Iterable[tuple[int, str]], where: str, motors: Sequence[int]
+    lines: Iterable[tuple[int, str]], where: str, motors: Sequence[int], columns: Collection[str]
 ) -> Iterator[tuple[float | None, Change]]:
     import json
 
@@ -251,27 +291,31 @@ def _json_rows(
             raise UsageError(f"{where}: line {number} is not JSON: {exc}", hint=ONE_OBJECT) from exc
         if not isinstance(found, dict):
             raise UsageError(f"{where}: line {number} is not a JSON object", hint=ONE_OBJECT)
-        yield _row({str(name): value for name, value in found.items()}, motors, f"{where}: line {number}")
+        yield _row({str(name): value for name, value in found.items()}, motors, columns, f"{where}: line {number}")
 
 
-def _row(fields: Mapping[str, Any], motors: Sequence[int], where: str) -> tuple[float | None, Change]:
+def _row(
+    fields: Mapping[str, Any], motors: Sequence[int], columns: Collection[str], where: str
+) -> tuple[float | None, Change]:
     time: float | None = None
     change: Change = {}
     for key, value in fields.items():
         if key == "t":
             time = _seconds(value, where)
             continue
-        name, targets = _targets(key, motors, where)
+        name, targets = _targets(key, motors, columns, where)
         for index in targets:
-            change[(index, name)] = _whole(value, name, where)
+            change[(index, name)] = _number(value, name, where) if index == COLUMNS else _whole(value, name, where)
     return time, change
 
 
-def _targets(key: str, motors: Sequence[int], where: str) -> tuple[str, list[int]]:
-    """``velocity.F1`` -> ("velocity", [0]); ``velocity`` -> all of `motors`; ``t`` -> ("t", [])."""
+def _targets(key: str, motors: Sequence[int], columns: Collection[str], where: str) -> tuple[str, list[int]]:
+    """``velocity.F1`` -> ("velocity", [0]); ``velocity`` -> all of `motors`; ``t`` -> ("t", []); of `columns` [COLUMNS]."""
     name, dot, who = key.partition(".")
     if key == "t":
         return key, []
+    if key in columns:
+        return key, [COLUMNS]
     if name not in CONTROL:
         raise UsageError(
             f"{where}: {key!r} is not a control value",
@@ -303,6 +347,13 @@ def _whole(value: Any, name: str, where: str) -> int:
         return check_control(name, value)
     except UsageError as exc:
         raise UsageError(f"{where}: {exc.text}", hint=exc.hint, code=exc.code) from None
+
+
+def _number(value: Any, name: str, where: str) -> float:
+    number = math.nan if isinstance(value, bool) else real_in(value) if isinstance(value, str) else value
+    if not isinstance(number, int | float) or not abs(number) < 1e12:
+        raise UsageError(f"{where}: {name} {value!r} is not a number", hint="use a number, such as 9000 or 0.5")
+    return float(number)
 
 
 def _seconds(value: Any, where: str) -> float:
@@ -340,8 +391,9 @@ def controls_of(
     path: str | None,
     motors: list[int],
     seconds: float | None,
+    columns: Collection[str] = (),
 ) -> Controls | None:
-    """Where control values come from, None when nothing is to be sent. Raises UsageError."""
+    """Where control values come from, None when nothing is to be sent. `columns` are those that laws use. Raises UsageError."""
     carried = selections(send.split(","), CONTROL, motors, "--send") if send is not None else None
     start: Change = {}
     for name, text in (("velocity", velocity), ("gain", gain)):
@@ -351,8 +403,8 @@ def controls_of(
                 raise UsageError(f"--{name} without {name} in --send {send}", hint="leave --send out, or add it there")
             start.update(constant(text, name, given))
     if path is not None:
-        controls = _from_file(path, motors, start, seconds)
-        if carried is not None and carried != controls.carries:
+        controls = _from_file(path, motors, start, seconds, columns)
+        if carried is not None and carried != {index: controls.carries[index] for index in motors}:
             raise UsageError(
                 f"--send {send} does not fit the columns of {path}",
                 hint="leave --send out: the columns name the values",
@@ -363,15 +415,17 @@ def controls_of(
     return Controls(carried, start) if any(carried.values()) else None
 
 
-def _from_file(path: str, motors: list[int], start: Change, seconds: float | None) -> Controls:
+def _from_file(
+    path: str, motors: list[int], start: Change, seconds: float | None, columns: Collection[str]
+) -> Controls:
     """Control values of a file, or of a pipe or stdin that is waited for `seconds`."""
     if path == "-" or is_pipe(path):
         lines = Lines(path, seconds)
-        controls = parse(lines, "stdin" if path == "-" else path, motors, start)
+        controls = parse(lines, "stdin" if path == "-" else path, motors, start, columns)
         lines.begun = True
         return controls
     text = io.StringIO(read_text(path, "a control file", 16_000_000).removeprefix("\ufeff"), newline="")
-    controls = parse(text, path, motors, start)
+    controls = parse(text, path, motors, start, columns)
     if controls.live:
         raise UsageError(f"{path}: no column t", hint="add times, or send the lines on stdin with --control -")
     return controls

@@ -252,7 +252,8 @@ def steps_of(hand: BarrettHand, flag_request: FlagRequest, controls: Controls | 
         steps.append(Step("request feedback, repeatedly", b"A"))
     else:
         layout = Layout({index: Selection(controls.carries[index], ()) for index in flag_request.motors})
-        steps.append(Step("first control block", layout.control(controls.first), moves=True))
+        made = ", its values made by the laws" if controls.follows else ""
+        steps.append(Step(f"first control block{made}", layout.control(controls.first), moves=True))
         last = layout.control(still(controls.first), feedback=False)
         steps.append(Step("last control block: velocity 0", last))
     steps.append(Step("leave RealTime", abort_at(baud)))
