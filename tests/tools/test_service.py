@@ -161,8 +161,8 @@ def test_a_step_that_fails_is_a_row_with_its_code_and_the_rest_goes_on() -> None
 def test_nobody_there_is_a_report_too() -> None:
     result = run("service", "fake://exo?clock=virtual&fault=silent", *QUICK, "--report", "r.html", "--json")
     assert result.code == 7
-    assert set(steps(result).values()) == {"done", "no-device"}
-    assert data()["service"]["steps"]["status"] == {"state": "failed", "code": "no-device"}
+    assert set(steps(result).values()) == {"done", "not-reached"}
+    assert data()["service"]["steps"]["status"] == {"state": "failed", "code": "not-reached"}
 
 
 def test_no_port_is_a_finding() -> None:

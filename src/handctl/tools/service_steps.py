@@ -49,6 +49,7 @@ PARTS = {"status": "status", "diagnose": "checks", "dump": "dump"}
 """Step -> its part of the report's data."""
 COLUMNS = (Column("step"), Column("check"), Column("status"), Column("evidence"), Column("remedy"))
 NOTHING = "Nothing was found. Keep the report, and run the service again while the fault shows."
+NO_STEP = "No finding has a next step of its own. Attach the report to the ticket."
 
 
 class Wishes(NamedTuple):
@@ -162,7 +163,7 @@ class Service:
         """Carry one out: its rows, what it said, and the code of what went wrong. Nothing but a bug is raised."""
         run, visit = self.run, self.visit
         if name in self.wishes.steps and (self.ended is not None or not self.reached or visit.over):
-            self.steps[name] = {"state": "failed", "code": "interrupted" if self.ended is not None else "no-device"}
+            self.steps[name] = {"state": "failed", "code": "interrupted" if self.ended is not None else "not-reached"}
             return
         if name == "diagnose" and (run.family is None or run.family.checks is None):
             self.steps[name] = {"state": "skipped", "code": "no-diagnosis"}
@@ -378,7 +379,11 @@ class Service:
     def _next(self) -> Row:
         """Propose it, and carry it out where it only reads."""
         hint = self.proposal()
-        found: Row = {"text": sentence(hint) if hint else NOTHING, "command": None, "state": "proposed"}
+        found: Row = {
+            "text": sentence(hint) or (NO_STEP if findings(self.rows) else NOTHING),
+            "command": None,
+            "state": "proposed",
+        }
         run, named = self.run, re.search(r"`handctl ([^`]+)`", hint)
         if named is None or self.ended is not None:
             return found
