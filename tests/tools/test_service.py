@@ -210,12 +210,35 @@ def test_a_report_whose_settings_were_changed_is_no_snapshot() -> None:
     assert run("exo", "diff", "r.html", "r.html").code == 2
 
 
+@each_row(("key", "value"), [
+    *(((key,), value) for key in ("schema", "made", "device", "watch", "service", "snapshot", "dump") for value in (5, [5])),
+    (("service", "rows"), [{"step": "find"}]), (("service", "rows"), 5), (("service", "steps"), {"find": 5}), (("service", "hints"), {"find": 5}),
+])  # fmt: skip
+def test_a_report_that_was_changed_is_refused(key: tuple[str, ...], value: object) -> None:
+    if not Path("r.html").exists():
+        served("exo", "fault=healthy")
+    found = place = data()
+    for one in key[:-1]:
+        place = place[one]
+    place[key[-1]] = value
+    Path("bad.html").write_text(f"<!DOCTYPE html><{PAGE_DATA}>{json.dumps(found)}</script>", encoding="utf-8")
+    for option in ("--resume", "--against"):
+        assert run("service", "fake://exo?clock=virtual", option, "bad.html", "--report", "new.html").code == 2
+    assert not Path("new.html").exists()
+
+
 def test_what_differs_from_an_older_report() -> None:
     served("hand", "fault=healthy", file="old.html")
     result = served("hand", "fault=locked-rotor&speed=700", "--against", "old.html")
     found = {row["name"]: (row["was"], row["is"]) for row in result.json["service"]["against"]["differences"]}
     assert found["check unhealthy"] == (None, "warning")
     assert data()["service"]["against"]["differences"]
+    assert not served("hand", "fault=healthy", "--skip", "dump", "--against", "old.html", "--force").json["service"][
+        "against"
+    ]["differences"]
+    assert run("hand", "report", "plain.html", "-p", "fake://hand?clock=virtual").code == 0
+    plain = served("hand", "fault=locked-rotor", "--against", "plain.html", "--force")
+    assert plain.json["service"]["against"]["differences"] == [], "it has neither settings nor checks"
     same = served("hand", "fault=healthy", "--against", "old.html", "--force")
     assert same.json["service"]["against"]["differences"] == []
 

@@ -47,6 +47,8 @@ OF_LINE = frozenset(row[0] for row in CHECKS)
 """Checks of `doctor` that come before all that a device says of itself: a bad line makes that doubtful."""
 PARTS = {"status": "status", "diagnose": "checks", "dump": "dump"}
 """Step -> its part of the report's data."""
+WORST = f"{SKIPPED} {OK} {WARNING} {FAIL}"
+"""Each status behind those that are not as bad."""
 COLUMNS = (Column("step"), Column("check"), Column("status"), Column("evidence"), Column("remedy"))
 NOTHING = "Nothing was found. Keep the report, and run the service again while the fault shows."
 NO_STEP = "No finding has a next step of its own. Attach the report to the ticket."
@@ -73,34 +75,33 @@ class Wishes(NamedTuple):
 
 
 def data_of(path: str) -> dict[str, Any]:
-    """The data of a report. Raises UsageError for any other file."""
+    """The data of a report. Raises UsageError for any other file, and for one that was changed by hand."""
     text = read_text(path, "a report", MOST_BYTES)
     try:
         found = json.loads(in_page(text, PAGE_DATA) or "null")
-    except (ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict) or found.get("schema") != DATA:
+        fits = found["schema"] == DATA and _whole(found)
+    except (AttributeError, KeyError, RecursionError, TypeError, ValueError):
+        fits = False
+    if not fits:
         raise UsageError(
             f"{path}: not a report of handctl", hint="give a file that `handctl service` or `report` wrote"
         )
-    return found
+    return found  # type: ignore[no-any-return]
 
 
-def _earlier(path: str) -> tuple[dict[str, Any], list[str]]:
-    """The service of an earlier report, and its recorded bytes. Raises UsageError."""
-    found = data_of(path)
-    service = found.get("service")
-    try:
-        assert isinstance(service, dict)
-        steps, rows, device = service["steps"], service["rows"], found["device"]["device"]
-        assert all(isinstance(steps[name]["state"], str) for name in steps)
-        assert all(isinstance(row[key], str) for row in rows for key in ("step", "check", "status", "evidence"))
-        assert isinstance(device, str)
-    except (AssertionError, KeyError, TypeError) as exc:
-        raise UsageError(
-            f"{path}: a report, but not of a service", hint="run `handctl service` without --resume"
-        ) from exc
-    return found, in_page(read_text(path, "a report", MOST_BYTES), "pre").splitlines()
+def _whole(data: dict[str, Any]) -> bool:
+    """Whether everything that is used of a report is of the kind that it should be. Raises what Python does where it is not."""
+    service = data.get("service", {"steps": {}, "rows": [], "hints": {}})
+    values = (data.get("snapshot") or {"values": {}})["values"]
+    texts = [data["made"], data["device"]["device"], *(step["state"] for step in service["steps"].values())]
+    texts += [row[key] for row in service["rows"] for key in ("step", "check", "status", "evidence")]
+    texts += [row["remedy"] or "" for row in service["rows"]]
+    texts += [text for pair in service["hints"].items() for text in pair]
+    texts += [str(row[key]) for row in data["watch"] for key in ("name", "min", "max")]
+    rows = [row for part in PARTS.values() for row in data.get(part, ())]
+    return all(isinstance(text, str) for text in texts) and all(
+        isinstance(one, dict) for one in (*rows, values, *service["rows"])
+    )
 
 
 class Service:
@@ -135,7 +136,7 @@ class Service:
     def carried_out(self) -> Table:
         """All steps, and the report. Raises UsageError and OutputError, before anything is sent, for files that cannot be meant."""
         wishes, ask = self.wishes, self.run.prompts.text
-        before, recorded = _earlier(wishes.resume) if wishes.resume is not None else ({}, [])
+        before, recorded = self._earlier()
         old = data_of(wishes.against) if wishes.against is not None else None
         path = wishes.path or wishes.resume or time.strftime("service-%Y%m%d-%H%M%S.html")
         if wishes.written:
@@ -156,6 +157,15 @@ class Service:
         following = self._next()
         self.more["service"] = {**told, "steps": self.steps, "next": following, "report": None}
         return self._report(path, old, before)
+
+    def _earlier(self) -> tuple[dict[str, Any], list[str]]:
+        """The report that is continued, and its recorded bytes. Raises UsageError."""
+        if (path := self.wishes.resume) is None:
+            return {}, []
+        found = data_of(path)
+        if "service" not in found:
+            raise UsageError(f"{path}: a report, but not of a service", hint="run `handctl service` without --resume")
+        return found, in_page(read_text(path, "a report", MOST_BYTES), "pre").splitlines()
 
     # -- steps --
 
@@ -220,7 +230,8 @@ class Service:
             return False
         self.steps[name] = {"state": "done", "code": None, "from": before["made"]}
         self.rows += [row for row in service["rows"] if row["step"] == name]
-        self.hints |= {key: hint for key, hint in service.get("hints", {}).items() if key == name}
+        wanted = (name, "line", "computer") if name == "doctor" else (name,)
+        self.hints |= {key: hint for key, hint in service["hints"].items() if key in wanted}
         data, part = self.visit.content.data, PARTS.get(name, "")
         rows = before.get(part)
         if isinstance(rows, list):
@@ -478,30 +489,29 @@ def _in_full(following: Row) -> str:
 
 
 def differences(old: dict[str, Any], new: dict[str, Any]) -> list[Row]:
-    """What a report has otherwise than an older one: settings, and how its checks came out."""
+    """What a report has otherwise than an older one: settings, and how its checks came out. What only one of them looked at is none."""
 
-    def facts(data: dict[str, Any]) -> dict[str, Any]:
-        values = (data.get("snapshot") or {}).get("values", {})
-        worst: dict[str, str] = {}
-        for row in data.get("service", {}).get("rows", ()):
-            if row["status"] != SKIPPED and worst.get(row["check"]) != FAIL:
-                worst[row["check"]] = row["status"]
-        return {**values, **{f"check {name}": status for name, status in worst.items()}}
+    def settings(data: dict[str, Any]) -> dict[str, Any]:
+        return dict((data.get("snapshot") or {"values": {}})["values"])
 
-    was, now = facts(old), facts(new)
-    return [{"name": name, "was": was.get(name), "is": now.get(name)} for name in dict.fromkeys([*was, *now]) if was.get(name) != now.get(name)]  # fmt: skip
+    def checks(data: dict[str, Any]) -> dict[str, Any]:
+        worst = sorted(data.get("service", {}).get("rows", ()), key=lambda row: WORST.find(row["status"]))
+        return {f"check {row['check']}": row["status"] for row in worst}
+
+    found = []
+    for facts in (settings, checks):
+        was, now = facts(old), facts(new)
+        for name in dict.fromkeys([*was, *now]) if was and now else ():
+            both = name in was and name in now
+            if was.get(name) != now.get(name) and (both or {was.get(name), now.get(name)} & {WARNING, FAIL}):
+                found.append({"name": name, "was": was.get(name), "is": now.get(name)})
+    return found
 
 
 def _differing(against: dict[str, Any]) -> list[Grid]:
     lines = tuple((row["name"], str(row["was"]), str(row["is"])) for row in against["differences"])
-    return [
-        Grid(
-            ("Name", "Was", "Is"),
-            lines,
-            title=f"Compared with {against['made']}",
-            notes=() if lines else ("No difference",),
-        )
-    ]
+    notes = () if lines else ("No difference.",)
+    return [Grid(("Name", "Was", "Is"), lines, title=f"Compared with {against['made']}", notes=notes)]
 
 
 def view(rows: list[Row], steps: dict[str, Row]) -> Iterator[Grid]:
