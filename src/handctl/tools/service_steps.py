@@ -121,10 +121,8 @@ class Service:
         self.ended: Interrupted | None = None
         self.visit = Visit(run, ParamMap("unknown", ()), self._of_page, self.lines)
         self.machine = Machine()
-        self.heard, run.journal.on_message = (
-            run.journal.on_message,
-            None,
-        )  # what is said on the way is a row, and stands in the report
+        self.heard = run.journal.on_message
+        run.journal.on_message = None  # what is said on the way is a row, and stands in the report
         self.checks: Iterator[Check] = iter(())
 
     @property
@@ -165,7 +163,8 @@ class Service:
         found = data_of(path)
         if "service" not in found:
             raise UsageError(f"{path}: a report, but not of a service", hint="run `handctl service` without --resume")
-        return found, in_page(read_text(path, "a report", MOST_BYTES), "pre").splitlines()
+        lines = in_page(read_text(path, "a report", MOST_BYTES), "pre").splitlines()
+        return found, [text for text in lines if not text.startswith("#   ")]  # what they mean is said again
 
     # -- steps --
 
@@ -185,6 +184,8 @@ class Service:
         errors: list[HandctlError] = []
         run.prompts.progress(f"{name}: {self.wishes.steps.get(name, 'looking for the device')}")
         try:
+            if name in self.wishes.steps and name != "doctor" and run.opened is None:
+                visit.connect()
             for check in action():
                 self._add(name, check)
         except HandctlError as exc:
@@ -312,7 +313,6 @@ class Service:
 
     def status(self) -> Iterator[Check]:
         """Its findings are messages."""
-        self.visit.connect()
         table = self.visit.status(check=True)
         if table is not None:
             if isinstance(table.failure, CheckFailed):
@@ -322,8 +322,6 @@ class Service:
 
     def diagnose(self) -> Iterator[Check]:
         """Rows of the family; none where it has no diagnosis that reads alone."""
-        if self.run.opened is None:
-            self.visit.connect()
         table = self.visit.checks()
         for row in table.rows if table is not None else ():
             yield Check(row["check"], row["status"], row["evidence"], row.get("remedy") or "")
@@ -332,8 +330,6 @@ class Service:
 
     def watch(self) -> Iterator[Check]:
         """Errors, and the range of each value."""
-        if self.run.opened is None:
-            self.visit.connect()
         counters = self.run.journal.counters
         before = counters.retries, counters.bad_frames, counters.stray_bytes
         samples = self.visit.watch()
@@ -358,8 +354,6 @@ class Service:
     def dump(self) -> Iterator[Check]:
         """Every quantity, and a snapshot of what is kept."""
         visit, run = self.visit, self.run
-        if run.opened is None:
-            visit.connect()
         table = visit.dump()
         if table is None:
             return
