@@ -23,7 +23,7 @@ from tests.support.cli import Result, run
 from tests.support.each_row import each_row
 from tests.support.machine import System
 from tests.support.page import Page
-from tests.support.person import person, pressed_at
+from tests.support.person import once, person, pressed_at
 
 QUICK = ("--count", "5", "--watch", "0.5")
 BITS = ("over-temperature", "locked-rotor", "over-current", "motor-abnormal", "communication")
@@ -295,6 +295,16 @@ def test_a_person_follows_or_does_not(answer: str, state: str) -> None:
     assert data()["service"]["next"]["state"] == state
 
 
+@each_row("question", ["status: ", "only reads"])
+def test_ctrl_c_at_a_question_leaves_a_report(question: str) -> None:
+    answers = ["", "", "", "", "s", "s", "y"]
+    link = "fake://ekso?clock=virtual&fault=clock-jump"
+    words = ("service", link, "--count", "5", "--report", "r.html")
+    Path("r.html").unlink(missing_ok=True)
+    assert person(*words, answers=answers, press=once(lambda seen: question in seen)).code == 130
+    assert data()["service"]["steps"]["doctor"]["state"] == "done"
+
+
 # -- practice -------------------------------------------------------------------------------------------------------
 
 
@@ -327,3 +337,14 @@ def test_a_trainee_types_a_number() -> None:
     number = list(load("exo", "remedies").PRACTICE).index(told["fault"]) + 1
     assert person("service", "--demo", "exo", "--seed", "3", *QUICK, answers=[str(number)]).code == 0
     assert person("service", "--demo", "exo", "--seed", "3", *QUICK, answers=["7"]).code == 7
+
+    def unsaid(seen: str) -> str:
+        assert "fault=" not in seen
+        return "silent"
+
+    seed = next(
+        str(seed)
+        for seed in range(99)
+        if random.Random(seed).choice(tuple(load("barrett", "remedies").PRACTICE)) == "silent"
+    )
+    assert person("service", "--demo", "barrett", "--seed", seed, *QUICK, answers=[unsaid]).code == 0

@@ -11,7 +11,7 @@ import re
 import shlex
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import click
 
@@ -37,6 +37,7 @@ from handctl.tools.port_inventory import Machine
 from handctl.tools.scan import Scan, free_ports
 from handctl.wording import plural, sentence
 
+T = TypeVar("T")
 LONGEST = 400_000
 """Characters of recorded bytes in the report: `replay:` can play what is not left out, and `diff` reads a page of this size."""
 MOST_BYTES = 4_000_000
@@ -214,10 +215,18 @@ class Service:
                 run.prompts.say(f"  {OK}: {plural(len(made), 'check')}")
 
     def _declined(self, name: str) -> bool:
-        return self.run.prompts.text(f"{name}: {self.wishes.steps[name]}. Enter starts it, s skips it.").casefold() in (
-            "s",
-            "skip",
+        answer = self._asked(
+            lambda: self.run.prompts.text(f"{name}: {self.wishes.steps[name]}. Enter starts it, s skips it.")
         )
+        return answer is None or answer.casefold() in ("s", "skip")
+
+    def _asked(self, question: Callable[[], T]) -> T | None:
+        """The answer; None for Ctrl-C, after which there is still a report."""
+        try:
+            return question()
+        except KeyboardInterrupt:
+            self.ended = Interrupted("interrupted")
+            return None
 
     def _add(self, step: str, check: Check) -> None:
         text = self.visit.privacy.text
@@ -408,7 +417,9 @@ class Service:
         found["command"] = shlex.join(["handctl", *words])
         if not one.leaf.only_reads or not self.reached:
             return found
-        if self.wishes.follow or run.offer(f"Next: {found['text']} `{found['command']}` only reads"):
+        if self.wishes.follow or self._asked(
+            lambda: run.offer(f"Next: {found['text']} `{found['command']}` only reads")
+        ):
             self.step("next", lambda: self._followed(Call(one.context, one.settings, one.leaf.family, False), one.leaf))
             found |= {"state": self.steps["next"]["state"], "rows": self.followed}
         return found
@@ -421,6 +432,8 @@ class Service:
         outcome = call.carry_out(leaf.body(call))
         call.end_device()
         table, failure = outcome.table, outcome.failure
+        if isinstance(failure, Interrupted):
+            self.ended = failure
         if failure is not None and not isinstance(failure, CheckFailed):
             raise failure
         rows = self.followed = table.rows if table is not None else []
