@@ -179,6 +179,12 @@ def test_what_makes_no_sense_is_refused(args: tuple[str, ...]) -> None:
     assert not list(Path.cwd().glob("*.html"))
 
 
+def test_it_is_no_line_of_a_batch() -> None:
+    """Which understands each line before it begins: this one has nothing to be understood without its device."""
+    Path("lines.txt").write_text("service fake://exo\n", encoding="utf-8")
+    assert run("batch", "lines.txt").code == 2
+
+
 def test_no_file_is_replaced_unasked() -> None:
     Path("r.html").write_text("mine", encoding="utf-8")
     assert served("exo", "fault=healthy").code == 2

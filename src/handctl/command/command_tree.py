@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 TRAITS = ("heading", "writes", "streams", "stops", "offline", "asks", "family")
-ALONE = ("sim", "completion", "batch", "shell")
+ALONE = ("sim", "completion", "batch", "shell", "service")
 """Commands that are no line of a batch."""
 
 
