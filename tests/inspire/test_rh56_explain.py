@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from handctl.devices.inspire.hand.explain import explainer
+from handctl.devices.inspire.modbus_frames import to_memory
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
 from tests.support.cli import run
 from tests.support.each_row import each_row
@@ -176,3 +177,12 @@ def test_a_save_of_an_f1_is_done_with_its_result_only() -> None:
     speed = f"> {eb90('EB 90', '12fe03' + '0100' * 6)}"
     assert verdicts(*shown, speed) == [(False, "`handctl hand get default_speed`")]
     assert verdicts(speed) == [(False, "`handctl hand get current_limit`")]
+
+
+def test_half_a_register_is_explained() -> None:
+    """A reply whose count was damaged ends in the middle of a register (Modbus TCP has no checksum)."""
+    asked, damaged = "> 00 03 00 00 00 06 FF 03 06 46 00 09", "< 00 03 00 00 00 06 FF 03 03 02 01 05"
+    pieces = told(asked, damaged)
+    assert [piece.frame for piece in pieces] == [True, True]
+    assert to_memory(bytes((1, 2, 3))) == bytes((2, 1, 3))
+    assert to_memory(to_memory(bytes(range(7)))) == bytes(range(7))

@@ -23,7 +23,7 @@ from tests.support.cli import Result, run
 from tests.support.each_row import each_row
 from tests.support.machine import System
 from tests.support.page import Page
-from tests.support.person import person, pressed_at
+from tests.support.person import once, person, pressed_at
 
 QUICK = ("--count", "5", "--watch", "0.5")
 BITS = ("over-temperature", "locked-rotor", "over-current", "motor-abnormal", "communication")
@@ -161,8 +161,8 @@ def test_a_step_that_fails_is_a_row_with_its_code_and_the_rest_goes_on() -> None
 def test_nobody_there_is_a_report_too() -> None:
     result = run("service", "fake://exo?clock=virtual&fault=silent", *QUICK, "--report", "r.html", "--json")
     assert result.code == 7
-    assert set(steps(result).values()) == {"done", "no-device"}
-    assert data()["service"]["steps"]["status"] == {"state": "failed", "code": "no-device"}
+    assert set(steps(result).values()) == {"done", "not-reached"}
+    assert data()["service"]["steps"]["status"] == {"state": "failed", "code": "not-reached"}
 
 
 def test_no_port_is_a_finding() -> None:
@@ -177,6 +177,12 @@ def test_no_port_is_a_finding() -> None:
 def test_what_makes_no_sense_is_refused(args: tuple[str, ...]) -> None:
     assert run("service", *args).code == 2
     assert not list(Path.cwd().glob("*.html"))
+
+
+def test_it_is_no_line_of_a_batch() -> None:
+    """Which understands each line before it begins: this one has nothing to be understood without its device."""
+    Path("lines.txt").write_text("service fake://exo\n", encoding="utf-8")
+    assert run("batch", "lines.txt").code == 2
 
 
 def test_no_file_is_replaced_unasked() -> None:
@@ -210,12 +216,35 @@ def test_a_report_whose_settings_were_changed_is_no_snapshot() -> None:
     assert run("exo", "diff", "r.html", "r.html").code == 2
 
 
+@each_row(("key", "value"), [
+    *(((key,), value) for key in ("schema", "made", "device", "watch", "service", "snapshot", "dump") for value in (5, [5])),
+    (("service", "rows"), [{"step": "find"}]), (("service", "rows"), 5), (("service", "steps"), {"find": 5}), (("service", "hints"), {"find": 5}),
+])  # fmt: skip
+def test_a_report_that_was_changed_is_refused(key: tuple[str, ...], value: object) -> None:
+    if not Path("r.html").exists():
+        served("exo", "fault=healthy")
+    found = place = data()
+    for one in key[:-1]:
+        place = place[one]
+    place[key[-1]] = value
+    Path("bad.html").write_text(f"<!DOCTYPE html><{PAGE_DATA}>{json.dumps(found)}</script>", encoding="utf-8")
+    for option in ("--resume", "--against"):
+        assert run("service", "fake://exo?clock=virtual", option, "bad.html", "--report", "new.html").code == 2
+    assert not Path("new.html").exists()
+
+
 def test_what_differs_from_an_older_report() -> None:
     served("hand", "fault=healthy", file="old.html")
     result = served("hand", "fault=locked-rotor&speed=700", "--against", "old.html")
     found = {row["name"]: (row["was"], row["is"]) for row in result.json["service"]["against"]["differences"]}
     assert found["check unhealthy"] == (None, "warning")
     assert data()["service"]["against"]["differences"]
+    assert not served("hand", "fault=healthy", "--skip", "dump", "--against", "old.html", "--force").json["service"][
+        "against"
+    ]["differences"]
+    assert run("hand", "report", "plain.html", "-p", "fake://hand?clock=virtual").code == 0
+    plain = served("hand", "fault=locked-rotor", "--against", "plain.html", "--force")
+    assert plain.json["service"]["against"]["differences"] == [], "it has neither settings nor checks"
     same = served("hand", "fault=healthy", "--against", "old.html", "--force")
     assert same.json["service"]["against"]["differences"] == []
 
@@ -272,6 +301,16 @@ def test_a_person_follows_or_does_not(answer: str, state: str) -> None:
     assert data()["service"]["next"]["state"] == state
 
 
+@each_row("question", ["status: ", "only reads"])
+def test_ctrl_c_at_a_question_leaves_a_report(question: str) -> None:
+    answers = ["", "", "", "", "s", "s", "y"]
+    link = "fake://ekso?clock=virtual&fault=clock-jump"
+    words = ("service", link, "--count", "5", "--report", "r.html")
+    Path("r.html").unlink(missing_ok=True)
+    assert person(*words, answers=answers, press=once(lambda seen: question in seen)).code == 130
+    assert data()["service"]["steps"]["doctor"]["state"] == "done"
+
+
 # -- practice -------------------------------------------------------------------------------------------------------
 
 
@@ -304,3 +343,14 @@ def test_a_trainee_types_a_number() -> None:
     number = list(load("exo", "remedies").PRACTICE).index(told["fault"]) + 1
     assert person("service", "--demo", "exo", "--seed", "3", *QUICK, answers=[str(number)]).code == 0
     assert person("service", "--demo", "exo", "--seed", "3", *QUICK, answers=["7"]).code == 7
+
+    def unsaid(seen: str) -> str:
+        assert "fault=" not in seen
+        return "silent"
+
+    seed = next(
+        str(seed)
+        for seed in range(99)
+        if random.Random(seed).choice(tuple(load("barrett", "remedies").PRACTICE)) == "silent"
+    )
+    assert person("service", "--demo", "barrett", "--seed", seed, *QUICK, answers=[unsaid]).code == 0

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from handctl.model.result import Table
 
 TRAITS = ("heading", "writes", "streams", "stops", "offline", "asks", "family")
-ALONE = ("sim", "completion", "batch", "shell")
+ALONE = ("sim", "completion", "batch", "shell", "service")
 """Commands that are no line of a batch."""
 
 

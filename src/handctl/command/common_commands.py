@@ -30,6 +30,7 @@ from handctl.command.options import (
     ending,
     export_options,
     log_options,
+    page_options,
     reads_option,
     scan_options,
     together,
@@ -215,10 +216,7 @@ def add_map_verbs(
         metavar="S",
         help="Record curves for S seconds (0: none).",
     )
-    @click.option(
-        "--include-ids", is_flag=True, help="Include serial numbers, pilot ids, and the replies that contain them."
-    )
-    @click.option("--force", is_flag=True, help="Replace FILE.html if it exists.")
+    @page_options
     def report(run: Run, file: str, watch: float, include_ids: bool, force: bool) -> Table:
         """Write one page for a service ticket: status, dump, findings, curves, bytes.
 

@@ -440,6 +440,13 @@ REPLY_WAIT = click.option(
     metavar="S",
     help="Listen for S seconds after the last byte.",
 )
+page_options = together(
+    click.option(
+        "--include-ids", is_flag=True, help="Include serial numbers, pilot ids, and the replies that contain them."
+    ),
+    click.option("--force", is_flag=True, help="Replace FILE.html if it exists."),
+)
+"""Of what writes a report."""
 ALWAYS = click.option("--always", is_flag=True, help="Write settings even if they already have this value.")
 LIMIT = click.option(
     "--limit",

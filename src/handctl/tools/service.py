@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from handctl.command.command_tree import Command
-from handctl.command.options import COMMAND_LINE, FiniteRange, InFile, OutFile, WholeRange, reads_option
+from handctl.command.options import COMMAND_LINE, FiniteRange, InFile, OutFile, WholeRange, page_options, reads_option
 from handctl.command.run import Run
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
@@ -60,10 +60,7 @@ STEPS = {
 )
 @reads_option
 @click.option("--follow", is_flag=True, help="Carry out the proposed step without asking, if it only reads.")
-@click.option(
-    "--include-ids", is_flag=True, help="Include serial numbers, pilot ids, and the replies that contain them."
-)
-@click.option("--force", is_flag=True, help="Replace FILE.html if it exists.")
+@page_options
 @click.option(
     "--demo",
     is_flag=False,

@@ -12,9 +12,9 @@ from handctl.command.run import Run
 from handctl.errors import CheckFailed, UsageError
 from handctl.families import FAMILIES
 from handctl.link.fake import meaning_of
-from handctl.model.checks import FAIL, OK, SKIPPED, WARNING, Check
+from handctl.model.checks import FAIL, OK, SKIPPED, Check
 from handctl.model.result import Row, Table
-from handctl.tools.service_steps import Service, Wishes
+from handctl.tools.service_steps import Service, Wishes, findings
 from handctl.wording import sentence
 
 MOST = 1_000_000
@@ -33,6 +33,7 @@ def practise(run: Run, kind: str, finding: str | None, seed: int | None, wishes:
     run.settings = run.settings._replace(
         port="&".join(filter(None, (f"fake://{kind}?fault={fault}&clock=virtual", practice[fault])))
     )
+    run.prompts.moving = False  # progress names the LINK, and that the fault
     return Demo(run, kind, wishes._replace(written=False), (fault, seed, faults, finding)).carried_out()
 
 
@@ -51,9 +52,8 @@ class Demo(Service):
         """Ask for the finding, and explain what it was."""
         prompts = self.run.prompts
         if self.finding is None and prompts.interactive:
-            for row in self.rows:
-                if row["status"] in (FAIL, WARNING):
-                    prompts.say(f"{row['step']}: {row['evidence']}")
+            for row in findings(self.rows):  # whose LINK would say which fault it is
+                prompts.say(f"{row['step']}: {row['evidence'].replace(self.run.link_name(), 'the device')}")
             for number, name in enumerate(self.faults, 1):
                 prompts.say(f"  {number}  {name}: {meaning_of(self.family, name)}")
             answer = prompts.text("Which fault does this device have? Type its number or name.")

@@ -11,7 +11,7 @@ import re
 import shlex
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import click
 
@@ -36,6 +36,7 @@ from handctl.tools.port_inventory import Machine
 from handctl.tools.scan import Scan, free_ports
 from handctl.wording import plural, sentence
 
+T = TypeVar("T")
 LONGEST = 400_000
 """Characters of recorded bytes in the report: `replay:` can play what is not left out, and `diff` reads a page of this size."""
 MOST_BYTES = 4_000_000
@@ -46,8 +47,11 @@ OF_LINE = frozenset(row[0] for row in CHECKS)
 """Checks of `doctor` that come before all that a device says of itself: a bad line makes that doubtful."""
 PARTS = {"status": "status", "diagnose": "checks", "dump": "dump"}
 """Step -> its part of the report's data."""
+WORST = f"{SKIPPED} {OK} {WARNING} {FAIL}"
+"""Each status behind those that are not as bad."""
 COLUMNS = (Column("step"), Column("check"), Column("status"), Column("evidence"), Column("remedy"))
 NOTHING = "Nothing was found. Keep the report, and run the service again while the fault shows."
+NO_STEP = "No finding has a next step of its own. Attach the report to the ticket."
 
 
 class Wishes(NamedTuple):
@@ -71,34 +75,33 @@ class Wishes(NamedTuple):
 
 
 def data_of(path: str) -> dict[str, Any]:
-    """The data of a report. Raises UsageError for any other file."""
+    """The data of a report. Raises UsageError for any other file, and for one that was changed by hand."""
     text = read_text(path, "a report", MOST_BYTES)
     try:
         found = json.loads(in_page(text, PAGE_DATA) or "null")
-    except (ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict) or found.get("schema") != DATA:
+        fits = found["schema"] == DATA and _whole(found)
+    except (AttributeError, KeyError, RecursionError, TypeError, ValueError):
+        fits = False
+    if not fits:
         raise UsageError(
             f"{path}: not a report of handctl", hint="give a file that `handctl service` or `report` wrote"
         )
-    return found
+    return found  # type: ignore[no-any-return]
 
 
-def _earlier(path: str) -> tuple[dict[str, Any], list[str]]:
-    """The service of an earlier report, and its recorded bytes. Raises UsageError."""
-    found = data_of(path)
-    service = found.get("service")
-    try:
-        assert isinstance(service, dict)
-        steps, rows, device = service["steps"], service["rows"], found["device"]["device"]
-        assert all(isinstance(steps[name]["state"], str) for name in steps)
-        assert all(isinstance(row[key], str) for row in rows for key in ("step", "check", "status", "evidence"))
-        assert isinstance(device, str)
-    except (AssertionError, KeyError, TypeError) as exc:
-        raise UsageError(
-            f"{path}: a report, but not of a service", hint="run `handctl service` without --resume"
-        ) from exc
-    return found, in_page(read_text(path, "a report", MOST_BYTES), "pre").splitlines()
+def _whole(data: dict[str, Any]) -> bool:
+    """Whether everything that is used of a report is of the kind that it should be. Raises what Python does where it is not."""
+    service = data.get("service", {"steps": {}, "rows": [], "hints": {}})
+    values = (data.get("snapshot") or {"values": {}})["values"]
+    texts = [data["made"], data["device"]["device"], *(step["state"] for step in service["steps"].values())]
+    texts += [row[key] for row in service["rows"] for key in ("step", "check", "status", "evidence")]
+    texts += [row["remedy"] or "" for row in service["rows"]]
+    texts += [text for pair in service["hints"].items() for text in pair]
+    texts += [str(row[key]) for row in data["watch"] for key in ("name", "min", "max")]
+    rows = [row for part in PARTS.values() for row in data.get(part, ())]
+    return all(isinstance(text, str) for text in texts) and all(
+        isinstance(one, dict) for one in (*rows, values, *service["rows"])
+    )
 
 
 class Service:
@@ -118,10 +121,8 @@ class Service:
         self.ended: Interrupted | None = None
         self.visit = Visit(run, ParamMap("unknown", ()), self._of_page, self.lines)
         self.machine = Machine()
-        self.heard, run.journal.on_message = (
-            run.journal.on_message,
-            None,
-        )  # what is said on the way is a row, and stands in the report
+        self.heard = run.journal.on_message
+        run.journal.on_message = None  # what is said on the way is a row, and stands in the report
         self.checks: Iterator[Check] = iter(())
 
     @property
@@ -133,7 +134,7 @@ class Service:
     def carried_out(self) -> Table:
         """All steps, and the report. Raises UsageError and OutputError, before anything is sent, for files that cannot be meant."""
         wishes, ask = self.wishes, self.run.prompts.text
-        before, recorded = _earlier(wishes.resume) if wishes.resume is not None else ({}, [])
+        before, recorded = self._earlier()
         old = data_of(wishes.against) if wishes.against is not None else None
         path = wishes.path or wishes.resume or time.strftime("service-%Y%m%d-%H%M%S.html")
         if wishes.written:
@@ -155,13 +156,23 @@ class Service:
         self.more["service"] = {**told, "steps": self.steps, "next": following, "report": None}
         return self._report(path, old, before)
 
+    def _earlier(self) -> tuple[dict[str, Any], list[str]]:
+        """The report that is continued, and its recorded bytes. Raises UsageError."""
+        if (path := self.wishes.resume) is None:
+            return {}, []
+        found = data_of(path)
+        if "service" not in found:
+            raise UsageError(f"{path}: a report, but not of a service", hint="run `handctl service` without --resume")
+        lines = in_page(read_text(path, "a report", MOST_BYTES), "pre").splitlines()
+        return found, [text for text in lines if not text.startswith("#   ")]  # what they mean is said again
+
     # -- steps --
 
     def step(self, name: str, action: Callable[[], Iterable[Check]]) -> None:
         """Carry one out: its rows, what it said, and the code of what went wrong. Nothing but a bug is raised."""
         run, visit = self.run, self.visit
         if name in self.wishes.steps and (self.ended is not None or not self.reached or visit.over):
-            self.steps[name] = {"state": "failed", "code": "interrupted" if self.ended is not None else "no-device"}
+            self.steps[name] = {"state": "failed", "code": "interrupted" if self.ended is not None else "not-reached"}
             return
         if name == "diagnose" and (run.family is None or run.family.checks is None):
             self.steps[name] = {"state": "skipped", "code": "no-diagnosis"}
@@ -173,6 +184,8 @@ class Service:
         errors: list[HandctlError] = []
         run.prompts.progress(f"{name}: {self.wishes.steps.get(name, 'looking for the device')}")
         try:
+            if name in self.wishes.steps and name != "doctor" and run.opened is None:
+                visit.connect()
             for check in action():
                 self._add(name, check)
         except HandctlError as exc:
@@ -201,10 +214,18 @@ class Service:
                 run.prompts.say(f"  {OK}: {plural(len(made), 'check')}")
 
     def _declined(self, name: str) -> bool:
-        return self.run.prompts.text(f"{name}: {self.wishes.steps[name]}. Enter starts it, s skips it.").casefold() in (
-            "s",
-            "skip",
+        answer = self._asked(
+            lambda: self.run.prompts.text(f"{name}: {self.wishes.steps[name]}. Enter starts it, s skips it.")
         )
+        return answer is None or answer.casefold() in ("s", "skip")
+
+    def _asked(self, question: Callable[[], T]) -> T | None:
+        """The answer; None for Ctrl-C, after which there is still a report."""
+        try:
+            return question()
+        except KeyboardInterrupt:
+            self.ended = Interrupted("interrupted")
+            return None
 
     def _add(self, step: str, check: Check) -> None:
         text = self.visit.privacy.text
@@ -218,7 +239,8 @@ class Service:
             return False
         self.steps[name] = {"state": "done", "code": None, "from": before["made"]}
         self.rows += [row for row in service["rows"] if row["step"] == name]
-        self.hints |= {key: hint for key, hint in service.get("hints", {}).items() if key == name}
+        wanted = (name, "line", "computer") if name == "doctor" else (name,)
+        self.hints |= {key: hint for key, hint in service["hints"].items() if key in wanted}
         data, part = self.visit.content.data, PARTS.get(name, "")
         rows = before.get(part)
         if isinstance(rows, list):
@@ -299,7 +321,6 @@ class Service:
 
     def status(self) -> Iterator[Check]:
         """Its findings are messages."""
-        self.visit.connect()
         table = self.visit.status(check=True)
         if table is not None:
             if isinstance(table.failure, CheckFailed):
@@ -309,8 +330,6 @@ class Service:
 
     def diagnose(self) -> Iterator[Check]:
         """Rows of the family; none where it has no diagnosis that reads alone."""
-        if self.run.opened is None:
-            self.visit.connect()
         table = self.visit.checks()
         for row in table.rows if table is not None else ():
             yield Check(row["check"], row["status"], row["evidence"], row.get("remedy") or "")
@@ -319,8 +338,6 @@ class Service:
 
     def watch(self) -> Iterator[Check]:
         """Errors, and the range of each value."""
-        if self.run.opened is None:
-            self.visit.connect()
         counters = self.run.journal.counters
         before = counters.retries, counters.bad_frames, counters.stray_bytes
         samples = self.visit.watch()
@@ -345,8 +362,6 @@ class Service:
     def dump(self) -> Iterator[Check]:
         """Every quantity, and a snapshot of what is kept."""
         visit, run = self.visit, self.run
-        if run.opened is None:
-            visit.connect()
         table = visit.dump()
         if table is None:
             return
@@ -377,7 +392,11 @@ class Service:
     def _next(self) -> Row:
         """Propose it, and carry it out where it only reads."""
         hint = self.proposal()
-        found: Row = {"text": sentence(hint) if hint else NOTHING, "command": None, "state": "proposed"}
+        found: Row = {
+            "text": sentence(hint) or (NO_STEP if findings(self.rows) else NOTHING),
+            "command": None,
+            "state": "proposed",
+        }
         run, named = self.run, re.search(r"`handctl ([^`]+)`", hint)
         if named is None or self.ended is not None:
             return found
@@ -397,7 +416,9 @@ class Service:
         found["command"] = shlex.join(["handctl", *words])
         if not one.leaf.only_reads or not self.reached:
             return found
-        if self.wishes.follow or run.offer(f"Next: {found['text']} `{found['command']}` only reads"):
+        if self.wishes.follow or self._asked(
+            lambda: run.offer(f"Next: {found['text']} `{found['command']}` only reads")
+        ):
             self.step("next", lambda: self._followed(Call(one.context, one.settings, one.leaf.family, False), one.leaf))
             found |= {"state": self.steps["next"]["state"], "rows": self.followed}
         return found
@@ -410,6 +431,8 @@ class Service:
         outcome = call.carry_out(leaf.body(call))
         call.end_device()
         table, failure = outcome.table, outcome.failure
+        if isinstance(failure, Interrupted):
+            self.ended = failure
         if failure is not None and not isinstance(failure, CheckFailed):
             raise failure
         rows = self.followed = table.rows if table is not None else []
@@ -472,30 +495,29 @@ def _in_full(following: Row) -> str:
 
 
 def differences(old: dict[str, Any], new: dict[str, Any]) -> list[Row]:
-    """What a report has otherwise than an older one: settings, and how its checks came out."""
+    """What a report has otherwise than an older one: settings, and how its checks came out. What only one of them looked at is none."""
 
-    def facts(data: dict[str, Any]) -> dict[str, Any]:
-        values = (data.get("snapshot") or {}).get("values", {})
-        worst: dict[str, str] = {}
-        for row in data.get("service", {}).get("rows", ()):
-            if row["status"] != SKIPPED and worst.get(row["check"]) != FAIL:
-                worst[row["check"]] = row["status"]
-        return {**values, **{f"check {name}": status for name, status in worst.items()}}
+    def settings(data: dict[str, Any]) -> dict[str, Any]:
+        return dict((data.get("snapshot") or {"values": {}})["values"])
 
-    was, now = facts(old), facts(new)
-    return [{"name": name, "was": was.get(name), "is": now.get(name)} for name in dict.fromkeys([*was, *now]) if was.get(name) != now.get(name)]  # fmt: skip
+    def checks(data: dict[str, Any]) -> dict[str, Any]:
+        worst = sorted(data.get("service", {}).get("rows", ()), key=lambda row: WORST.find(row["status"]))
+        return {f"check {row['check']}": row["status"] for row in worst}
+
+    found = []
+    for facts in (settings, checks):
+        was, now = facts(old), facts(new)
+        for name in dict.fromkeys([*was, *now]) if was and now else ():
+            both = name in was and name in now
+            if was.get(name) != now.get(name) and (both or {was.get(name), now.get(name)} & {WARNING, FAIL}):
+                found.append({"name": name, "was": was.get(name), "is": now.get(name)})
+    return found
 
 
 def _differing(against: dict[str, Any]) -> list[Grid]:
     lines = tuple((row["name"], str(row["was"]), str(row["is"])) for row in against["differences"])
-    return [
-        Grid(
-            ("Name", "Was", "Is"),
-            lines,
-            title=f"Compared with {against['made']}",
-            notes=() if lines else ("No difference",),
-        )
-    ]
+    notes = () if lines else ("No difference.",)
+    return [Grid(("Name", "Was", "Is"), lines, title=f"Compared with {against['made']}", notes=notes)]
 
 
 def view(rows: list[Row], steps: dict[str, Row]) -> Iterator[Grid]:

@@ -173,9 +173,9 @@ def tcp(transaction: int, pdu: bytes, unit: int = ANY_UNIT) -> bytes:
 
 
 def to_memory(data: bytes) -> bytes:
-    """Words, high half first -> bytes in the order of their addresses; and the other way round."""
-    swapped = bytearray(len(data))
-    swapped[0::2], swapped[1::2] = data[1::2], data[0::2]
+    """Words, high half first -> bytes in the order of their addresses; and the other way round. Half a word at the end stays."""
+    swapped, whole = bytearray(data), len(data) & ~1
+    swapped[0:whole:2], swapped[1:whole:2] = data[1:whole:2], data[0:whole:2]
     return bytes(swapped)
 
 
