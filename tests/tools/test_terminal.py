@@ -52,6 +52,7 @@ READS: list[tuple[str, str, str]] = [
     ("barrett", "", "FGET P"),
     ("barrett", "", "hex 56 45 52 53 0D"),
     ("aidin", "exchange=poll", "{}"),
+    ("aidin", "exchange=poll", " {}"),
     ("ekso", "", GET_TIME),
 ]
 
