@@ -11,9 +11,10 @@ from handctl.errors import UsageError
 from handctl.families import FAMILIES
 from handctl.tools import terminal
 from tests.contract.facts import facts_of, passed
-from tests.support.cli import run
+from tests.support.cli import Simulator, run
 from tests.support.each_row import each_row
 from tests.support.person import person
+from tests.support.terminal import Terminal
 
 WRITE, READ = "EB 90 01 05 12 D4 05 2C 01 1E", "EB 90 01 04 11 E8 03 01 02"
 GET_TIME, SET_VALUE = "96 00 00 01 75 E7", "9B 04 00 01 00 01 00 0F 8A EC"
@@ -51,6 +52,7 @@ READS: list[tuple[str, str, str]] = [
     ("barrett", "", "FGET P"),
     ("barrett", "", "hex 56 45 52 53 0D"),
     ("aidin", "exchange=poll", "{}"),
+    ("aidin", "exchange=poll", " {}"),
     ("ekso", "", GET_TIME),
 ]
 
@@ -224,3 +226,39 @@ def _hex(line: str) -> list[bytes]:
 def test_what_is_no_can_frame(text: str) -> None:
     result = run("wrist", "terminal", text or " ", "-p", "fake://wrist?bus=can&clock=virtual")
     assert result.code == UsageError.exit_code
+
+
+# -- on a real terminal -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.real
+def test_lines_are_typed_on_a_terminal() -> None:
+    """What the device says is shown while nothing is typed; Ctrl-C stops what was set going."""
+    with (
+        Simulator("--pty", "--set", "initialized=1", kind="barrett") as simulator,
+        Terminal("barrett", "terminal", "-p", simulator.link) as typed,
+    ):
+        typed.until("Ctrl-D ends")
+        typed.send("FGET P\n")
+        typed.until("FGET P: read position")
+        typed.until("position ")
+        typed.send("FSAVE\n")
+        typed.until("Go on?")
+        typed.send("n\n")
+        typed.until("Not confirmed")
+        typed.send("1M 15000\n")
+        typed.until("1M 15000: move")
+        typed.send("\x03")
+        assert typed.finish() == 130
+        assert "motor power is off" in " ".join(typed.text.split())
+
+
+@pytest.mark.real
+def test_ctrl_d_ends_the_terminal() -> None:
+    with (
+        Simulator("--pty", kind="exo") as simulator,
+        Terminal("exo", "terminal", "-p", simulator.link) as typed,
+    ):
+        typed.until("Ctrl-D ends")
+        typed.send("\x04")
+        assert typed.finish() == 0

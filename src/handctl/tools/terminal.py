@@ -86,8 +86,8 @@ class Keyboard:
     def sent(self, typed: Typed) -> None:
         """These bytes have gone out."""
         if not self._can:
-            *_, last = explainer_of(self._kind).decode(typed.whole, HOST)
-            self._begun = b"" if last.frame else last.raw[-LONGEST:]
+            pieces = explainer_of(self._kind).decode(typed.whole, HOST)
+            self._begun = b"" if not pieces or pieces[-1].frame else pieces[-1].raw[-LONGEST:]
 
     def _parsed(self, text: str) -> tuple[bytes, int | None]:
         if self._end is not None and not text.startswith("hex "):
