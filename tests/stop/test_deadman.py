@@ -60,6 +60,7 @@ ENDED = {
     "aidin stop": STOPS,
     **dict.fromkeys(("devices add", "devices remove", "completion"), HERE),
     "stop": STOPS,
+    "prove": "its movement is that of torque-open, which is driven; a value that it did not put back is volatile",
     **dict.fromkeys(("batch", "shell"), LINES),
     **dict.fromkeys(("exo stop", "hand stop", "wrist stop", "ekso stop"), STOPS),
     **{f"{family} {name}": why for family in FAMILIES for name, why in (facts_of(family).ends or {}).items()},

@@ -40,12 +40,13 @@ def own(leaf: Leaf, kind: type) -> list[click.Parameter]:
 def command_line(leaf: Leaf, paths: dict[str, str]) -> list[str]:
     """The words of a command with these files, and something for whatever else it requires."""
     words = list(leaf.words)
+    arguments = [param.name for param in leaf.command.params if isinstance(param, click.Argument)]
     for param in leaf.command.params:
         name = param.name or ""
         if isinstance(param, click.Argument):
             if name in paths:
                 words.append(paths[name])
-            elif param.required:
+            elif param.required or set(arguments[arguments.index(name) :]) & set(paths):  # the file comes behind it
                 other = isinstance(param.type, InFile | OutFile)
                 choices = param.type.choices if isinstance(param.type, click.Choice) else ()
                 words += [paths["other"] if other else choices[0] if choices else "x=1"] * max(param.nargs, 1)
