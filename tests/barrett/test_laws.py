@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from handctl.devices.barrett.realtime.laws import FUNCTIONS, Known, Rules
-from handctl.devices.barrett.realtime.schedule import Controls
+from handctl.devices.barrett.realtime.schedule import COLUMNS, Controls, Live
 from handctl.errors import CheckFailed, UsageError
 from tests.barrett.commands import fake
 from tests.support.cli import Result, run, spying
@@ -238,3 +238,13 @@ def test_a_value_of_another_source_is_refused() -> None:
     rules = Rules(["velocity.F1 = 1"], None, BOTH, columns=False)
     with pytest.raises(UsageError):
         rules.over(Controls({0: ("velocity",), 1: ()}, {}))
+
+
+def test_a_source_that_has_fallen_silent_stops_the_laws() -> None:
+    """Live lines are valid for 1 s: what a law makes of old ones is no command either."""
+    rules = Rules(["velocity.F1 = target"], None, BOTH, columns=True)
+    source = Live({0: (), 1: ("velocity",), COLUMNS: ("target",)}, iter([(None, {(COLUMNS, "target"): 30.0})]), {})
+    controls = rules.over(source)
+    assert controls is not None and rules.columns == {"target"}
+    assert controls.at(0.5) == {0: {"velocity": 30}, 1: {"velocity": 0}}
+    assert controls.at(1.5) == {0: {"velocity": 0}, 1: {"velocity": 0}}
