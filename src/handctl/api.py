@@ -168,7 +168,6 @@ class Stream(Iterator[Rows]):
         self, samples: Iterator[list[Row]], kind: str, table: Table | None, failure: Callable[[], HandctlError | None]
     ) -> None:
         self._samples, self._kind, self._table, self._failure = samples, kind, table, failure
-        self._over = False
 
     def __enter__(self) -> Stream:
         return self
@@ -180,16 +179,11 @@ class Stream(Iterator[Rows]):
         try:
             return Rows(next(self._samples))
         except HandctlError as exc:
-            self._over = True
             raise told(exc, self._kind) from None
-        except BaseException:
-            self._over = True
-            raise
 
     def close(self) -> None:
         """End it, and leave the device. Raises what the command would have ended with."""
-        if isinstance(self._samples, Generator) and not self._over:
-            self._over = True
+        if isinstance(self._samples, Generator) and getattr(self._samples, "gi_frame", None) is not None:
             self._samples.close()
             if (failure := self._failure()) is not None:
                 raise told(failure, self._kind)

@@ -403,7 +403,7 @@ ROWS = (
         "handctl.api",
         "Stream.close",
         "if (failure := self._failure()) is not None:",
-        "if (failure := self._failure()) is not None and not self._over:",
+        "if (failure := self._failure()) is not None and failure.exit_code == 1:",
         "tests/barrett/test_step.py::test_a_stop_that_failed_is_raised_at_its_end",
     ),
     mistake(

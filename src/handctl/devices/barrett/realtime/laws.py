@@ -10,14 +10,13 @@ from __future__ import annotations
 import ast
 import math
 import operator
-import re
 import warnings
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.realtime.blocks import CONTROL, LIMITS, Feedback, Layout, Values, still
-from handctl.devices.barrett.realtime.schedule import ALIASES, COLUMNS, Controls
+from handctl.devices.barrett.realtime.schedule import ALIASES, COLUMNS, Controls, targets
 from handctl.errors import CheckFailed, UsageError
 
 NAMES = {"P": "position", "V": "velocity", "S": "strain", "D": "delta"}
@@ -116,40 +115,32 @@ class Expression:
         return UsageError(f"{self.where}, column {self._offset + column + 1}: {what}", hint=hint, code="law")
 
     def _tree(self, text: str) -> ast.expr:
-        odd = next((place for place, c in enumerate(text) if not " " <= c <= "~"), None)
-        if odd is not None or len(text) > LONGEST:
-            place = LONGEST if odd is None else odd
-            raise self._error(
-                place, "only printable ASCII can be used" if odd is not None else "is too long", "shorten it"
-            )
+        place = next((place for place, c in enumerate(text) if place >= LONGEST or not " " <= c <= "~"), None)
+        if place is not None:
+            raise self._error(place, f"expected no more than {LONGEST} printable ASCII characters", "shorten it")
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 return ast.parse(text, mode="eval").body
         except SyntaxError as exc:
             place = exc.offset - 1 if exc.offset else len(text)
-            raise self._error(place, f"{exc.msg}", "expected a formula such as (9000 - P.F1)/20") from None
-        except (RecursionError, MemoryError):
-            raise self._error(0, "is nested too deeply", "use fewer brackets") from None
+            raise self._error(place, exc.msg, "expected a formula such as (9000 - P.F1)/20") from None
 
     def _compiled(self, node: ast.expr) -> Value:
         match node:
-            case ast.Constant(value=bool() | str() | bytes() | None):
-                pass
-            case ast.Constant(value=int() | float() as number):
-                return self._constant(node, number)
-            case ast.BinOp(op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div() as op):
-                do, left, right = OPERATORS[type(op)], self._compiled(node.left), self._compiled(node.right)
-                return lambda known: do(left(known), right(known))
-            case ast.UnaryOp(op=ast.USub() | ast.UAdd() | ast.Not() as sign):
-                do, inner = OPERATORS[type(sign)], self._compiled(node.operand)
+            case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+                value = float(number)
+                return lambda known: value
+            case ast.BinOp(left=one, op=op, right=two) | ast.Compare(left=one, ops=[op], comparators=[two]):
+                if type(op) in OPERATORS:
+                    do, left, right = OPERATORS[type(op)], self._compiled(one), self._compiled(two)
+                    return lambda known: do(left(known), right(known))
+            case ast.UnaryOp(op=op, operand=one) if type(op) in OPERATORS:
+                do, inner = OPERATORS[type(op)], self._compiled(one)
                 return lambda known: do(inner(known))
             case ast.BoolOp():
                 parts, both = [self._compiled(part) for part in node.values], isinstance(node.op, ast.And)
                 return lambda known: (all if both else any)(part(known) for part in parts)
-            case ast.Compare(ops=[op]) if type(op) in OPERATORS:
-                do, left, right = OPERATORS[type(op)], self._compiled(node.left), self._compiled(node.comparators[0])
-                return lambda known: do(left(known), right(known))
             case ast.Call(func=ast.Name(id=name), keywords=[]):
                 return self._call(node, name)
             case ast.Name(id=name):
@@ -159,28 +150,14 @@ class Expression:
         known = ", ".join(FUNCTIONS)
         raise self._error(node.col_offset, "this cannot be used", f"use + - * / comparisons, {EXPECTED}, and {known}")
 
-    def _constant(self, node: ast.expr, number: float) -> Value:
-        try:
-            value = float(number)
-        except OverflowError:
-            value = math.inf
-        if not math.isfinite(value):
-            raise self._error(node.col_offset, "this number is too large", "use a smaller number")
-        return lambda known: value
-
     def _call(self, node: ast.Call, name: str) -> Value:
         if name not in FUNCTIONS:
             raise self._error(node.col_offset, f"there is no function {name!r}", f"use {', '.join(FUNCTIONS)}")
         do, least, most = FUNCTIONS[name]
         if not least <= len(node.args) <= most:
-            takes = str(least) if least == most else f"{least} to {most}"
-            raise self._error(
-                node.col_offset, f"{name} takes {takes} values, not {len(node.args)}", "give it as many as it takes"
-            )
+            takes = f"{name} takes {least}{'' if least == most else f' to {most}'} values"
+            raise self._error(node.col_offset, takes, "give it as many as it takes")
         parts = [self._compiled(part) for part in node.args]
-        if len(parts) == 1:
-            (only,) = parts
-            return lambda known: do(only(known))
         return lambda known: do(*[part(known) for part in parts])
 
     def _name(self, node: ast.expr, name: str) -> Value:
@@ -194,9 +171,7 @@ class Expression:
                 raise self._error(node.col_offset, f"{name} of which motor?", f"write {name}.F1")
             return self._of_motor(node, name, MOTORS[self._own])
         if not self._columns:
-            raise self._error(
-                node.col_offset, f"unknown name {name!r}", f"use {EXPECTED}. Columns need a file in --control"
-            )
+            raise self._error(node.col_offset, f"unknown name {name!r}", f"use {EXPECTED}. Columns need --control")
         self.columns.add(name)
         return lambda known: known.columns[name]
 
@@ -234,33 +209,28 @@ class Laws(Controls):
     live = True
     follows = True
 
-    def __init__(self, laws: Sequence[Law], known: Known, motors: Sequence[int], source: Controls | None) -> None:
+    def __init__(self, laws: Sequence[Law], known: Known, source: Controls) -> None:
         self._laws, self._known, self._source = laws, known, source
-        given = source.carries if source is not None else {}
-        lawful = {(law.motor, law.name) for law in laws}
-        self.carries = {
-            index: tuple(name for name in CONTROL if (index, name) in lawful or name in given.get(index, ()))
-            for index in motors
-        }
-        for law in laws:
-            if law.name in given.get(law.motor, ()):
+        carried = {(index, name) for index, names in source.carries.items() for name in names}
+        for index, name, expression in laws:
+            if (index, name) in carried:
                 raise UsageError(
-                    f"{law.expression.where}: {law.name}.{MOTORS[law.motor]} has another value as well",
-                    hint=f"give it by --law, or by --{law.name}, --control and --send, not by both",
+                    f"{expression.where}: {name}.{MOTORS[index]} has another value as well",
+                    hint=f"leave out one of the laws, --{name}, or its column in --control",
                 )
-            for index, name in law.expression.sent:
-                if name not in self.carries[index]:
-                    raise UsageError(
-                        f"{law.expression.where}: {name}.{MOTORS[index]} is not sent",
-                        hint=f"add --{name}, or a law for it",
-                    )
+            carried.add((index, name))
+        for index, name in set().union(*(law.expression.sent for law in laws)) - carried:
+            hint = f"add --{name}, or a law for it"
+            raise UsageError(f"{name}.{MOTORS[index]} is not sent, but a law uses it", hint=hint)
+        motors = [index for index in source.carries if index != COLUMNS]
+        self.carries = {index: tuple(name for name in CONTROL if (index, name) in carried) for index in motors}
 
     @property
     def first(self) -> Values:
         """What it is like: the values are known only in the loop."""
-        given: Values = self._source.first if self._source is not None else {}
+        given = self._source.first
         return {
-            index: {name: given.get(index, {}).get(name, int(name == "gain")) for name in names}
+            index: {name: given[index].get(name, int(name == "gain")) for name in names}
             for index, names in self.carries.items()
         }
 
@@ -268,54 +238,39 @@ class Laws(Controls):
         return LIMITS["velocity"]
 
     def at(self, seconds: float) -> Values | None:
-        known, given = self._known, {} if self._source is None else self._source.at(seconds)
+        given = self._source.at(seconds)
         if given is None:
             return None
-        known.columns = given.get(COLUMNS, {})
-        values = {index: dict(given.get(index, {})) for index in self.carries}
+        self._known.columns = given.get(COLUMNS, {})
+        values = {index: dict(given[index]) for index in self.carries}
         for law in self._laws:
-            values[law.motor][law.name] = law.value(known)
-        return still(values) if self._source is not None and self._source.silent else values
+            values[law.motor][law.name] = law.value(self._known)
+        return still(values) if self._source.silent else values
 
 
 class Rules:
-    """The laws and the end that a person gave, in their texts. Raises UsageError."""
+    """The laws and the end that a person gave, in their texts. Raises UsageError.
+
+    needs    (motor index, name) of the feedback without which they could not be told
+    columns  that the control file must have for them
+    """
 
     def __init__(self, laws: Sequence[str], until: str | None, motors: Sequence[int], *, columns: bool) -> None:
         self.known = Known()
-        self.texts = tuple(laws)
         self._motors = motors
         self._laws = [law for text in laws for law in _laws_in(text, motors, columns=columns)]
         self._until = Expression(until, f"--until {until}", motors, columns=columns) if until is not None else None
-        seen: set[tuple[int, str]] = set()
-        for law in self._laws:
-            if law[:2] in seen:
-                raise UsageError(
-                    f"{law.expression.where}: {law.name}.{MOTORS[law.motor]} has two laws", hint="leave one of them out"
-                )
-            seen.add(law[:2])
         if self._until is not None and not self._until.truth:
-            raise UsageError(
-                f"{self._until.where}: expected a comparison", hint="compare two values, such as abs(P.F1 - 9000) < 50"
-            )
-
-    @property
-    def _all(self) -> list[Expression]:
-        return [*(law.expression for law in self._laws), *([self._until] if self._until is not None else [])]
-
-    @property
-    def needs(self) -> frozenset[tuple[int, str]]:
-        """(motor index, name) of the feedback without which they could not be told."""
-        return frozenset().union(*(one.needs for one in self._all))
-
-    @property
-    def columns(self) -> Collection[str]:
-        """Further columns that the control file must have."""
-        return frozenset().union(*(one.columns for one in self._all))
+            hint = "compare two values, such as abs(P.F1 - 9000) < 50"
+            raise UsageError(f"{self._until.where}: expected a comparison", hint=hint)
+        every = [*(law.expression for law in self._laws), *([self._until] if self._until is not None else [])]
+        self.needs: frozenset[tuple[int, str]] = frozenset().union(*(one.needs for one in every))
+        self.columns: frozenset[str] = frozenset().union(*(one.columns for one in every))
 
     def over(self, source: Controls | None) -> Controls | None:
         """The control values, with the laws."""
-        return Laws(self._laws, self.known, self._motors, source) if self._laws else source
+        nothing = Controls(dict.fromkeys(self._motors, ()), {})
+        return Laws(self._laws, self.known, source or nothing) if self._laws or self.columns else source
 
     def met(self) -> str:
         """What ends the loop, "" = nothing yet. Raises CheckFailed."""
@@ -324,22 +279,8 @@ class Rules:
 
 def _laws_in(text: str, motors: Sequence[int], *, columns: bool) -> list[Law]:
     where = f"--law {text}"
-    found = re.match(r"\s*(\w+)\s*(?:\.\s*(\w+)\s*)?=(?!=)", text)
-    if found is None or found[1] not in CONTROL:
-        raise UsageError(
-            f"{where}, column 1: expected velocity.MOTOR = or gain.MOTOR =",
-            hint="write it as velocity.F1 = clamp((9000 - P.F1)/20, -40, 40)",
-            code="law",
-        )
-    index = ALIASES.get(found[2].upper(), -1) if found[2] else None
-    if index is not None and index not in motors:
-        raise UsageError(
-            f"{where}, column {found.start(2) + 1}: {found[2]} is not one of the loop's motors",
-            hint=f"use one of {', '.join(MOTORS[one] for one in motors)}",
-            code="law",
-        )
-    rest = text[found.end() :]
-    return [
-        Law(one, found[1], Expression(rest, where, motors, one, offset=found.end(), columns=columns))
-        for one in (motors if index is None else (index,))
-    ]
+    key, _, rest = text.partition("=")
+    name, which = targets(key.strip(), motors, f"{where}, column 1")
+    if name == "t":
+        raise UsageError(f"{where}, column 1: expected velocity.MOTOR or gain.MOTOR", hint="t is the time")
+    return [Law(one, name, Expression(rest, where, motors, one, offset=len(key) + 1, columns=columns)) for one in which]

@@ -16,7 +16,8 @@ import math
 import os
 import sys
 from collections import deque
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import chain, islice
 from typing import Any
 
@@ -29,6 +30,7 @@ from handctl.system import clock, disk
 from handctl.system.waits import gives
 
 Change = dict[tuple[int, str], Any]
+Timed = tuple[float | None, Change]
 COLUMNS = -1
 """In place of a motor: the columns that only laws use."""
 MOST_ROWS = 100_000
@@ -79,15 +81,11 @@ class Controls:
         for name, given in values.items():
             carrying = [index for index, names in self.carries.items() if name in names]
             if not carrying:
-                raise UsageError(
-                    f"{name} is not sent",
-                    hint=f"add {name} to --send" if name in CONTROL else f"use {' or '.join(CONTROL)}",
-                )
-            if isinstance(given, Mapping):
-                text = ",".join(f"{motor}={value}" for motor, value in given.items())
-            else:
-                text = str(given) if isinstance(given, str | int | float) else ",".join(map(str, given))
-            change |= constant(text, name, carrying)
+                hint = f"add {name} to --send" if name in CONTROL else f"use {' or '.join(CONTROL)}"
+                raise UsageError(f"{name} is not sent", hint=hint)
+            several = [f"{key}={value}" for key, value in given.items()] if isinstance(given, Mapping) else given
+            text = several if isinstance(several, str | int | float) else ",".join(map(str, several))
+            change |= constant(str(text), name, carrying)
         self._apply(change)
         self.live = True
 
@@ -128,9 +126,7 @@ class Live(Controls):
     live = True
     stale = 1.0
 
-    def __init__(
-        self, carries: Mapping[int, Sequence[str]], rows: Iterator[tuple[float | None, Change]], start: Change
-    ) -> None:
+    def __init__(self, carries: Mapping[int, Sequence[str]], rows: Iterator[Timed], start: Change) -> None:
         super().__init__(carries, {**start, **next(rows)[1]})
         self._rows = rows
         self._arrived: deque[Change | UsageError | None] = deque()
@@ -193,22 +189,21 @@ def parse(
     first = next(numbered, None)
     if first is None:
         raise UsageError(f"{where}: no rows", hint="begin with a header such as t,velocity.F1, then rows of numbers")
+    row = partial(_row, motors, columns)
     if first[1].lstrip().startswith("{"):
-        rows = _json_rows(chain([first], numbered), where, motors, columns)
+        rows = _json_rows(chain([first], numbered), where, row)
     else:
-        rows = _csv_rows(first, numbered, where, motors, columns)
+        rows = _csv_rows(first, numbered, where, row)
     if (head := next(rows, None)) is None:
         raise UsageError(f"{where}: a header, but no rows", hint="add rows of numbers below the header")
     time, change = head
     rows = chain([head], rows)
     carried = {index: tuple(n for n in CONTROL if (index, n) in {**start, **change}) for index in motors}
-    if missing := [name for name in columns if (COLUMNS, name) not in change]:
-        raise UsageError(
-            f"{where}: no column {missing[0]!r} in the first row, but a law uses it",
-            hint="add the column, or correct its name in --law or --until",
-        )
-    if columns:
-        carried[COLUMNS] = tuple(columns)
+    for name in columns:
+        if (COLUMNS, name) not in change:
+            hint = "add the column, or correct its name in --law or --until"
+            raise UsageError(f"{where}: no column {name!r} in the first row, but a law uses it", hint=hint)
+    carried |= {COLUMNS: tuple(columns)} if columns else {}
     rows = _steady(rows, carried, timed=time is not None, where=where)
     if time is None:
         return Live(carried, rows, start)
@@ -220,9 +215,7 @@ def parse(
     return Schedule(carried, timed, start)
 
 
-def _steady(
-    rows: Iterator[tuple[float | None, Change]], carried: Mapping[int, Sequence[str]], *, timed: bool, where: str
-) -> Iterator[tuple[float | None, Change]]:
+def _steady(rows: Iterator[Timed], carried: Mapping[int, Sequence[str]], *, timed: bool, where: str) -> Iterator[Timed]:
     """The same rows, checked against the first: times rise, and nothing new appears."""
     last = 0.0
     for number, (time, change) in enumerate(rows, 1):
@@ -251,12 +244,10 @@ def _csv_rows(
     header: tuple[int, str],
     lines: Iterable[tuple[int, str]],
     where: str,
-    motors: Sequence[int],
-    columns: Collection[str],
-) -> Iterator[tuple[float | None, Change]]:
+    row: Callable[[Mapping[str, Any], str], Timed],
+) -> Iterator[Timed]:
     names = [name.strip() for name in _fields(header[1], f"{where}: line {header[0]}")]
-    for name in names:
-        _targets(name, motors, columns, f"{where}: line {header[0]}")
+    row(dict.fromkeys(names, 0), f"{where}: line {header[0]}")  # each name is known, whatever its values
     for number, line in lines:
         fields = _fields(line, f"{where}: line {number}")
         if len(fields) != len(names):
@@ -264,10 +255,8 @@ def _csv_rows(
                 f"{where}: line {number}: {len(fields)} field{'s' * (len(fields) != 1)}, the header has {len(names)}",
                 hint="give each line as many fields as the header has",
             )
-        yield _row(
-            {name: field.strip() for name, field in zip(names, fields, strict=True) if field.strip()},
-            motors, columns, f"{where}: line {number}",
-        )  # fmt: skip
+        given = {name: field.strip() for name, field in zip(names, fields, strict=True) if field.strip()}
+        yield row(given, f"{where}: line {number}")
 
 
 def _fields(line: str, where: str) -> list[str]:
@@ -280,8 +269,8 @@ def _fields(line: str, where: str) -> list[str]:
 
 
 def _json_rows(
-    lines: Iterable[tuple[int, str]], where: str, motors: Sequence[int], columns: Collection[str]
-) -> Iterator[tuple[float | None, Change]]:
+    lines: Iterable[tuple[int, str]], where: str, row: Callable[[Mapping[str, Any], str], Timed]
+) -> Iterator[Timed]:
     import json
 
     for number, line in lines:
@@ -291,31 +280,28 @@ def _json_rows(
             raise UsageError(f"{where}: line {number} is not JSON: {exc}", hint=ONE_OBJECT) from exc
         if not isinstance(found, dict):
             raise UsageError(f"{where}: line {number} is not a JSON object", hint=ONE_OBJECT)
-        yield _row({str(name): value for name, value in found.items()}, motors, columns, f"{where}: line {number}")
+        yield row({str(name): value for name, value in found.items()}, f"{where}: line {number}")
 
 
-def _row(
-    fields: Mapping[str, Any], motors: Sequence[int], columns: Collection[str], where: str
-) -> tuple[float | None, Change]:
+def _row(motors: Sequence[int], columns: Collection[str], fields: Mapping[str, Any], where: str) -> Timed:
     time: float | None = None
     change: Change = {}
     for key, value in fields.items():
         if key == "t":
             time = _seconds(value, where)
-            continue
-        name, targets = _targets(key, motors, columns, where)
-        for index in targets:
-            change[(index, name)] = _number(value, name, where) if index == COLUMNS else _whole(value, name, where)
+        elif key in columns:
+            change[(COLUMNS, key)] = _number(value, key, where)
+        else:
+            name, which = targets(key, motors, where)
+            change.update({(index, name): _whole(value, name, where) for index in which})
     return time, change
 
 
-def _targets(key: str, motors: Sequence[int], columns: Collection[str], where: str) -> tuple[str, list[int]]:
-    """``velocity.F1`` -> ("velocity", [0]); ``velocity`` -> all of `motors`; ``t`` -> ("t", []); of `columns` [COLUMNS]."""
+def targets(key: str, motors: Sequence[int], where: str) -> tuple[str, list[int]]:
+    """``velocity.F1`` -> ("velocity", [0]); ``velocity`` -> all of `motors`; ``t`` -> ("t", []). Raises UsageError."""
     name, dot, who = key.partition(".")
     if key == "t":
         return key, []
-    if key in columns:
-        return key, [COLUMNS]
     if name not in CONTROL:
         raise UsageError(
             f"{where}: {key!r} is not a control value",
