@@ -62,6 +62,7 @@ ENDED = {
     "stop": STOPS,
     "prove": "its movement is that of torque-open, which is driven; a value that it did not put back is volatile",
     **dict.fromkeys(("batch", "shell"), LINES),
+    **{f"{family} terminal": "from a line that may move the device on, it is guarded as a movement is" for family in FAMILIES},
     **dict.fromkeys(("exo stop", "hand stop", "wrist stop", "ekso stop"), STOPS),
     **{f"{family} {name}": why for family in FAMILIES for name, why in (facts_of(family).ends or {}).items()},
 }  # fmt: skip

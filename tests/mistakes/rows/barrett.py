@@ -354,7 +354,7 @@ ROWS = (
     mistake(
         "barrett-plan-does-not-say-what-moves",
         "question skipped",
-        "handctl.devices.barrett.cli",
+        "handctl.devices.barrett.device",
         "step_of",
         "return Step(text, encode(text), moves=kind.moves, strands=bool(kind.question))",
         "return Step(text, encode(text), strands=bool(kind.question))",

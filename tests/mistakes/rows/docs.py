@@ -64,8 +64,8 @@ ROWS = (
         LIES,
         "src/handctl/guides/safety.md",
         "",
-        "| `ekso` | `set`, `restore` | `stop`, `cancel` |",
-        "| `ekso` | `set` | `restore`, `stop`, `cancel` |",
+        "| `ekso` | `set`, `terminal`, `restore` | `stop`, `cancel` |",
+        "| `ekso` | `set`, `terminal` | `restore`, `stop`, `cancel` |",
         "tests/docs/test_asking.py::test_a_command_asks_or_begins_as_the_table_says",
     ),
     mistake(

@@ -206,7 +206,7 @@ ROWS = (
         "byte order",
         MODBUS,
         "to_memory",
-        "swapped[0::2], swapped[1::2] = data[1::2], data[0::2]",
+        "swapped[0:whole:2], swapped[1:whole:2] = data[1:whole:2], data[0:whole:2]",
         "swapped[:] = data",
         "tests/inspire/test_rh56_hostile.py::test_the_echo_of_a_write_is_not_its_acknowledgement",
         "tests/inspire/test_rh56_host.py::test_bytes_that_come_one_to_a_register_are_taken_so",

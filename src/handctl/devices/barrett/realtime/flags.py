@@ -105,7 +105,7 @@ def prepare(
     shown = {index: _selection(wanted, index).feedback for index in flag_request.motors}
     temperature = bool(wanted["LFT", 0])
     for index, name in flag_request.needs:
-        if name != "position" or not wanted["LFDP", index]:
+        if name != "position" or "delta" not in shown[index]:  # which gives positions, too
             wanted["LFT" if name == "temperature" else FEEDBACK[name], index] = 1
     _refuse_zero(wanted, flag_request.motors, sends=controls is not None)
     for index in driven:
