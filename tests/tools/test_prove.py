@@ -102,12 +102,17 @@ def healthy(family: str) -> dict[str, Any]:
 
 @each_row("family,said,fact,value,words", CHANGED)
 def test_a_change_of_the_simulator_is_found(
-    family: str, said: str, fact: str, value: object, words: tuple[str, ...]
+    family: str, said: str, fact: str, value: object, words: tuple[str, ...], tmp_path: Path
 ) -> None:
-    result = prove(family, said, *words)
-    assert result.code == 0, result.err
-    assert shown(result)[fact] == value
+    """And a simulator with these facts shows the same ones."""
+    path = tmp_path / "facts.json"
+    original = facts(family, said, path, *words)["facts"]
+    found = {name: one["value"] for name, one in original.items() if one["value"] is not None}
+    assert found[fact] == value
     assert healthy(family).get(fact) != value, "the simulator shows that without the option as well"
+    state = "&".join(pair for pair in said.split("&") if pair[:5] in ("baud=", "initi", "postu", "bus=c"))
+    twin = shown(prove(family, f"{state}&facts={path}".lstrip("&"), *words))
+    assert twin == found | {name: seen for name, seen in twin.items() if name == "reply-time"}
 
 
 ODD = [fault for fault in LINE_FAULTS if fault != "healthy"]
@@ -115,9 +120,17 @@ ARRIVES = {"reply-time": ("dribble", "split", "slow"), "rate": ("silent", "slow"
 """What is measured as it arrives, and the faults that change when or whether it does: then it is no false fact."""
 
 
+QUIETER = {"aidin": "rate=25&"}
+"""It streams while it is looked at: a quarter of its objects shows the same."""
+
+
 @pytest.mark.parametrize(
     ("family", "said"),
-    [*((family, "") for family in FAMILIES), ("aidin", "exchange=poll&"), ("ekso", "posture=sitting&")],
+    [
+        *((family, QUIETER.get(family, "")) for family in FAMILIES),
+        ("aidin", "exchange=poll&"),
+        ("ekso", "posture=sitting&"),
+    ],
 )
 def test_an_odd_line_gives_no_false_fact(family: str, said: str) -> None:
     true, wrong = shown(prove(family, said)), []
@@ -285,21 +298,6 @@ def test_what_moves_asks_and_ends_at_what_the_hand_refuses() -> None:
 
 
 # -- the twin -------------------------------------------------------------------------------------------------------------
-
-
-@each_row("family,said,fact,value,words", CHANGED)
-def test_a_simulator_with_the_facts_shows_the_same_facts(
-    family: str, said: str, fact: str, value: object, words: tuple[str, ...], tmp_path: Path
-) -> None:
-    path, state = (
-        tmp_path / "facts.json",
-        "&".join(pair for pair in said.split("&") if pair[:5] in ("baud=", "initi", "postu", "bus=c")),
-    )
-    original = facts(family, said, path, *words)["facts"]
-    twin = shown(prove(family, f"{state}&facts={path}".lstrip("&"), *words))
-    assert twin == {name: one["value"] for name, one in original.items() if one["value"] is not None} | {
-        name: value for name, value in twin.items() if name == "reply-time"
-    }
 
 
 def test_a_twin_counts_its_facts_and_refuses_those_of_another(tmp_path: Path) -> None:
