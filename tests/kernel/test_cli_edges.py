@@ -59,7 +59,7 @@ def test_a_bug_of_ours_lets_the_link_and_its_lock_go(
         raise ZeroDivisionError("oops")
 
     kept: list[Any] = []
-    monkeypatch.setattr(get_set_watch, "get", broken)
+    monkeypatch.setattr(get_set_watch, "bounds_of", broken)
     result = run("exo", "get", "id", "-p", link, "--json")
     assert (result.code, result.error["code"]) == (1, "internal")
     connection, _ = server.accept()

@@ -46,7 +46,7 @@ def stop(link: Any) -> None:
 PROGRAM = """
     import os, sys, time
     from handctl.link import open_link
-    from handctl.link.deadman import Shot, guarding
+    from handctl.link.deadman import EarlyWrite, guard_link
     from handctl.link.lock import hold
 
     {stop}
@@ -54,7 +54,7 @@ PROGRAM = """
     link = open_link(sys.argv[1])
     lock = hold(sys.argv[1], "test")
     link.held = lock.descriptors
-    with guarding(link, stop, print, beat=float(sys.argv[2])) as guard:
+    with guard_link(link, stop, print, beat=float(sys.argv[2])) as guard:
         {body}
         print("armed", flush=True)
         time.sleep(60)
@@ -209,7 +209,7 @@ def test_signals_that_end_a_program_do_not_end_the_guard(place: Place, parents: 
 @pytest.mark.real
 @at_each_place
 def test_what_goes_first_is_what_was_told_last(place: Place, parents: list[subprocess.Popen[bytes]]) -> None:
-    body = "[guard.update([Shot(str(n).encode(), 0.01), Shot(b';', 0)]) for n in range(3000)]"
+    body = "[guard.update([EarlyWrite(str(n).encode(), 0.01), EarlyWrite(b';', 0)]) for n in range(3000)]"
     process = armed(place, body)
     parents.append(process)
     (guard,) = guards_of(process)
@@ -257,7 +257,7 @@ def test_who_reads_its_output_is_not_kept_waiting(place: Place, parents: list[su
 @pytest.mark.real
 @at_each_place
 def test_nobody_gets_the_lock_before_the_stop_is_out(place: Place, parents: list[subprocess.Popen[bytes]]) -> None:
-    process = armed(place, "guard.update([Shot(b'', 0.2), Shot(b'S')])")
+    process = armed(place, "guard.update([EarlyWrite(b'', 0.2), EarlyWrite(b'S')])")
     parents.append(process)
     (guard,) = guards_of(process)
     os.kill(guard, signal.SIGSTOP)

@@ -171,7 +171,7 @@ def test_currents_of_a_command_that_sleeps_end_at_the_hand(stand: MakeStand) -> 
 GUARDED = """
     import os, signal, sys
     from handctl.link import open_link
-    from handctl.link.deadman import guarding
+    from handctl.link.deadman import guard_link
     from handctl.link.lock import hold
 
     name, frame, seconds = sys.argv[1:]
@@ -181,7 +181,7 @@ GUARDED = """
         child.write(bytes.fromhex(frame), child.deadline(1.0))
         child.sleep(float(seconds))
 
-    with guarding(link, stop, print):
+    with guard_link(link, stop, print):
         print("armed", flush=True)
         os.kill(os.getpid(), signal.SIGSTOP)
 """

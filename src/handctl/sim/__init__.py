@@ -11,10 +11,11 @@ of the folder itself tell what it is, its module `device` has the class `Device`
 from __future__ import annotations
 
 import importlib
-from typing import Any
 
 TYPE_CHECKING = False  # the engine is loaded when a model is
 if TYPE_CHECKING:
+    from typing import Any
+
     from handctl.sim.engine.line import Line
     from handctl.sim.engine.model import Model
 

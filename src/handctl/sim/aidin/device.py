@@ -9,11 +9,13 @@ commands are not carried out (there is no error message). A power cut does not c
 
 from __future__ import annotations
 
-from typing import Any
-
 from handctl.sim.aidin.hand import HOMING, JOINTS, STARTS, STROKES, TIPS, Hand, Motor, from_joints, from_tips
 from handctl.sim.aidin.text import RADIANS, TEXT_FAULTS, TEXT_OPTIONS, Reader, Writer
 from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, soonest
+
+TYPE_CHECKING = False  # typing costs more to load than a simulator
+if TYPE_CHECKING:
+    from typing import Any
 
 LONGEST = 10.0  # s for a whole stroke with a tenth of the torque
 HOLD = 3.0  # s that mode 1 must be held (Homing mode)

@@ -9,9 +9,12 @@ closed form from the time that passed, so a jump of virtual time gives the same 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from handctl.sim.engine.model import NOTHING, Random
+
+TYPE_CHECKING = False  # typing costs more to load than a simulator
+if TYPE_CHECKING:
+    from typing import Any
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 STROKES = ((280000, 280000, 210000), *((440000, 440000, 170000),) * 4)

@@ -6,10 +6,12 @@ says JSON, a buffer of 2048 bytes, and no more: no delimiter, no acknowledge. Wh
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 from handctl.sim.aidin.hand import Hand
+
+TYPE_CHECKING = False  # typing costs more to load than a simulator
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
 
 BLANKS = b" \t\r\n\0"
 RADIANS = 0.017453292519943295  # of one degree

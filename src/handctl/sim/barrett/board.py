@@ -5,11 +5,13 @@ The parts are GCL, RealTime mode and the boot monitor; device.py puts them toget
 
 from __future__ import annotations
 
-from typing import Any
-
 from handctl.sim.barrett.hand import NO_LOAD, TEMPERATURE, Hand
 from handctl.sim.barrett.tables import BAUDS, NO_BOARD, NO_MOTOR, STATUS, Memory
 from handctl.sim.engine.model import NOTHING, Model, Options, Random
+
+TYPE_CHECKING = False  # typing costs more to load than a simulator
+if TYPE_CHECKING:
+    from typing import Any
 
 STATES = ("ready", "off", "boot", "monitor", "record", "loop", "loop-block", "loop-moving", "moving", "saving", "typed")
 """In which a client may find the hand: what somebody, or a program that died, has left behind; those of the dossier's connect."""

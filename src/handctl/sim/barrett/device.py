@@ -11,14 +11,16 @@ silent the behaviour is invented and the comment says so; nothing seen here is e
 
 from __future__ import annotations
 
-from typing import Any
-
 from handctl.sim.barrett import board, loop, monitor
 from handctl.sim.barrett.board import Board
 from handctl.sim.barrett.gcl import Answer, execute
 from handctl.sim.barrett.hand import OFFSETS
 from handctl.sim.barrett.tables import TOO_HOT
 from handctl.sim.engine.model import NOTHING, Options, Random, Reply, soonest
+
+TYPE_CHECKING = False  # typing costs more to load than a simulator
+if TYPE_CHECKING:
+    from typing import Any
 
 ABORT, RETURN = 3, 13  # ^C, CR
 _OPTIONS = {**board.OPTIONS, **loop.OPTIONS, **monitor.OPTIONS}

@@ -6,9 +6,11 @@ not in the memory: nobody stores them.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
-
 from handctl.number_parsing import number_in
+
+TYPE_CHECKING = False  # typing costs more to load than a simulator
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable
 
 Row = tuple[str, int, int, int, int, int, int, str]
 

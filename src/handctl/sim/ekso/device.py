@@ -15,7 +15,6 @@ A transcription of its own, raw numbers throughout. Limits are invented; the cod
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Sequence
 from functools import lru_cache
 from math import ceil, floor
 
@@ -33,7 +32,13 @@ from handctl.sim.ekso.body import (
     Unrest,
     hips,
 )
-from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, Rows, soonest
+from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, soonest
+
+TYPE_CHECKING = False  # typing costs more to load than a simulator
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from handctl.sim.engine.model import Rows
 
 # Per word of GetSettings: (name, ParameterID or None, values that SetValue takes, power-on value). The order of the
 # words is not that of the IDs. A range is a limit in hundredths (status 2 beyond it), a set is a list of codes (status

@@ -10,7 +10,11 @@ from __future__ import annotations
 import struct
 
 from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS, Cable
-from handctl.sim.engine.model import Model, Reply, Rows, soonest
+from handctl.sim.engine.model import Model, Reply, soonest
+
+TYPE_CHECKING = False  # typing costs more to load than a simulator
+if TYPE_CHECKING:
+    from handctl.sim.engine.model import Rows
 
 CAN_OPTIONS: Rows = {
     **LINE_OPTIONS,

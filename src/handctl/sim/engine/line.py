@@ -7,10 +7,14 @@ Generic: knows bytes, replies and time, no protocol. Both directions are indepen
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
-
 from handctl.number_parsing import real_in
-from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, Rows, soonest
+from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, soonest
+
+TYPE_CHECKING = False  # typing costs more to load than a simulator
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Mapping
+
+    from handctl.sim.engine.model import Rows
 
 LINE_OPTIONS: Rows = {
     "seed": ((0, 0, 4294967295), "start of the random generator, 0..4294967295 (default 0)"),

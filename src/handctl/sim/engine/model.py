@@ -5,37 +5,37 @@ Knows nothing of any wire format. Time is always passed in (seconds, monotone); 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
 from itertools import repeat
-from typing import Any, ClassVar, Protocol
 
+TYPE_CHECKING = False  # typing costs more to load than a simulator
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+    from typing import Any, ClassVar, Protocol
 
-class Control(Protocol):
-    """A module that knows a device from outside: its control commands, what a state file keeps of it, its use."""
+    class Control(Protocol):
+        """A module that knows a device from outside: its control commands, what a state file keeps of it, its use."""
 
-    HELP: str  # the commands
+        HELP: str  # the commands
 
-    def command(self, device: Any, words: list[str]) -> str | None:
-        """One control command: the answer, "" when there is no such command, None when it has changed the device. Raises
-        ValueError."""
+        def command(self, device: Any, words: list[str]) -> str | None:
+            """One control command: the answer, "" when there is no such command, None when it has changed the device. Raises
+            ValueError."""
 
-    def snapshot(self, device: Any) -> dict[str, Any]:
-        """What a state file keeps."""
+        def snapshot(self, device: Any) -> dict[str, Any]:
+            """What a state file keeps."""
 
-    def restore(self, device: Any, state: dict[str, Any]) -> None:
-        """Takes a snapshot back; KeyError, TypeError or ValueError when it does not fit."""
+        def restore(self, device: Any, state: dict[str, Any]) -> None:
+            """Takes a snapshot back; KeyError, TypeError or ValueError when it does not fit."""
 
-    def use(self, device: Any) -> Iterator[float]:
-        """Somebody who uses the device: each step acts on it, and tells the seconds until the next one."""
+        def use(self, device: Any) -> Iterator[float]:
+            """Somebody who uses the device: each step acts on it, and tells the seconds until the next one."""
 
-
-Form = Any
-Rows = dict[str, tuple[Form, str]]
-"""Options, name -> (form, help). A form is False or True (0 or 1, the default), words to choose from (the first is the
-default, or the one before them), (default, lowest, highest) of whole numbers, the same with a default such as "0,0,0" of as many numbers,
-(default, most) of seconds, or None: any text."""
-
+    Form = Any
+    Rows = dict[str, tuple[Form, str]]
+    """Options, name -> (form, help). A form is False or True (0 or 1, the default), words to choose from (the first is the
+    default, or the one before them), (default, lowest, highest) of whole numbers, the same with a default such as "0,0,0" of as many numbers,
+    (default, most) of seconds, or None: any text."""
 
 NOTHING: frozenset[str] = frozenset()
 

@@ -7,13 +7,16 @@ silent the behaviour is invented and the comment says so; nothing seen here is e
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
 
 from handctl.sim.engine.model import Options, Random
 from handctl.sim.exo.hand import Hand
 from handctl.sim.inspire.frames import SERIAL_OPTIONS, Serial, frame
 from handctl.sim.inspire.memory import Element, Space, differ
 from handctl.sim.inspire.servo import heat, latched_help, strike
+
+TYPE_CHECKING = False  # typing costs more to load than a simulator
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 # The second book of registers, exo §2.3: (word, address, bytes per element, elements, access, lowest, highest). 1006 is not
 # in the manual's table (exo §2.3.5 gives no address); it is taken from the RH56 hand of the same maker.

@@ -8,8 +8,6 @@ seen here is evidence about a real hand.
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
-from typing import Any
 
 from handctl.number_parsing import number_in
 from handctl.sim.engine.model import Model, Options, Random
@@ -17,8 +15,15 @@ from handctl.sim.hand import MODELS, register_maps
 from handctl.sim.hand.fingers import Body, Finger
 from handctl.sim.hand.register_maps import FACTORY_ADDRESS, GENERATIONS, MEMORY, Generation
 from handctl.sim.inspire.frames import Asked
-from handctl.sim.inspire.memory import Rows, Space
+from handctl.sim.inspire.memory import Space
 from handctl.sim.inspire.servo import heat, latched_help, strike
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
+    from handctl.sim.inspire.memory import Rows
 
 OPTIONS = {
     "model": (("tp", MODELS), f"generation: {', '.join(MODELS)} (default tp)"),

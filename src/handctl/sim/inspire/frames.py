@@ -7,11 +7,15 @@ business of each device: a flag is a row (space that it means, whether it writes
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Sequence
-from typing import Any, ClassVar
 
 from handctl.sim.engine.model import Model, Reply
-from handctl.sim.inspire.memory import Element, Space
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from typing import Any, ClassVar
+
+    from handctl.sim.inspire.memory import Element, Space
 
 
 def find(buffer: bytes | bytearray, device_id: int, possible: Callable[[int, int], bool]) -> tuple[int, int, int]:

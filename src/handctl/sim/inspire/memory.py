@@ -6,9 +6,7 @@ lowest, highest); the values of a row whose lowest is negative are signed.
 
 from __future__ import annotations
 
-import re
 import struct
-from collections.abc import Iterable, Sequence
 
 from handctl.number_parsing import whole
 
@@ -18,6 +16,9 @@ Row = tuple[str, int, int, int, str, int, int]
 Rows = tuple[Row, ...]
 Element = tuple[str, int, int, int, bytes]
 """Of a write: word, number, value, address, bytes."""
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
 
 
 class Space:
@@ -119,6 +120,7 @@ class Space:
 
     def runs(self) -> dict[str, str]:
         """What is not 0, for a state file: address -> hex bytes. A run may hold up to three zeros in a row."""
+        import re  # with a state file only
 
         found = re.finditer(rb"[^\0](?:\0{0,3}[^\0])*", self.memory)
         return {str(run.start()): run[0].hex(" ").upper() for run in found}

@@ -9,8 +9,6 @@ seen here is evidence about a real wrist. Written from the manual alone, by othe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from handctl.sim.engine.model import Options, Random
 from handctl.sim.hand import register_maps
 from handctl.sim.hand.model import OPTIONS as OF_HAND
@@ -19,6 +17,10 @@ from handctl.sim.inspire.frames import SERIAL_OPTIONS, Asked, Can, Serial
 from handctl.sim.inspire.memory import Element, Space
 from handctl.sim.inspire.servo import bounded, heat, latched_help, strike
 from handctl.sim.wrist.body import PITCH, YAW, Body
+
+TYPE_CHECKING = False  # typing costs more to load than a simulator
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 # wrist §2.1; angles in 0.01° with the ranges of wrist §1, currents in mA, time in ms.
 WRIST = (
