@@ -18,7 +18,7 @@ ROWS = (
         "_attempt",
         "if _damage(counters, proof) != before or not alike(proof, first.value, second.value):",
         "if not alike(proof, first.value, second.value):",
-        f"{ODD}[aidin-rate=50&]",
+        f"{ODD}[exo-]",
     ),
     mistake(
         "a-proof-believes-gcl-with-damage-in-it",
