@@ -11,14 +11,13 @@ from handctl import __version__
 from handctl.errors import CheckFailed, UsageError
 from handctl.families import FAMILIES
 from handctl.files import atomic_write, read_text, writing
-from handctl.model.proofs import AS_ASSUMED, DIFFERS, Outcome, in_words
+from handctl.model.proofs import SHOWN, Outcome, in_words
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.wording import utc
 
 SCHEMA = "handctl/facts-1"
 MOST = 1_000_000
 """Characters of a facts file."""
-SHOWN = (AS_ASSUMED, DIFFERS)
 DIFFERENCES = (Column("fact", "Fact"), Column("a", "A"), Column("b", "B"), Column("equal", "Equal"))
 
 

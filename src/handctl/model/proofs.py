@@ -17,6 +17,8 @@ from handctl.model.result import Cell, Column, Counters, Grid, Row, Table
 
 READ, WRITE_BACK, MOVE = LEVELS = ("read", "write-back", "move")
 AS_ASSUMED, DIFFERS, NOT_SHOWN, REFUSED = "as-assumed", "differs", "not-shown", "refused"
+SHOWN = (AS_ASSUMED, DIFFERS)
+"""Verdicts on a value that was shown."""
 TONES = {AS_ASSUMED: "good", DIFFERS: "warn", REFUSED: "bad", NOT_SHOWN: "dim"}
 NONE = "none"
 """The value of a list that is empty."""
@@ -126,7 +128,7 @@ class Outcome(NamedTuple):
 
     def fact(self) -> dict[str, Any]:
         """Its entry of the facts file: nothing in it names the device or the link, as messages of errors do."""
-        shown = self.verdict in (AS_ASSUMED, DIFFERS)
+        shown = self.verdict in SHOWN
         more = {"evidence": self.evidence} if shown else {"why": self.why}
         return {"verdict": self.verdict, "value": self.value, "assumed": self.proof.expected, "level": self.proof.level, "repetitions": self.times, **more}  # fmt: skip
 

@@ -133,9 +133,8 @@ class Sink:
     def flush(self) -> None:
         """Flush to the reader. If it sleeps, an interrupt is raised, and nothing is lost or written twice."""
         try:
-            while (
-                self._size and not self.broken
-            ):  # all that is kept; to a pipe or a terminal piece by piece, as there is room
+            # All that is kept; to a pipe or a terminal piece by piece, as there is room.
+            while self._size and not self.broken:
                 if self._waits >= 0:
                     interrupts.has_room(self._waits, None)
                 with interrupts.handing_over(self._waits):

@@ -1,7 +1,7 @@
 """`listen` of every family: a record of what a device says by itself, in words. It sends nothing, and knows no family.
 
-It opens the link and never the device, whose questions it therefore cannot ask. What the bytes mean the family's explainer
-tells. A stop that another handctl command asks for still goes out: the lock is held, and the link is not gagged.
+It opens the link and never the device, so it cannot ask anything. The family's explainer says what the bytes mean. The lock is
+held, so a stop that another handctl command asks for goes out on this link.
 """
 
 from __future__ import annotations

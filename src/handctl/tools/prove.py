@@ -28,7 +28,7 @@ REPETITIONS = 3
 
 
 @click.command("prove", cls=Command, writes=True, asks="with --level write-back or move")
-@click.argument("what", type=click.Choice([*FAMILIES, DIFF]), metavar=f"[{'|'.join(FAMILIES)}|{DIFF}]", required=False)
+@click.argument("what", type=click.Choice([*FAMILIES, DIFF]), metavar=f"FAMILY|{DIFF}", required=False)
 @click.argument("files", nargs=-1, type=InFile(), metavar="[A B]")
 @click.option("--list", "listing", is_flag=True, help="List the experiments and send nothing. Needs no device.")
 @click.option(

@@ -26,7 +26,10 @@ STEPS = {
 @click.command("service", cls=Command)
 @click.argument("link", required=False)
 @click.option(
-    "--family", type=click.Choice(list(FAMILIES)), help="The family of the device, so that handctl need not detect it."
+    "--family",
+    type=click.Choice(list(FAMILIES)),
+    metavar="FAMILY",
+    help="The family of the device, so that handctl need not detect it.",
 )
 @click.option("--complaint", metavar="TEXT", help="What is wrong, in the words of whoever uses the device.")
 @click.option("--ticket", metavar="TEXT", help="The number of the service ticket.")
@@ -51,12 +54,7 @@ STEPS = {
 )
 @click.option("--against", type=InFile(), metavar="OLD", help="Show what differs from an older report.")
 @click.option(
-    "--watch",
-    type=FiniteRange(0.1, 600),
-    default=3.0,
-    show_default=True,
-    metavar="S",
-    help="Watch for S seconds.",
+    "--watch", type=FiniteRange(0.1, 600), default=3.0, show_default=True, metavar="S", help="Watch for S seconds."
 )
 @reads_option
 @click.option("--follow", is_flag=True, help="Carry out the proposed step without asking, if it only reads.")
@@ -66,6 +64,7 @@ STEPS = {
     is_flag=False,
     flag_value="any",
     type=click.Choice(["any", *FAMILIES]),
+    metavar="[FAMILY]",
     help="Practise on a simulated device with a fault, which you find.",
 )
 @click.option("--finding", metavar="FAULT", help="Your finding in a demo. Without it, handctl asks.")

@@ -13,7 +13,7 @@ from handctl.sim.aidin.hand import HOMING, JOINTS, STARTS, STROKES, TIPS, Hand, 
 from handctl.sim.aidin.text import RADIANS, TEXT_FAULTS, TEXT_OPTIONS, Reader, Writer
 from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, soonest
 
-TYPE_CHECKING = False  # typing costs more to load than a simulator
+TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
     from typing import Any
 

@@ -12,7 +12,7 @@ import math
 
 from handctl.sim.engine.model import NOTHING, Random
 
-TYPE_CHECKING = False  # typing costs more to load than a simulator
+TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
     from typing import Any
 

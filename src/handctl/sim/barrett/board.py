@@ -9,7 +9,7 @@ from handctl.sim.barrett.hand import NO_LOAD, TEMPERATURE, Hand
 from handctl.sim.barrett.tables import BAUDS, NO_BOARD, NO_MOTOR, STATUS, Memory
 from handctl.sim.engine.model import NOTHING, Model, Options, Random
 
-TYPE_CHECKING = False  # typing costs more to load than a simulator
+TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
     from typing import Any
 

@@ -18,7 +18,7 @@ from handctl.sim.barrett.hand import OFFSETS
 from handctl.sim.barrett.tables import TOO_HOT
 from handctl.sim.engine.model import NOTHING, Options, Random, Reply, soonest
 
-TYPE_CHECKING = False  # typing costs more to load than a simulator
+TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
     from typing import Any
 

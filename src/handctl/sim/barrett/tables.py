@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from handctl.number_parsing import number_in
 
-TYPE_CHECKING = False  # typing costs more to load than a simulator
+TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable
 

@@ -34,7 +34,7 @@ from handctl.sim.ekso.body import (
 )
 from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, soonest
 
-TYPE_CHECKING = False  # typing costs more to load than a simulator
+TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 

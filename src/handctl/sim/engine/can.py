@@ -12,7 +12,7 @@ import struct
 from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS, Cable
 from handctl.sim.engine.model import Model, Reply, soonest
 
-TYPE_CHECKING = False  # typing costs more to load than a simulator
+TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
     from handctl.sim.engine.model import Rows
 

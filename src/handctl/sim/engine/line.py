@@ -10,7 +10,7 @@ from __future__ import annotations
 from handctl.number_parsing import real_in
 from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, soonest
 
-TYPE_CHECKING = False  # typing costs more to load than a simulator
+TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 from itertools import repeat
 
-TYPE_CHECKING = False  # typing costs more to load than a simulator
+TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
     from typing import Any, ClassVar, Protocol

@@ -14,7 +14,7 @@ from handctl.sim.inspire.frames import SERIAL_OPTIONS, Serial, frame
 from handctl.sim.inspire.memory import Element, Space, differ
 from handctl.sim.inspire.servo import heat, latched_help, strike
 
-TYPE_CHECKING = False  # typing costs more to load than a simulator
+TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
     from collections.abc import Sequence
 

@@ -18,7 +18,7 @@ from handctl.sim.inspire.memory import Element, Space
 from handctl.sim.inspire.servo import bounded, heat, latched_help, strike
 from handctl.sim.wrist.body import PITCH, YAW, Body
 
-TYPE_CHECKING = False  # typing costs more to load than a simulator
+TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
