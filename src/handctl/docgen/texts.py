@@ -27,7 +27,7 @@ LINKS = (
         "The simulator in this process, which starts over each time. The keys are listed in handctl-sim(1). Plain `--fake` "
         "keeps the device's state until you log out.",
     ),
-    ("replay:FILE", "A transcript recorded with `--trace` stands in for the device."),
+    ("replay:FILE", "A transcript recorded with `--trace`, replayed in place of the device."),
 )
 
 OUTPUT = (
