@@ -48,6 +48,10 @@ COVERED: Mapping[str, tuple[str, str]] = {
     ),
     "If the device is still moving or has a new target": ("stop/test_stop_sequence.py", "test_"),
     "nothing is written (exit code 6)": ("stop/test_whose.py", "test_"),
+    "nothing is sent (exit code 2): type the family": (
+        "stop/test_whose.py",
+        "test_where_nobody_answers_the_next_step_is_said",
+    ),
     "That command does so ahead of everything else": ("stop/test_stop.py", "test_"),
     "Exit code 130 means that the stop was acknowledged": (
         "contract/test_contract.py",

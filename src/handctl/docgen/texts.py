@@ -27,7 +27,7 @@ LINKS = (
         "The simulator in this process, which starts over each time. The keys are listed in handctl-sim(1). Plain `--fake` "
         "keeps the device's state until you log out.",
     ),
-    ("replay:FILE", "A transcript recorded with `--trace` stands in for the device."),
+    ("replay:FILE", "A transcript recorded with `--trace`, replayed in place of the device."),
 )
 
 OUTPUT = (
@@ -43,8 +43,8 @@ OUTPUT = (
 )
 
 SAFETY = (
-    "Most commands only read. A command that moves a device someone may be wearing, or that changes it permanently, asks "
-    "first; without a terminal it needs `--yes`. `--dry-run` prints the exact bytes and sends nothing. Values outside the "
+    "Many movements start at once, without asking. Other commands ask first, and without a terminal they need `--yes`: the "
+    "table in handctl-safety(7) lists both. `--dry-run` prints the exact bytes and sends nothing. Values outside the "
     "documented range are refused, never clamped. Writes are read back and never retried. Ctrl-C stops a movement as far as "
     "the device's protocol allows.",
     "While a command drives a device, a second process keeps the link open. If handctl is killed, that process stops the "
@@ -137,7 +137,7 @@ VERBS = (
     Verb("diff", "diff A [B]", "Compares two snapshots, a snapshot and the device, or two devices. The exit code is 7 if they differ."),
     Verb("restore", "restore FILE", "Writes the settings that differ from a snapshot, and reads them back."),
     Verb("report", "report FILE", "Writes one page for a service ticket."),
-    Verb("stop", "stop", "Stops the device at once, without asking. For an EksoNR it only sends CancelAction, which may not stop it."),
+    Verb("stop", "stop", "Sends the stop at once, without asking. A BarrettHand or an AIDIN-hand loses its motor power, an RH56 hand moves a little further, and an EksoNR may not stop at all: see handctl-safety(7)."),
 )  # fmt: skip
 
 WORDS = {
