@@ -56,6 +56,12 @@ def test_a_bad_line_is_no_second_device(fault: str) -> None:
     assert result.code == 0, result
 
 
+def test_a_line_that_damages_every_second_reply_is_no_second_device() -> None:
+    """Reads of both kinds in turn would put all the damage on one of them."""
+    result = run("exo", "id", "2", "-y", "--json", "-p", "fake://exo?clock=virtual&every=2&fault=truncate&seed=1")
+    assert result.code == 0 or result.error["code"] != "twin-id", result
+
+
 @each_row("kind", list(STRANDING))
 @each_row("apart", [0.0, 0.004])
 def test_doctor_names_them(kind: str, apart: float, tmp_path: Path) -> None:

@@ -440,6 +440,12 @@ def test_no_wrist_on_this_hand(wire: str) -> None:
     assert raw.hand_read(wrist, 1472, 2).rows[0]["raw"] == "32 02"
 
 
+@pytest.mark.parametrize("wire", WIRES)
+def test_a_raw_read_names_a_hand_without_a_wrist(wire: str) -> None:
+    result = run("wrist", "read", "1020", "24", "-p", fake_port(wire, "fault=no-wrist"), "--json")
+    assert (result.code, result.error["code"]) == (6, "other-device"), result
+
+
 @each_row("data", [b"", b"\x00", bytes(8)])
 @each_row("flag", range(8))
 def test_every_can_frame_has_a_meaning_or_a_refusal(flag: int, data: bytes) -> None:

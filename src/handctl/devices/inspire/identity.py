@@ -478,9 +478,13 @@ def look_for_twin(device: RegisterDevice, refusal: bool = False) -> Seen:
     """Whether one device has this id; two may refuse alike to tell it, too. Raises LinkError where the line is lost."""
     bus, alike, readings = device.bus, _Tally(refusal=refusal), _Tally()
     spans, same = _readings(device), _alike(device)
-    for span in spans * ROUNDS:
-        _ask(bus, same, alike)
+    for place, span in enumerate(spans * ROUNDS):
+        # the order changes: a line that damages every second reply damages both kinds
+        if place % 2 == 0:
+            _ask(bus, same, alike)
         _ask(bus, span, readings, behind=True)
+        if place % 2:
+            _ask(bus, same, alike)
         if not (alike.whole or alike.destroyed or readings.whole or readings.destroyed):
             break  # silence: nobody is there
     if not readings.twice and readings.destroyed and alike.whole == alike.asked and readings.share < MOSTLY:

@@ -13,7 +13,7 @@ from handctl.devices.inspire.map import ALONE, EXO, Register
 from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.devices.inspire.register_device import RegisterDevice
 from handctl.devices.inspire.serial_bus import PATIENCE, Bus, hint_for, mishap, others_speak, shorten
-from handctl.errors import CheckFailed, DeviceRefused, ProtocolError, UsageError
+from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError, UsageError
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
 from handctl.model.result import Column, Row, Table, hex_bytes
@@ -39,7 +39,12 @@ def parse_hex(text: str) -> bytes:
 
 def read(hand: RegisterDevice, address: int, count: int) -> Table:
     """Bytes from any address; whole documented elements are decoded, the rest stays raw."""
-    data = hand.bus.read(address, count)
+    try:
+        data = hand.bus.read(address, count)
+    except (NoAnswer, ProtocolError) as exc:
+        if hand.bus.gate is not None:
+            hand.bus.gate.unheard(hand.bus, exc)
+        raise
     return Table(rows=_rows(hand, address, data), columns=hand.columns)
 
 

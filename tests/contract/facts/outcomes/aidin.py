@@ -124,11 +124,11 @@ OUTCOMES = Outcomes(
     exceptions={
         **{("", fault, name): codes for fault in ("deaf", "refuse") for name, codes in NOT_DONE.items()},
         # a whole object takes seconds: enough to read, too old to move by
-        **{("", "dribble", name): {4, 5} for name in MOVING}, ("", "dribble", "stop"): {0, 5}, ("", "dribble", "bias"): {0, 7},
+        **{("", "dribble", name): {4, 5} for name in MOVING}, ("", "dribble", "stop"): {0, 5}, ("", "dribble", "bias"): {0, 7}, ("", "dribble", "home"): {0, 7},
     },
     lacks=frozenset({"missing-key"}),
     untold=frozenset({
-        *((fault, "") for fault in ("degrees", "swapped", "stuck", "frozen", "nan", "wrong-type", "shaky-sensor")),
+        *((fault, "") for fault in ("degrees", "swapped", "stuck", "frozen", "creep", "nan", "wrong-type", "shaky-sensor")),
         *((fault, name) for fault in ("deaf", "refuse") for name in ("stop", "max-torque")),
         *(("", name) for name in ("home", "initial", "joints", "encoders", "currents")),
     }),

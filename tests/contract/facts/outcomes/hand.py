@@ -102,6 +102,8 @@ OUTCOMES = Outcomes(
         **{("can", "twin-id", name): {4, 6} for name in WRITES},
         # the answer to function 06 is its question again: an echo that comes and goes cannot be known
         ("rtu", "echo", "save"): {0, 5},
+        # the acknowledgement on CAN is the frame of the question again, too
+        ("can", "echo", "save"): {0, 5},
         # an answer to the question before fits on this wire: the look at who is there may not be certain then
         **{("rtu", "stale", name): {0, 6} for name in WRITES},
     },
@@ -119,6 +121,7 @@ OUTCOMES = Outcomes(
             ("twin-ip", ""),
             ("foreign", "dump"),
             ("blocked", "angle-wait"),
+            ("wrong-id", "angle-wait"),  # how it moves on is a matter of 10 ms
             ("loopback", "save"),
         }
     ),
