@@ -22,7 +22,6 @@ from handctl.command.options import (
     SharedOption,
     Source,
     lasting_options,
-    own_options,
     said,
     words_of,
 )
@@ -43,9 +42,9 @@ def resolve(ctx: click.Context, wires: tuple[str, ...] = (), device: str = "", *
     if unfit and not urgent:
         raise unfit[0]
     chosen = _Chosen()
-    for key in (*Settings._fields, *(option.key for option in own_options())):
-        if key in given:
-            chosen.offer(key, given[key], COMMAND_LINE)
+    for key, value in given.items():
+        if not key.endswith("@"):
+            chosen.offer(key, value, COMMAND_LINE)
     if device:
         chosen.values["device"], chosen.sources["device"] = device, COMMAND_LINE
     options = lasting_options(wires)
