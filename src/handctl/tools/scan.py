@@ -115,8 +115,7 @@ def _scanned(run: Run, wanted: Sequence[str], names: list[str], ids: str | None,
         chosen_ids(run, wanted, wire_of(name), ids)  # what is wrong is told before anything is opened
     names = names or free_ports(Machine(), run.journal)
     trace = TraceFile(settings.trace, f"handctl {__version__} {run.command}", settings.verbose)
-    tap = trace if settings.trace or settings.verbose else None
-    scan = Scan(run, wanted, ids, find_all, tap, settings.deadline)
+    scan = Scan(run, wanted, ids, find_all, trace if settings.trace or settings.verbose else None, settings.deadline)
     searches: list[Search] = []
     try:
         for name in names:
