@@ -14,7 +14,7 @@ from tests.support.scripted import Reply, ScriptedLink, codes, fake_hand, hand_o
 READ_HEAD = "EB 90 01 04 11 E8 03 0A 0B"
 HEAD = "90 EB 01 0D 11 E8 03 01 00 00 00 00 00 00 00 00 00 0B"
 READ_LIVE = "EB 90 01 04 11 C0 05 97 72"
-READABLE = [param for param in EXO if param.readable]
+READABLE = tuple(param for param in EXO if param.readable)
 ALL = [element for param in READABLE for element in elements_of(param)]
 GROUPS = [
     (1000, 1), (1001, 1), (1004, 1), (1005, 1), (1009, 1),
@@ -26,7 +26,7 @@ GROUPS = [
 
 
 def spans(names: str) -> list[tuple[int, int]]:
-    return [(block.address, block.size) for block in plan(EXO[name] for name in names.split())]
+    return [(block.address, block.size) for block in plan(tuple(EXO[name] for name in names.split()))]
 
 
 def test_a_dump_is_two_blocks() -> None:
@@ -40,11 +40,11 @@ def test_plans_of_some_quantities() -> None:
     assert spans("temperature position_set") == [(1486, 137)]
     assert spans("position_actual force_actual current error temperature") == [(1546, 77)]
     assert spans("id temperature") == [(1000, 1), (1618, 5)]
-    assert plan([]) == []
+    assert plan(()) == []
 
 
 def test_order_of_asking_does_not_matter() -> None:
-    assert plan(list(reversed(READABLE))) == plan(READABLE)
+    assert plan(READABLE[::-1]) == plan(READABLE)
 
 
 def test_blocks_respect_the_limit() -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -17,11 +17,12 @@ from unittest import mock
 import click
 import pytest
 
-import handctl.link
+from handctl.command import connection
 from handctl.devices.inspire import identity
 from handctl.devices.inspire.exo.cli import cli as exo_cli
 from handctl.devices.inspire.wrist.cli import cli as wrist_cli
 from handctl.link import CanFrame, open_link
+from handctl.tools import scan
 from tests.inspire import exo_commands, wrist_commands
 from tests.support.cli import Result, fake, run, sent, spying, writes
 from tests.support.each_row import each_row
@@ -59,7 +60,9 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @contextmanager
 def on(link: Any) -> Iterator[Any]:
     """Every link that is opened meanwhile is this one."""
-    with mock.patch.object(handctl.link, "_open", lambda *_args: link):
+    with ExitStack() as opening:
+        for module in (connection, scan):
+            opening.enter_context(mock.patch.object(module, "open_link", lambda *_args, **_more: link))
         yield link
 
 

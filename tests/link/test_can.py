@@ -403,7 +403,7 @@ def test_frames_survive_tap_and_parser(traffic: list[tuple[int, bytes]]) -> None
 def test_a_recorded_bus_can_be_replayed(tmp_path: Path) -> None:
     file = tmp_path / "trace.txt"
     lines: list[str] = []
-    recorded = open_link("fake://wrist?bus=can&clock=virtual", tap=Tap(lines.append))
+    recorded = observed(open_link("fake://wrist?bus=can&clock=virtual"), Tap(lines.append))
     assert isinstance(recorded, FrameLink)
     first = wrist_on(recorded).dump()
     file.write_text("".join(lines), encoding="utf-8")

@@ -111,7 +111,7 @@ def test_a_tap_records_before_the_link_fails() -> None:
 
 def test_a_tap_notes_a_power_cycle_and_passes_on_what_the_link_is() -> None:
     lines: list[str] = []
-    link = open_link("fake://exo?clock=virtual", baud=57600, tap=Tap(lines.append))
+    link = observed(open_link("fake://exo?clock=virtual", baud=57600), Tap(lines.append))
     assert (link.fake, link.baud, link.can_set_baud, link.replayed) == (True, 57600, True, False)
     assert link.power_cycle() is True
     assert lines == ["0.000000 ! power-cycle\n"]
@@ -155,7 +155,7 @@ def transcript(folder: Path, *lines: str) -> str:
 
 def test_a_recording_gives_the_same_rows(tmp_path: Path) -> None:
     lines: list[str] = []
-    live = hand_on(open_link("fake://exo?clock=virtual&fault=faults", tap=Tap(lines.append))).dump()
+    live = hand_on(observed(open_link("fake://exo?clock=virtual&fault=faults"), Tap(lines.append))).dump()
     again = hand_on(open_link(transcript(tmp_path, *lines))).dump()
     assert again.rows == live.rows
     assert len(live.rows) == 42
@@ -164,7 +164,7 @@ def test_a_recording_gives_the_same_rows(tmp_path: Path) -> None:
 @pytest.mark.parametrize("fault", ["echo", "noise", "dribble", "stale", "duplicate", "block-silent"])
 def test_a_recording_of_a_bad_line_gives_the_same_rows(tmp_path: Path, fault: str) -> None:
     lines: list[str] = []
-    live = hand_on(open_link(f"fake://exo?clock=virtual&fault={fault}", tap=Tap(lines.append))).dump()
+    live = hand_on(observed(open_link(f"fake://exo?clock=virtual&fault={fault}"), Tap(lines.append))).dump()
     again = hand_on(open_link(transcript(tmp_path, *lines))).dump()
     assert again.rows == live.rows
 

@@ -23,7 +23,7 @@ from handctl.command.envelope import from_click
 from handctl.command.family import load, map_of
 from handctl.command.help_text import NoCommand
 from handctl.command.invocation import check_before, shown_steps, unsent
-from handctl.command.options import COMMAND_LINE, Seconds, said, words_of
+from handctl.command.options import COMMAND_LINE, SECONDS, said, words_of
 from handctl.command.precedence import resolve
 from handctl.command.run import Act, Asked, Run
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, UsageError, joined
@@ -97,7 +97,7 @@ class Line(NamedTuple):
 
 
 @click.command("sleep", cls=Command)
-@click.argument("seconds", metavar="S", type=Seconds())
+@click.argument("seconds", metavar="S", type=SECONDS)
 def sleep(run: Run, seconds: float) -> None:
     """Wait S seconds. The link stays open. Ctrl-C ends the wait."""
     deadline = run.settings.deadline

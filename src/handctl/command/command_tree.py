@@ -22,7 +22,6 @@ from handctl.command.help_text import (
     USUAL,
     Described,
     NoCommand,
-    bare,
     need_command,
     plain_help,
     write_examples,
@@ -123,8 +122,13 @@ class Group(Described, click.Group):
         told = said(ctx)
         told.words = told.words if ctx.parent is not None else tuple(args)
         told.stopping = "stop" in args
-        with bare(ctx, args[:1]):  # whatever stands behind a command is that command's
+        before = told.bare
+        if not (ctx.resilient_parsing or args[0].startswith("-")):
+            told.bare = True  # an option would be the command's: what follows its name is parsed there
+        try:
             return super().parse_args(ctx, args)
+        finally:
+            told.bare = before
 
     def refused(self) -> frozenset[str]:
         """What all its commands refuse."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from handctl.command.invocation import Invocation
     from handctl.link import Link
     from handctl.link.fake import Kept
-    from handctl.link.transcript import Tap, TraceFile
+    from handctl.link.transcript import TraceFile
     from handctl.model.result import Journal, LineQuality
     from handctl.stop.device_access import DeviceAccess
 
@@ -76,7 +76,11 @@ class Connection:
                 from handctl.stop.device_access import DeviceAccess, lock_for
 
                 self.device_access = DeviceAccess(run, lock_for(run, name))
-            self.link = self._open(run, name, baud, tap)
+            self.link = self._open(run, name, baud)
+            if tap is not None:
+                from handctl.link.transcript import observed
+
+                observed(self.link, tap)
             self.observers = self.link.observers
         assert self.device_access is not None
         self.device_access.around(self.link)
@@ -108,7 +112,7 @@ class Connection:
                 self.device_access.release()
         return failure or self.trace.failure
 
-    def _open(self, run: Invocation, name: str, baud: int | None, tap: Tap | None) -> Link:
+    def _open(self, run: Invocation, name: str, baud: int | None) -> Link:
         """The LINK `name`, at `baud` if nothing else was asked for. Raises UsageError, LinkError."""
         family = run.family
         assert family is not None
@@ -116,7 +120,6 @@ class Connection:
             open_link,
             name,
             baud=run.settings.baud or baud or family.baud,
-            tap=tap,
             tcp_port=family.tcp_port,
             exclusive=not run.stops,
         )

@@ -87,8 +87,7 @@ def refuse_serial(family: Family, link: str) -> None:
     """Raise UsageError for a serial port where this family has TCP only."""
     from handctl.link.base import path_in
 
-    serial = path_in(link) or link.startswith("usb:")
-    if serial and family.tcp_port is not None and not family.wires:
+    if family.tcp_port is not None and not family.wires and (path_in(link) or link.startswith("usb:")):
         hint = f"-p tcp://HOST (port {family.tcp_port} when not given)"
         raise UsageError(f"{link}: {family.kind} has no serial port", hint=hint)
 

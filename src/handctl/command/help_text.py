@@ -9,8 +9,7 @@ from __future__ import annotations
 import importlib
 import os
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from copy import copy
 from typing import Any
 
@@ -60,18 +59,6 @@ def _show_help(ctx: click.Context, _param: click.Parameter, value: bool) -> None
 
 class NoCommand(click.UsageError):
     """A group was called without a command: the message is its help, for stderr."""
-
-
-@contextmanager
-def bare(ctx: click.Context, words: Sequence[str]) -> Iterator[None]:
-    """While these words are parsed: where none of them is an option, none is looked for."""
-    told = said(ctx)
-    before = told.bare
-    told.bare = before or not (ctx.resilient_parsing or any(word.startswith("-") for word in words))
-    try:
-        yield
-    finally:
-        told.bare = before
 
 
 def need_command(ctx: click.Context, args: Sequence[str]) -> None:

@@ -15,7 +15,6 @@ from handctl.command.family import Family, in_words, load, on_can, refuse_missin
 from handctl.command.options import (
     COMMAND_LINE,
     ENVIRONMENT,
-    FACTS,
     FILE,
     NamedFile,
     files_of,
@@ -92,14 +91,6 @@ class Invocation:
         """The map of the device that is meant."""
         own = self.family.map_of if self.family is not None else None
         return own(self.settings) if own is not None else params
-
-    def tell_facts(self) -> None:
-        """Say once what the facts file stands for."""
-        found = {key: self.settings.own[key] for key, source in self.sources.items() if source.level == FACTS}
-        if found:
-            from handctl.model.facts import words
-
-            self.journal.info("facts-used", words(found, str(self.settings.facts)))
 
     def planner(self) -> Any:
         """The device without a link: can check and plan writes, cannot send."""

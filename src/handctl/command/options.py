@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from copy import copy
 from functools import cache, reduce
 from typing import Any
 
@@ -150,19 +149,8 @@ def shared_options(
     of its `own`. What is `refused`, by key, is understood, but not offered; "" stands for the section CONNECTION.
     They hold nothing of a run, so they are made once.
     """
-    found = list(_shared(wires, own))
-    for place, option in enumerate(found):
-        if option.key in refused or (option.section == CONNECTION and "" in refused):
-            found[place] = copy(option)
-            found[place].hidden = True
-    return found
-
-
-@cache
-def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOption]:
     connect, output, safety = CONNECTION, OUTPUT, WRITING
-    number = Seconds()
-    return [
+    found = [
         SharedOption(["-p", "--port"], connect, metavar="LINK", help="The link to the device: /dev/ttyUSB0, COM3, usb:VID:PID[:SERIAL], tcp://HOST:PORT, fake://…, replay:FILE, any pyserial URL."),
         SharedOption(["--fake"], connect, is_flag=True, help="Use the built-in simulator of this device."),
         SharedOption(["--facts"], connect, type=InFile(), metavar="FILE", help="What `handctl prove` found out about this device: it takes the place of handctl's assumptions."),
@@ -171,8 +159,8 @@ def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOp
         *(SharedOption([f"--{option.name}"], connect, family=True, is_flag=option.flag, type=click.Choice(option.choices) if option.choices else None, metavar=option.metavar or None, help=option.help) for option in own),
         SharedOption(["--id"], connect, type=int, metavar="N", help="Device id."),
         SharedOption(["--baud"], connect, type=WholeRange(min=1), metavar="N", help="Baud rate of the serial port in bit/s."),
-        SharedOption(["--timeout"], connect, type=number, metavar="S", help="Seconds to wait for a reply."),
-        SharedOption(["--deadline"], connect, type=number, metavar="S", help="Time limit for the whole command, in seconds."),
+        SharedOption(["--timeout"], connect, type=SECONDS, metavar="S", help="Seconds to wait for a reply."),
+        SharedOption(["--deadline"], connect, type=SECONDS, metavar="S", help="Time limit for the whole command, in seconds."),
         SharedOption(["--retries"], connect, type=WholeRange(min=0, max=100), metavar="N", help="Retry a read up to N times if there is no valid reply. Writes are never retried."),
         SharedOption(["--trace"], connect, type=OutFile(), metavar="FILE", help="Record every byte with its time to FILE. -p replay:FILE plays it back."),
         SharedOption(["--format"], output, type=click.Choice(FORMATS), help="Output format (default: table)."),
@@ -193,6 +181,9 @@ def _shared(wires: tuple[str, ...], own: tuple[OwnOption, ...]) -> list[SharedOp
         SharedOption(["--history"], safety, type=click.Choice(HISTORY), help="Which writes `handctl history` shows later: those to devices (default), all (simulated devices too), or none (off)."),
         SharedOption(["--assume-identity"], safety, typed=True, is_flag=True, help="Skip the check of the device's identity. Only accepted on the command line."),
     ]  # fmt: skip
+    for option in found:
+        option.hidden = option.key in refused or (option.section == CONNECTION and "" in refused)
+    return found
 
 
 def own_options(kind: str = "") -> tuple[OwnOption, ...]:
@@ -278,11 +269,8 @@ class WholeRange(click.IntRange):
     _describe_range, convert = in_words, _convert
 
 
-class Seconds(FiniteRange):
-    """A number above 0 that a clock can wait for."""
-
-    def __init__(self) -> None:
-        super().__init__(min=0, min_open=True, max=LONGEST)
+SECONDS = FiniteRange(min=0, min_open=True, max=LONGEST)
+"""A number above 0 that a clock can wait for."""
 
 
 class Hertz(FiniteRange):
@@ -386,7 +374,7 @@ def ending(what: str) -> Decorator:
     """Decorator: the options that end a stream of `what`, `count` and `duration`."""
     return together(
         click.option("--count", type=WholeRange(min=1), metavar="N", help=f"End after N {what}."),
-        click.option("--duration", type=Seconds(), metavar="S", help="End after S seconds."),
+        click.option("--duration", type=SECONDS, metavar="S", help="End after S seconds."),
     )
 
 
@@ -434,7 +422,7 @@ scan_options = together(
 
 REPLY_WAIT = click.option(
     "--wait",
-    type=Seconds(),
+    type=SECONDS,
     default=0.5,
     show_default=True,
     metavar="S",
@@ -487,7 +475,7 @@ log_options = together(
     mark_options,
     click.option(
         "--silence",
-        type=Seconds(),
+        type=SECONDS,
         default=60.0,
         show_default=True,
         metavar="S",
@@ -506,15 +494,12 @@ log_options = together(
 LOG = click.argument("log", metavar="LOG", type=InFile(additional=(".json",)))
 
 
-def formats_help(own: str = "") -> str:
-    """What --to offers."""
-    listed = [
-        f"{name} ({one.about}{', needs handctl[' + name + ']' if one.library else ''})"
-        for name, one in EXPORT_FORMATS.items()
-    ]
-    return f"Output: {own}{', '.join(listed[:-1])} or {listed[-1]}."
-
-
+_listed = [
+    f"{name} ({one.about}{', needs handctl[' + name + ']' if one.library else ''})"
+    for name, one in EXPORT_FORMATS.items()
+]
+EXPORTS_LISTED = f"{', '.join(_listed[:-1])} or {_listed[-1]}."
+"""What --to offers every family, in its help."""
 SEGMENT = click.option("--segment", type=WholeRange(min=1), metavar="N", help="Only segment N.")
 RESAMPLE = click.option(
     "--rate",
@@ -523,7 +508,10 @@ RESAMPLE = click.option(
     help="Only for c3d, and mot of an EksoNR: resample to this rate, never across a gap (c3d: default is the rate of the log).",
 )
 export_options = together(
-    LOG, click.option("--to", "kind", type=click.Choice(list(EXPORT_FORMATS)), help=formats_help()), SEGMENT, RESAMPLE
+    LOG,
+    click.option("--to", "kind", type=click.Choice(list(EXPORT_FORMATS)), help=f"Output: {EXPORTS_LISTED}"),
+    SEGMENT,
+    RESAMPLE,
 )
 suspendable = click.option(
     "--may-suspend", is_flag=True, help="Do not stop the motors when this command is suspended (SIGSTOP) for 0.5 s."

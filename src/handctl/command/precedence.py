@@ -22,7 +22,6 @@ from handctl.command.options import (
     SharedOption,
     Source,
     lasting_options,
-    own_options,
     said,
     words_of,
 )
@@ -43,9 +42,9 @@ def resolve(ctx: click.Context, wires: tuple[str, ...] = (), device: str = "", *
     if unfit and not urgent:
         raise unfit[0]
     chosen = _Chosen()
-    for key in (*Settings._fields, *(option.key for option in own_options())):
-        if key in given:
-            chosen.offer(key, given[key], COMMAND_LINE)
+    for key, value in given.items():
+        if not key.endswith("@"):
+            chosen.offer(key, value, COMMAND_LINE)
     if device:
         chosen.values["device"], chosen.sources["device"] = device, COMMAND_LINE
     options = lasting_options(wires)
@@ -153,15 +152,19 @@ def _from_file(
     chosen: _Chosen, options: Sequence[SharedOption], passed: list[UsageError] | None, with_device: bool
 ) -> None:
     path = config_path()
-    if _missing(path):
+    try:
+        os.stat(path)
+    except (FileNotFoundError, NotADirectoryError):
         if os.environ.get("HANDCTL_CONFIG") and with_device:
             raise UsageError(
                 f"HANDCTL_CONFIG={path}: no such file",
                 hint="correct or unset HANDCTL_CONFIG, or make the file with `handctl devices add`",
                 code="config",
-            )
+            ) from None
         if not (with_device and "device" in chosen.values):
             return
+    except OSError:
+        pass  # it may not be looked at, so it is there: reading it will say why
     from handctl.command.config import read_config
 
     config = read_config(path, passed)
@@ -186,15 +189,6 @@ def _from_file(
             continue  # the LINK says which wire it is
         value = entry.value if option.fixed is None else option.fixed
         chosen.offer(option.key, value, Source(FILE, f"{path}:{entry.line}"))
-
-
-def _missing(path: str) -> bool:
-    """Whether there is no such file; one that may not be looked at is there, and reading it will say so."""
-    try:
-        os.stat(path)
-    except OSError as exc:
-        return isinstance(exc, FileNotFoundError | NotADirectoryError)
-    return False
 
 
 def _pairs(keys: dict[str, str], where: str, passed: list[UsageError] | None) -> list[str]:

@@ -28,6 +28,7 @@ from handctl.command.envelope import (
 )
 from handctl.command.family import Family, implied
 from handctl.command.invocation import Invocation, check_before, shown_steps, tell_unasked, told, unsent
+from handctl.command.options import FACTS
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
 from handctl.interrupts import device_done, end_on_signals, finish_on_signals, output_abandoned
 from handctl.model.result import Column, Journal, LineQuality, Table
@@ -125,7 +126,11 @@ class Run(Invocation):
                 settings = settings._replace(own={**settings.own, **implied(self.family.kind)})
             self.opened = self.family.open(self.open_link(), settings, self.journal)
             self.opened.options = settings
-            self.tell_facts()
+            facts = {key: settings.own[key] for key, source in self.sources.items() if source.level == FACTS}
+            if facts:
+                from handctl.model.facts import words
+
+                self.journal.info("facts-used", words(facts, str(settings.facts)))
         return self.opened
 
     def device_at(self, link: str, **settings: Any) -> Any:

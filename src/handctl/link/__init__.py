@@ -13,15 +13,10 @@ virtual time.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 from handctl.errors import UsageError
 from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, NoFrames, NoLink, RawAccess, Trouble
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from handctl.link.transcript import Tap
 
 __all__ = [
     "ByteLink",
@@ -38,50 +33,24 @@ __all__ = [
 ]
 
 
+NO_OPTIONS: Mapping[str, str] = {}
+
+
 def open_link(
     link: str,
     *,
     baud: int | None = None,
-    tap: Tap | None = None,
     tcp_port: int | None = None,
     exclusive: bool = True,
-    simulator: Mapping[str, str] | None = None,
+    simulator: Mapping[str, str] = NO_OPTIONS,
 ) -> Link:
     """Open `link`; `baud` in bit/s for serial ports, `tcp_port` for a tcp:// without a port.
 
-    With `tap`, everything that passes is recorded. Not `exclusive` is for a stop only, which must go out although
-    another program has the port. `simulator` are options of a simulated device beyond those of its LINK.
+    Not `exclusive` is for a stop only, which must go out although another program has the port. `simulator` are options of
+    a simulated device beyond those of its LINK.
 
     Raises UsageError for a LINK that cannot be understood, LinkError for one that cannot be opened.
     """
-    opened = _open(link, baud, tcp_port, exclusive, simulator or {})
-    if tap is not None:
-        from handctl.link.transcript import observed
-
-        observed(opened, tap)
-    return opened
-
-
-def is_can(link: str) -> bool:
-    """Whether a LINK carries CAN frames instead of bytes."""
-    if link.startswith("replay:"):
-        from handctl.files import opened
-
-        try:
-            with opened(link.removeprefix("replay:"), "a transcript") as file:
-                lines = (line for line in iter(lambda: file.readline(1 << 16), b"") if b">" in line or b"<" in line)
-                first = next((line for line in lines if not line.lstrip().startswith(b"#")), b"")
-                return b"> can " in first or b"< can " in first
-        except (OSError, UsageError):
-            return False  # opening it will say what is wrong
-    if link.startswith("fake://bus?"):
-        from handctl.link.fake import carries_frames
-
-        return carries_frames(link)
-    return link.startswith("can:") or (link.startswith("fake://") and "bus=can" in link.partition("?")[2].split("&"))
-
-
-def _open(link: str, baud: int | None, tcp_port: int | None, exclusive: bool, simulator: Mapping[str, str]) -> Link:
     # Imported on use: a fake or a TCP link must not pay for pyserial.
     if link.startswith("fake://") and is_can(link):
         from handctl.link.fake import FakeFrames
@@ -108,3 +77,22 @@ def _open(link: str, baud: int | None, tcp_port: int | None, exclusive: bool, si
     from handctl.link.serial import open_serial
 
     return open_serial(link, baud, exclusive=exclusive)
+
+
+def is_can(link: str) -> bool:
+    """Whether a LINK carries CAN frames instead of bytes."""
+    if link.startswith("replay:"):
+        from handctl.files import opened
+
+        try:
+            with opened(link.removeprefix("replay:"), "a transcript") as file:
+                lines = (line for line in iter(lambda: file.readline(1 << 16), b"") if b">" in line or b"<" in line)
+                first = next((line for line in lines if not line.lstrip().startswith(b"#")), b"")
+                return b"> can " in first or b"< can " in first
+        except (OSError, UsageError):
+            return False  # opening it will say what is wrong
+    if link.startswith("fake://bus?"):
+        from handctl.link.fake import carries_frames
+
+        return carries_frames(link)
+    return link.startswith("can:") or (link.startswith("fake://") and "bus=can" in link.partition("?")[2].split("&"))

@@ -17,7 +17,6 @@ from handctl.number_parsing import number_in
 from handctl.system import clock
 from handctl.system.folders import own_folder, private_folders
 
-NOTHING: Mapping[str, str] = {}
 VIRTUAL_BEGAN = 1_767_225_600
 """Where the time of day begins on virtual time, unless the LINK says otherwise: 2026-01-01T00:00:00Z."""
 STANDSTILL = 1000
@@ -121,9 +120,8 @@ class _Simulated(Link):
         except OSError as exc:
             raise self._state_lost(exc) from exc
 
-    def _wait(self, deadline: Deadline) -> bool:
+    def _wait(self, now: float, deadline: Deadline) -> bool:
         """Sleep until the simulator may have something, or until `deadline`; False when that has passed."""
-        now = self.now()
         if now >= deadline.at:
             return False
         event = self._line.next_event()
@@ -162,7 +160,7 @@ class FakeLink(_Simulated, ByteLink):
 
     can_set_baud = True
 
-    def __init__(self, link: str, baud: int | None = None, more: Mapping[str, str] = NOTHING) -> None:
+    def __init__(self, link: str, baud: int | None, more: Mapping[str, str]) -> None:
         super().__init__(link, more)
         self._rest = b""
         self.baud = baud
@@ -173,13 +171,14 @@ class FakeLink(_Simulated, ByteLink):
 
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:
         while True:
-            self._line.advance(self.now())
+            now = self.now()
+            self._line.advance(now)
             self._rest += self._line.take()
             if self._rest:
                 data, self._rest = self._rest[:size], self._rest[size:]
                 return data
             self._check()
-            if not self._wait(deadline):
+            if not self._wait(now, deadline):
                 return b""
 
     def set_baud(self, baud: int) -> None:
@@ -204,7 +203,7 @@ class FakeLink(_Simulated, ByteLink):
 class FakeFrames(_Simulated, FrameLink):
     """A simulated CAN bus."""
 
-    def __init__(self, link: str, more: Mapping[str, str] = NOTHING) -> None:
+    def __init__(self, link: str, more: Mapping[str, str]) -> None:
         super().__init__(link, more)
         self._arrived: list[tuple[int, bytes]] = []
 
@@ -220,12 +219,13 @@ class FakeFrames(_Simulated, FrameLink):
 
     def receive(self, deadline: Deadline) -> CanFrame | None:
         while True:
-            self._line.advance(self.now())
+            now = self.now()
+            self._line.advance(now)
             self._arrived += self._line.take_frames()
             if self._arrived:
                 return CanFrame(*self._arrived.pop(0))
             self._check()
-            if not self._wait(deadline):
+            if not self._wait(now, deadline):
                 return None
 
     def power_cycle(self) -> bool:

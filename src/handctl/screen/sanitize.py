@@ -97,16 +97,20 @@ ERRORS = "handctl"
 
 
 def substitute_what_is_missing() -> None:
-    """A character that the encoding of stdout or stderr lacks gets a substitute, never an error."""
+    """A character that the encoding of stdout or stderr lacks gets a substitute, never an error.
+
+    On Windows, pipes and files get UTF-8 and plain line ends too.
+    """
     import codecs
 
-    from handctl.system.waits import settings
+    from handctl.system.waits import CHANGES_LINE_ENDS
 
     codecs.register_error(ERRORS, encodable)
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:
-            reconfigure(errors=ERRORS, **settings(stream))
+            plain = {"encoding": "utf-8", "newline": "\n"} if CHANGES_LINE_ENDS and not stream.isatty() else {}
+            reconfigure(errors=ERRORS, **plain)
 
 
 def utf8_stdout() -> None:

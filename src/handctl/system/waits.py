@@ -71,13 +71,6 @@ CHANGES_LINE_ENDS = sys.platform == "win32"
 """Whether a text stream writes other line ends than it is given, unless it is told not to."""
 
 
-def settings(stream: Any) -> dict[str, str]:
-    """Arguments of `reconfigure` for stdout and stderr: on Windows, pipes and files get UTF-8 and plain line ends too."""
-    if sys.platform == "win32" and not stream.isatty():
-        return {"encoding": "utf-8", "newline": "\n"}
-    return {}
-
-
 def takes(descriptor: int, seconds: float | None) -> bool:
     """Wait until a pipe or a terminal accepts data, or its reader is gone; None = for ever. True if that is not known."""
     return sys.platform == "win32" or _polled(descriptor, select.POLLOUT, seconds)

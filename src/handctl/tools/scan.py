@@ -35,7 +35,7 @@ from handctl.errors import Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES, SCANNED
 from handctl.link import ByteLink, Deadline, Link, is_can, open_link
 from handctl.link.lock import Lock, hold
-from handctl.link.transcript import Tap, TraceFile
+from handctl.link.transcript import Tap, TraceFile, observed
 from handctl.model.result import Journal, Table
 from handctl.system import clock
 from handctl.tools.port_inventory import Machine
@@ -115,8 +115,7 @@ def _scanned(run: Run, wanted: Sequence[str], names: list[str], ids: str | None,
         chosen_ids(run, wanted, wire_of(name), ids)  # what is wrong is told before anything is opened
     names = names or free_ports(Machine(), run.journal)
     trace = TraceFile(settings.trace, f"handctl {__version__} {run.command}", settings.verbose)
-    tap = trace if settings.trace or settings.verbose else None
-    scan = Scan(run, wanted, ids, find_all, tap, settings.deadline)
+    scan = Scan(run, wanted, ids, find_all, trace if settings.trace or settings.verbose else None, settings.deadline)
     searches: list[Search] = []
     try:
         for name in names:
@@ -187,7 +186,9 @@ class Scan:
         started, spent, opened = clock.now(), 0.0, 0.0
         try:
             lock = hold(name, f"handctl {self._run.command}", port)
-            link = open_link(name, baud=self._run.settings.baud or 115200, tap=self._tap, tcp_port=port)
+            link = open_link(name, baud=self._run.settings.baud or 115200, tcp_port=port)
+            if self._tap is not None:
+                observed(link, self._tap)
             spent, opened = clock.now() - started, link.now()
             chosen = chosen_ids(self._run, self._families, wire, self._ids)
             bound = link.deadline(LONG if self._left is None else self._left - spent)

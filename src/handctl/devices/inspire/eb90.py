@@ -181,8 +181,8 @@ class Decoder(Stream[Frame]):
         known = tuple(prefixes) or (HOST, DEVICE)
         self._first = known[0] if len(known[0]) >= OVERHEAD else None  # its length is in it
         super().__init__()
-        self._known = _Known.of(known)
-        self._few = known if len(known) <= FEW else ()
+        self._few = known
+        self._many = _Known.of(known) if len(known) > FEW else None
         self.rejected = b""
 
     def next(self) -> Frame | None:
@@ -214,16 +214,16 @@ class Decoder(Stream[Frame]):
 
         One pass, however many prefixes there are: a scan waits for the answers of 254 ids at once.
         """
-        buffer, known, few, place = self._buffer, self._known, self._few, 0
+        buffer, few, many, place = self._buffer, self._few, self._many, 0
         while found := _HEAD.search(buffer, place):
             place = found.start()
             if place + 3 >= len(buffer) or buffer[place + 3] >= MIN_LENGTH:
                 tail = bytes(buffer[place : place + LONGEST_PREFIX])
                 ends = place + len(tail) == len(buffer)
-                if few:
+                if many is None:
                     if tail.startswith(few) or (ends and any(one.startswith(tail) for one in few)):
                         return place
-                elif any(tail[:size] in known.whole for size in known.sizes) or (ends and tail in known.beginnings):
+                elif any(tail[:size] in many.whole for size in many.sizes) or (ends and tail in many.beginnings):
                     return place
             place += 1
         return len(buffer)

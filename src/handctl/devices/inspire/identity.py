@@ -187,8 +187,7 @@ class IdentityCheck:
     def contradiction(self, own: Kind) -> Kind | None:
         """Who else than `own` is proved by what is held, and by one question more where it does not tell; None = nobody."""
         assert self._held is not None
-        mine = [sign for sign in TABLE if sign.kind is own and sign.shows(self._held)]
-        if is_exo_alone(self._held) if own is EXO else mine:
+        if is_exo_alone(self._held) if own is EXO else any(one.kind is own and one.shows(self._held) for one in TABLE):
             return None
         try:
             kind = self.who(own)

@@ -49,15 +49,11 @@ class Register(Param):
     @property
     def place(self) -> int:
         """Address of element 0 as the manual counts."""
-        return self.place_of(0)
+        return self.address // self.per
 
     def address_of(self, index: int) -> int:
         """Address of element `index`."""
         return self.address + self.size * index
-
-    def place_of(self, index: int) -> int:
-        """Address of element `index` as the manual counts."""
-        return self.address_of(index) // self.per
 
     @property
     def type_name(self) -> str:

@@ -368,7 +368,7 @@ def save(hand: RegisterDevice, prompts: Prompts) -> Table:
 
 def _save(hand: RegisterDevice, prompts: Prompts) -> Table:
     bus, register = hand.bus, hand.map["save"]
-    place = register.place_of(0)
+    place = register.place
     results = [eb90.write_ack_prefix(bus.id, place), eb90.read_reply_prefix(bus.id, place, 1)]
     lost = bus.try_write(register.address, register.encode(1), "the save", "handctl only waits for its result")
     if not bus.reports:

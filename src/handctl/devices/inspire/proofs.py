@@ -196,7 +196,7 @@ def _write_reply(name: str, device: RegisterDevice) -> Seen:
     bus, register = device.bus, device.own_map()[name]
     if not isinstance(bus, CanBus):
         return Seen(None, "only on CAN")
-    span = (register.place_of(0), register.size)
+    span = (register.place, register.size)
     data = bus.read(*span, retries=0)
     reply = bus.acknowledgement(span[0], data)
     if bus.read(*span) != data:

@@ -58,13 +58,9 @@ class Memory:
         self.bytes_at = within(self.blocks)
 
 
-def plan(registers: Iterable[Register], limit: int = MAX_COUNT) -> list[Block]:
-    """The fewest blocks of at most `limit` bytes that cover all `registers`, gaps included."""
-    return list(_planned(tuple(registers), limit))
-
-
 @lru_cache(256)
-def _planned(registers: tuple[Register, ...], limit: int) -> Sequence[Block]:
+def plan(registers: tuple[Register, ...], limit: int = MAX_COUNT) -> Sequence[Block]:
+    """The fewest blocks of at most `limit` bytes that cover all `registers`, gaps included."""
     blocks: list[Block] = []
     for register in sorted(registers, key=lambda register: register.address):
         last = blocks[-1] if blocks else None
@@ -92,7 +88,7 @@ class BlockReader:
         """Read `registers` into `memory`. Groups that fail are in its `errors`; raises when nothing at all could be read."""
         memory = Memory() if memory is None else memory
         first: HandctlError | None = None
-        blocks = plan(registers, self._bus.max_count)
+        blocks = plan(tuple(registers), self._bus.max_count)
         if len(blocks) > 1:  # what a stranger would act upon is not asked first
             blocks = sorted(blocks, key=lambda block: not self._bus.quiet(block.address, block.size))
         for block in blocks:
@@ -318,7 +314,11 @@ class RegisterDevice(Device):
 
     def element_keys(self, element: Element) -> Row:
         register = register_of(element)
-        return {"name": register.name, "finger": element.part, "address": register.place_of(element.index)}
+        return {
+            "name": register.name,
+            "finger": element.part,
+            "address": register.address_of(element.index) // register.per,
+        }
 
     def row(self, reading: Reading) -> Row:
         row = super().row(reading)
@@ -432,7 +432,7 @@ class RegisterDevice(Device):
     def trigger_step(self, name: str, meaning: str) -> Step:
         """The frame that writes 1 to a trigger register."""
         register = self.map[name]
-        meaning = f"{meaning} (write 1 to address {register.place_of(0)})"
+        meaning = f"{meaning} (write 1 to address {register.place})"
         step = self.bus.write_step(register.address, register.encode(1), meaning)
         return step._replace(moves=register.moves, strands=register.strands)
 

@@ -1,6 +1,6 @@
 """A simulator that takes what was found out about a real device: the facts file of `handctl prove` as options and faults.
 
-Each simulator says in its module `facts` what a fact makes of it: FACTS, fact -> value -> options as a LINK spells them. "" = it is so
+Each simulator says in its package what a fact makes of it: FACTS, fact -> value -> options as a LINK spells them. "" = it is so
 already; "*" stands for any other value, {} for that value and {seconds} for one in ms. What no fact says stays the manual's.
 """
 
@@ -27,7 +27,7 @@ class Twin:
         said, faults = set(self.raw) - {"fault"}, [self.raw["fault"]] if "fault" in self.raw else []
         self.taken: list[str] = []
         self.left: list[str] = []
-        table: dict[str, dict[object, str]] = importlib.import_module(f"handctl.sim.{kind}.facts").FACTS
+        table: dict[str, dict[object, str]] = importlib.import_module(f"handctl.sim.{kind}").FACTS
         for name, fact in _facts(kind, path).items():
             if fact["verdict"] not in SHOWN:
                 continue

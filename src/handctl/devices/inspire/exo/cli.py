@@ -9,7 +9,7 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.get_set_watch import going
-from handctl.command.options import NEGATIVE_NUMBERS, REPLY_WAIT, Seconds
+from handctl.command.options import NEGATIVE_NUMBERS, REPLY_WAIT, SECONDS
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire import identity
@@ -197,7 +197,7 @@ def force(run: Run, values: tuple[str, ...]) -> Act:
 @click.argument("values", nargs=-1, required=True, metavar=FIVE)
 @click.option(
     "--wait",
-    type=Seconds(),
+    type=SECONDS,
     metavar="S",
     help="Wait up to S seconds for the fingers to stop moving. Ctrl-C makes them hold their position.",
 )

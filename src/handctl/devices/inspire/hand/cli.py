@@ -16,7 +16,7 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.get_set_watch import Unequal, ask_released, bounds_of, tell_listed, within
-from handctl.command.options import ALWAYS, BOUNDS, COMMAND_LINE, NEGATIVE_NUMBERS, REPLY_WAIT, Seconds, streaming
+from handctl.command.options import ALWAYS, BOUNDS, COMMAND_LINE, NEGATIVE_NUMBERS, REPLY_WAIT, SECONDS, streaming
 from handctl.command.run import Act, Asked, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire.hand.device import Hand
@@ -120,7 +120,7 @@ def set_(run: Run, assignments: tuple[str, ...], always: bool = False) -> Act:
 FINGERS = "LITTLE RING MIDDLE INDEX THUMB ROTATION | FINGER=VALUE..."
 WAIT = click.option(
     "--wait",
-    type=Seconds(),
+    type=SECONDS,
     metavar="S",
     help="Wait up to S seconds for the fingers to stop moving. Ctrl-C sets their speed to 0.",
 )

@@ -10,7 +10,7 @@ from handctl.command.command_tree import Group
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
-from handctl.command.options import REPLY_WAIT, Seconds
+from handctl.command.options import REPLY_WAIT, SECONDS
 from handctl.command.run import Act, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire import eb90, identity
@@ -92,7 +92,7 @@ def hand_read(run: Run, address: str, count: int) -> Table:
 @click.option("--pitch", metavar="DEG", help="Pitch from -22.66 to 22.12 degrees, two decimals.")
 @click.option("--yaw", metavar="DEG", help="Yaw from -25.50 to 25.50 degrees, two decimals.")
 @click.option("--time", metavar="MS", help="Movement time in ms (default: the time set in the wrist).")
-@click.option("--wait", type=Seconds(), metavar="S", help="Wait at most S seconds for the wrist to arrive.")
+@click.option("--wait", type=SECONDS, metavar="S", help="Wait at most S seconds for the wrist to arrive.")
 @expect
 def move(run: Run, pitch: str | None, yaw: str | None, time: str | None, wait: float | None, expect: str | None) -> Act:
     """Move to angles in degrees and wait until the wrist has stopped moving.
