@@ -276,10 +276,6 @@ def state_path(name: str) -> Path:
 # -- text that may be longer than memory ------------------------------------------------------------------------------
 
 
-AT_ONCE = 200
-"""Lines that are written as one piece."""
-
-
 class Spool:
     """Takes lines one by one, gives them back in order. Raises OutputError where the disk has no room."""
 
@@ -291,16 +287,9 @@ class Spool:
 
     def take(self, lines: Iterable[str]) -> None:
         """Append them; what came before an error stays."""
-        some: list[str] = []
         with writing(self.folder, hint="make room there, or choose --format ndjson, which needs none"):
-            try:
-                for line in lines:
-                    some.append(line)
-                    if len(some) >= AT_ONCE:
-                        self._file.write("\n".join((*some, "")))
-                        some.clear()
-            finally:
-                self._file.write("\n".join((*some, "")))
+            for line in lines:
+                self._file.write(line + "\n")
 
     def lines(self) -> Iterator[str]:
         """All of them."""

@@ -47,3 +47,15 @@ def test_a_typed_protocol_is_the_only_one_that_is_scanned() -> None:
         link = f"fake://hand?speaks={speaks}&clock=virtual"
         assert run("hand", "scan", "--ids", "1-1", "--protocol", protocol, "-p", link, "--json").code == 4
         assert run("hand", "scan", "--ids", "1-1", "--protocol", speaks, "-p", link, "--json").code == 0
+
+
+@pytest.mark.parametrize("speed", [921600, 57600, 19200])
+def test_a_hand_at_another_speed_is_looked_at_there(speed: int) -> None:
+    rows, silent = dict[int, object](), dict[int, int]()
+    for baud in (115200, speed):
+        link = f"fake://hand?baud={baud}&speaks=eb90&clock=virtual"
+        answer = run("hand", "scan", "--ids", "1-1", "--protocol", "eb90", "-p", link, "--json")
+        (row,), counters = answer.rows, answer.json["counters"]
+        rows[baud], silent[baud] = (row["model"], row["evidence"]), counters["sent"] - counters["received"]
+    assert rows[speed] == rows[115200]
+    assert silent[speed] <= silent[115200] + 8, "two questions at each speed before, two to see whether it matters"

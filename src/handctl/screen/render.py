@@ -12,7 +12,6 @@ import os
 import re
 import sys
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from itertools import islice
 from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any, Protocol
 
@@ -170,8 +169,6 @@ class Sink:
 
 # -- what is written there --------------------------------------------------------------------------------------------
 
-LINES = 1000
-"""Of a file for another program, so many are written at once."""
 UNKNOWN = (1, 2, 8, 130)
 """Exit codes that say nothing of the device: to a monitoring system nothing is written then."""
 NOTED = ("failed", "late", "bad", "missing", "skipped")
@@ -220,9 +217,8 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
         for row in rows:
             sink.write(_plain_line(table, _row_shown(row), tuple(moment)))
     elif table.spool is not None:
-        spooled = iter(lines)
-        while some := list(islice(spooled, LINES)):
-            sink.write(text_shown("\n".join(some) + "\n"))
+        for line in lines:
+            sink.write(text_shown(line + "\n"))
     elif table.text is not None:
         sink.write(text_shown(table.text(rows)))
     else:
@@ -408,9 +404,9 @@ def _json_envelope(envelope: dict[str, Any], rows: Iterable[str]) -> Iterator[st
         if key not in ("messages", "counters"):
             yield f"  {dumps(key)}: {dumps(value)},\n"
     yield '  "rows": ['
-    before, source = "\n    ", iter(rows)
-    while some := list(islice(source, LINES)):
-        yield before + ",\n    ".join(some)
+    before = "\n    "
+    for row in rows:  # the sink joins them: by size, as a row of one family is as long as a hundred of another
+        yield before + row
         before = ",\n    "
     yield "],\n" if before == "\n    " else "\n  ],\n"
     yield f'  "messages": {dumps(envelope["messages"])},\n  "counters": {dumps(envelope["counters"])}\n}}\n'

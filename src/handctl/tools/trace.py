@@ -174,7 +174,7 @@ def _shown(value: Value | None) -> str:
 # -- the commands --------------------------------------------------------------------------------------------------
 
 
-AT_ONCE = 200
+AT_ONCE = 20
 """Rows of a recorded file that are handed on together."""
 MOST_DIFFERENCES = 10_000
 """Differences that are shown; those beyond are counted."""

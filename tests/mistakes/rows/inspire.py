@@ -8,6 +8,15 @@ MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
+        "inspire-a-hit-is-looked-at-at-the-speed-of-the-port",
+        "swallowed error",
+        "handctl.devices.inspire.scan",
+        "Sweep._in_eb90",
+        "with at_speed(link, speed if speed != link.baud else None):",
+        "with at_speed(link, None):",
+        "tests/inspire/test_rh56_slow.py::test_a_hand_at_another_speed_is_looked_at_there",
+    ),
+    mistake(
         "inspire-any-silence-is-a-missing-register",
         "evidence believed",
         "handctl.devices.inspire.register_device",

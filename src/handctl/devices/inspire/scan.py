@@ -218,7 +218,8 @@ class Sweep:
             if kind is not None:
                 who = kind, None, f"{kind.words}: {shown}" if kind is not target.own else ""
                 if self.look is not None and kind.family not in (EXO.family, WRIST.family):
-                    who = self._looked(self._bus(link, target).at(device_id=device_id)) or who
+                    with at_speed(link, speed if speed != link.baud else None):
+                        who = self._looked(self._bus(link, target).at(device_id=device_id)) or who
             odd = "are there two devices with this id?" if (speed, device_id) in found.twins else ""
             self._row(who, speed, device_id, "eb90", read if kind is not None else shown, odd)
         return found
