@@ -88,11 +88,14 @@ class Export:
             return not about["gaps"]
         return len(self.segments) == 1 and not self.survey.segments[self.segments[0]].gaps
 
-    def blocks(self) -> Iterator[tuple[int, Block, list[float]]]:
-        """The rows: segment, rows of it, and the host's time of each by the clock fit, seconds since 1970."""
+    def blocks(self, *, surveyed: bool = True) -> Iterator[tuple[int, Block, list[float]]]:
+        """The rows: segment, rows of it, and the host's time of each by the clock fit, seconds since 1970.
+
+        `surveyed`: the writer asks for the survey afterwards.
+        """
         self.rows, lines = 0, dict[int, Line]()
         first, reading, _ = None, Surveyor(self.log), self._fits
-        finding = "survey" not in self.__dict__
+        finding = surveyed and "survey" not in self.__dict__
         if finding:
             self.survey = reading.found
         for whole in self.log.blocks():
