@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from handctl.model.sampling import WITHIN_MS
+from handctl.record.timeline import ClockFit
 from handctl.sim.ekso.body import SIZES, Unrest
 from handctl.sim.engine.model import Random
 from tests.ekso.commands import unit
@@ -79,3 +80,16 @@ def judged(done: Result, path: Path, truth: Unrest, pulled: tuple[tuple[float, f
                 - (float(second["host_mono_s"]) - float(first["host_mono_s"]))
             )
             assert abs(apart) <= WITHIN_MS / 1000 + LATE_S
+
+
+def test_the_residual_has_its_digits_after_two_hours() -> None:
+    """Rows that are late by 1 ms in turn, on a clock that drifts by 20 ppm: however they are taken."""
+    x = [at * 0.03 for at in range(240_000)]
+    y = [time * 1.00002 + 0.001 * (-1) ** at for at, time in enumerate(x)]
+    fit, many = ClockFit(), ClockFit()
+    for at in range(0, len(x), 1000):
+        many.extend(x[at : at + 1000], y[at : at + 1000])
+    for one, other in zip(x[::10], y[::10], strict=True):
+        fit.add(one, other)
+    assert many.as_row() == {"a_s": 0.0, "b": 1.00002, "residual_ms": 1.0}
+    assert fit.as_row() == {"a_s": 0.001, "b": 1.00002, "residual_ms": 0.0}

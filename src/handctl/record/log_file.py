@@ -77,8 +77,8 @@ class Block:
 
     def values(self, channel: Channel) -> list[float | None]:
         """A column of the device as numbers, None where nothing was read."""
-        number = float if channel.decimals != 0 else int
-        return [number(text) if text else None for text in self.columns[channel.column]]
+        number, texts = float if channel.decimals != 0 else int, self.columns[channel.column]
+        return [number(text) if text else None for text in texts] if "" in texts else list(map(number, texts))
 
 
 class LogFile:

@@ -10,17 +10,21 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import accumulate
 from math import inf
+from operator import lt, sub
 from typing import Any, NamedTuple
 
 from handctl.model.sampling import WITHIN_MS, Moment
 from handctl.record import timeline
-from handctl.record.log_file import LATEST_S, LogFile, damaged
+from handctl.record.log_file import LATEST_S, Block, LogFile, damaged
 from handctl.record.source import MARK
 from handctl.record.timeline import Place
 
 NOTE = re.compile(r"\[(port lost|reboot|clocks [^]]*|gap [0-9]{1,9}[.][0-9]{3} s)\](?:; |$)")
 """What the recorder itself writes into a mark, before the text of a person."""
+SMALLEST_MS = 0.0005
+"""Clocks that part by less show no digit of it."""
 BREAK, GAP, MARKED = "break", "gap", "mark"
 
 
@@ -63,11 +67,21 @@ class Segment(timeline.Segment):
 
     def read(self, t_ms: Sequence[int], mono: Sequence[float], rtt: Sequence[float], *, clocked: bool) -> None:
         """Take rows that follow each other."""
-        for ms, middle, trip in zip(t_ms, mono, rtt, strict=True):
-            moment = Moment(middle - trip / 2000, middle + trip / 2000)
-            if clocked and self.rows:
-                self.apart_ms = max(self.apart_ms, self.off(ms - self.first.t_ms, moment), key=abs)
-            self.take(Place(None, moment, ms, self.number), clocked=clocked)
+        begin, at = self.first.t_ms, self.first.mono_s
+        sent = [(middle - trip / 2000) * 1000 - (ms - begin) for ms, middle, trip in zip(t_ms, mono, rtt, strict=True)]
+        answered = [one + trip for one, trip in zip(sent, rtt, strict=True)]
+        most = list(accumulate(sent, max, initial=self.sent_most))
+        least = list(accumulate(answered, min, initial=self.answered_least))
+        if clocked:
+            if max(*map(sub, most, answered), *map(sub, sent, least)) > SMALLEST_MS:
+                offs = [
+                    max(0.0, a - b) - max(0.0, c - d) for a, b, c, d in zip(most, answered, sent, least, strict=False)
+                ]
+                self.apart_ms = max([self.apart_ms, *offs], key=abs)
+            self.fit.extend([(ms - begin) / 1000 for ms in t_ms], [middle - at for middle in mono])
+        self.sent_most, self.answered_least = most[-1], least[-1]
+        self.rows += len(sent)
+        self.last = Place(None, Moment(mono[-1] - rtt[-1] / 2000, mono[-1] + rtt[-1] / 2000), t_ms[-1], self.number)
 
     @property
     def line(self) -> Line:
@@ -112,45 +126,56 @@ class Survey:
 
 def survey(log: LogFile) -> Survey:
     """Read the log once. Raises UsageError as its `blocks` do, and for one without rows."""
-    found = Survey(log.clocked)
-    marked: list[tuple[int, int, int, float, str]] = []
-    row, last = 1, -inf
+    reading = Surveyor(log)
     for block in log.blocks():
-        for number in sorted(set(block.segments)):
-            part = block.of(number)
-            mono, utc, rtt = (
-                [float(text) for text in part.columns[name]] for name in ("host_mono_s", "host_utc_s", "rtt_ms")
-            )
-            if (segment := found.segments.get(number)) is None:
+        reading.take({number: block.of(number) for number in sorted(set(block.segments))})
+    reading.end()
+    return reading.found
+
+
+class Surveyor:
+    """Makes a survey of the blocks that somebody reads; `found` grows with them, and has its events at the end."""
+
+    def __init__(self, log: LogFile) -> None:
+        self.found = Survey(log.clocked)
+        self._log = log
+        self._said: Sequence[Mapping[str, Any]] = (log.sidecar or {}).get("marks") or []
+        self._heard = {one.get("row"): one.get("heard") for one in self._said}
+        self._marked: list[tuple[int, int, int, float, list[str], str]] = []
+        self._row, self._last = 1, -inf
+
+    def take(self, parts: Mapping[int, Block]) -> None:
+        """The next rows, by segment. Raises UsageError where the host's time cannot be."""
+        for number, part in parts.items():
+            mono, utc, rtt = (list(map(float, part.columns[name])) for name in ("host_mono_s", "host_utc_s", "rtt_ms"))
+            self._follow(mono, utc)
+            if (segment := self.found.segments.get(number)) is None:
                 first = Place(None, Moment(mono[0], mono[0]), part.t_ms[0], number)
-                before = found.segments.get(number - 1)
+                before = self.found.segments.get(number - 1)
                 pause = mono[0] - before.last.mono_s if before else 0.0
-                segment = found.segments[number] = Segment(number, row, first, None, first, utc_s=utc[0], pause_s=pause)
-            for at, moment in enumerate(mono):
-                if moment < last or not 0 <= utc[at] < LATEST_S:
-                    raise damaged(
-                        log.path, row + at + 1, "the time of this computer does not follow from the row before"
-                    )
-                last = moment
-            segment.read(part.t_ms, mono, rtt, clocked=log.clocked)
+                segment = Segment(number, self._row, first, None, first, utc_s=utc[0], pause_s=pause)
+                self.found.segments[number] = segment
+            segment.read(part.t_ms, mono, rtt, clocked=self.found.clocked)
             marks = part.columns[MARK]
-            marked += [(row + at, number, part.t_ms[at], utc[at], mark) for at, mark in enumerate(marks) if mark]
-            row += len(mono)
-    if not found.segments:
-        raise log.without(None)
-    found.events = list(_events(found, marked, log))
-    return found
+            for at in [at for at, mark in enumerate(marks) if mark] if any(marks) else ():
+                notes, rest = self._notes(marks[at], self._row + at, segment)
+                self._marked.append((self._row + at, number, part.t_ms[at], utc[at], notes, rest))
+            self._row += len(mono)
 
+    def _follow(self, mono: Sequence[float], utc: Sequence[float]) -> None:
+        """Raise UsageError for a row at which the host's clock fell back, or is none."""
+        if mono[0] < self._last or any(map(lt, mono[1:], mono)) or not (min(utc) >= 0 and max(utc) < LATEST_S):
+            last = self._last
+            for at, (moment, wall) in enumerate(zip(mono, utc, strict=True), self._row + 1):
+                if moment < last or not 0 <= wall < LATEST_S:
+                    raise damaged(self._log.path, at, "the time of this computer does not follow from the row before")
+                last = moment
+        self._last = mono[-1]
 
-def _events(found: Survey, marked: Sequence[tuple[int, int, int, float, str]], log: LogFile) -> Iterator[Event]:
-    """Breaks and gaps at their rows; marks at the time at which they came, where the sidecar has it."""
-    said: Sequence[Mapping[str, Any]] = (log.sidecar or {}).get("marks") or []
-    heard = {one.get("row"): one.get("heard") for one in said}
-    for row, number, t_ms, came, text in marked:
-        segment = found.segments[number]
-        utc = segment.line.utc_of(t_ms) if found.clocked else came
+    def _notes(self, text: str, row: int, segment: Segment) -> tuple[list[str], str]:
+        """What the recorder wrote into a mark, and the rest of it. A gap is known from here on."""
         rest, notes = text, []
-        own = [str(one.get("text")) for one in heard.get(row) or ()]
+        own = [str(one.get("text")) for one in self._heard.get(row) or ()]
         while match := NOTE.match(rest):
             if match[1].startswith("gap") and any(text.startswith(f"[{match[1]}]") for text in own):
                 break  # a person wrote it
@@ -162,15 +187,28 @@ def _events(found: Survey, marked: Sequence[tuple[int, int, int, float, str]], l
             gap = note.startswith("gap")
             if gap and row > segment.first_row:
                 segment.gaps += 1
-                found.gap_rows.append(row)
+                self.found.gap_rows.append(row)
             elif not gap:
                 segment.notes = (*segment.notes, note)
-            yield Event(utc, GAP if gap else BREAK, note, row)
-        yield from _marks(heard.get(row) or ([{"text": rest}] if rest else []), utc, row)
-    late = [one for one in said if one.get("row") is None]  # after the last row: the file does not have them
-    last = found.segments[max(found.segments)]
-    for one in late:
-        yield from _marks(one.get("heard") or [one], last.ends[1], last.first_row + last.rows - 1)
+        return notes, rest
+
+    def end(self) -> None:
+        """There are no more rows. Raises UsageError where there were none."""
+        if not self.found.segments:
+            raise self._log.without(None)
+        self.found.events = list(self._events())
+
+    def _events(self) -> Iterator[Event]:
+        """Breaks and gaps at their rows; marks at the time at which they came, where the sidecar has it."""
+        for row, number, t_ms, came, notes, rest in self._marked:
+            utc = self.found.segments[number].line.utc_of(t_ms) if self.found.clocked else came
+            for note in notes:
+                yield Event(utc, GAP if note.startswith("gap") else BREAK, note, row)
+            yield from _marks(self._heard.get(row) or ([{"text": rest}] if rest else []), utc, row)
+        late = [one for one in self._said if one.get("row") is None]  # after the last row: the file does not have them
+        last = self.found.segments[max(self.found.segments)]
+        for one in late:
+            yield from _marks(one.get("heard") or [one], last.ends[1], last.first_row + last.rows - 1)
 
 
 def _marks(said: Sequence[Mapping[str, Any]], utc_s: float, row: int) -> Iterator[Event]:

@@ -8,8 +8,10 @@ So is that of a device without a clock. Pure arithmetic; knows no file and no de
 from __future__ import annotations
 
 from collections import Counter, deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import inf, sqrt
+from operator import mul, sub
 from typing import Any, NamedTuple
 
 from handctl.model.sampling import WITHIN_MS, Moment, Span
@@ -93,29 +95,42 @@ class Hole:
 
 
 class ClockFit:
-    """Least squares of host time over device time, point by point: host = a + b * boot, both from the first point."""
+    """Least squares of host time over device time: host = a + b * boot, both from the first point.
+
+    What is summed is by how much the host is ahead: over hours the times themselves would leave no digit for the residual.
+    """
 
     def __init__(self) -> None:
         self.count = 0
-        self._x = self._y = self._xx = self._xy = self._yy = 0.0
+        self._x = self._ahead = self._xx = self._xa = self._aa = 0.0
 
     def add(self, x: float, y: float) -> None:
         """Take a point; seconds."""
-        self.count += 1
-        dx, dy = x - self._x, y - self._y
-        self._x += dx / self.count
-        self._y += dy / self.count
-        self._xx += dx * (x - self._x)
-        self._xy += dx * (y - self._y)
-        self._yy += dy * (y - self._y)
+        self.extend((x,), (y,))
+
+    def extend(self, x: Sequence[float], y: Sequence[float]) -> None:
+        """Take points."""
+        more, total = len(x), self.count + len(x)
+        ahead = list(map(sub, y, x))
+        middle_x, middle = sum(x) / more, sum(ahead) / more
+        dx, da = [one - middle_x for one in x], [one - middle for one in ahead]
+        off_x, off, weight = middle_x - self._x, middle - self._ahead, self.count * more / total
+        self._xx += sum(map(mul, dx, dx)) + off_x * off_x * weight
+        self._xa += sum(map(mul, dx, da)) + off_x * off * weight
+        self._aa += sum(map(mul, da, da)) + off * off * weight
+        self._x += off_x * more / total
+        self._ahead += off * more / total
+        self.count = total
 
     def as_row(self) -> dict[str, float] | None:
         """`a` in seconds, `b`, and the residual in ms (root mean square); None without two moments."""
         if self._xx <= 0:
             return None
-        b = self._xy / self._xx
-        residual = sqrt(max(0.0, self._yy - b * self._xy) / self.count)
-        return {"a_s": round(self._y - b * self._x, 6), "b": round(b, 9), "residual_ms": round(residual * 1000, 3)}
+        drift = self._xa / self._xx
+        residual = sqrt(max(0.0, self._aa - drift * self._xa) / self.count)
+        return {
+            "a_s": round(self._ahead - drift * self._x, 6) + 0.0, "b": round(1 + drift, 9), "residual_ms": round(residual * 1000, 3),
+        }  # fmt: skip
 
 
 @dataclass(slots=True)

@@ -114,14 +114,14 @@ class Block(log_file.Block):
 
 def _columns(text: str, rows: int, width: int) -> Sequence[Sequence[str]] | None:
     """The fields of so many lines by column; None where one has another number of them."""
-    lines = text.split("\n")
     if '"' not in text:
-        if any(line.count(",") != width - 1 for line in lines):
+        flat = text.replace("\n", ",\n,").split(",")  # so the ends of the lines are a column as well
+        ends = flat[width :: width + 1]
+        if len(flat) != rows * (width + 1) - 1 or ends.count("\n") != rows - 1:
             return None
-        flat = text.replace("\n", ",").split(",")
-        return [flat[at::width] for at in range(width)]
+        return [flat[at :: width + 1] for at in range(width)]
     try:
-        found = list(csv.reader(lines, strict=True))
+        found = list(csv.reader(text.split("\n"), strict=True))
     except csv.Error:
         return None
     return list(zip(*found, strict=True)) if len(found) == rows and set(map(len, found)) == {width} else None

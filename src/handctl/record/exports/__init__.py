@@ -1,7 +1,8 @@
 """A recording as other programs take it, of any family: `formats` has a row for each format, and each writer is a module of its own here.
 
-    survey    one pass for what a format says at its beginning: segments, clock fit, breaks, marks
-    blocks    a second one for the rows, each with the host's time by the fit; no writer holds them all
+    blocks    the rows, each with the host's time by the fit; no writer holds them all
+    survey    segments, clock fit, breaks, marks: after `blocks`, which finds them on its way. Asked before it, it costs a pass
+              of its own; so does a log that was never closed, for its sidecar has no fit
 
 A writer is `write(export)`; it raises OSError where the disk fails. What it needs of other packages is imported there alone.
 """
@@ -19,7 +20,7 @@ from handctl.errors import UsageError
 from handctl.files import writing
 from handctl.model.export_formats import FORMATS
 from handctl.record.log_file import Block, LogFile
-from handctl.record.survey import Event, Line, Survey, survey
+from handctl.record.survey import Event, Line, Survey, Surveyor, survey
 
 
 @dataclass
@@ -68,28 +69,42 @@ class Export:
     def nominal_hz(self) -> float | None:
         """The rate that was asked for if the log has it within 2 %, or else that of its rows; None where there is only one."""
         about = self.log.sidecar or {}
-        spent = sum(one.last.mono_s - one.first.mono_s for one in self.survey.segments.values())
-        steps = self.survey.rows - len(self.survey.segments)
-        reached = about.get("rate_hz") or (round(steps / spent, 2) if spent > 0 else None)
+        reached = about.get("rate_hz") or self._reached_hz()
         asked = (about.get("asked") or {}).get("rate_hz")
         return asked if asked and reached and abs(reached - asked) <= 0.02 * asked else reached
+
+    def _reached_hz(self) -> float | None:
+        spent = sum(one.last.mono_s - one.first.mono_s for one in self.survey.segments.values())
+        steps = self.survey.rows - len(self.survey.segments)
+        return round(steps / spent, 2) if spent > 0 else None
 
     @property
     def even(self) -> bool:
         """Whether no row is missing between the first and the last, as a closed log says."""
         about = self.log.sidecar or {}
-        lost = about.get("lost") or about.get("skipped") or not self.log.closed
-        return not lost and len(self.segments) == 1 and not self.survey.segments[self.segments[0]].gaps
+        if about.get("lost") or about.get("skipped") or not self.log.closed:
+            return False
+        if self.log.spans is not None and len(self.log.spans) == 1 and "gaps" in about:
+            return not about["gaps"]
+        return len(self.segments) == 1 and not self.survey.segments[self.segments[0]].gaps
 
-    def blocks(self) -> Iterator[tuple[int, Block, list[float]]]:
-        """The rows: segment, rows of it, and the host's time of each by the clock fit, seconds since 1970."""
+    def blocks(self, *, surveyed: bool = True) -> Iterator[tuple[int, Block, list[float]]]:
+        """The rows: segment, rows of it, and the host's time of each by the clock fit, seconds since 1970.
+
+        `surveyed`: the writer asks for the survey afterwards.
+        """
         self.rows, lines = 0, dict[int, Line]()
-        first = None
+        first, reading, _ = None, Surveyor(self.log), self._fits
+        finding = surveyed and "survey" not in self.__dict__
+        if finding:
+            self.survey = reading.found
         for whole in self.log.blocks():
-            for number in sorted(set(whole.segments)):
+            parts = {number: whole.of(number) for number in sorted(set(whole.segments))}
+            if finding:
+                reading.take(parts)
+            for number, block in parts.items():
                 if self.segment not in (None, number):
                     continue
-                block = whole.of(number)
                 if number not in lines:
                     lines[number] = Line(
                         float(block.columns["host_utc_s"][0]), block.t_ms[0], *self._fits.get(number, ())
@@ -106,6 +121,8 @@ class Export:
                 yield number, block, utc
         if not self.rows:
             raise self.log.without(self.segment)
+        if finding:
+            reading.end()
 
     @cached_property
     def _fits(self) -> dict[int, tuple[float, float]]:

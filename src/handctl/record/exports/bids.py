@@ -82,8 +82,9 @@ def _dataset(export: Export, folder: str) -> None:
             "run by the clock of the recording computer, from the fit in `ClockFit` of the run's motion.json.\n"
         )
     _tsv(os.path.join(folder, "participants.tsv"), ("participant_id",), [(SUBJECT,)])
-    scans, runs = [], {number: f"run-{number}" for number in export.segments}
-    for number, run in runs.items():
+    _rows(export, os.path.join(motion, f"{SUBJECT}_task-{TASK}_{kind}_run-{{}}_motion.tsv"))
+    scans = []
+    for number, run in {number: f"run-{number}" for number in export.segments}.items():
         stem = f"{SUBJECT}_task-{TASK}_{kind}_{run}"
         channels = _channels(export)
         _json(os.path.join(motion, f"{stem}_motion.json"), _about(export, number, channels))
@@ -97,18 +98,20 @@ def _dataset(export: Export, folder: str) -> None:
             _tsv(f"{events}.tsv", ("onset", "duration", "trial_type", "text", "row"), rows)
             _json(f"{events}.json", EVENTS)
     _tsv(os.path.join(folder, SUBJECT, f"{SUBJECT}_scans.tsv"), ("filename", "acq_time"), scans)
-    _rows(export, {number: os.path.join(motion, f"{SUBJECT}_task-{TASK}_{kind}_{run}_motion.tsv") for number, run in runs.items()})  # fmt: skip
 
 
-def _rows(export: Export, files: dict[int, str]) -> None:
-    """The rows of each run, as recorded, without a header: the channels file is it."""
+def _rows(export: Export, files: str) -> None:
+    """The rows of each run, as recorded, without a header: the channels file is it. `files` is their name, for the number."""
     names = [*_lead(export), *(channel.column for channel in export.log.channels)]
+    begins: dict[int, float] = {}
     for number, block, utc in export.blocks():
-        begin = export.survey.segments[number].ends[0]
-        latency = [f"{time - begin:.6f}" for time in utc]
-        columns = [latency, *([text or NONE for text in block.columns[name]] for name in names)]
-        with open(files[number], "a", encoding="utf-8", newline="") as file:
-            file.writelines("\t".join(row) + "\n" for row in zip(*columns, strict=True))
+        begin = begins.setdefault(number, utc[0])
+        columns: list[Sequence[str]] = [[f"{time - begin:.6f}" for time in utc]]
+        for name in names:
+            texts = block.columns[name]
+            columns.append([text or NONE for text in texts] if "" in texts else texts)
+        with open(files.format(number), "a", encoding="utf-8", newline="") as file:
+            file.write("\n".join(map("\t".join, zip(*columns, strict=True))) + "\n")
 
 
 def _lead(export: Export) -> list[str]:

@@ -35,7 +35,7 @@ def write(export: Export) -> None:
         parquet.ParquetWriter(file, schema, compression="snappy", dictionary_pagesize_limit=1 << 16) as writer,
     ):
         waiting: list[Any] = []
-        for _, block, utc in export.blocks():
+        for _, block, utc in export.blocks(surveyed=False):
             columns = [_column(block.columns[field.name], field.type) for field in fields[:-1]]
             waiting.append(pyarrow.record_batch([*columns, utc], schema=schema))
             if sum(batch.num_rows for batch in waiting) >= GROUP:

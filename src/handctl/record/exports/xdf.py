@@ -8,6 +8,9 @@ rate, for readers would spread its rows evenly over the time.
 from __future__ import annotations
 
 import struct
+import sys
+from array import array
+from collections.abc import Sequence
 from typing import IO, TYPE_CHECKING
 from xml.sax.saxutils import escape
 
@@ -17,6 +20,7 @@ from handctl.record.source import clean
 
 if TYPE_CHECKING:
     from handctl.record.exports import Export
+    from handctl.record.log_file import Block
 
 FILE_HEADER, STREAM_HEADER, SAMPLES, CLOCK_OFFSET, BOUNDARY, STREAM_FOOTER = range(1, 7)
 ROWS, MARKS = 1, 2
@@ -26,10 +30,7 @@ UUID = bytes.fromhex("43A546DCCBF5410FB30ED5467383CBE4")
 
 def write(export: Export) -> None:
     """Write it, a chunk of samples for each block."""
-    log, found = export.log, export.survey
-    first = found.segments[export.segments[0]]
-    ahead = first.utc_s - first.first.mono_s
-    begin, end = (time - ahead for time in export.ends)
+    log = export.log
     # text columns stay out: a stream has one type
     labels = [(name, "ms" if name.endswith("_ms") else "s" if name.endswith("_s") else "") for name, _ in log.lead]
     labels += [(channel.column, channel.unit) for channel in log.channels]
@@ -42,19 +43,20 @@ def write(export: Export) -> None:
             f"<channel><label>{escape(clean(label))}</label><unit>{escape(clean(unit))}</unit></channel>"
             for label, unit in labels
         )
-        about = f"<channels>{channels}</channels><handctl>{escape(_said(export, ahead))}</handctl>"
-        _header(file, ROWS, name, "Motion", "double64", len(labels), rate, about)
-        _header(file, MARKS, f"{name} marks", "Markers", "string", 1, 0.0, "")
-        for stream in (ROWS, MARKS):
-            _chunk(file, CLOCK_OFFSET, struct.pack("<Idd", stream, begin, 0.0))
-        sample = struct.Struct(f"<Bd{len(labels)}d")
+        ahead, begin = None, 0.0
         for _, block, utc in export.blocks():
-            columns = [map(float, block.columns[name]) for name, _ in log.lead]
-            values = [[_nan if one is None else one for one in block.values(channel)] for channel in log.channels]
-            rows = zip(*columns, *values, strict=True)
-            data = b"".join(sample.pack(8, time - ahead, *row) for time, row in zip(utc, rows, strict=True))
-            _chunk(file, SAMPLES, struct.pack("<IBI", ROWS, 4, len(utc)) + data)
+            if ahead is None:
+                ahead = float(block.columns["host_utc_s"][0]) - float(block.columns["host_mono_s"][0])
+                begin = utc[0] - ahead
+                about = f"<channels>{channels}</channels><handctl>{escape(_said(export, ahead))}</handctl>"
+                _header(file, ROWS, name, "Motion", "double64", len(labels), rate, about)
+                _header(file, MARKS, f"{name} marks", "Markers", "string", 1, 0.0, "")
+                for stream in (ROWS, MARKS):
+                    _chunk(file, CLOCK_OFFSET, struct.pack("<Idd", stream, begin, 0.0))
+            _chunk(file, SAMPLES, struct.pack("<IBI", ROWS, 4, len(utc)) + _samples(block, labels, utc, ahead))
             _chunk(file, BOUNDARY, UUID)
+        assert ahead is not None, "there are rows, or blocks would have raised"
+        end = export.ends[1] - ahead
         marks = [(one.utc_s - ahead, f"[{one.text}]" if one.kind != "mark" else one.text) for one in export.events]
         data = b"".join(struct.pack("<BdBI", 8, time, 4, len(text.encode())) + text.encode() for time, text in marks)
         _chunk(file, SAMPLES, struct.pack("<IBI", MARKS, 4, len(marks)) + data)
@@ -65,7 +67,18 @@ def write(export: Export) -> None:
             _chunk(file, STREAM_FOOTER, struct.pack("<I", stream) + footer.encode())
 
 
-_nan = float("nan")
+def _samples(block: Block, labels: Sequence[tuple[str, str]], utc: Sequence[float], ahead: float) -> bytes:
+    """Each row with its stamp; the columns are laid side by side, a row in one piece."""
+    width = len(labels) + 1
+    rows = array("d", bytes(8 * width * len(utc)))
+    rows[::width] = array("d", [time - ahead for time in utc])
+    for at, (label, _) in enumerate(labels, 1):
+        texts = block.columns[label]
+        rows[at::width] = array("d", [float(text or "nan") for text in texts] if "" in texts else map(float, texts))
+    if sys.byteorder == "big":
+        rows.byteswap()
+    data, size = rows.tobytes(), 8 * width
+    return b"".join(map(b"\x08".__add__, (data[at : at + size] for at in range(0, len(data), size))))
 
 
 def _said(export: Export, ahead: float) -> str:
