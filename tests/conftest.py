@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -23,28 +24,29 @@ from tests.support.in_process import in_process
 from tests.support.telling import quickly
 
 __all__ = [
-    "own_state",
     "pytest_configure",
     "pytest_runtest_setup",
     "pytest_runtest_teardown",
 ]
 
 
-@pytest.fixture(autouse=True)
-def own_state(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What this machine keeps for a user between commands is kept for each test apart, and never in a home."""
-    for name in ("XDG_STATE_HOME", "XDG_RUNTIME_DIR", "TMPDIR"):
-        monkeypatch.setenv(name, "")  # undone behind the test
-    state.BELOW[:] = [tmp_path_factory.getbasetemp()]
-    state.begin()
-
-
 INSIDE = pytest.StashKey[ExitStack]()
+OWN = ("XDG_STATE_HOME", "XDG_RUNTIME_DIR", "TMPDIR")
+BEFORE = pytest.StashKey[list[tuple[str, "str | None"]]]()
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> Iterator[None]:
-    """A test that is not marked `real` stays in this process and on virtual time, and so do the fixtures that it is the first to use."""
+    """A test that is not marked `real` stays in this process and on virtual time, and so do the fixtures that it is the first to use.
+
+    What this machine keeps for a user between commands is kept for each test apart, and never in a home. Some 10,000
+    tests need that, so it is no fixture: each would be looked up, set up and torn down.
+    """
+    item.stash[BEFORE] = [(name, os.environ.get(name)) for name in OWN]
+    for name in OWN:
+        os.environ[name] = ""
+    state.BELOW[:] = [item.config._tmp_path_factory.getbasetemp()]  # type: ignore[attr-defined]
+    state.begin()
     if not item.get_closest_marker("real"):
         item.stash[INSIDE] = stack = ExitStack()
         stack.enter_context(in_process())
@@ -59,6 +61,11 @@ def pytest_runtest_teardown(item: pytest.Item) -> Iterator[None]:
     finally:
         if INSIDE in item.stash:
             item.stash[INSIDE].close()
+        for name, was in item.stash.get(BEFORE, []):
+            if was is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = was
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -11,6 +11,7 @@ import contextlib
 import gc
 import importlib
 import sys
+from collections import Counter
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -20,6 +21,20 @@ import pytest
 
 TESTS = Path(__file__).parents[1]
 SOURCES = TESTS.parent / "src"
+
+
+LONGEST = (
+    "contract/test_newfamily.py",
+    "stop/test_stop.py",
+    "inspire/test_wrist_served.py",
+    "stop/test_key.py",
+    "docs/test_install.py",
+    "harm/test_served.py",
+    "barrett/test_served.py",
+    "stop/test_deadman.py",
+    "aidin/test_check.py",
+)
+"""Files that take far longer than their number of tests says. A worker that began one of them last would be waited for."""
 
 
 def _worth_telling(send: Callable[..., None], name: str, **what: Any) -> None:
@@ -36,6 +51,7 @@ class Collecting:
 
     def pytest_sessionstart(self, session: pytest.Session) -> None:
         """A worker tells how a test ended, and not that it began, was set up and was torn down: nobody reads that."""
+        session.config.option.loadscopereorder = False  # the workers' order is that of `pytest_collection_modifyitems`
         for plugin in session.config.pluginmanager.get_plugins():
             if type(plugin).__name__ == "WorkerInteractor":
                 plugin.sendevent = partial(_worth_telling, plugin.sendevent)
@@ -56,6 +72,15 @@ class Collecting:
             # What does not import fails where it is collected, by name.
             with contextlib.suppress(Exception, pytest.skip.Exception):
                 importlib.import_module(".".join(path.relative_to(TESTS.parent).with_suffix("").parts))
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_collection_modifyitems(self, config: pytest.Config, items: list[pytest.Item]) -> None:
+        """Workers take whole files, the longest first: those of `LONGEST`, then those of most tests, as xdist has it."""
+        if not hasattr(config, "workerinput"):
+            return
+        tests = Counter(item.path for item in items)
+        ranks = {TESTS / name: rank for rank, name in enumerate(LONGEST)}
+        items.sort(key=lambda item: (ranks.get(item.path, len(ranks)), -tests[item.path]))
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_finish(self) -> None:
