@@ -14,7 +14,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import groupby
 from pathlib import Path
@@ -148,19 +148,21 @@ class Recorder:
         """Command line -> what passes when nothing disturbs it."""
 
     def record(self, cell: Cell) -> Record:
-        """Run a cell twice, for a program and for a person."""
+        """Run a cell twice, for a program and for a person; one that dies once, for its frames are all that is kept."""
         with at(self.scratch):
             place = self._place(cell) if cell.end else None
             shown = ("--format", cell.format) if cell.format else ()
             wire, result, _ = self._ran(cell, "ndjson", place)
+            if place is None:
+                self._usual[cell.words] = wire.passed
+            elif cell.end == "death":
+                return Record((), {"wire": "\n".join(_lines(wire))})
             people, told, files = self._ran(cell, cell.format, place)
         rows, envelope, times = _read(result)
         record = Record((result.code, told.code))
         record.parts["wire"] = "\n".join(_lines(wire))
         if (other := "\n".join(_lines(people))) != record.parts["wire"]:
             record.parts["wire"] += f"\n--- {' '.join(shown) or 'for people'}\n{other}"
-        if cell.end == "death":  # whatever the command does behind it is none of a dead one's
-            return replace(record, codes=())
         record.parts["pace"] = "\n".join([*_moments(wire), *times])
         record.parts["envelope"] = self._plain("\n".join([*rows, *envelope]))
         record.parts["text"] = self._plain(f"--- stdout\n{told.out}--- stderr\n{told.err}")
@@ -190,7 +192,10 @@ class Recorder:
             stack.enter_context(seams.watched(wire))
             if place is not None and cell.end == "death":
                 stack.enter_context(seams.mortal(wire, heir))
-            result = run(*cell.words, *(("--format", form) if form else ()))
+            try:
+                result = run(*cell.words, *(("--format", form) if form else ()))
+            except seams.Dead:
+                result = Result(0, b"", b"")
         return wire, result, self.scratch.swept()
 
     def _plain(self, text: str) -> str:
