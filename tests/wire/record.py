@@ -81,30 +81,40 @@ class Scratch:
         self.folder = folder
         prepare(folder)
         scratch_of(folder)
-        self._kept = {path: path.read_bytes() for path in self._files()}
-        self._seen = {path: path.stat().st_mtime_ns for path in self._kept}
+        self._kept = {name: (folder / name).read_bytes() for name in self._files()}
+        self._seen = {name: (folder / name).stat().st_mtime_ns for name in self._kept}
 
-    def _files(self) -> list[Path]:
-        found = (os.path.join(folder, name) for folder, _, names in os.walk(self.folder) for name in names)
-        return sorted(Path(path) for path in found if os.path.isfile(path) and not os.path.islink(path))
+    def _files(self) -> dict[str, int]:
+        """The files by name, with the moment at which each was changed."""
+        found: dict[str, int] = {}
+        folders = [("", str(self.folder))]
+        while folders:
+            above, path = folders.pop()
+            with os.scandir(path) as entries:
+                for entry in entries:
+                    if entry.is_dir(follow_symlinks=False):
+                        folders.append((f"{above}{entry.name}/", entry.path))
+                    elif entry.is_file(follow_symlinks=False):
+                        found[above + entry.name] = entry.stat().st_mtime_ns
+        return dict(sorted(found.items(), key=lambda item: item[0].split("/")))
 
     def swept(self) -> dict[str, bytes]:
         """What a run has left, by name; then it is gone."""
         left = {}
         present = self._files()
-        for path in present:
-            if path in self._kept:
-                if path.stat().st_mtime_ns == self._seen[path]:
-                    continue
-                left[path.relative_to(self.folder).as_posix()] = path.read_bytes()
-                path.write_bytes(self._kept[path])
-                self._seen[path] = path.stat().st_mtime_ns
+        for name, changed in present.items():
+            if self._seen.get(name) == changed:
+                continue
+            path = self.folder / name
+            left[name] = path.read_bytes()
+            if name in self._kept:
+                path.write_bytes(self._kept[name])
+                self._seen[name] = path.stat().st_mtime_ns
             else:
-                left[path.relative_to(self.folder).as_posix()] = path.read_bytes()
                 path.unlink()
-        for path in set(self._kept).difference(present):
-            left[path.relative_to(self.folder).as_posix()] = b"(removed)"
-            path.write_bytes(self._kept[path])
+        for name in sorted(self._kept.keys() - present.keys()):
+            left[name] = b"(removed)"
+            (self.folder / name).write_bytes(self._kept[name])
         return left
 
 
