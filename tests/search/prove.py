@@ -149,7 +149,7 @@ class OddLines(Listed):
                     yield (family, said, fault, f"every {every}", f"after {after}"), (family, said, fault, every, after)
 
     def tried(self, row: Any, folder: Path) -> str:
-        """Its exit code, and why facts were not shown."""
+        """Its exit code, and that of its error."""
         family, said, fault, every, after = row
         true = healthy(family, said)
         result = prove(family, f"{said}&fault={fault}&every={every}&after={after}".lstrip("&"), "--repeat", "2")
@@ -159,8 +159,7 @@ class OddLines(Listed):
             if value != true.get(fact) and fault not in ARRIVES.get(fact, ())
         }
         assert not wrong, wrong
-        why = {str(row["why"]) for row in result.json.get("rows", []) if row.get("why")}
-        return " ".join([f"exit {result.code}", *sorted(why)])
+        return " ".join([f"exit {result.code}", *(result.said[-1:] if result.code else ())])
 
     def wanted(self) -> Iterable[str]:
         """Every device, every fault."""
