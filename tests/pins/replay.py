@@ -10,7 +10,7 @@ from tests.search.suite import Suite, command, run, suites, told
 ALL = {
     "test_any_line": "any-line",
     "test_contract": "contract contact",
-    "test_faults": "faults lines",
+    "test_faults": "faults lines prove",
     "test_hostile": "harm hostile",
 }
 """Of which suites each file replays the pins, by how their names begin."""

@@ -1,4 +1,4 @@
-"""The pins of faults, on one line and on every kind of line."""
+"""The pins of faults: on one line, on every kind of line, and under `handctl prove`."""
 
 from __future__ import annotations
 

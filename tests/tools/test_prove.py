@@ -1,12 +1,8 @@
-"""`handctl prove`: changed simulators are found fact by fact, odd lines give no false fact, and facts set the switches.
-
-A simulator with one option or state that the manual leaves open stands for a device that is not as the books have it.
-"""
+"""`handctl prove`: changed simulators are found fact by fact, and facts set the switches. Odd lines: tests/search/prove.py."""
 
 from __future__ import annotations
 
 import json
-from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -17,132 +13,24 @@ from jsonschema import Draft202012Validator
 from handctl.command.family import load
 from handctl.devices.inspire.serial_bus import Bus
 from handctl.families import FAMILIES
-from handctl.model.proofs import AS_ASSUMED, DIFFERS, LEVELS, READ
+from handctl.model.proofs import LEVELS, READ
 from handctl.sim.engine.facts import Twin
-from handctl.sim.engine.line import LINE_FAULTS
+from tests.search.prove import CHANGED, STOP, WRITES, healthy, prove, shown, state_of
 from tests.support.bus_file import text
-from tests.support.cli import Result, run
+from tests.support.cli import run
 from tests.support.each_row import each_row
-
-WRITES = ("--level", "write-back", "-y", "--only")
-STOP = ("--level", "move", "-y", "--only", "position-at-stop")
-LATER = "BD, BP, BS, BDAT"
-CHANGED: list[tuple[str, str, str, object, tuple[str, ...]]] = [
-    # family, what its simulator is told, the fact that must be found and its value, and further words
-    ("barrett", "prompt=bare", "prompt", "bare", ()),
-    ("barrett", "line-end=crlf", "line-end", "crlf", ()),
-    ("barrett", "texts=names", "version-text", "Version N", ()),
-    ("barrett", "texts=names", "parameter-list", "name - text", ()),
-    ("barrett", "texts=prose", "value-list", "name: text", ()),
-    ("barrett", "texts=prose", "help-text", "name: text", ()),
-    ("barrett", "line-limit=66", "longest-line", 60, ()),
-    ("barrett", "max-arguments=13", "most-arguments", 12, ()),
-    ("barrett", "firmware=4.34", "later-parameters", LATER, ()),
-    ("barrett", "firmware=4.4", "later-parameters", f"{LATER}, LCT, LFBP, LFAIN", ()),
-    ("barrett", "fault=no-gauges", "strain-gauges", 0, ()),
-    ("barrett", "max-baud=19200", "highest-speed", 19200, (*WRITES, "highest-speed")),
-    ("barrett", "initialized=1&position-sign=unsigned", "position-at-stop", "unsigned", STOP),
-    ("barrett", "initialized=1&position-sign=clamped", "position-at-stop", "clamped", STOP),
-    ("ekso", "length=frame", "length-convention", "frame", ()),
-    ("ekso", "length=n-2", "length-convention", "n-2", ()),
-    ("ekso", "answer-length=n-4", "answer-length", "n-4", ()),
-    ("ekso", "time-body=3", "time-body", 3, ()),
-    ("ekso", "quantum=10", "service-grid", 10, ()),
-    ("ekso", "quantum=20", "service-grid", 20, ()),
-    ("ekso", "bad-crc=acknowledge", "bad-crc", "acknowledged", ()),
-    ("ekso", "fault=frozen-clock", "boot-time-words", "stands still", ()),
-    ("ekso", "posture=sitting", "knee-sign", "flexion positive", ()),
-    ("aidin", "exchange=poll", "exchange", "poll", ()),
-    ("aidin", "rate=40", "rate", 40, ()),
-    ("aidin", "between=nul", "between-objects", "nul", ()),
-    ("aidin", "exchange=poll&between=none", "between-objects", "none", ()),
-    ("aidin", "exchange=poll&reader=nul", "request-terminator", "nul", ()),
-    ("aidin", "objects=separate", "objects", "separate", ()),
-    ("aidin", "layout=indented", "layout", "indented", ()),
-    ("aidin", "integers=1", "whole-numbers", "decimals", ()),
-    ("aidin", "digits=4", "decimals", 4, ()),
-    ("aidin", "q4=half", "q4", "half", ()),
-    ("aidin", "q4=zero", "q4", "zero", ()),
-    ("exo", "fault=block-silent", "reads-across-gaps", "silent", ()),
-    ("exo", "fault=block-silent", "longest-read", 12, ()),
-    ("exo", "fault=fresh", "set-points-at-power-on", -1, ()),
-    ("exo", "baud=57600&fault=baud-at-1002", "speed-register", 1002, ("--baud", "57600")),
-    ("exo", "ack-id=old", "id-acknowledged-by", "old", (*WRITES, "id-acknowledged-by")),
-    ("exo", "turnaround=0.05", "reply-time", 48, ()),
-    ("wrist", "fault=block-silent", "reads-across-gaps", "silent", ()),
-    ("wrist", "fault=block-silent", "gap-bytes", "silent", ()),
-    ("hand", "model=df", "generation", "df", ()),
-    ("hand", "model=f1", "generation", "f1", ()),
-    ("hand", "model=dg2", "generation", "dg2", ()),
-    ("hand", "speaks=modbus", "protocol", "modbus", ()),
-    ("hand", "speaks=eb90", "protocol", "eb90", ()),
-    ("hand", "bus=can&ack=empty", "write-acknowledgement", "empty", (*WRITES, "write-acknowledgement")),
-    ("barrett", "", "idle-abort", "prompt", (*WRITES, "idle-abort")),
-    ("hand", "fault=high-half", "byte-groups", "high half first", ()),
-    ("hand", "fault=rtu-unpacked", "byte-groups", "one a register", ()),
-    ("hand", "model=df&baud=57600&baud-register=1001", "speed-register", 1001, ("--baud", "57600")),
-    ("hand", "ack-id=old", "id-acknowledged-by", "old", (*WRITES, "id-acknowledged-by")),
-]
-
-
-def prove(family: str, said: str = "", *words: str) -> Result:
-    return run("prove", family, "-p", f"fake://{family}?clock=virtual&{said}".rstrip("&?"), "--json", *words)
-
-
-def shown(result: Result) -> dict[str, Any]:
-    """The facts that were shown, by name."""
-    rows = result.json.get("rows", [])
-    return {row["fact"]: row["value"] for row in rows if row["verdict"] in (AS_ASSUMED, DIFFERS)}
-
-
-@cache
-def healthy(family: str) -> dict[str, Any]:
-    return shown(prove(family))
 
 
 @each_row("family,said,fact,value,words", CHANGED)
 def test_a_change_of_the_simulator_is_found(
     family: str, said: str, fact: str, value: object, words: tuple[str, ...], tmp_path: Path
 ) -> None:
-    """And a simulator with these facts shows the same ones."""
-    path = tmp_path / "facts.json"
-    original = facts(family, said, path, *words)["facts"]
-    found = {name: one["value"] for name, one in original.items() if one["value"] is not None}
-    assert found[fact] == value
+    """And a simulator with this fact shows it too; with all of its facts is a matter of the search."""
+    path, only = tmp_path / "facts.json", words if "--only" in words else (*words, "--only", fact)
+    assert facts(family, said, path, *only)["facts"][fact]["value"] == value
     assert healthy(family).get(fact) != value, "the simulator shows that without the option as well"
-    state = "&".join(pair for pair in said.split("&") if pair[:5] in ("baud=", "initi", "postu", "bus=c"))
-    twin = shown(prove(family, f"{state}&facts={path}".lstrip("&"), *words))
-    assert twin == found | {name: seen for name, seen in twin.items() if name == "reply-time"}
-
-
-ODD = [fault for fault in LINE_FAULTS if fault != "healthy"]
-ARRIVES = {"reply-time": ("dribble", "split", "slow"), "rate": ("silent", "slow")}
-"""What is measured as it arrives, and the faults that change when or whether it does: then it is no false fact."""
-
-
-QUIETER = {"aidin": "rate=50&"}
-"""It streams while it is looked at: half of its objects shows the same."""
-
-
-@pytest.mark.parametrize(
-    ("family", "said"),
-    [
-        *((family, QUIETER.get(family, "")) for family in FAMILIES),
-        ("aidin", "exchange=poll&"),
-        ("ekso", "posture=sitting&"),
-    ],
-)
-def test_an_odd_line_gives_no_false_fact(family: str, said: str) -> None:
-    true, wrong = shown(prove(family, said)), []
-    for fault in ODD:
-        for every, after in ((1, 0), (2, 0), (5, 0), (1, 6)):
-            found = shown(prove(family, f"{said}fault={fault}&every={every}&after={after}", "--repeat", "2"))
-            wrong += [
-                (fault, every, after, fact, value)
-                for fact, value in found.items()
-                if value != true.get(fact) and fault not in ARRIVES.get(fact, ())
-            ]
-    assert not wrong
+    twin = shown(prove(family, f"{state_of(said)}&facts={path}".lstrip("&"), *only))[fact]
+    assert twin == value or fact == "reply-time", "what is measured is measured anew"
 
 
 def test_a_second_master_gives_no_false_fact(tmp_path: Path) -> None:

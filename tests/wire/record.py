@@ -14,7 +14,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import groupby
 from pathlib import Path
@@ -81,30 +81,40 @@ class Scratch:
         self.folder = folder
         prepare(folder)
         scratch_of(folder)
-        self._kept = {path: path.read_bytes() for path in self._files()}
-        self._seen = {path: path.stat().st_mtime_ns for path in self._kept}
+        self._kept = {name: (folder / name).read_bytes() for name in self._files()}
+        self._seen = {name: (folder / name).stat().st_mtime_ns for name in self._kept}
 
-    def _files(self) -> list[Path]:
-        found = (os.path.join(folder, name) for folder, _, names in os.walk(self.folder) for name in names)
-        return sorted(Path(path) for path in found if os.path.isfile(path) and not os.path.islink(path))
+    def _files(self) -> dict[str, int]:
+        """The files by name, with the moment at which each was changed."""
+        found: dict[str, int] = {}
+        folders = [("", str(self.folder))]
+        while folders:
+            above, path = folders.pop()
+            with os.scandir(path) as entries:
+                for entry in entries:
+                    if entry.is_dir(follow_symlinks=False):
+                        folders.append((f"{above}{entry.name}/", entry.path))
+                    elif entry.is_file(follow_symlinks=False):
+                        found[above + entry.name] = entry.stat().st_mtime_ns
+        return dict(sorted(found.items(), key=lambda item: item[0].split("/")))
 
     def swept(self) -> dict[str, bytes]:
         """What a run has left, by name; then it is gone."""
         left = {}
         present = self._files()
-        for path in present:
-            if path in self._kept:
-                if path.stat().st_mtime_ns == self._seen[path]:
-                    continue
-                left[path.relative_to(self.folder).as_posix()] = path.read_bytes()
-                path.write_bytes(self._kept[path])
-                self._seen[path] = path.stat().st_mtime_ns
+        for name, changed in present.items():
+            if self._seen.get(name) == changed:
+                continue
+            path = self.folder / name
+            left[name] = path.read_bytes()
+            if name in self._kept:
+                path.write_bytes(self._kept[name])
+                self._seen[name] = path.stat().st_mtime_ns
             else:
-                left[path.relative_to(self.folder).as_posix()] = path.read_bytes()
                 path.unlink()
-        for path in set(self._kept).difference(present):
-            left[path.relative_to(self.folder).as_posix()] = b"(removed)"
-            path.write_bytes(self._kept[path])
+        for name in sorted(self._kept.keys() - present.keys()):
+            left[name] = b"(removed)"
+            (self.folder / name).write_bytes(self._kept[name])
         return left
 
 
@@ -148,19 +158,21 @@ class Recorder:
         """Command line -> what passes when nothing disturbs it."""
 
     def record(self, cell: Cell) -> Record:
-        """Run a cell twice, for a program and for a person."""
+        """Run a cell twice, for a program and for a person; one that dies once, for its frames are all that is kept."""
         with at(self.scratch):
             place = self._place(cell) if cell.end else None
             shown = ("--format", cell.format) if cell.format else ()
             wire, result, _ = self._ran(cell, "ndjson", place)
+            if place is None:
+                self._usual[cell.words] = wire.passed
+            elif cell.end == "death":
+                return Record((), {"wire": "\n".join(_lines(wire))})
             people, told, files = self._ran(cell, cell.format, place)
         rows, envelope, times = _read(result)
         record = Record((result.code, told.code))
         record.parts["wire"] = "\n".join(_lines(wire))
         if (other := "\n".join(_lines(people))) != record.parts["wire"]:
             record.parts["wire"] += f"\n--- {' '.join(shown) or 'for people'}\n{other}"
-        if cell.end == "death":  # whatever the command does behind it is none of a dead one's
-            return replace(record, codes=())
         record.parts["pace"] = "\n".join([*_moments(wire), *times])
         record.parts["envelope"] = self._plain("\n".join([*rows, *envelope]))
         record.parts["text"] = self._plain(f"--- stdout\n{told.out}--- stderr\n{told.err}")
@@ -190,7 +202,10 @@ class Recorder:
             stack.enter_context(seams.watched(wire))
             if place is not None and cell.end == "death":
                 stack.enter_context(seams.mortal(wire, heir))
-            result = run(*cell.words, *(("--format", form) if form else ()))
+            try:
+                result = run(*cell.words, *(("--format", form) if form else ()))
+            except seams.Dead:
+                result = Result(0, b"", b"")
         return wire, result, self.scratch.swept()
 
     def _plain(self, text: str) -> str:

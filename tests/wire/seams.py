@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
@@ -55,6 +56,8 @@ class Wire:
 
     place: Callable[[Wire], None] | None = None
     passed: list[Passed] = field(default_factory=list)
+    counts: Counter[str] = field(default_factory=Counter)
+    """How many of each mark have passed."""
     links: list[Any] = field(default_factory=list)
     hold: DeviceAccess | None = None
     over: bool = False
@@ -76,6 +79,7 @@ class Wire:
         if self.over:
             return
         at = round(link.now(), 3)
+        self.counts[mark] += 1
         raw, can_id = getattr(data, "data", data), getattr(data, "can_id", None)
         self.passed.append(Passed(mark, bytes(raw), can_id, at, text, self.number(link)))
 
@@ -161,12 +165,16 @@ class Place:
         self.done = False
 
     def __call__(self, wire: Wire) -> None:
-        if not self.done and sum(one.mark == self.mark for one in wire.passed) >= self.behind:
+        if not self.done and wire.counts[self.mark] >= self.behind:
             self.done = True
             self.do(wire)
 
 
 # -- the death of the process ---------------------------------------------------------------------------------------------
+
+
+class Dead(BaseException):
+    """This process has ended."""
 
 
 class Child:
@@ -189,13 +197,14 @@ class Child:
         self._job = None
 
     def act(self, wire: Wire) -> None:
-        """The process dies: what the child does then; what the command goes on to do is not looked at."""
+        """The process dies: what the child does then. Raises Dead, so that the command ends at once; how it does is not looked at."""
         if self._job is None:
             wire.passed.append(Passed("+", b"", text="the process dies, and nobody is there for it"))
         else:
             wire.passed.append(Passed("+", b"", text="the process dies, and its child acts"))
             self._job.act(self._last())
         wire.over = True
+        raise Dead
 
     def _last(self) -> bytes:
         assert self._job is not None

@@ -7,7 +7,7 @@ OF_INSPIRE = "handctl.devices.inspire.proofs"
 OF_BARRETT = "handctl.devices.barrett.proofs"
 FACTS = "handctl.model.facts"
 CHANGE = "tests/tools/test_prove.py::test_a_change_of_the_simulator_is_found"
-ODD = "tests/tools/test_prove.py::test_an_odd_line_gives_no_false_fact"
+ODD = "tests/pins/test_faults.py::test_pins"
 BACK = "tests/tools/test_prove.py::test_what_was_written_is_put_back"
 
 ROWS = (
@@ -18,7 +18,7 @@ ROWS = (
         "_attempt",
         "if _damage(counters, proof) != before or not alike(proof, first.value, second.value):",
         "if not alike(proof, first.value, second.value):",
-        f"{ODD}[exo-]",
+        f"{ODD}[prove-odd-exo]",
     ),
     mistake(
         "a-proof-believes-gcl-with-damage-in-it",
@@ -27,7 +27,7 @@ ROWS = (
         "_clean",
         "if not answer.raw.isascii():",
         "if not answer.raw:",
-        f"{ODD}[barrett-]",
+        f"{ODD}[prove-odd-barrett]",
     ),
     mistake(
         "a-proof-takes-one-silence-for-a-fact",
@@ -36,7 +36,7 @@ ROWS = (
         "reply",
         "if how != SILENT:",
         "if how:",
-        f"{ODD}[hand-]",
+        f"{ODD}[prove-odd-hand]",
     ),
     mistake(
         "a-proof-believes-repetitions-that-disagree",
