@@ -35,7 +35,7 @@ from handctl.devices.barrett.maintenance.cli import add_care_commands
 from handctl.devices.barrett.map import BARRETT, BAUD_CODES, SPEEDS, check_careful
 from handctl.devices.barrett.realtime.cli import add_realtime
 from handctl.devices.barrett.views import GCL, row_of
-from handctl.errors import UsageError
+from handctl.errors import Hint, UsageError
 from handctl.link import ByteLink
 from handctl.model.device import limits_of
 from handctl.model.param import Element, Number, Step
@@ -191,7 +191,7 @@ def help_(run: Run, command: str | None) -> Table:
         except UsageError as exc:
             raise UsageError(
                 f"{command!r} is neither a GCL command nor a parameter",
-                hint=f"use one of {' '.join(COMMANDS)}. `handctl barrett describe` lists the parameters",
+                hint=Hint(f"use one of {' '.join(COMMANDS)}. {{}} lists the parameters", "barrett describe"),
             ) from exc
     text = f"?{name}"
     row = passthrough.row_of(run.device().line.read(text))
@@ -508,7 +508,7 @@ def _refuse_to_keep(code: int, force: bool) -> None:
     if code != 96 and not force:
         raise UsageError(
             f"BAUD is {code}, so once saved the hand always starts at {code * 100} bit/s",
-            hint="run `handctl barrett baud 9600` first, or use --force to save it anyway",
+            hint=Hint("run {} first, or use --force to save it anyway", "barrett baud 9600"),
             code="baud-not-default",
         )
 
