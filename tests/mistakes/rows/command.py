@@ -20,8 +20,8 @@ ROWS = (
         "safety check missing",
         "handctl.tools.service_steps",
         "Service._next",
-        "shlex.split(command_of(hint))",
-        'shlex.split((hint.partition("`handctl ")[2]).partition("`")[0])',
+        "run, words = self.run, shlex.split(command_of(hint))",
+        'run, words = self.run, shlex.split(hint.partition("`handctl ")[2].partition("`")[0])',
         "tests/tools/test_service.py::test_the_command_is_data_and_never_read_out_of_a_sentence",
     ),
     mistake(
