@@ -323,11 +323,7 @@ def test_gcl_script_in_a_file(tmp_path: Path) -> None:
     assert at[b"12M 5000\r"] - at[b"HI\r"] >= 0.3
     assert not any(b"DELAY" in data.upper() for data in at)
     planned = do("gcl", "--file", script, "--dry-run")
-    assert (
-        planned.code == 0
-        and len(planned.rows) == 3
-        and "delays" in [m["code"] for m in planned.json["messages"]]
-    )
+    assert planned.code == 0 and len(planned.rows) == 3 and "delays" in [m["code"] for m in planned.json["messages"]]
 
 
 def test_gcl_script_stops_at_the_refused_line(tmp_path: Path) -> None:
