@@ -17,13 +17,46 @@ This module imports nothing. Foreign exceptions are translated where they arise,
 from __future__ import annotations
 
 
+class Hint(str):
+    """A next step: a sentence made with the commands that it names, and the first of them as data.
+
+    ``Hint("free the finger, then run {}", "exo clear-errors")`` reads "free the finger, then run `handctl exo clear-errors`".
+    `command` has the words after `handctl`. A command that needs a word from the reader, such as FILE, stays part of the text.
+    """
+
+    __slots__ = ("command",)
+    command: str
+
+    def __new__(cls, text: str, *commands: str) -> Hint:
+        for command in commands:
+            text = text.replace("{}", f"`handctl {command}`", 1)
+        made = super().__new__(cls, text)
+        made.command = commands[0] if commands else ""
+        return made
+
+
+def command_of(hint: str) -> str:
+    """The command that a next step names, as the words after `handctl`; "" = none."""
+    return hint.command if isinstance(hint, Hint) else ""
+
+
+def reworded(hint: str, text: str) -> str:
+    """Another text for the same next step."""
+    if not command_of(hint):
+        return text
+    made = Hint(text)
+    made.command = command_of(hint)
+    return made
+
+
 def joined(*texts: str, joint: str = ". ") -> str:
-    """Join texts. Sentences begin with a capital, except for a name as it is typed."""
+    """Join texts. Sentences begin with a capital, except for a name as it is typed. The first command that one names stays."""
     first, *rest = [text for text in texts if text] or [""]
+    named = next(filter(command_of, texts), "")
     for text in rest:
         behind = text[:1].upper() + text[1:] if joint == ". " and _is_word(text) else text
         first = f"{first} {behind}" if first.endswith(("?", "!")) else f"{first.rstrip(joint[0])}{joint}{behind}"
-    return first
+    return reworded(named, first)
 
 
 def _is_word(text: str) -> bool:

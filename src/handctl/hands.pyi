@@ -472,6 +472,7 @@ class Barrett(Device):
         self,
         *commands: str,
         keep_going: bool = False,
+        file: Path | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> Rows:

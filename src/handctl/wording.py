@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable
 
+from handctl.errors import reworded
 from handctl.families import FAMILIES
 
 NAMES = frozenset(
@@ -22,8 +23,8 @@ def sentence(text: str) -> str:
     plain = word.replace("-", "").replace("'", "")
     ordinary = plain.isascii() and plain.isalpha() and plain.islower() and word not in NAMES
     if ordinary and not text.startswith(f"{word}, line "):
-        text = text[0].upper() + text[1:]
-    return text + "." if _open(text) else text
+        text = reworded(text, text[0].upper() + text[1:])
+    return reworded(text, text + ".") if _open(text) else text
 
 
 def plural(number: int, noun: str) -> str:

@@ -7,10 +7,13 @@ import io
 import json
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pytest
 
 from handctl.devices.barrett.map import BARRETT
+from handctl.link.fake import FakeLink
+from handctl.link.transcript import parse
 from tests.barrett.commands import (
     COMMANDS,
     MOTORS,
@@ -304,6 +307,68 @@ def test_gcl_script_on_stdin() -> None:
     stops = do("gcl", stdin="VERS\nFOO\nHI\n")
     assert (stops.code, [row["command"] for row in stops.rows]) == (6, ["VERS", "FOO"])
     assert do("gcl", stdin="\n# nothing\n").code == 2
+
+
+def test_gcl_script_in_a_file(tmp_path: Path) -> None:
+    """DELAY waits in handctl: the hand, which does not know it, gets the commands alone."""
+    script, trace = tmp_path / "grip.gcl", tmp_path / "t.txt"
+    script.write_bytes(b"\xef\xbb\xbfHI # first\r\n\r\ndelay 300\r\n12M 5000\r\nFGET P\r\n")
+    result = do("gcl", "--file", script, "--trace", trace)
+    assert (result.code, [(row["line"], row["command"]) for row in result.rows]) == (
+        0, [(1, "HI"), (4, "12M 5000"), (5, "FGET P")],
+    )  # fmt: skip
+    assert result.rows[-1]["lines"] == ["5000 5000 0 0"]
+    entries = [entry for entry in parse(trace.read_text(encoding="utf-8").splitlines()) if entry.mark == ">"]
+    at = {bytes(entry.data): entry.time for entry in entries}
+    assert at[b"12M 5000\r"] - at[b"HI\r"] >= 0.3
+    assert not any(b"DELAY" in data.upper() for data in at)
+    planned = do("gcl", "--file", script, "--dry-run")
+    assert planned.code == 0 and len(planned.rows) == 3 and "delays" in [m["code"] for m in planned.json["messages"]]
+
+
+def test_gcl_script_stops_at_the_refused_line(tmp_path: Path) -> None:
+    script = tmp_path / "grip.gcl"
+    script.write_text("VERS\n# none\nFOO\nHI\n", encoding="utf-8")
+    result = do("gcl", "--file", script)
+    assert (result.code, [row["line"] for row in result.rows]) == (6, [1, 3])
+    assert result.error["code"] == "err-32" and result.error["text"].startswith("Line 3: ")
+
+
+@pytest.mark.parametrize(
+    "lines", ["VERS\nDELAY", "DELAY 600001\nVERS", "VERS\nDELAY -1", "VERS\nDELAY 1 2", "VERS\nLOOP", "DELAY 5", ""]
+)
+def test_gcl_script_is_checked_before_anything_is_sent(tmp_path: Path, lines: str) -> None:
+    script, trace = tmp_path / "grip.gcl", tmp_path / "t.txt"
+    script.write_text(lines, encoding="utf-8")
+    assert do("gcl", "--file", script, "--trace", trace).code == 2
+    assert not trace.exists() or ">" not in trace.read_text(encoding="utf-8")
+
+
+def test_gcl_script_that_cannot_be(tmp_path: Path) -> None:
+    script = tmp_path / "grip.gcl"
+    script.write_text("VERS\nDELAY 2000\nVERS\n", encoding="utf-8")
+    assert do("gcl", "VERS", "--file", script).code == 2
+    assert do("gcl", "--file", script, "--deadline", "1").code == 2
+    assert do("gcl", "--file", script, "--deadline", "9").code == 0
+    script.write_text("VERS\nDELAY 2000\nFSAVE\n", encoding="utf-8")
+    assert do("gcl", "--file", script).code == 8
+
+
+def test_ctrl_c_in_a_delay_stops_the_hand(tmp_path: Path) -> None:
+    script, trace = tmp_path / "grip.gcl", tmp_path / "t.txt"
+    script.write_text("VERS\nDELAY 5000\n1M 500\n", encoding="utf-8")
+    sleep = FakeLink.sleep
+
+    def pressed(self: FakeLink, seconds: float) -> None:
+        if seconds == 5:
+            raise KeyboardInterrupt
+        sleep(self, seconds)
+
+    with mock.patch.object(FakeLink, "sleep", pressed):
+        result = do("gcl", "--file", script, "--trace", trace)
+    assert result.code == 130 and "DELAY 5000" in result.error["text"]
+    sent = b"".join(e.data for e in parse(trace.read_text(encoding="utf-8").splitlines()) if e.mark == ">")
+    assert b"\x03" in sent and b"1M" not in sent
 
 
 @pytest.mark.parametrize("text", ["LOOP", "12LOOP", "loop", "RESET", "PSET BAUD 384", "pset lft 1 baud 384", "VERS\rHI",

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.inspire.hand import probe as field
-from handctl.devices.inspire.hand.map import DF, DG2, F1, TP
+from handctl.devices.inspire.hand.map import DF, DG2, F1, STATUS, TP
+from handctl.devices.inspire.hand.remedies import REMEDIES
 from handctl.link import ByteLink
 from tests.inspire.rh56_support import CAN, EB90, RTU, TCP, hand_on
 
@@ -95,19 +96,19 @@ def test_a_slow_refresh_is_a_finding() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fault", "part", "words", "remedy"),
+    ("fault", "part", "words", "key"),
     [
-        ("locked-rotor", "little", "error 0x01", field.CLEAR),
-        ("over-temperature", "ring", "error 0x02", field.COOL),
-        ("over-current", "middle", "error 0x04", field.CLEAR),
-        ("communication", "thumb_bend", "error 0x10", field.CLEAR),
+        ("locked-rotor", "little", "error 0x01", "locked_rotor"),
+        ("over-temperature", "ring", "error 0x02", "over_temperature"),
+        ("over-current", "middle", "error 0x04", "over_current"),
+        ("communication", "thumb_bend", "error 0x10", "communication"),
     ],
 )
-def test_an_error_bit_names_its_finger(fault: str, part: str, words: str, remedy: str) -> None:
+def test_an_error_bit_names_its_finger(fault: str, part: str, words: str, key: str) -> None:
     status, evidence, told = rows(DF, EB90, fault=fault)["fingers"]
     assert status == "fail"
     assert f"{part}: " in evidence and words in evidence
-    assert told in (remedy, field.REMEDIES[6], field.REMEDIES[5], field.REMEDIES[7])
+    assert told == REMEDIES[key].hint, "that of the table, which status shows too"
     assert rows(DF, EB90)["fingers"][0] == "ok"
 
 
@@ -118,7 +119,7 @@ def test_status_codes_have_a_remedy_each(code: int) -> None:
     verdict = field.fingers(held)
     assert verdict[1] == "fail"
     assert verdict[2].startswith(f"index: status {code}, ")
-    assert verdict[3] == field.REMEDIES[code]
+    assert verdict[3] == REMEDIES[STATUS[code]].hint
     for healthy in (0, 1, 2, 3, 255):
         assert field.fingers({**held, "status": {**status, "index": healthy}})[1] == "ok"
 

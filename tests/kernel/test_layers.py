@@ -39,7 +39,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("system*", ("system.*",)),
     ("interrupts", ("system.*",)),
     ("files", ("errors", "system.*")),
-    ("wording", ("families",)),
+    ("wording", ("errors", "families")),
     ("cli", (*GROUND, "command.command_tree", "command.several_devices", "late", "screen.sanitize")),
     ("__main__", ("cli",)),
     ("model.device", (*GROUND, "link.deadman", "model.*")),

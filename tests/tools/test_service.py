@@ -138,6 +138,21 @@ def test_a_step_that_reads_is_followed_and_one_that_writes_is_told() -> None:
     assert all(row["step"] != "next" for row in writes.rows)
 
 
+def test_the_command_is_data_and_never_read_out_of_a_sentence() -> None:
+    """A report whose hint was edited to name another command proposes the one that is its data, or none."""
+    served("exo", "fault=over-current", "--skip", "watch")
+    for commands, proposed in (({"status": "exo get error"}, "handctl exo get error -p "), ({}, None)):
+        found = data()
+        found["service"] |= {"hints": {"status": "run `handctl exo dump`"}, "commands": commands}
+        Path("e.html").write_text(f"<!DOCTYPE html><{PAGE_DATA}>{json.dumps(found)}</script>", encoding="utf-8")
+        link = "fake://exo?clock=virtual"
+        told = run(
+            "service", link, "--family", "exo", "--resume", "e.html", *QUICK, "--json", "--report", "n.html", "--force"
+        )
+        command = told.json["service"]["next"]["command"]
+        assert command is None if proposed is None else command.startswith(proposed)
+
+
 def test_a_healthy_device() -> None:
     result = served("exo", "fault=healthy", "--complaint", "slow", "--ticket", "17")
     assert result.code == 0
@@ -219,6 +234,7 @@ def test_a_report_whose_settings_were_changed_is_no_snapshot() -> None:
 @each_row(("key", "value"), [
     *(((key,), value) for key in ("schema", "made", "device", "watch", "service", "snapshot", "dump") for value in (5, [5])),
     (("service", "rows"), [{"step": "find"}]), (("service", "rows"), 5), (("service", "steps"), {"find": 5}), (("service", "hints"), {"find": 5}),
+    (("service", "commands"), {"find": 5}),
 ])  # fmt: skip
 def test_a_report_that_was_changed_is_refused(key: tuple[str, ...], value: object) -> None:
     if not Path("r.html").exists():
@@ -258,6 +274,7 @@ def test_what_was_done_is_not_repeated() -> None:
     assert resumed.json["service"]["steps"]["status"]["from"] == first["made"]
     assert "unhealthy" in [row["check"] for row in resumed.rows], "found before"
     assert remedies_of("exo")["over_current"].step.casefold() in resumed.json["service"]["next"]["text"].casefold()
+    assert resumed.json["service"]["next"]["command"].startswith("handctl exo clear-errors -p "), "kept as data"
     assert data()["dump"]
     assert data()["status"] == first["status"]
     assert run("exo", "status", "-p", "replay:r.html").code == 0

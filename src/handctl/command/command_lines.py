@@ -26,7 +26,7 @@ from handctl.command.invocation import check_before, shown_steps, unsent
 from handctl.command.options import COMMAND_LINE, SECONDS, said, words_of
 from handctl.command.precedence import resolve
 from handctl.command.run import Act, Asked, Run
-from handctl.errors import HandctlError, Interrupted, NotConfirmed, UsageError, joined
+from handctl.errors import HandctlError, Hint, Interrupted, NotConfirmed, UsageError, joined
 from handctl.families import COMMANDS, FAMILIES
 from handctl.files import atomic_write, read_text, state_path, writing
 from handctl.interrupts import asked, end_on_signals
@@ -206,7 +206,9 @@ def _script(file: str) -> str:
     if file != "-":
         return read_text(file, "a script", MOST_BYTES)
     if sys.stdin.isatty():
-        raise UsageError("no script given", hint="name a file, or send the lines on stdin. `handctl shell` is a prompt")
+        raise UsageError(
+            "no script given", hint=Hint("name a file, or send the lines on stdin. {} is a prompt", "shell")
+        )
     try:
         text = sys.stdin.read(MOST_BYTES + 1)
     except (OSError, UnicodeDecodeError) as exc:
@@ -492,7 +494,7 @@ class Shell:
 def shell(run: Run, family: str) -> None:
     """Open the prompt. Raises UsageError where nobody can type."""
     if not run.prompts.interactive:
-        raise UsageError("the shell needs a terminal", hint="send the lines to `handctl batch`", code="no-terminal")
+        raise UsageError("the shell needs a terminal", hint=Hint("send the lines to {}", "batch"), code="no-terminal")
     if run.settings.output:
         raise UsageError("the shell writes to the terminal", hint="give -o in a line of it")
     Shell(run, family, input).run()

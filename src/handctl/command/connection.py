@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
-from handctl.errors import HandctlError, LinkError, UsageError
+from handctl.errors import HandctlError, Hint, LinkError, UsageError
 from handctl.link import open_link
 from handctl.system import clock
 
@@ -134,7 +134,7 @@ class Connection:
         except UsageError as exc:
             if kept.before is None:
                 raise
-            hint = "" if run.keeps else f"`handctl sim forget {kept.kind}` removes that file"
+            hint = "" if run.keeps else Hint("{} removes that file", f"sim forget {kept.kind}")
             run.journal.warn("kept", f"the simulated {kept.kind} starts over: {exc.__cause__}", hint)
             kept.discard()
             link = opening(simulator={**kept.options(), **used})

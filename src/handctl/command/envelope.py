@@ -14,7 +14,7 @@ import click
 
 from handctl import __version__
 from handctl.command.console import print_message
-from handctl.errors import HandctlError, Interrupted, OutputError, UsageError, joined
+from handctl.errors import HandctlError, Hint, Interrupted, OutputError, UsageError, joined
 from handctl.model.result import SCHEMA, Journal, Message, Table
 from handctl.screen.sanitize import utf8_stdout
 from handctl.wording import sentence, utc
@@ -142,7 +142,7 @@ def make_envelope(
     """The JSON envelope without rows. The `link`, where there is one, has the clock."""
     rows = [message.as_row() for message in journal.messages]
     if failure is not None:
-        rows.append({"level": "error", "code": failure.code, "text": failure.text, "hint": failure.hint})
+        rows.append(Message("error", failure.code, failure.text, failure.hint).as_row())
     return {
         "schema": SCHEMA,
         "version": __version__,
@@ -222,7 +222,7 @@ def renamed(run: Invocation, error: HandctlError) -> HandctlError:
     error = other_devices.renamed(error, run.family.kind)
     nobody = error.code in ("no-answer", "garbage") and not run.journal.counters.received and run.family.baud
     port = run.settings.port or ""
-    advice = f"`handctl scan -p {port}` shows which device is there"
+    advice = Hint("{} shows which device is there", f"scan -p {port}")
     if nobody and port and not port.startswith(("fake:", "replay:")) and advice not in error.hint:
         error.hint = joined(error.hint, advice)
     return error

@@ -10,7 +10,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from handctl.command.run import Act, Asked
-from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError, UsageError, joined
+from handctl.errors import CheckFailed, HandctlError, Hint, NoAnswer, ProtocolError, UsageError, joined
 from handctl.model.device import pending_moves, pending_table, question
 from handctl.model.param import PUSHES, SETTING, Changes, Element, Number, Param, ParamMap, Reading, Step, ValueChange
 from handctl.model.result import Column, Grid, Journal, Row, Sample, Table
@@ -34,7 +34,7 @@ def _selected(params: ParamMap[Any], names: tuple[str, ...]) -> list[Element]:
         if not param.readable:
             raise UsageError(
                 f"{param.name} can only be written ({param.source})",
-                hint=f"`handctl {params.kind} describe` lists the readable quantities",
+                hint=Hint("{} lists the readable quantities", f"{params.kind} describe"),
                 code="write-only",
             )
         for element in elements:

@@ -22,7 +22,7 @@ from handctl.command.options import (
     said,
     words_of,
 )
-from handctl.errors import OutputError, UsageError
+from handctl.errors import Hint, OutputError, UsageError
 from handctl.files import why_unwritable
 from handctl.model.result import Journal, Message
 from handctl.model.settings import Settings
@@ -128,7 +128,7 @@ class Invocation:
             where = f"-p tcp://HOST (port {self.family.tcp_port} when not given)"
         raise UsageError(
             "no device given",
-            hint=f"give {where}, -d NAME (see `handctl devices list`), or --fake for the simulated {kind}",
+            hint=Hint(f"give {where}, -d NAME (see {{}}), or --fake for the simulated {kind}", "devices list"),
             code="no-link",
         )
 
@@ -288,7 +288,7 @@ def refuse_other_family(run: Invocation) -> None:
     name = run.settings.device
     raise UsageError(
         f"{name!r} is of family {kind} ({run.sources['kind'].where}), not {run.family.kind}",
-        hint=f"use `handctl {kind} …` for {name}, or see `handctl devices list` for the others",
+        hint=Hint(f"use `handctl {kind} …` for {name}, or see {{}} for the others", "devices list"),
         code="wrong-family",
     )
 

@@ -19,7 +19,7 @@ from handctl.command.command_lines import Line, line
 from handctl.command.library_call import Call
 from handctl.command.options import OutFile
 from handctl.command.run import Act, Run
-from handctl.errors import STOPPED, HandctlError, Interrupted, LinkError, UsageError, joined
+from handctl.errors import STOPPED, HandctlError, Hint, Interrupted, LinkError, UsageError, joined
 from handctl.model.result import Column, Grid, Row, Sample, Table
 from handctl.model.stop_sequence import NOT_STOPPED
 from handctl.screen.render import default_view
@@ -131,7 +131,7 @@ class Each:
                 self.run.remember(stopped)  # its thread may sleep until the next sample
                 return stopped
             if clock.now() > end:
-                hint = f"run `handctl -d {self.name} stop`"
+                hint = Hint("run {}", f"-d {self.name} stop")
                 return LinkError("it is not connected: nothing was sent", hint=hint, code=NOT_STOPPED)
             clock.sleep(OPENING_SECONDS)
         assert self.line.leaf.family is not None

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
 from handctl.command.run import Act, Asked
-from handctl.errors import CheckFailed, OutputError, UsageError, joined
+from handctl.errors import CheckFailed, Hint, OutputError, UsageError, joined
 from handctl.files import PAGE, PAGE_DATA, atomic_write, in_page, read_text, why_unwritable, writing
 from handctl.model.device import pending_moves, question
 from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Changes, Element, Number, ParamMap, Step, ValueChange
@@ -110,7 +110,7 @@ def diff(run: Run, params: ParamMap[Any], a: str | None, b: str | None, *, setpo
         device: Device = run.device()
         device.find_for_restore(left)
         right = read_values(device, params.kept(setpoints=setpoints, further=left))
-    hint = f"`handctl {params.kind} restore {a}{' --setpoints' if setpoints else ''}` writes those of the file"
+    hint = Hint("{} writes those of the file", f"{params.kind} restore {a}{' --setpoints' if setpoints else ''}")
     return compared(
         run, params, [(a, left), (b or "device", right)], setpoints=setpoints, hint=hint if b is None else ""
     )
@@ -399,7 +399,7 @@ def _parsed(path: str, kind: str) -> dict[str, Any]:
     """What a file that says to be a snapshot holds. Raises UsageError."""
     import json
 
-    text = read_text(path, "a snapshot", MOST_BYTES, hint=f"`handctl {kind} snapshot {path}` makes one")
+    text = read_text(path, "a snapshot", MOST_BYTES, hint=Hint("{} makes one", f"{kind} snapshot {path}"))
     page = text.startswith(PAGE)
     try:
         content = json.loads(

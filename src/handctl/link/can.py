@@ -15,7 +15,7 @@ from typing import Any
 
 import can
 
-from handctl.errors import HandctlError, LinkError, NoAnswer, UsageError
+from handctl.errors import HandctlError, Hint, LinkError, NoAnswer, UsageError
 from handctl.link.base import CanFrame, Deadline, FrameLink, RawAccess, Trouble
 from handctl.link.port_users import busy, refuse_held
 from handctl.link.slcan import (
@@ -71,7 +71,7 @@ def _opening(interface: str, channel: str, bitrate: int) -> str:
     if interface == "socketcan":
         return f"bring the interface up: `sudo ip link set {channel} up type can bitrate {bitrate}`"
     if interface == "slcan":
-        return f"check that {channel} is the adapter: `handctl ports` lists the serial ports"
+        return Hint(f"check that {channel} is the adapter: {{}} lists the serial ports", "ports")
     return f"check the adapter, the driver of {interface}, and the channel {channel}"
 
 
@@ -130,8 +130,11 @@ class CanLink(FrameLink):
         except NotAnAdapter as exc:
             raise LinkError(
                 f"{link}: the port does not reply as an slcan adapter does: {exc}. Only version and serial number were asked for",
-                hint="find the adapter with `handctl ports`. A hand on a serial port has no can:slcan: before it. "
-                "A board that restarts when it is opened needs ?sleep_after_open=2",
+                hint=Hint(
+                    "find the adapter with {}. A hand on a serial port has no can:slcan: before it. "
+                    "A board that restarts when it is opened needs ?sleep_after_open=2",
+                    "ports",
+                ),
                 code="not-slcan",
             ) from exc
         except (can.CanError, OSError, ImportError, NotImplementedError) as exc:

@@ -14,7 +14,7 @@ from typing import Any
 
 import serial
 
-from handctl.errors import LinkError, UsageError
+from handctl.errors import Hint, LinkError, UsageError
 from handctl.link.base import SCHEMES, ByteLink, Deadline, RawAccess, path_in, scheme_of
 from handctl.link.port_users import busy, group_of, group_remedy, holders, refuse_held
 from handctl.system import clock, ports
@@ -70,7 +70,7 @@ def _find_described(link: str) -> Any:
     if len(found) != 1:
         names = ", ".join(str(port.device) for port in found)
         text = f"{len(found)} ports match: {names}" if found else "no port matches"
-        hint = "give an expression that fits one port only, or the path. `handctl ports` lists the ports"
+        hint = Hint("give an expression that fits one port only, or the path. {} lists the ports", "ports")
         raise LinkError(f"{link}: {text}", hint=hint, code="ambiguous" if found else "not-found")
     return found[0]
 
@@ -280,7 +280,10 @@ class SerialLink(ByteLink):
         why = f": {getattr(exc, 'strerror', None) or exc}" if exc is not None else ""
         return LinkError(
             f"{self.name}: the port is gone{why}",
-            hint="check the cable: the adapter was unplugged, or the other end closed. `handctl ports` lists the ports that are left",
+            hint=Hint(
+                "check the cable: the adapter was unplugged, or the other end closed. {} lists the ports that are left",
+                "ports",
+            ),
             code="lost",
         )
 
@@ -318,14 +321,16 @@ def _cannot_open(link: str, device: str, exc: Exception) -> LinkError | UsageErr
     if number == errno.EIO and not ports.WAITED_FOR:
         return LinkError(
             f"{link}: the driver of the port fails",
-            hint="unplug the adapter and plug it in again. If that does not help, look at its driver with `handctl doctor`",
+            hint=Hint(
+                "unplug the adapter and plug it in again. If that does not help, look at its driver with {}", "doctor"
+            ),
             code="cannot-open",
         )
     if number in (errno.ENOTTY, errno.EINVAL, errno.EISDIR):
         return LinkError(f"{link}: this is not a serial port", hint=_ports_hint(link), code="not-a-port")
     return LinkError(
         f"{link}: cannot open: {exc}",
-        hint="check the port with `handctl ports` and `handctl doctor`",
+        hint=Hint("check the port with {} and {}", "ports", "doctor"),
         code="cannot-open",
     )
 

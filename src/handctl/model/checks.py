@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple
 
 from handctl.errors import CheckFailed
-from handctl.model.result import Cell, Column, Grid, Row, Table
+from handctl.model.result import Cell, Column, Grid, Row, Table, command_key
 
 OK, WARNING, FAIL, SKIPPED = "ok", "warning", "fail", "skipped"
 TONES = {OK: "good", WARNING: "warn", FAIL: "bad", SKIPPED: "dim"}
@@ -35,7 +35,7 @@ class Check(NamedTuple):
     def as_row(self) -> Row:
         """The row of the contract: check, status, evidence, remedy."""
         row = {"check": self.name, "status": self.status, "evidence": self.evidence, "remedy": self.remedy or None}
-        return {**row, **dict(self.numbers)}
+        return {**row, **command_key(self.remedy), **dict(self.numbers)}
 
 
 def table_of(checks: Sequence[Check], causes: Collection[str] = ()) -> Table:

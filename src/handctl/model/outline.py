@@ -10,6 +10,7 @@ from functools import cache
 from importlib import import_module
 from itertools import product
 
+from handctl.errors import reworded
 from handctl.families import FAMILIES
 from handctl.light import NamedTuple, field, light
 from handctl.model.result import Cell, Finding, Grid, Row
@@ -28,7 +29,7 @@ class Remedy(NamedTuple):
     @property
     def hint(self) -> str:
         """The next step of a message."""
-        return f"{self.step} ({self.source})"
+        return reworded(self.step, f"{self.step} ({self.source})")
 
 
 def remedies_of(kind: str) -> Mapping[str, Remedy]:

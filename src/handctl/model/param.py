@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Generic, TypeVar
 
-from handctl.errors import HandctlError, UsageError
+from handctl.errors import HandctlError, Hint, UsageError
 from handctl.light import NamedTuple, field, light
 from handctl.number_parsing import number_in, typed_number
 from handctl.wording import near, plural
@@ -331,13 +331,13 @@ class ParamMap(Generic[P]):
             starts = "it is not a value: writing it starts something" if param.trigger else "it has its own command"
             raise UsageError(
                 f"{param.name} is not written by `set`: {starts}",
-                hint=f"use `handctl {self.kind} {param.verb}`",
+                hint=Hint("use {}", f"{self.kind} {param.verb}"),
                 code="trigger",
             )
         if not param.writable:
             raise UsageError(
                 f"{param.name} is read-only ({param.source})",
-                hint=f"`handctl {self.kind} describe` lists the writable quantities",
+                hint=Hint("{} lists the writable quantities", f"{self.kind} describe"),
                 code="read-only",
             )
 

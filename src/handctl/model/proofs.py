@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from handctl.errors import DeviceRefused, HandctlError, LinkError, ProtocolError
+from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, ProtocolError
 from handctl.light import NamedTuple
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
@@ -55,7 +55,7 @@ class Disturbed(ProtocolError):
     """What came, or stayed away, is damage: it shows nothing of the device."""
 
     def __init__(self, text: str) -> None:
-        super().__init__(text, hint="check the cable with `handctl doctor`, then run it again", code="disturbed")
+        super().__init__(text, hint=Hint("check the cable with {}, then run it again", "doctor"), code="disturbed")
 
 
 class Proof(NamedTuple):

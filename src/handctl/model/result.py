@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from handctl.errors import command_of
 from handctl.light import NamedTuple, field, light
 from handctl.model.write_ledger import Ledger
 from handctl.wording import honest, utc
@@ -352,7 +353,13 @@ class Message(NamedTuple):
 
     def as_row(self) -> Row:
         """The message for the JSON envelope."""
-        return {"level": self.level, "code": self.code, "text": self.text, "hint": self.hint}
+        row = {"level": self.level, "code": self.code, "text": self.text, "hint": self.hint}
+        return {**row, **command_key(self.hint)}
+
+
+def command_key(hint: str) -> Row:
+    """`command` of the row that has this next step; {} where the step names none."""
+    return {"command": f"handctl {command}"} if (command := command_of(hint)) else {}
 
 
 class Finding(NamedTuple):

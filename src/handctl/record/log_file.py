@@ -14,7 +14,7 @@ from itertools import compress, islice
 from math import isfinite
 from typing import Any, BinaryIO, NamedTuple
 
-from handctl.errors import UsageError
+from handctl.errors import Hint, UsageError
 from handctl.files import NoFile, opened, read_text
 from handctl.record.recording import schema
 from handctl.record.source import MARK, lead
@@ -101,7 +101,7 @@ class LogFile:
         self.sidecar = _load_sidecar(f"{path}.json", schema(kind))
         self.cut = False
         """True when an unfinished last row was left out."""
-        with opened(path, "a log", hint=f"`handctl {kind} log {path}` makes one") as file:
+        with opened(path, "a log", hint=Hint("{} makes one", f"{kind} log {path}")) as file:
             header = file.readline(LONGEST_LINE).decode("utf-8", "replace")
         try:
             names = next(csv.reader([header.rstrip("\r\n")]), [])

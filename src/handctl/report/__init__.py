@@ -22,7 +22,17 @@ from handctl import __version__
 from handctl.charts.curves import curves, outline_svg
 from handctl.command import get_set_watch
 from handctl.command.family import load
-from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
+from handctl.errors import (
+    CheckFailed,
+    HandctlError,
+    LinkError,
+    NoAnswer,
+    OutputError,
+    ProtocolError,
+    UsageError,
+    command_of,
+    reworded,
+)
 from handctl.families import FAMILIES
 from handctl.files import atomic_write, writing
 from handctl.link.base import path_in
@@ -480,9 +490,14 @@ class Privacy:
             text = re.sub(rf"(?<![\w.]){re.escape(secret)}(?![\w]|\.\d)", REDACTED, text)
         return text
 
+    def step(self, hint: str) -> str:
+        """A next step with such a text; its command stays data only if nothing private was in it."""
+        text, command = self.text(hint), command_of(hint)
+        return reworded(hint, text) if command == self.text(command) else text
+
     def messages(self, messages: Iterable[Message]) -> list[Message]:
         """Messages with such texts."""
-        return [found._replace(text=self.text(found.text), hint=self.text(found.hint)) for found in messages]
+        return [found._replace(text=self.text(found.text), hint=self.step(found.hint)) for found in messages]
 
     def transcript(self, line: str) -> str:
         """One recorded line. What a device with private quantities sent becomes a comment with its number of bytes."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from handctl import errors
 from handctl.command.family import on_can, wire_in
 from handctl.command.options import COMMAND_LINE, NAMED
-from handctl.errors import DeviceRefused, HandctlError, LinkError, UsageError
+from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, UsageError
 from handctl.link import Deadline
 from handctl.link.lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock
 from handctl.model.param import Step
@@ -151,7 +151,7 @@ def _end(run: Run, who: Holder | None) -> None:
         run.journal.warn(
             "holder",
             "another program is using the device and does not respond. Its lock does not identify it",
-            "find the program with `handctl ports` and end it",
+            Hint("find the program with {} and end it", "ports"),
         )
         return
     hint = f"end it with `{processes.ENDS} {who.pid}`"

@@ -22,7 +22,7 @@ from handctl.command.family import Family, refuse_missing, refuse_serial
 from handctl.command.options import COMMAND_LINE, InFile, Source, own_options, said
 from handctl.command.precedence import resolve
 from handctl.command.run import Run
-from handctl.errors import UsageError
+from handctl.errors import Hint, UsageError
 from handctl.families import FAMILIES, WIRES
 from handctl.files import read_text
 from handctl.link import NoFrames, NoLink, is_can
@@ -119,7 +119,7 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
         run, present, edit, values, {**row_of(name, family, given), "file": present.path, "result": done}
     )
     if not run.settings.dry_run:
-        run.journal.info("next", f"{name!r} can be used now", f"try `handctl -d {name} {family} status`")
+        run.journal.info("next", f"{name!r} can be used now", Hint("try {}", f"-d {name} {family} status"))
     return changed
 
 
@@ -282,7 +282,7 @@ def from_scan(text: str, kind: str | None, given: dict[str, Any]) -> dict[str, A
         )
         raise UsageError(
             f"{len(fits)} devices of the scan fit" if fits else "no device of the scan fits",
-            hint=f"choose one with FAMILY, -p LINK, --id or --baud. The scan found: {seen}" if seen else "scan again with `handctl scan --json`",
+            hint=f"choose one with FAMILY, -p LINK, --id or --baud. The scan found: {seen}" if seen else Hint("scan again with {}", "scan --json"),
             code="from-scan",
         )  # fmt: skip
     (row,) = fits
@@ -307,7 +307,7 @@ def _rows(text: str) -> list[dict[str, Any]]:
             content = [json.loads(line) for line in text.splitlines() if line.strip()]
     except (ValueError, RecursionError) as exc:
         raise UsageError(
-            f"the scan is not JSON: {exc}", hint="make it with `handctl scan --json`", code="from-scan"
+            f"the scan is not JSON: {exc}", hint=Hint("make it with {}", "scan --json"), code="from-scan"
         ) from exc
     if isinstance(content, dict):
         content = content.get("rows", [content])

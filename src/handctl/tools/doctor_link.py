@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from ipaddress import IPv4Address, ip_network
 from typing import Any
 
-from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, NotRunning, ProtocolError
+from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, NotRunning, ProtocolError
 from handctl.link import ByteLink, CanFrame, Deadline, Link
 from handctl.link.transcript import observed
 from handctl.model.checks import Check
@@ -361,7 +361,7 @@ def _other_speeds(it: LinkChecks) -> Verdict:
     if failed["bad-checksum"] > garbage:
         return "ok", f"replies come at {first} bit/s, with a wrong checksum, {text}"
     if garbage:
-        remedy = "look at the type plate, or run `handctl scan`: a wrong speed is likely"
+        remedy = Hint("look at the type plate, or run {}: a wrong speed is likely", "scan")
         return "warning", f"the data at {first} bit/s is garbage, {text}", remedy
     return "ok", text
 
@@ -482,7 +482,7 @@ def _delay(it: LinkChecks) -> Verdict:
         return "warning", text, "use a cable where replies must be quick, or give --timeout"
     if FTDI[0] <= median <= FTDI[1] and it.series.wire < median / 2 and "rfcomm" not in it.link.name:
         text = f"median {median * 1000:.0f} ms: looks like an adapter's latency timer of 16 ms"
-        return "warning", text, "set the timer to 1 ms: `handctl ports` shows how"
+        return "warning", text, Hint("set the timer to 1 ms: {} shows how", "ports")
     return "ok", f"median {median * 1000:.1f} ms is not the 16 ms of a latency timer"
 
 
@@ -594,8 +594,8 @@ def same_address(
         others = sorted({tuple(one) for one, _ in pairs})
         read = " and ".join(" ".join(map(str, values[:6])) for values in others)
         text = f"{plural(len(others), 'device')} reply at {host_in(link)}: connections read {read}"
-        remedy = "leave one of them powered and give it another address: `handctl hand network` or `handctl hand pair`"
-        yield Check("same_address", "fail", text, remedy)
+        apart = Hint("leave one of them powered and give it another address: {} or {}", "hand network", "hand pair")
+        yield Check("same_address", "fail", text, apart)
     else:
         text = f"{plural(len(pairs), 'connection')} read the same: one device has this address"
         yield Check("same_address", "ok", text)

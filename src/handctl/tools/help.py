@@ -14,7 +14,7 @@ import click
 from handctl.command.command_tree import Command, root
 from handctl.command.options import CONNECTION, OUTPUT, WRITING, SharedOption
 from handctl.command.run import Run
-from handctl.errors import UsageError
+from handctl.errors import Hint, UsageError
 from handctl.families import COMMANDS, FAMILIES
 from handctl.model.result import Column, Table
 from handctl.wording import near
@@ -107,7 +107,7 @@ def _unknown(words: list[str]) -> UsageError:
     below = [f"{family} {name}" for family in FAMILIES if _exists([family, name])] if len(words) == 1 else []
     close = below or near(name, known)
     meant = f"did you mean {' or '.join(map(repr, close))}? " if close else ""
-    return UsageError(f"no help on {name!r}", hint=f"{meant}`handctl help` lists the topics", code="no-topic")
+    return UsageError(f"no help on {name!r}", hint=Hint(f"{meant}{{}} lists the topics", "help"), code="no-topic")
 
 
 def _options() -> str:

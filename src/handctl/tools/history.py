@@ -16,7 +16,7 @@ from handctl.command.command_tree import Command
 from handctl.command.config import read_config
 from handctl.command.options import COMMAND_LINE, WholeRange
 from handctl.command.run import Run
-from handctl.errors import UsageError
+from handctl.errors import Hint, UsageError
 from handctl.families import FAMILIES
 from handctl.files import why_unwritable
 from handctl.model.result import Cell, Column, Grid, Row, Table
@@ -91,7 +91,7 @@ def _chooser(device: str | None) -> Callable[[Row], bool]:
         hint = near(device, [*FAMILIES, *named])
         raise UsageError(
             f"{device!r} is neither a family nor a named device, and the history has no such name",
-            hint=f"did you mean {hint[0]}?" if hint else "`handctl devices list` shows the names",
+            hint=f"did you mean {hint[0]}?" if hint else Hint("{} shows the names", "devices list"),
         )
     entry = named[device].entries.get("port") if device in named else None
     link = entry.value if entry is not None else device

@@ -15,7 +15,7 @@ from handctl.command.command_tree import Command
 from handctl.command.family import load
 from handctl.command.options import InFile, WholeRange
 from handctl.command.run import Act, Run
-from handctl.errors import DeviceRefused, HandctlError, Interrupted, UsageError
+from handctl.errors import DeviceRefused, HandctlError, Hint, Interrupted, UsageError
 from handctl.families import FAMILIES
 from handctl.model import facts
 from handctl.model.param import Step
@@ -67,7 +67,7 @@ def cli(
             )
         return facts.compared(*files)
     if files:
-        raise UsageError(f"{files[0]!r} is not expected here", hint="only `handctl prove diff` takes files")
+        raise UsageError(f"{files[0]!r} is not expected here", hint="only `handctl prove diff A B` takes files")
     proofs = _chosen(what, level, only)
     if listing:
         return Table(rows=[proof.listed(what) for proof in proofs], columns=LISTED, plain=("fact", "assumed"))
@@ -98,7 +98,7 @@ def _chosen(family: str, level: str, only: Sequence[str]) -> list[Proof]:
     try:
         every: Sequence[Proof] = load(family, "proofs").PROOFS
     except ModuleNotFoundError:
-        raise UsageError(f"no experiments are known for {family}", hint="see `handctl prove -h`") from None
+        raise UsageError(f"no experiments are known for {family}", hint=Hint("see {}", "prove -h")) from None
     if unknown := [name for name in only if name not in {proof.name for proof in every}]:
         raise UsageError(f"no fact {unknown[0]!r} of {family}", hint=f"known: {', '.join(dict.fromkeys(proof.name for proof in every))}")  # fmt: skip
     most = LEVELS.index(level)
@@ -141,7 +141,7 @@ def _prove(run: Run, proofs: Sequence[Proof], repeat: int, path: str | None, ide
             path, facts.document(kind, outcomes, simulated=run.simulated, time=device.link.wall(), device=named)
         )
         run.journal.info(
-            "facts", f"facts written to {path}", hint=f"use them with `handctl {kind} status --facts {path}`"
+            "facts", f"facts written to {path}", hint=Hint("use them with {}", f"{kind} status --facts {path}")
         )
     table = table_of(outcomes, kind)
     table.failure = failure

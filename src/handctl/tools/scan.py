@@ -31,7 +31,7 @@ from handctl import __version__
 from handctl.command.command_tree import Command
 from handctl.command.options import scan_options
 from handctl.command.run import Run
-from handctl.errors import Interrupted, LinkError, UsageError
+from handctl.errors import Hint, Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES, SCANNED
 from handctl.link import ByteLink, Deadline, Link, is_can, open_link
 from handctl.link.lock import Lock, hold
@@ -148,11 +148,11 @@ def free_ports(machine: Machine, journal: Journal) -> list[str]:
             names.append(port.path)
             continue
         why = f"in use by {', '.join(map(str, port.held))}" if port.held else "not permitted"
-        journal.warn("left-out", f"{port.path} is {why}, so it was skipped", hint="`handctl ports` shows the remedy")
+        journal.warn("left-out", f"{port.path} is {why}, so it was skipped", hint=Hint("{} shows the remedy", "ports"))
     if not names:
         raise LinkError(
             "no serial port is free",
-            hint="`handctl ports` lists the ports. Give another link with -p, such as `-p tcp://HOST`",
+            hint=Hint("{} lists the ports. Give another link with -p, such as `-p tcp://HOST`", "ports"),
             code="no-port",
         )
     return names

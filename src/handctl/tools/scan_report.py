@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from handctl.errors import HandctlError, Interrupted, NoAnswer, ProtocolError, joined
+from handctl.errors import HandctlError, Hint, Interrupted, NoAnswer, ProtocolError, joined
 from handctl.model.device import OTHER_FORM
 from handctl.model.result import Column, Journal, LineQuality, Row, Table, hex_bytes
 from handctl.wording import plural
@@ -124,8 +124,8 @@ def _nothing(search: Search) -> HandctlError:
             return ProtocolError(text, hint=f"{MODBUS_HINT}. Nothing was sent.", code="modbus")
         for family, ids in search.overheard.items():
             text = f"{name}: another program or master communicates with {family} id {', '.join(map(str, ids))} on this line ({shown})"
-            hint = f"end it for the search, or search anyway: `handctl {family} scan --all`. Nothing was sent."
-            return ProtocolError(text, hint=hint, code="talks")
+            anyway = Hint("end it for the search, or search anyway: {}. Nothing was sent.", f"{family} scan --all")
+            return ProtocolError(text, hint=anyway, code="talks")
         text = f"{name}: {plural(len(unasked), 'byte')} arrived before anything was asked ({shown}). None of these devices does that"
         return ProtocolError(
             text, hint="check for another device, or a wrong speed (--baud). Nothing was sent.", code="talks"

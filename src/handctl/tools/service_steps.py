@@ -7,7 +7,6 @@ says it: there is no second table of remedies here. Never writes, never moves.
 from __future__ import annotations
 
 import json
-import re
 import shlex
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -20,7 +19,17 @@ from handctl.command.command_lines import line
 from handctl.command.family import map_of
 from handctl.command.library_call import Call
 from handctl.command.run import Run
-from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, UsageError, joined
+from handctl.errors import (
+    CheckFailed,
+    HandctlError,
+    Hint,
+    Interrupted,
+    LinkError,
+    UsageError,
+    command_of,
+    joined,
+    reworded,
+)
 from handctl.families import SCANNED
 from handctl.files import PAGE_DATA, in_page, read_text
 from handctl.link.transcript import Tap, observed
@@ -84,7 +93,7 @@ def data_of(path: str) -> dict[str, Any]:
         fits = False
     if not fits:
         raise UsageError(
-            f"{path}: not a report of handctl", hint="give a file that `handctl service` or `report` wrote"
+            f"{path}: not a report of handctl", hint=Hint("give a file that {} or `report` wrote", "service")
         )
     return found  # type: ignore[no-any-return]
 
@@ -96,7 +105,8 @@ def _whole(data: dict[str, Any]) -> bool:
     texts = [data["made"], data["device"]["device"], *(step["state"] for step in service["steps"].values())]
     texts += [row[key] for row in service["rows"] for key in ("step", "check", "status", "evidence")]
     texts += [row["remedy"] or "" for row in service["rows"]]
-    texts += [text for pair in service["hints"].items() for text in pair]
+    texts += [text for part in ("hints", "commands") for pair in service.get(part, {}).items() for text in pair]
+    texts += [row.get("command", "") for row in service["rows"]]
     texts += [str(row[key]) for row in data["watch"] for key in ("name", "min", "max")]
     rows = [row for part in PARTS.values() for row in data.get(part, ())]
     return all(isinstance(text, str) for text in texts) and all(
@@ -162,7 +172,7 @@ class Service:
             return {}, []
         found = data_of(path)
         if "service" not in found:
-            raise UsageError(f"{path}: a report, but not of a service", hint="run `handctl service` without --resume")
+            raise UsageError(f"{path}: a report, but not of a service", hint=Hint("run {} without --resume", "service"))
         lines = in_page(read_text(path, "a report", MOST_BYTES), "pre").splitlines()
         return found, [text for text in lines if not text.startswith("#   ")]  # what they mean is said again
 
@@ -228,8 +238,8 @@ class Service:
             return None
 
     def _add(self, step: str, check: Check) -> None:
-        text = self.visit.privacy.text
-        shown = check._replace(evidence=text(check.evidence), remedy=text(check.remedy))
+        privacy = self.visit.privacy
+        shown = check._replace(evidence=privacy.text(check.evidence), remedy=privacy.step(check.remedy))
         self.rows.append({"step": step, **shown.as_row()})
 
     def _taken_up(self, name: str, before: dict[str, Any]) -> bool:
@@ -240,7 +250,10 @@ class Service:
         self.steps[name] = {"state": "done", "code": None, "from": before["made"]}
         self.rows += [row for row in service["rows"] if row["step"] == name]
         wanted = (name, "line", "computer") if name == "doctor" else (name,)
-        self.hints |= {key: hint for key, hint in service["hints"].items() if key in wanted}
+        commands = service.get("commands", {})
+        self.hints |= {
+            key: _with_command(hint, commands.get(key, "")) for key, hint in service["hints"].items() if key in wanted
+        }
         data, part = self.visit.content.data, PARTS.get(name, "")
         rows = before.get(part)
         if isinstance(rows, list):
@@ -258,7 +271,7 @@ class Service:
         bad = [row for row in self.rows if row["status"] == FAIL]
         params = map_of(family.kind) if family is not None and family.kind in SCANNED else None
         if bad or family is None or params is None:
-            self.hints.setdefault(FIND, next((row["remedy"] for row in bad if row["remedy"]), ""))
+            self.hints.setdefault(FIND, next((_step_of(row) for row in bad if row["remedy"]), ""))
             return
         if before and before["device"]["device"] != family.kind:
             text = f"{self.wishes.resume} is of {before['device']['device']}, but {family.kind} is connected"
@@ -296,7 +309,7 @@ class Service:
                 text = f"no device on {', '.join(names)}"
                 raise LinkError(
                     text,
-                    hint="check power and cable, or give LINK. `handctl scan --all` looks longer",
+                    hint=Hint("check power and cable, or give LINK. {} looks longer", "scan --all"),
                     code="no-device",
                 )
             names = list(dict.fromkeys(row["link"] for row in found))
@@ -332,7 +345,7 @@ class Service:
         """Rows of the family; none where it has no diagnosis that reads alone."""
         table = self.visit.checks()
         for row in table.rows if table is not None else ():
-            yield Check(row["check"], row["status"], row["evidence"], row.get("remedy") or "")
+            yield Check(row["check"], row["status"], row["evidence"], _step_of({"remedy": None, **row}))
         if table is not None and table.failure is not None:
             self.hints["diagnose"] = table.failure.hint
 
@@ -356,7 +369,7 @@ class Service:
         seen = f"{plural(len(samples), 'sample')}, {errors[0]} retries, {errors[1]} bad frames, {errors[2]} stray bytes"
         changed = f"changed: {', '.join(ranges)}" if ranges else "no value changed"
         assert self.run.family is not None
-        remedy = f"run `handctl {self.run.family.kind} doctor`" if any(errors) else ""
+        remedy = Hint("run {}", f"{self.run.family.kind} doctor") if any(errors) else ""
         yield Check("watch", WARNING if any(errors) else OK, f"{seen}. {sentence(changed)}", remedy)
 
     def dump(self) -> Iterator[Check]:
@@ -386,7 +399,7 @@ class Service:
         order = (FIND, "line", "status", "diagnose", "doctor", *self.wishes.steps, "computer")
         hint = next((self.hints[name] for name in order if self.hints.get(name)), "")
         return hint or next(
-            (row["remedy"] for row in self.rows if row["status"] in (FAIL, WARNING) and row["remedy"]), ""
+            (_step_of(row) for row in self.rows if row["status"] in (FAIL, WARNING) and row["remedy"]), ""
         )
 
     def _next(self) -> Row:
@@ -397,13 +410,8 @@ class Service:
             "command": None,
             "state": "proposed",
         }
-        run, named = self.run, re.search(r"`handctl ([^`]+)`", hint)
-        if named is None or self.ended is not None:
-            return found
-        words = shlex.split(named[1])
-        if any(
-            len(word) > 2 and word.isalpha() and word.isupper() for word in words
-        ):  # it stands for a name, such as FILE
+        run, words = self.run, shlex.split(command_of(hint))
+        if not words or self.ended is not None:
             return found
         try:
             one = line(words, {})
@@ -448,7 +456,8 @@ class Service:
         if old is not None:
             service["against"] = {"made": old.get("made"), "differences": differences(old, self._now())}
         compared = _differing(service["against"]) if old is not None else []
-        service["hints"] = self.hints
+        service["hints"] = {name: visit.privacy.step(hint) for name, hint in self.hints.items()}
+        service["commands"] = {name: named for name, hint in service["hints"].items() if (named := command_of(hint))}
         text = visit.privacy.text
         facts = [(key.capitalize(), text(service[key] or "none was given")) for key in ("ticket", "complaint")]
         facts += [("Next step", text(service["next"]["text"])), ("Command", text(service["next"]["command"] or "none"))]
@@ -481,6 +490,15 @@ class Service:
 
     def _now(self) -> dict[str, Any]:
         return {**self.visit.content.data, "service": {"rows": self.rows}}
+
+
+def _step_of(row: Row) -> str:
+    """The next step of a row, with the command that the row has as data."""
+    return _with_command(row["remedy"] or "", str(row.get("command", "")).removeprefix("handctl "))
+
+
+def _with_command(text: str, command: str) -> str:
+    return reworded(Hint("{}", command), text) if command else text
 
 
 def findings(rows: list[Row]) -> list[Row]:

@@ -15,7 +15,7 @@ from handctl.command.config import Device, read_config
 from handctl.command.family import load
 from handctl.command.options import NAMED, Source
 from handctl.command.run import Run
-from handctl.errors import HandctlError, UsageError
+from handctl.errors import HandctlError, Hint, UsageError
 from handctl.families import FAMILIES, SCANNED
 from handctl.link import ByteLink, open_link
 from handctl.link.lock import canonical, hold, last_family
@@ -52,7 +52,7 @@ def _kind(run: Run) -> str:
     if settings.port is None:
         raise UsageError(
             "no device given",
-            hint="give -p LINK or -d NAME (see `handctl devices list`)",
+            hint=Hint("give -p LINK or -d NAME (see {})", "devices list"),
             code="no-link",
         )
     simulated = settings.port.removeprefix("fake://").partition("?")[0].rstrip("/")
@@ -113,7 +113,7 @@ def _as_named(run: Run, named: list[Device]) -> None:
     """Use the settings of the named device that nothing else sets; if several are on one line, only note that."""
     if len(named) > 1:
         names = ",".join(one.name for one in named)
-        run.journal.warn("several", f"{names} are at {run.settings.port}", f"`handctl stop -d {names}` stops each")
+        run.journal.warn("several", f"{names} are at {run.settings.port}", Hint("{} stops each", f"stop -d {names}"))
         return
     (device,) = named
     said = {key: entry for key, entry in device.entries.items() if key not in ("port", *run.sources)}

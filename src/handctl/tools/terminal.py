@@ -14,7 +14,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from handctl.command.console import is_terminal
 from handctl.command.family import load, on_can
 from handctl.command.run import Act
-from handctl.errors import DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.errors import (
+    DeviceRefused,
+    HandctlError,
+    Hint,
+    Interrupted,
+    LinkError,
+    NoAnswer,
+    ProtocolError,
+    UsageError,
+)
 from handctl.link.base import CanFrame, FrameLink
 from handctl.link.transcript import Entry, observed
 from handctl.model.explainer import DEVICE, HOST
@@ -209,7 +218,7 @@ class Conversation:
         refused = next((piece for piece in came if piece.problem == "refused"), None)
         if refused is not None:
             return DeviceRefused(
-                f"{where}: {refused.meaning}", hint=f"`handctl {self._kind} status` shows the state of the device"
+                f"{where}: {refused.meaning}", hint=Hint("{} shows the state of the device", f"{self._kind} status")
             )
         missing = next((one.unanswered for one in self.told if one.unanswered is not None), None)
         if not came:

@@ -9,6 +9,24 @@ BLOCKS = "handctl.devices.barrett.realtime.blocks"
 
 ROWS = (
     mistake(
+        "gcl-script-goes-on-after-a-refusal",
+        "safety check missing",
+        "handctl.devices.barrett.gcl.passthrough",
+        "run_all",
+        "if not keep_going:",
+        "if keep_going:",
+        "tests/barrett/test_cli.py::test_gcl_script_stops_at_the_refused_line",
+    ),
+    mistake(
+        "gcl-delay-in-seconds",
+        "unit",
+        "handctl.devices.barrett.gcl.passthrough",
+        "line_of",
+        "return line._replace(wait=int(words[0]) / 1000)",
+        "return line._replace(wait=float(words[0]))",
+        "tests/barrett/test_cli.py::test_gcl_script_that_cannot_be",
+    ),
+    mistake(
         "barrett-a-position-below-0-is-60000",
         "false value",
         "handctl.devices.barrett.map",

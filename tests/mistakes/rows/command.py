@@ -16,6 +16,15 @@ ROWS = (
         "tests/tools/test_service.py::test_a_step_that_reads_is_followed_and_one_that_writes_is_told",
     ),
     mistake(
+        "service-takes-a-command-from-a-sentence",
+        "safety check missing",
+        "handctl.tools.service_steps",
+        "Service._next",
+        "run, words = self.run, shlex.split(command_of(hint))",
+        'run, words = self.run, shlex.split(hint.partition("`handctl ")[2].partition("`")[0])',
+        "tests/tools/test_service.py::test_the_command_is_data_and_never_read_out_of_a_sentence",
+    ),
+    mistake(
         "service-tells-a-failed-step-as-passed",
         "swallowed error",
         "handctl.tools.service_steps",

@@ -24,7 +24,7 @@ from handctl.devices.aidin.map import AIDIN, ENCODERS, FINGERS, some
 from handctl.devices.aidin.motion import Goal, ramp
 from handctl.devices.aidin.procedures import AT_STOP, STILL, check_homed, moving, named, stroke
 from handctl.devices.aidin.stopper import PERIOD
-from handctl.errors import CheckFailed
+from handctl.errors import CheckFailed, Hint, reworded
 from handctl.model.checks import FAIL, OK, SKIPPED, WARNING, Check, table_of
 from handctl.model.param import Number, Step
 from handctl.model.prompts import CTRL_C, Prompts
@@ -181,21 +181,21 @@ def in_words(finger: str) -> str:
 
 
 FINDINGS: dict[str, tuple[str, str]] = {
-    "no-movement": (FAIL, "run `handctl aidin home`, because a hand that is not homed may ignore positions. If it is homed, check its motor power, and set `handctl aidin max-torque` to 700 or more"),
+    "no-movement": (FAIL, Hint("run {}, because a hand that is not homed may ignore positions. If it is homed, check its motor power, and set `handctl aidin max-torque` to 700 or more", "aidin home")),
     "swapped": (FAIL, "check the order of the channels: the wiring of motors and encoders in the hand, or its configuration"),
     "encoder-stuck": (FAIL, "check the encoder and its cable, and do not move the {finger} until it counts"),
     "blocked": (FAIL, "free the {finger}. If nothing is in its way, its gear or encoder is stuck"),
-    "not-following": (FAIL, "free the fingers with `handctl aidin stop` and check whether the {finger} moves easily, then check its gear and encoder"),
+    "not-following": (FAIL, Hint("free the fingers with {} and check whether the {finger} moves easily, then check its gear and encoder", "aidin stop")),
     "no-current": (FAIL, "check the motor and its cable"),
     "reversed": (FAIL, "check the polarity of the motor and its encoder, and do not move the {finger} until then"),
-    "short": (FAIL, "check for an obstacle, and set `handctl aidin max-torque` to 700 or more"),
+    "short": (FAIL, ("check for an obstacle, and set `handctl aidin max-torque` to 700 or more")),
     "coupled": (WARNING, "check the channels and the mechanics: one command should move one motor"),
     "not-back": (WARNING, "check whether the {finger} opens freely, then home the hand"),
     "current-high": (WARNING, "check for friction, and for an object at the {finger}"),
     "current-low": (WARNING, "check the gear of this motor, and its current sensor"),
     "sensor-still": (FAIL, "check the sensor and its cable"),
     "sensor-noisy": (WARNING, "check the cable and shield of the sensor, and that nothing touches the fingertip"),
-    "sensor-drift": (WARNING, "let the hand warm up with nothing at its fingertips, then run `handctl aidin bias`"),
+    "sensor-drift": (WARNING, Hint("let the hand warm up with nothing at its fingertips, then run {}", "aidin bias")),
     "left-alone": (SKIPPED, ""),
     "unseen": (SKIPPED, ""),
 }  # fmt: skip
@@ -206,7 +206,11 @@ def _row(name: str, finding: str | None, evidence: str, finger: str = "", number
     status, remedy = (OK, "") if finding is None else FINDINGS[finding]
     words = (("finger", finger),) if finger else ()
     return Check(
-        name, status, evidence, remedy.format(finger=in_words(finger)), (("finding", finding), *words, *numbers)
+        name,
+        status,
+        evidence,
+        reworded(remedy, remedy.format(finger=in_words(finger))),
+        (("finding", finding), *words, *numbers),
     )
 
 
@@ -414,7 +418,7 @@ def check(hand: AidinHand, prompts: Prompts) -> Table:
     table = table_of(findings(rest, trips), causes=("motors",))
     if mover.back and any(trip.moved(trip.index) for trip in trips if trip is not None):
         ledger.confirm("motors moved there and back, according to the feedback", since=begun)
-    hand.journal.info("left", LEFT, hint="`handctl aidin stop` frees the fingers")
+    hand.journal.info("left", LEFT, hint=Hint("{} frees the fingers", "aidin stop"))
     return table
 
 
@@ -435,13 +439,16 @@ def _rest(hand: AidinHand, prompts: Prompts) -> Rest:
         if restless := moving(first, encoders):
             raise CheckFailed(
                 f"{hand.link.name}: {named(MOTORS, restless, encoders)} moves, although nothing was commanded",
-                hint="wait until the hand stands, and keep hands off the fingers. If nobody moves it, its encoder loses counts: run `handctl aidin watch motor_pos`. Nothing was sent.",
+                hint=Hint(
+                    "wait until the hand stands, and keep hands off the fingers. If nobody moves it, its encoder loses counts: run {}. Nothing was sent.",
+                    "aidin watch motor_pos",
+                ),
                 code="moving",
             )
         if pushing := [index for index, current in enumerate(currents) if pushes(current)]:
             raise CheckFailed(
                 f"{hand.link.name}: {named(CURRENT, pushing, currents)}: the hand holds or pushes something",
-                hint="take the object out, then run `handctl aidin initial`. Nothing was sent.",
+                hint=Hint("take the object out, then run {}. Nothing was sent.", "aidin initial"),
                 code="loaded",
             )
         prompts.progress("Reading the sensors at rest.", CTRL_C)
@@ -455,7 +462,11 @@ def _check_open(hand: AidinHand, encoders: Wire) -> None:
     if closed := [index for index, value in enumerate(encoders) if value > AT_STOP * stroke(index)]:
         raise CheckFailed(
             f"{hand.link.name}: the hand is not open: {named(MOTORS, closed, encoders)}",
-            hint="this check needs an open, empty hand. Run `handctl aidin initial`, or `handctl aidin home` if the hand has not been homed since power-on. Nothing was sent.",
+            hint=Hint(
+                "this check needs an open, empty hand. Run {}, or {} if the hand has not been homed since power-on. Nothing was sent.",
+                "aidin initial",
+                "aidin home",
+            ),
             code="not-open",
         )
 

@@ -17,7 +17,7 @@ from handctl.devices.aidin.device import AidinHand, object_of, step_of
 from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.exchange_settings import exchange_settings_of
 from handctl.devices.aidin.map import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, Mode, Target
-from handctl.errors import UsageError
+from handctl.errors import Hint, UsageError
 from handctl.link import ByteLink
 from handctl.model.device import Gate, limits_of
 from handctl.model.param import Step
@@ -229,7 +229,7 @@ def currents(run: Run, values: tuple[str, ...], cap: float, duration: float, ram
     last = _step(run, "stop, sent 3 times", Mode.STOP)
     if not run.settings.dry_run and not any(goal.named.values()) and goal.names_all:
         raise UsageError(
-            "all currents are 0, so there is nothing to do", hint="to switch the motors off, use `handctl aidin stop`"
+            "all currents are 0, so there is nothing to do", hint=Hint("to switch the motors off, use {}", "aidin stop")
         )
     beat = 0.0 if may_suspend else BEAT
     return Act(

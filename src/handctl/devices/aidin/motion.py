@@ -31,7 +31,7 @@ from handctl.devices.aidin.exchange import Feedback, Wire, values_of
 from handctl.devices.aidin.map import AIDIN, CURRENTS, AidinParam, Mode, Target, both_ranges, some
 from handctl.devices.aidin.procedures import SHORT, check_homed, connect_or_command, named
 from handctl.devices.aidin.stopper import PERIOD
-from handctl.errors import Aftermath, CheckFailed, NoAnswer, UsageError
+from handctl.errors import Aftermath, CheckFailed, Hint, NoAnswer, UsageError
 from handctl.model import movement
 from handctl.model.movement import (
     ARRIVAL,
@@ -105,7 +105,10 @@ def _kept(param: AidinParam, index: int, value: float) -> float:
     if not limit[0] - slack <= value <= limit[1] + slack:
         raise CheckFailed(
             f"{param.elements[index]} would be kept at {value:g}, which is outside {limit[0]:g}..{limit[1]:g}",
-            hint="give a value for it as well, or run `handctl aidin home` if the hand has not been homed since power-on. Nothing was sent.",
+            hint=Hint(
+                "give a value for it as well, or run {} if the hand has not been homed since power-on. Nothing was sent.",
+                "aidin home",
+            ),
             code="kept-out-of-range",
         )
     return min(max(value, limit[0]), limit[1])
@@ -344,14 +347,14 @@ def _check_start(hand: AidinHand, target: Target, here: list[Number], *, assume:
     if param.angles and any(abs(value) > degrees(LARGEST_RADIAN) for value in here):
         raise CheckFailed(
             f"{name}: {param.key} {NO_ANGLE}. A ramp cannot start there",
-            hint="check `handctl aidin status`, and its bytes with --trace FILE. Nothing was sent.",
+            hint=Hint("check {}, and its bytes with --trace FILE. Nothing was sent.", "aidin status"),
             code="start-out-of-range",
         )
     far = [index for index, value in enumerate(here) if outside(param, index, value, FAR)]
     if far and not assume:
         raise CheckFailed(
             f"{name}: a ramp cannot start at the current position, which is far out of range: {named(param, far, here)}",
-            hint="run `handctl aidin home` first. --assume-homed starts at the limit without it. Nothing was sent.",
+            hint=Hint("run {} first. --assume-homed starts at the limit without it. Nothing was sent.", "aidin home"),
             code="start-out-of-range",
         )
 

@@ -25,7 +25,7 @@ from handctl.devices.aidin.exchange import Feedback, Wire
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.map import AIDIN, AidinParam, Mode, some
 from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
-from handctl.errors import CheckFailed, NoAnswer, UsageError
+from handctl.errors import CheckFailed, Hint, NoAnswer, UsageError
 from handctl.model.param import Number, elements_of
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Cell, Column, Grid, Row, Table
@@ -273,7 +273,9 @@ def _judged(hand: AidinHand, ways: list[TravelDirection], mark: int) -> Table:
     elif unproven:
         table.failure = CheckFailed(
             f"{hand.link.name}: homing is not confirmed for {_count(unproven)}, because nothing shows that they came to rest at their open stop: {_told(unproven)}",
-            hint=f"{LEFT}. Check that all fingers are fully open; if they are, the hand is homed. To have that confirmed, close the fingers part of the way, for example with `handctl aidin encoders`, and home again. Each motor must come to rest at the same position",
+            hint=(
+                f"{LEFT}. Check that all fingers are fully open; if they are, the hand is homed. To have that confirmed, close the fingers part of the way, for example with `handctl aidin encoders`, and home again. Each motor must come to rest at the same position"
+            ),
             code="homing-unproven",
         )
     else:
@@ -378,7 +380,10 @@ def check_homed(hand: AidinHand, *, assume: bool | None) -> None:
         raise CheckFailed(
             f"{hand.link.name}: encoders are out of range, so the hand has not been homed since power-on: "
             f"{named(MOTOR_POS, wrong, encoders)}",
-            hint=f"run `handctl aidin home` first. {'' if assume is None else '--assume-homed continues without it. '}Nothing was sent.",
+            hint=Hint(
+                f"run {{}} first. {'' if assume is None else '--assume-homed continues without it. '}Nothing was sent.",
+                "aidin home",
+            ),
             code="not-homed",
         )
     if not any(encoders):
@@ -403,7 +408,7 @@ def initial(hand: AidinHand, prompts: Prompts, *, assume_homed: bool) -> Table:
     elif not assume_homed:
         raise NoAnswer(
             f"{hand.link.name}: the hand sends nothing without a request, so nothing shows that it is homed",
-            hint="run `handctl aidin home` first. --assume-homed continues without it. Nothing was sent.",
+            hint=Hint("run {} first. --assume-homed continues without it. Nothing was sent.", "aidin home"),
         )
     data, end = object_of(Mode.INITIAL), conversation.deadline(INITIAL)
     seen, ledger = Travel(), hand.journal.ledger
@@ -425,7 +430,7 @@ def initial(hand: AidinHand, prompts: Prompts, *, assume_homed: bool) -> Table:
         if now is None:
             raise NoAnswer(
                 f"{hand.link.name}: the initial position was commanded, but the hand sends nothing",
-                hint="check the link with `handctl aidin status`",
+                hint=Hint("check the link with {}", "aidin status"),
             )
     if _away(now):
         raise CheckFailed(
@@ -439,7 +444,7 @@ def initial(hand: AidinHand, prompts: Prompts, *, assume_homed: bool) -> Table:
         hand.journal.warn(
             "nothing-moved",
             "the encoders are at 0, but no motor moved. Either the fingers were already there, or the hand has not been homed since power-on and ignored the command",
-            hint="check the fingers, and run `handctl aidin home` if they are not open",
+            hint=Hint("check the fingers, and run {} if they are not open", "aidin home"),
         )
     return (
         _motors(hand, conversation.feedback.values[MOTOR_POS.key])
@@ -457,7 +462,7 @@ CONFIRM = 1.0
 NOISE = 4.0
 """A value so many times what it changes by itself is no noise."""
 SENSOR_STATE = AIDIN["sensor_state"]
-LEFT_HINT = "use `handctl aidin joints …` to hold a position again, or `handctl aidin stop` to free the fingers"
+LEFT_HINT = Hint("use `handctl aidin joints …` to hold a position again, or {} to free the fingers", "aidin stop")
 
 
 def left_in(mode: Mode) -> str:
@@ -498,7 +503,7 @@ def bias(hand: AidinHand) -> Table:
     if worse and table.failure is None:
         table.failure = CheckFailed(
             f"{hand.link.name}: sensor values did not get closer to 0: {', '.join(worse[:4])}",
-            hint="remove any load from the fingertips, then run `handctl aidin bias` again",
+            hint=Hint("remove any load from the fingertips, then run {} again", "aidin bias"),
             code="not-biased",
         )
     nearer = any(abs(row["value"]) < abs(row["before"]) for row in table.rows if "value" in row)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from handctl.devices.aidin.map import FINGERS
+from handctl.errors import Hint
 from handctl.model.outline import Measure, Outline, Remedy, hand
 
 REMEDIES = {
     "no-angle": Remedy("joint angles are no radians (possibly degrees)", "check the bytes with --trace FILE. Until then, move only with `encoders`", "aidin, Feedback keys"),
-    "range": Remedy("the origin of the encoders is not set", "set it with `handctl aidin home`: all fingers open for 3 s", "aidin, Modes"),
-    "all-zero": Remedy("the hand has either just been homed, or just been switched on with the fingers anywhere", "run `handctl aidin home`, unless the hand has been homed since power-on", "aidin, Modes"),
+    "range": Remedy("the origin of the encoders is not set", Hint("set it with {}: all fingers open for 3 s", "aidin home"), "aidin, Modes"),
+    "all-zero": Remedy("the hand has either just been homed, or just been switched on with the fingers anywhere", Hint("run {}, unless the hand has been homed since power-on", "aidin home"), "aidin, Modes"),
 }  # fmt: skip
 ALL_ZERO = f"all encoders are exactly 0: {REMEDIES['all-zero'].meaning}"
 

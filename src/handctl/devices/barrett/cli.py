@@ -15,14 +15,13 @@ from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.options import ALWAYS, InFile, WholeRange
 from handctl.command.run import Act, Asked, Run
-from handctl.devices.barrett.device import BarrettHand, refuse, step_of
+from handctl.devices.barrett.device import BarrettHand, step_of
 from handctl.devices.barrett.firmware.cli import add_firmware
 from handctl.devices.barrett.gcl.codec import (
     COMMANDS,
     ERRORS,
     KINDS,
     SPEED,
-    encode,
     explain_status,
     hint_for,
     kind_of,
@@ -35,7 +34,8 @@ from handctl.devices.barrett.maintenance.cli import add_care_commands
 from handctl.devices.barrett.map import BARRETT, BAUD_CODES, SPEEDS, check_careful
 from handctl.devices.barrett.realtime.cli import add_realtime
 from handctl.devices.barrett.views import GCL, row_of
-from handctl.errors import UsageError
+from handctl.errors import Hint, UsageError
+from handctl.files import read_text
 from handctl.link import ByteLink
 from handctl.model.device import limits_of
 from handctl.model.param import Element, Number, Step
@@ -191,7 +191,7 @@ def help_(run: Run, command: str | None) -> Table:
         except UsageError as exc:
             raise UsageError(
                 f"{command!r} is neither a GCL command nor a parameter",
-                hint=f"use one of {' '.join(COMMANDS)}. `handctl barrett describe` lists the parameters",
+                hint=Hint(f"use one of {' '.join(COMMANDS)}. {{}} lists the parameters", "barrett describe"),
             ) from exc
     text = f"?{name}"
     row = passthrough.row_of(run.device().line.read(text))
@@ -289,34 +289,52 @@ def reset(run: Run) -> Act:
 @cli.verb("gcl", "Service", writes=True)
 @click.argument("commands", nargs=-1, metavar="[COMMAND]...")
 @click.option("--keep-going", is_flag=True, help="Keep going after an error.")
-def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool) -> Table | Act:
+@click.option("--file", "path", type=InFile(), metavar="FILE", help="Send the lines of this script.")
+def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool, path: str | None) -> Table | Act:
     """Send GCL commands, one per argument.
 
-    Without arguments, handctl opens a prompt on a terminal, or reads a script from stdin. The prompt has history,
+    --file sends a script: one command per line, each once the hand has replied to the one before. `DELAY 500` waits 500 ms, and # starts a comment.
+    A refused line ends the script. Without arguments, handctl opens a prompt on a terminal, or reads a script from stdin. The prompt has history,
     completion for commands and parameters, and ?NAME for help.
     """
     from handctl.devices.barrett import eeprom
     from handctl.devices.barrett.gcl import passthrough
 
-    if not commands and run.typed.isatty():
+    if path is not None and commands:
+        raise UsageError("commands and --file given", hint="leave out one of them")
+    if not commands and path is None and run.typed.isatty():
         return _prompt(run)
-    wanted = list(commands) if commands else passthrough.script(run.typed)
+    if path is not None:
+        lines = passthrough.script(
+            read_text(path, "a GCL script", passthrough.LONGEST_SCRIPT).lstrip("\ufeff").splitlines()
+        )
+    else:
+        lines = [passthrough.line_of(text) for text in commands] or passthrough.script(run.typed)
+    wanted = [line.text for line in lines if line.wait is None]
     if not wanted:
         raise UsageError(
             "no command given",
             hint='give some, such as handctl barrett gcl "HI" "GC" "FGET P", or send a script on stdin',
         )
     for text in wanted:
-        refuse(text)
-        encode(text)
         for note in passthrough.notes(text):
             run.journal.warn("careful", f"{text}: {note}")
+    if waits := [line for line in lines if line.wait is not None]:
+        seconds = sum(line.wait or 0 for line in waits)
+        deadline = run.settings.deadline
+        if deadline is not None and seconds > deadline:
+            raise UsageError(
+                f"the DELAY lines alone take {seconds:g} s, longer than the --deadline of {deadline:g} s",
+                hint="give a longer --deadline. Nothing was sent.",
+            )
+        at = ", ".join(line.named(line.text) for line in waits)
+        run.journal.info("delays", f"handctl waits {seconds:g} s in all between the commands ({at})")
 
     def send(hand: BarrettHand) -> Table:
         ledger = eeprom.Ledger(hand, simulated=run.simulated) if passthrough.saves(wanted) else None
         changes = any(kind_of(text) != "query" for text in wanted)
         hand.line.interrupt = bool(run.settings.own.get("interrupt")) or changes
-        table = passthrough.run_all(hand, wanted, keep_going=keep_going)
+        table = passthrough.run_all(hand, lines, keep_going=keep_going)
         if ledger is not None and passthrough.saves(row["command"] for row in table.rows if not row["status"]):
             ledger.count_unknown()
         return table
@@ -500,7 +518,9 @@ def _saves(motors: str | None) -> list[str]:
 def _plain_commands(commands: list[str]) -> Act:
     from handctl.devices.barrett.gcl import passthrough
 
-    return _sends(commands, lambda hand: passthrough.run_all(hand, commands, keep_going=False))
+    return _sends(
+        commands, lambda hand: passthrough.run_all(hand, map(passthrough.ScriptLine, commands), keep_going=False)
+    )
 
 
 def _refuse_to_keep(code: int, force: bool) -> None:
@@ -508,7 +528,7 @@ def _refuse_to_keep(code: int, force: bool) -> None:
     if code != 96 and not force:
         raise UsageError(
             f"BAUD is {code}, so once saved the hand always starts at {code * 100} bit/s",
-            hint="run `handctl barrett baud 9600` first, or use --force to save it anyway",
+            hint=Hint("run {} first, or use --force to save it anyway", "barrett baud 9600"),
             code="baud-not-default",
         )
 

@@ -41,7 +41,7 @@ from handctl.devices.barrett.views import (
     unhealthy,
     why_doubtful,
 )
-from handctl.errors import Aftermath, DeviceRefused, HandctlError, NoAnswer, NotPresent, ProtocolError, UsageError
+from handctl.errors import Aftermath, DeviceRefused, HandctlError, Hint, NoAnswer, NotPresent, ProtocolError, UsageError
 from handctl.model.device import Device
 from handctl.model.param import Element, Number, Reading, Step, elements_of
 from handctl.model.result import Finding, Row, Table
@@ -164,7 +164,9 @@ class BarrettHand(Device):
             came = answer.raw[-48:].hex(" ").upper()
             return ProtocolError(
                 f"{self.link.name}: {answer.command}: expected a prompt or ERR, got {answer.lines[0]!r} ({came})",
-                hint="run `handctl barrett status`, then check the cable: it is not known whether the command took effect",
+                hint=Hint(
+                    "run {}, then check the cable: it is not known whether the command took effect", "barrett status"
+                ),
                 code="bad-line",
             )
         return None
@@ -387,7 +389,7 @@ class BarrettHand(Device):
             names = list(dict.fromkeys(gcl_name(element) for element, _ in changes))
             if len(names) > 1:  # the first wrong pair ends the line, those before it stay
                 error.add_aftermath(
-                    Aftermath(behind=f"perhaps also set: {', '.join(names[:-1])}. Check: `handctl barrett get`")
+                    Aftermath(behind=(f"perhaps also set: {', '.join(names[:-1])}. Check: `handctl barrett get`"))
                 )
             raise error
 

@@ -12,7 +12,7 @@ from handctl.devices.barrett import state_files
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import motors_of
 from handctl.devices.barrett.map import BARRETT, standard
-from handctl.errors import Aftermath, DeviceRefused, HandctlError, Interrupted, NotIdentified, UsageError
+from handctl.errors import Aftermath, DeviceRefused, HandctlError, Hint, Interrupted, NotIdentified, UsageError
 from handctl.files import state_path
 from handctl.model.result import Column, Row, Table
 
@@ -100,7 +100,7 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -
 
 def _unsure(exc: HandctlError | KeyboardInterrupt, verb: str) -> HandctlError:
     """What is known of a save whose answer did not come."""
-    hint = "leave the power on for 15 s, then run `handctl barrett dump`. The save was counted"
+    hint = Hint("leave the power on for 15 s, then run {}. The save was counted", "barrett dump")
     error = exc.reworded(exc.text, hint="") if isinstance(exc, HandctlError) else Interrupted("interrupted")
     error.add_aftermath(Aftermath(f"{verb} was sent, and the hand may be writing its EEPROM", hint))
     return error

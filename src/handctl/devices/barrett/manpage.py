@@ -88,6 +88,7 @@ EXAMPLES = (
     ("handctl barrett strain --open -p /dev/ttyUSB0", "The same, but open the fingers first."),
     ("handctl barrett reset -p /dev/ttyUSB0", "Restart the firmware. Run `init` afterwards."),
     ('handctl barrett gcl "FGET P S" "PGET TEMP" --fake', "Send GCL commands."),
+    ("handctl barrett gcl --file grip.gcl -p /dev/ttyUSB0", "Send a script, with pauses where it says DELAY."),
     ("handctl barrett gcl -p /dev/ttyUSB0", "Open a prompt for GCL commands."),
     ("handctl barrett firmware check hand.s19", "Check a firmware file. Needs no device."),
     ("handctl barrett firmware download hand.s19 -p /dev/ttyUSB0", "Load the file into the hand. Asks first."),

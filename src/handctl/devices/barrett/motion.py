@@ -12,7 +12,7 @@ from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS, Answer, encode, explain_status, hint_for, motor_prefix
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, implausible, sample_seconds
 from handctl.devices.barrett.views import MOTOR, NOT_HOMED, row_of, why_impossible
-from handctl.errors import Aftermath, CheckFailed, NoAnswer, ProtocolError, UsageError
+from handctl.errors import Aftermath, CheckFailed, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.model.movement import ARRIVAL, BLOCKED, CONTACT, REACHED, SHORT, UNREAD, Arrival, Goal, judged
 from handctl.model.param import Step
 from handctl.model.prompts import CTRL_C, Prompts
@@ -214,14 +214,19 @@ def refuse_harm(name: str, index: int, at: dict[str, int], goal: int | None) -> 
         raise UsageError(
             f"{motor}: {own} {at[own]} opens at {at[own] / 16:.1f} counts per sample, but IVEL allows only {limit / 16:.2f}: "
             "this may deform the clutch permanently",
-            hint=f"`handctl barrett set {own}.{motor}={BARRETT.by_mnemonic(own).default_of(index)}`, or use --force to open that fast anyway (barrett §5.3.4 IVEL). Nothing moved.",
+            hint=Hint(
+                "{}, or use --force to open that fast anyway (barrett §5.3.4 IVEL). Nothing moved.",
+                f"barrett set {own}.{motor}={BARRETT.by_mnemonic(own).default_of(index)}",
+            ),
             code="opening-speed",
         )
     if name in ("O", "C") and {"OT", "CT"} <= at.keys() and (at["OT"] >= at["CT"] or at["OT"] > TRAVEL[index == 3]):
         raise UsageError(
             f"{motor}: OT {at['OT']} and CT {at['CT']} leave {name} nowhere to go, or reverse it",
-            hint=f"`handctl barrett set OT.{motor}=0 CT.{motor}={BARRETT.by_mnemonic('CT').default_of(index)}`, or use "
-            "--force to send it anyway (barrett §5.3.4). Nothing moved.",
+            hint=Hint(
+                "{}, or use --force to send it anyway (barrett §5.3.4). Nothing moved.",
+                f"barrett set OT.{motor}=0 CT.{motor}={BARRETT.by_mnemonic('CT').default_of(index)}",
+            ),
             code="targets",
         )
 

@@ -11,7 +11,7 @@ from functools import partial
 from handctl.devices.barrett.device import UNKNOWN_NAME, BarrettHand
 from handctl.devices.barrett.gcl.codec import MAX_ARGUMENTS, MAX_LINE, PROMPT, Answer, encode, values
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, standard
-from handctl.errors import NotPresent
+from handctl.errors import Hint, NotPresent
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.proofs import MOVE, NONE, WRITE_BACK, Disturbed, Proof, Seen, put_back
@@ -181,7 +181,7 @@ def _put_back(hand: BarrettHand, speed: int) -> None:
         hand.line.change_speed(speed // 100)
     (reading,) = hand.read(BARRETT.elements("BAUD"))
     hand.check_read_back(
-        [(reading.element, speed // 100)], [reading], "run `handctl barrett baud`, which tries all baud rates"
+        [(reading.element, speed // 100)], [reading], Hint("run {}, which tries all baud rates", "barrett baud")
     )
 
 

@@ -3,13 +3,14 @@
 from handctl.devices.barrett.gcl.codec import ERRORS, MOTORS
 from handctl.devices.barrett.maintenance.health import LIMIT_TENTHS
 from handctl.devices.barrett.views import STROKE
+from handctl.errors import Hint
 from handctl.model.outline import Bar, Measure, Outline, Remedy
 
 _F1, _F2, _F3, _SPREAD = MOTORS
 
 _URGENT = (8192, 1, 2, 16, 4)
 """The codes that come first."""
-_COOL = "let the hand cool, and free the spread with `handctl barrett stop --motors S`"
+_COOL = Hint("let the hand cool, and free the spread with {}", "barrett stop --motors S")
 
 REMEDIES = {
     "hot": Remedy("the board is hotter than 65 °C, which it must never be", _COOL, "barrett §2"),
@@ -19,8 +20,8 @@ REMEDIES = {
         for code in (*_URGENT, *(code for code in ERRORS if code not in _URGENT))
     },
     "unknown": Remedy("the manual does not list this code", "ask the vendor", "barrett §5.1.3, T3"),
-    "moving": Remedy("the hand is moving", "wait, or run `handctl barrett stop`", "barrett §5.2.1"),
-    "disabled": Remedy("the motor only moves if it is named (--motors)", "run `handctl barrett set EN=1`", "barrett §5.3.4"),
+    "moving": Remedy("the hand is moving", Hint("wait, or run {}", "barrett stop"), "barrett §5.2.1"),
+    "disabled": Remedy("the motor only moves if it is named (--motors)", Hint("run {}", "barrett set EN=1"), "barrett §5.3.4"),
     "was-hot": Remedy("the board has been hotter than 65 °C", "set OTEMP=650, so that the hand protects itself", "barrett §5.4.2"),
 }  # fmt: skip
 

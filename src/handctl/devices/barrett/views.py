@@ -12,7 +12,7 @@ from typing import Any
 from handctl.devices.barrett.gcl.codec import ERRORS, MOTORS, explain_status, split_status
 from handctl.devices.barrett.maintenance.health import LIMIT_TENTHS
 from handctl.devices.barrett.map import BARRETT, POSITIONS, TENTHS, TRAVEL, GclParam, careful, implausible
-from handctl.errors import HandctlError, NoAnswer, ProtocolError
+from handctl.errors import HandctlError, Hint, NoAnswer, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Number
 from handctl.model.result import Cell, Column, Finding, Grid, Journal, Row, Table
@@ -44,13 +44,14 @@ def heat_hint(now: int, limit: int) -> str:
     """What to do about 8192, from TEMP and OTEMP in 0.1 °C: cool it, or mend the setting."""
     if 0 < limit < SENSIBLE_LIMIT:
         meant = f". {limit} °C is OTEMP={limit * 10}" if limit * 10 <= LIMIT_TENTHS else ""
-        return (
-            f"run `handctl barrett set OTEMP=650`, because the setting is wrong. OTEMP is {limit / 10:.1f} °C, and the board is at "
-            f"{now / 10:.1f} °C. The unit of OTEMP is 0.1 °C{meant}"
+        return Hint(
+            f"run {{}}, because the setting is wrong. OTEMP is {limit / 10:.1f} °C, and the board is at "
+            f"{now / 10:.1f} °C. The unit of OTEMP is 0.1 °C{meant}",
+            "barrett set OTEMP=650",
         )
-    return (
-        f"let the hand cool, and free the spread with `handctl barrett stop --motors S`: TEMP is {now / 10:.1f} °C, "
-        f"OTEMP {limit / 10:.1f} °C"
+    return Hint(
+        f"let the hand cool, and free the spread with {{}}: TEMP is {now / 10:.1f} °C, OTEMP {limit / 10:.1f} °C",
+        "barrett stop --motors S",
     )
 
 

@@ -22,7 +22,7 @@ from handctl.devices.ekso.frames import LENGTH_MODES
 from handctl.devices.ekso.gait_cli import add_gait
 from handctl.devices.ekso.map import EKSO
 from handctl.devices.ekso.policy import largest_step, write_limits_of
-from handctl.errors import OutputError, UsageError
+from handctl.errors import Hint, OutputError, UsageError
 from handctl.link import ByteLink
 from handctl.model.device import Gate, limits_of
 from handctl.model.export_formats import FORMATS
@@ -332,7 +332,7 @@ def _tell_edited(run: Run, audit: AuditLog) -> None:
         run.journal.warn(
             "audit-edited",
             f"{audit.path}: an entry {place.partition(') ')[2]}",
-            hint="run `handctl ekso policy` to see where",
+            hint=Hint("run {} to see where", "ekso policy"),
         )
 
 
@@ -345,7 +345,7 @@ def _tell_unfinished(run: Run, audit: AuditLog) -> None:
         "unfinished-write",
         f"the last write in {audit.path} has no result: {last.get('name')} {old} -> {new} at {last.get('utc')} "
         f"on {last.get('port')}",
-        hint="compare it with `handctl ekso settings`: handctl was killed or could no longer write its log",
+        hint=Hint("compare it with {}: handctl was killed or could no longer write its log", "ekso settings"),
     )
 
 

@@ -29,6 +29,7 @@ from handctl.errors import (
     Aftermath,
     DeviceRefused,
     HandctlError,
+    Hint,
     Interrupted,
     LinkError,
     NoAnswer,
@@ -171,7 +172,7 @@ class Ekso(Device):
         if found:
             raise UsageError(
                 "a frame that writes is not sent as typed, because it would be missing from the audit log",
-                hint=f"use `handctl ekso {found[0]}`. Nothing was sent.",
+                hint=Hint("use {}. Nothing was sent.", f"ekso {found[0]}"),
             )
         return None
 
@@ -410,14 +411,14 @@ class Ekso(Device):
             record("cancel-result", {"answer": None, "verdict": "interrupted before its reply"})
             raise Interrupted(
                 "interrupted. CancelAction was sent and may have taken effect",
-                hint="check with `handctl ekso status`, and send it again with `handctl ekso cancel` if needed",
+                hint=Hint("check with {}, and send it again with {} if needed", "ekso status", "ekso cancel"),
             ) from None
         text = status_text(frame.status)
         record("cancel-result", {"answer": hex_bytes(frame.data), "status": frame.status, "verdict": text})
         if frame.status & 0xFF:
             raise DeviceRefused(
                 f"{self.port.where}: CancelAction 0x{word:04X}: {text} (status 0x{frame.status:04X})",
-                hint="check with `handctl ekso status`: the action may still be running",
+                hint=Hint("check with {}: the action may still be running", "ekso status"),
             )
         row: Row = {"name": "cancel_action", "word": 0, "id": None, "value": 0, "raw": frame.status, "unit": None}
         return Table(rows=[{**row, "label": text}], columns=self.columns)

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from handctl.errors import Hint
 from handctl.model.outline import Bar, Measure, Outline, Remedy
 
 _SERVICE = "run `handctl ekso report FILE`, and have the sensor checked by Ekso's service"
 
 REMEDIES = {
-    "boot-still": Remedy("the device sends old values", "power-cycle the device, then run `handctl ekso doctor`", "ekso §6, GetData"),
-    "boot-back": Remedy("the device has restarted, or its words are swapped", "run the command again. If it stays, run `handctl ekso doctor`", "ekso §6, GetData"),
-    "boot-off": Remedy("the device's clock and this computer's do not agree", "run the command again. If it stays, run `handctl ekso doctor`", "ekso §6, GetData"),
+    "boot-still": Remedy("the device sends old values", Hint("power-cycle the device, then run {}", "ekso doctor"), "ekso §6, GetData"),
+    "boot-back": Remedy("the device has restarted, or its words are swapped", Hint("run the command again. If it stays, run {}", "ekso doctor"), "ekso §6, GetData"),
+    "boot-off": Remedy("the device's clock and this computer's do not agree", Hint("run the command again. If it stays, run {}", "ekso doctor"), "ekso §6, GetData"),
     "angle": Remedy("an angle that no wearer can have", _SERVICE, "ekso §6, GetData"),
-    "leg-length": Remedy("a leg length that no wearer can have", "check the leg lengths with `handctl ekso settings`", "ekso §6, GetSettings"),
-    "hips": Remedy("the leg lengths do not match the wearer's settings, or the foot offset is different", "check the leg lengths with `handctl ekso settings`", "ekso §6, GetSettings"),
+    "leg-length": Remedy("a leg length that no wearer can have", Hint("check the leg lengths with {}", "ekso settings"), "ekso §6, GetSettings"),
+    "hips": Remedy("the leg lengths do not match the wearer's settings, or the foot offset is different", Hint("check the leg lengths with {}", "ekso settings"), "ekso §6, GetSettings"),
     "hip": Remedy("the sensor on that side may be wrong", _SERVICE, "ekso §6, GetData"),
-    "clock": Remedy("date and time cannot be read", "run `handctl ekso time` again", "ekso §6, GetTime"),
+    "clock": Remedy("date and time cannot be read", Hint("run {} again", "ekso time"), "ekso §6, GetTime"),
 }  # fmt: skip
 
 OUTLINE = Outline(

@@ -17,6 +17,7 @@ from handctl.devices.ekso.policy import BETWEEN_WRITES, READS_APART, STEP_SECOND
 from handctl.errors import (
     Aftermath,
     HandctlError,
+    Hint,
     Interrupted,
     LinkError,
     NoAnswer,
@@ -31,7 +32,7 @@ from handctl.wording import plural
 
 SHORTEST_WAIT = 0.05
 """Seconds: two clocks that disagree by a rounding must not make a wait of nothing."""
-LOOK_AGAIN = "check with `handctl ekso settings` and start again"
+LOOK_AGAIN = Hint("check with {} and start again", "ekso settings")
 PERSONAL = "pilot_id"
 """Stays out of the log."""
 
@@ -230,7 +231,7 @@ class Writer:
             self._result(change, answer, None, "not read back: interrupted twice")
             raise Interrupted(
                 f"interrupted again: {change.text} was sent and not read back",
-                hint="check with `handctl ekso settings`",
+                hint=Hint("check with {}", "ekso settings"),
             ) from exc
         finally:
             self.port.bound = bound

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 from handctl.devices.inspire import can_frames
 from handctl.devices.inspire.register_bus import RegisterBus
-from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError
 from handctl.link import CanFrame, Deadline, FrameLink, Trouble
 from handctl.model.param import Step
 from handctl.model.result import Journal
@@ -158,7 +158,9 @@ class CanBus(RegisterBus):
         if damaged:
             text = f"{self.where}: no reply to {request}, but {said_damaged(damaged, self.link.damage)}"
             return ProtocolError(text, hint=HINTS["damaged"], code="damaged")
-        hint = f"look for the id of the device with `handctl scan -p {self.link.name}`. If it finds none, {NO_ACK_HINT}"
+        hint = Hint(
+            f"look for the id of the device with {{}}. If it finds none, {NO_ACK_HINT}", f"scan -p {self.link.name}"
+        )
         return self.silence(request, errors, self.timeout, since, hint)
 
     def mishap(self, request: CanFrame, odd: Sequence[CanFrame]) -> ProtocolError:
@@ -176,7 +178,7 @@ class CanBus(RegisterBus):
         else:
             size = plural(len(others[0].data), "byte")
             code, text = "cut-short", f"the reply has {size}, not the number asked for: {others[0]} (sent {request})"
-        return ProtocolError(f"{self.where}: {text}", hint=HINTS[code].format(self.link.name), code=code)
+        return ProtocolError(f"{self.where}: {text}", hint=Hint(HINTS[code], f"scan -p {self.link.name}"), code=code)
 
     def silence(self, request: CanFrame, before: int, allowed: float, since: float, hint: str) -> HandctlError:
         """The error of silence after a frame: what the controller reports about it, where it does.
@@ -192,9 +194,10 @@ class CanBus(RegisterBus):
         return silence
 
 
-NO_ACK_HINT = (
-    "check power, termination (120 ohm), CAN high and low, and the bitrate: `handctl doctor` listens for it. The manual has 1000000 bit/s, "
-    "but some hands of this maker use 500000 (add ?bitrate=500000 to the LINK)"
+NO_ACK_HINT = Hint(
+    "check power, termination (120 ohm), CAN high and low, and the bitrate: {} listens for it. The manual has 1000000 bit/s, "
+    "but some hands of this maker use 500000 (add ?bitrate=500000 to the LINK)",
+    "doctor",
 )
 TROUBLES: dict[str, tuple[type[HandctlError], str, str]] = {
     "no-ack": (NoAnswer, "no device acknowledged {what}", NO_ACK_HINT),
@@ -206,7 +209,7 @@ TROUBLES: dict[str, tuple[type[HandctlError], str, str]] = {
     "refused": (
         LinkError,
         "the adapter refused {what} with BEL",
-        "unplug the adapter and plug it in again. `handctl ports` shows which program uses it",
+        Hint("unplug the adapter and plug it in again. {} shows which program uses it", "ports"),
     ),
     "bel": (NoAnswer, "the adapter replied to {what} with BEL", NO_ACK_HINT),
     "bus-errors": (
@@ -224,7 +227,7 @@ def bus_failure(where: str, what: str, trouble: Trouble) -> HandctlError:
 
 
 HINTS = {
-    "wrong-id": "use the --id it shows, or find the device with `handctl scan -p {}`",
+    "wrong-id": "use the --id it shows, or find the device with {}",
     "cut-short": "check the bus: this is another kind of device, or there is a second master",
     "echo": "check the adapter: it may be in loopback mode, or return the frames that it sends. No device replies",
     "damaged": "check the adapter's cable and hub, and that no other program reads its port",

@@ -15,7 +15,7 @@ from handctl.command import get_set_watch
 from handctl.command.options import OutFile
 from handctl.command.run import Act, Run
 from handctl.devices.inspire.map import address_in
-from handctl.errors import HandctlError, UsageError
+from handctl.errors import HandctlError, Hint, UsageError
 from handctl.model.param import Element, ParamMap, Step
 from handctl.model.result import Table
 
@@ -131,7 +131,7 @@ def _change_speed(run: Run, device: RegisterDevice, rate: int, *, save: bool, ve
             f"{rate} bit/s was perhaps not saved. If so, the hand keeps its old baud rate"
             if already
             else f"{rate} bit/s is not saved, so the hand keeps its old baud rate",
-            hint=f"run `handctl {device.kind} save --id {device.bus.id}`, then power-cycle the hand",
+            hint=Hint("run {}, then power-cycle the hand", f"{device.kind} save --id {device.bus.id}"),
         )
     return table
 

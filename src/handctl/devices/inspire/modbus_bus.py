@@ -18,7 +18,7 @@ from handctl.devices.inspire import modbus_frames
 from handctl.devices.inspire.modbus_frames import TCP_PORT, Answer, RtuDecoder, TcpDecoder
 from handctl.devices.inspire.register_bus import FEWER, MOST, ByteBus
 from handctl.devices.inspire.serial_bus import shorten
-from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, CanFrame, Deadline
 from handctl.model.decoder import frames_in
 from handctl.model.param import Step
@@ -366,7 +366,7 @@ class ModbusBus(ByteBus):
         if code == modbus_frames.NO_TARGET:
             hint = "check power (24 V), the id and A and B of RS-485 behind the gateway"
             return NoAnswer(f"{self.where}: the gateway got no reply to {sent}: {name}", hint=hint, code="gateway")
-        hint = "check the address against `handctl hand describe`"
+        hint = Hint("check the address against {}", "hand describe")
         if not self.only_reads(request):
             hint = "read the value before you write again: the hand reports that it did not accept it"
         if code in modbus_frames.AT_WORK:
@@ -439,7 +439,9 @@ def _whole(frame: bytes) -> bool:
 
 HINTS = {
     FEWER: "read fewer registers at once: this hand may not have all of them",
-    "garbage": "check the baud rate (115200 or 921600) and the kind of device: try --protocol eb90, or `handctl scan`",
+    "garbage": Hint(
+        "check the baud rate (115200 or 921600) and the kind of device: try --protocol eb90, or {}", "scan"
+    ),
     "echo": "check the wiring: an echo or a short returns our own bytes, and no device replies",
     "stale": "check for another program or a second master on this line",
     "cut-short": "check the cable, the ground and the baud rate, and that only one hand has this id",

@@ -16,7 +16,7 @@ from handctl.devices.inspire.identity import identify_alone, naming_twins
 from handctl.devices.inspire.map import BAUD_RATES, OVER_TEMPERATURE, Register
 from handctl.devices.inspire.register_bus import FLOOD, RegisterBus
 from handctl.devices.inspire.serial_bus import Bus
-from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink
 from handctl.model.param import Element, Reading, elements_of
 from handctl.model.prompts import Prompts
@@ -150,13 +150,13 @@ def change_id(hand: RegisterDevice, new: int, *, saved_next: bool = False) -> Ta
     if new_taken:
         raise CheckFailed(
             f"{bus.link.name}: id {new} is taken by another hand on this line",
-            hint=f"choose a free id: `handctl {hand.kind} scan --all` lists those in use. Nothing was written.",
+            hint=Hint("choose a free id: {} lists those in use. Nothing was written.", f"{hand.kind} scan --all"),
             code="id-taken",
         )
     identify_alone(hand)
     with hand.bus.on_early_end(
         f"the hand may have id {new} already",
-        f"find it with `handctl {hand.kind} scan`. A power-cycle brings back the saved id",
+        Hint("find it with {}. A power-cycle brings back the saved id", f"{hand.kind} scan"),
     ):
         return _write_id(hand, new, saved_next)
 
@@ -185,7 +185,7 @@ def _write_id(hand: RegisterDevice, new: int, saved_next: bool) -> Table:
             hand.journal.info(
                 "volatile",
                 f"id {new} lasts only until power-off",
-                hint=f"keep it with `handctl {hand.kind} save --id {new}` ({hand.map['save'].source})",
+                hint=Hint(f"keep it with {{}} ({hand.map['save'].source})", f"{hand.kind} save --id {new}"),
             )
         return row
     if probe(bus, old):
@@ -200,7 +200,7 @@ def _write_id(hand: RegisterDevice, new: int, saved_next: bool) -> Table:
     except (NoAnswer, ProtocolError) as exc:
         raise exc.reworded(
             f"{bus.link.name}: no hand responds to id {new} or {old} after the id change: {exc.text}",
-            hint=f"find the hand with `handctl {hand.kind} scan`. A power-cycle brings back the saved id",
+            hint=Hint("find the hand with {}. A power-cycle brings back the saved id", f"{hand.kind} scan"),
         ) from exc
     bus.id = new
     return _id_row(hand, old)
@@ -212,7 +212,7 @@ def _id_row(hand: RegisterDevice, before: int) -> Table:
     if value[0] != hand.bus.id:
         raise CheckFailed(
             f"{hand.bus.where}: register 1000 reads {value[0]}, but the hand responds to id {hand.bus.id}",
-            hint=f"leave one hand on the line, then run `handctl {hand.kind} scan`",
+            hint=Hint("leave one hand on the line, then run {}", f"{hand.kind} scan"),
             code="read-back",
         )
     row = hand.row(Reading(Element(register, 0), value[0], value))
@@ -393,7 +393,9 @@ def _save(hand: RegisterDevice, prompts: Prompts) -> Table:
         if lost is not None:
             raise lost.reworded(
                 lost.text,
-                hint=f"power-cycle the hand and check with `handctl {hand.kind} get id baud_code`: the result is not known",
+                hint=Hint(
+                    "power-cycle the hand and check with {}: the result is not known", f"{hand.kind} get id baud_code"
+                ),
             )
         hand.journal.warn(
             "no-result",

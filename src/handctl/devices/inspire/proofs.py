@@ -15,7 +15,7 @@ from handctl.devices.inspire.procedures import probe
 from handctl.devices.inspire.register_bus import RegisterBus, Span
 from handctl.devices.inspire.register_device import RegisterDevice
 from handctl.devices.inspire.serial_bus import Bus
-from handctl.errors import CheckFailed, DeviceRefused, NoAnswer
+from handctl.errors import CheckFailed, DeviceRefused, Hint, NoAnswer
 from handctl.model.param import Step, elements_of
 from handctl.model.proofs import WRITE_BACK, Disturbed, Proof, Seen, put_back
 
@@ -181,7 +181,7 @@ def _back_home(device: RegisterDevice, bus: Bus, back: Bus) -> None:
     if not probe(bus, bus.id) or bus.read(register.address, 1) != old:
         raise CheckFailed(
             f"{bus.link.name}: the hand does not respond to id {bus.id} again",
-            hint=f"find it with `handctl {device.kind} scan`. A power-cycle brings back the saved id",
+            hint=Hint("find it with {}. A power-cycle brings back the saved id", f"{device.kind} scan"),
             code="read-back",
         )
     device.journal.ledger.confirm(
@@ -202,7 +202,7 @@ def _write_reply(name: str, device: RegisterDevice) -> Seen:
     if bus.read(*span) != data:
         raise CheckFailed(
             f"{bus.where}: {name} is no longer {data.hex(' ').upper()}",
-            hint=f"check with `handctl {device.kind} get {name}`",
+            hint=Hint("check with {}", f"{device.kind} get {name}"),
             code="read-back",
         )
     device.journal.ledger.confirm("read back", bus.write_step(span[0], data, f"{name} as it is"))

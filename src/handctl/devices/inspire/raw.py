@@ -13,7 +13,7 @@ from handctl.devices.inspire.map import ALONE, EXO, Register
 from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.devices.inspire.register_device import RegisterDevice
 from handctl.devices.inspire.serial_bus import PATIENCE, Bus, hint_for, mishap, others_speak, shorten
-from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError, UsageError
+from handctl.errors import CheckFailed, DeviceRefused, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
 from handctl.model.result import Column, Row, Table, hex_bytes
@@ -107,11 +107,12 @@ def _overlap(register: Register, address: int, count: int) -> bool:
 def _checked(hand: RegisterDevice, register: Register, address: int, data: bytes) -> str:
     """What a write within one group sets, in words. Raises UsageError for what it must not."""
     name, kind, size = register.name, hand.kind, register.size
+    hint: str
     if register.trigger:
-        text, hint = f"{address} is {name}: a write to it starts an action", f"use `handctl {kind} {register.verb}`."
+        text, hint = f"{address} is {name}: a write to it starts an action", Hint("use {}.", f"{kind} {register.verb}")
     elif "w" not in register.access:
         text = f"{address} is {name}, which is read-only ({register.source})"
-        hint = f"read it with `handctl {kind} get {name}`."
+        hint = Hint("read it with {}.", f"{kind} get {name}")
     elif name == "id":
         text, hint = f"{address} is the id", f"use `handctl {kind} id NEW`, which finds the hand again."
     elif (address - register.address) % size or len(data) % size:
@@ -150,7 +151,7 @@ def judge_read_back(
     bus.journal.ledger.doubt(f"reads {hex_bytes(now)}", step)
     table.failure = CheckFailed(
         f"{bus.where}: {where} reads {hex_bytes(now)} after {hex_bytes(data)} was written",
-        hint=f"read it again before you write: `handctl {again}`",
+        hint=Hint("read it again before you write: {}", f"{again}"),
         code="read-back",
     )
 
@@ -292,7 +293,7 @@ def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
         text = "the save failed: result FF (00 = saved, FF = failed)"
         if refused[0].answers:
             text = f"the device replied {hex_bytes(refused[0].raw[7:-1])} instead of 01"
-        hint = f"check with `handctl {hand.kind} status` before you send it again"
+        hint = Hint("check with {} before you send it again", f"{hand.kind} status")
         table.failure = DeviceRefused(f"{bus.where}: {text}", hint=hint)
     return table
 

@@ -22,6 +22,7 @@ from handctl.errors import (
     CheckFailed,
     DeviceRefused,
     HandctlError,
+    Hint,
     NoAnswer,
     NotPresent,
     ProtocolError,
@@ -379,7 +380,7 @@ class RegisterDevice(Device):
         """Ctrl-C while `what` is written stops what that, or a write before, set going. Raises Interrupted."""
         self._moving = bool(moving) or self._moving
         before, unsure = self.journal.counters.writes, f"it is not known whether {what} was written"
-        look = f"check with `handctl {self.kind} get`"
+        look = Hint("check with {}", f"{self.kind} get")
         left = Aftermath(f"{unsure}, and the device may move" if self._moving else unsure, look, joint=". ")
         if self._moving:
             self.journal.moves(self.stop)
@@ -460,7 +461,7 @@ class RegisterDevice(Device):
             arrivals = seen.arrivals(this.evidence(seen, last))
         at = {one.goal.name: one for one in arrivals}
         rows = [marked(self.row(reading), at.get(this.name(reading))) for reading in last]
-        failure = judged(self.bus.where, arrivals, expect, hint=f"check with `handctl {self.kind} status`")
+        failure = judged(self.bus.where, arrivals, expect, hint=Hint("check with {}", f"{self.kind} status"))
         return Table(rows=rows, columns=with_arrival(self.columns), failure=failure), arrivals
 
     # -- where it is found ---------------------------------------------------------------------------------------
@@ -501,7 +502,10 @@ class RegisterDevice(Device):
         """The error of a hand that does not answer at a speed that it was given."""
         return CheckFailed(
             f"{self.bus.link.name}: no hand at {rate} bit/s after the power-cycle",
-            hint="one edition of the manual says that this baud rate is not kept. `handctl hand scan` tries all ids and baud rates",
+            hint=Hint(
+                "one edition of the manual says that this baud rate is not kept. {} tries all ids and baud rates",
+                "hand scan",
+            ),
             code="not-kept",
         )
 

@@ -11,7 +11,7 @@ from typing import ClassVar
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.devices.inspire.register_bus import FEWER, FRESH, ByteBus, ahead, question
-from handctl.errors import JUDGED, DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.errors import JUDGED, DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError, command_of
 from handctl.link import CanFrame, Deadline
 from handctl.model.decoder import frames_in
 from handctl.model.other_devices import harmless_to_others
@@ -19,9 +19,10 @@ from handctl.model.param import Step
 from handctl.model.result import hex_bytes
 from handctl.wording import plural
 
-SILENCE_HINT = (
-    "check these in order: --id 1 at 115200 bit/s, `handctl exo scan`, power (7 to 9 V), TX/RX and RS-232 wiring. "
-    "A wrong id, a wrong baud rate, no power and no cable all look the same: the device never replies. Unplug power and data, and plug them in again"
+SILENCE_HINT = Hint(
+    "check these in order: --id 1 at 115200 bit/s, {}, power (7 to 9 V), TX/RX and RS-232 wiring. "
+    "A wrong id, a wrong baud rate, no power and no cable all look the same: the device never replies. Unplug power and data, and plug them in again",
+    "exo scan",
 )
 WIRING_HINT = (
     "Check the hand's power, the wire (RS-232 against RS-485, A/B, TX/RX) and that this hand carries a wrist. "
@@ -30,15 +31,19 @@ WIRING_HINT = (
 )
 SILENCE_HINTS = {
     "exo": SILENCE_HINT,
-    "wrist": f"run `handctl wrist scan`. {WIRING_HINT}",
-    "hand": "check these in order: --id 1 at 115200 bit/s, `handctl hand scan`, power (24 V), A and B of RS-485. "
-    "An RH56DFTP may reply only on its network: `handctl hand status -p tcp://192.168.11.210`. "
-    "At baud rates other than 115200 bit/s handctl tries Modbus RTU only with --protocol modbus",
+    "wrist": Hint(f"run {{}}. {WIRING_HINT}", "wrist scan"),
+    "hand": Hint(
+        "check these in order: --id 1 at 115200 bit/s, {}, power (24 V), A and B of RS-485. "
+        "An RH56DFTP may reply only on its network: {}. "
+        "At baud rates other than 115200 bit/s handctl tries Modbus RTU only with --protocol modbus",
+        "hand scan",
+        "hand status -p tcp://192.168.11.210",
+    ),
 }
 """Of families that are not as the EH55BF1 is (rh56 §1, §2.5)."""
 HINTS = {
     "echo": "check the wiring: an echo or a TX-RX short returns our own bytes, and no device replies",
-    "wrong-id": "use the --id it shows, or find the hand with `handctl exo scan`: a different id replies",
+    "wrong-id": Hint("use the --id it shows, or find the hand with {}: a different id replies", "exo scan"),
     "bad-checksum": "check the cable, the ground and the baud rate, and that only one device has this id: bytes were corrupted on the line",
     "cut-short": "check the cable and the adapter, and that no other program reads the port: the reply was cut off",
     "stale": "check for another program or a second master on this line: the frame is valid, but is a reply to a different request",
@@ -58,7 +63,9 @@ HAND_HINTS = {
 def hint_for(code: str, family: str) -> str:
     """The next step for a code of `mishap`, with this family's own command names."""
     hints = {**HINTS, **HAND_HINTS} if family == "hand" else HINTS
-    return hints[code].replace("handctl exo", f"handctl {family}")
+    hint = hints[code]
+    own = command_of(hint).replace("exo", family, 1)
+    return Hint(hint.replace(f"handctl {command_of(hint)}", f"handctl {own}"), *([own] if own else []))
 
 
 def mishap(request: bytes, received: bytes, more: int = 0) -> tuple[str, str]:

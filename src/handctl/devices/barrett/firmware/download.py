@@ -19,6 +19,7 @@ from handctl.errors import (
     CheckFailed,
     DeviceRefused,
     HandctlError,
+    Hint,
     Interrupted,
     LinkError,
     NoAnswer,
@@ -368,7 +369,7 @@ class Loader:
             line.reconnect()
         except (NoAnswer, ProtocolError) as exc:
             text = f"every byte was echoed, but no firmware replies: {exc.text}"
-            raise exc.reworded(text, hint=f"{CYCLE} Then run `handctl barrett version`", code="not-alive") from exc
+            raise exc.reworded(text, hint=Hint(f"{CYCLE} Then run {{}}", "barrett version"), code="not-alive") from exc
 
     def _verdict(self, before: str, after: str) -> Download:
         readings = self.hand.read(BARRETT.elements("S", "SN", "OTEMP", "BAUD"))
@@ -395,7 +396,7 @@ class Loader:
             else:
                 # The manual itself is not sure which file is which version (§1.1.2 against T1): a remark only.
                 self.hand.journal.warn("version", f"{text} by the file's name", hint="use --expect to check this")
-        self.hand.journal.info("init", "run `handctl barrett init` before any movement")
+        self.hand.journal.info("init", Hint("run {} before any movement", "barrett init"))
         return Download(rows, mismatch)
 
 

@@ -18,7 +18,7 @@ from collections.abc import Iterable
 from functools import lru_cache
 from typing import NamedTuple
 
-from handctl.errors import ProtocolError, UsageError
+from handctl.errors import Hint, ProtocolError, UsageError
 
 CR = b"\r"
 ABORT = b"\x03"
@@ -37,21 +37,27 @@ MOTORS = ("F1", "F2", "F3", "SPREAD")
 ERRORS: dict[int, tuple[str, str]] = {
     1: ("No motor board found", "power-cycle the hand, then ask the vendor (electronics)"),
     2: ("No motor found", "power-cycle the hand, then ask the vendor (electronics or cable)"),
-    4: ("Motor not initialized", "run `handctl barrett init`. The fingers open fully: keep the space around them free"),
-    16: ("Couldn't reach position", "look for an obstacle, a strain limit, or MPE: `handctl barrett status`"),
-    32: ("Unknown command", "check the name, or check the cable for noise: `handctl barrett help` lists the commands"),
+    4: (
+        "Motor not initialized",
+        Hint("run {}. The fingers open fully: keep the space around them free", "barrett init"),
+    ),
+    16: ("Couldn't reach position", Hint("look for an obstacle, a strain limit, or MPE: {}", "barrett status")),
+    32: (
+        "Unknown command",
+        Hint("check the name, or check the cable for noise: {} lists the commands", "barrett help"),
+    ),
     64: (
         "Unknown parameter name",
-        "this firmware does not have this parameter: `handctl barrett describe` lists them all",
+        Hint("this firmware does not have this parameter: {} lists them all", "barrett describe"),
     ),
-    128: ("Invalid value", "see the ranges with `handctl barrett describe`"),
-    256: ("Tried to write a read only parameter", "read it with `handctl barrett get`: it cannot be written"),
+    128: ("Invalid value", Hint("see the ranges with {}", "barrett describe")),
+    256: ("Tried to write a read only parameter", ("read it with `handctl barrett get`: it cannot be written")),
     1024: ("Too many arguments for this command", "give fewer arguments at a time"),
     2048: ("Invalid RealTime control block header", "check the hand's loop flags: the block did not match them"),
     4096: ("Command can't have motor prefix", "leave the motors out"),
     8192: (
         "Overtemperature fault tripped",
-        "compare TEMP with OTEMP in `handctl barrett status`, and let the hand cool",
+        Hint("compare TEMP with OTEMP in {}, and let the hand cool", "barrett status"),
     ),
     16384: ("Cntl-C abort command received", "nothing to do: this is normal after ^C"),
 }
@@ -126,7 +132,7 @@ class Kind(NamedTuple):
     seconds: float
     moves: bool = False
     question: str = ""
-    next: str = "`handctl barrett status`"
+    next: str = Hint("{}", "barrett status")
     refused: tuple[str, str] | None = None
 
 
@@ -135,12 +141,12 @@ KINDS = {
     "query": Kind(3.0),
     "set": Kind(3.0),
     "baud": Kind(3.0, question=SPEED, refused=("PSET BAUD changes the baud rate immediately", "use `handctl barrett baud RATE`, which also switches the port")),
-    "speed": Kind(3.0, question=SPEED, next="run `handctl barrett baud`, which tries all baud rates"),
-    "save": Kind(15.0, question="This writes the EEPROM, which is rated for 5,000 saves", next="switch the hand off and on, then run `handctl barrett dump`"),
-    "reset": Kind(15.0, question=SPEED, next="`handctl barrett version`", refused=("RESET may change the baud rate", "use `handctl barrett reset`, which finds the hand again")),
-    "motion": Kind(20.0, moves=True, next="`handctl barrett get P S`"),
+    "speed": Kind(3.0, question=SPEED, next=Hint("run {}, which tries all baud rates", "barrett baud")),
+    "save": Kind(15.0, question="This writes the EEPROM, which is rated for 5,000 saves", next=Hint("switch the hand off and on, then run {}", "barrett dump")),
+    "reset": Kind(15.0, question=SPEED, next=Hint("{}", "barrett version"), refused=("RESET may change the baud rate", Hint("use {}, which finds the hand again", "barrett reset"))),
+    "motion": Kind(20.0, moves=True, next=Hint("{}", "barrett get P S")),
     "init": Kind(30.0, moves=True),
-    "loop": Kind(1.5, refused=("LOOP leaves the text protocol", "use `handctl barrett realtime`")),
+    "loop": Kind(1.5, refused=("LOOP leaves the text protocol", Hint("use {}", "barrett realtime"))),
 }  # fmt: skip
 
 

@@ -31,7 +31,7 @@ from handctl.devices.barrett.gcl.connect_table import (
     abort_at,
     is_answer,
 )
-from handctl.errors import Aftermath, DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.errors import Aftermath, DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.device import Line
 from handctl.model.param import Step
@@ -382,7 +382,7 @@ class GclLine(Line):
             self.resynchronise()
             raise ProtocolError(
                 f"{link.name}: the echo of {command} differs: {echo.hex(' ').upper()}",
-                hint="run `handctl barrett status`, which tries all baud rates: this one may or may not have changed",
+                hint=Hint("run {}, which tries all baud rates: this one may or may not have changed", "barrett status"),
                 code="echo-differs",
             )
         if link.can_set_baud:
@@ -431,10 +431,10 @@ class GclLine(Line):
         else:
             raise ProtocolError(
                 f"{link.name}: the banner does not say {BANNER_TEXT!r}: {banner!r}. The hand may or may not have restarted",
-                hint="check with `handctl barrett status`: after a restart the motors are not initialized",
+                hint=Hint("check with {}: after a restart the motors are not initialized", "barrett status"),
                 code="banner",
             )
-        self.journal.info("uninitialized", "the motors are no longer initialized", hint="`handctl barrett init`")
+        self.journal.info("uninitialized", "the motors are no longer initialized", hint=Hint("{}", "barrett init"))
         return banner
 
     # -- bytes ---------------------------------------------------------------------------------------------------
@@ -499,7 +499,7 @@ def _speaks_of_restart(data: bytes, command: str) -> bool:
     return restarted_in(data, command) or has_colon(data)
 
 
-RESTART_HINT = "run `handctl barrett init` before any movement. Values that were not saved are lost"
+RESTART_HINT = Hint("run {} before any movement. Values that were not saved are lost", "barrett init")
 COLON_ALONE = 0.05
 OFF = "switch the power supply off if anything still moves"
 

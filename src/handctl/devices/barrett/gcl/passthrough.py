@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from handctl.devices.barrett import eeprom
 from handctl.devices.barrett.device import BarrettHand, refuse
@@ -56,33 +56,77 @@ def saves(texts: Iterable[str]) -> bool:
     return any(kind_of(text) == "save" for text in texts)
 
 
-def script(lines: Iterable[str]) -> list[str]:
-    """Commands of a script: one a line, empty lines and `#` comments left out."""
-    return [text for line in lines if (text := line.partition("#")[0].strip())]
+DELAY = "DELAY"
+MOST_MS = 600_000
+"""The longest DELAY."""
+LONGEST_SCRIPT = 1_000_000
+"""Bytes of a file."""
 
 
-def run_all(hand: BarrettHand, commands: Iterable[str], *, keep_going: bool) -> Table:
+class ScriptLine(NamedTuple):
+    """A command, or a pause of `wait` seconds, with the line of the script that it is, 0 = none."""
+
+    text: str
+    number: int = 0
+    wait: float | None = None
+
+    def named(self, text: str) -> str:
+        """A text with the number of this line."""
+        return f"line {self.number}: {text}" if self.number else text
+
+
+def script(lines: Iterable[str]) -> list[ScriptLine]:
+    """Lines of a script: a command each, or ``DELAY ms``. Empty lines and `#` comments are left out. Raises UsageError."""
+    texts = ((number, line.partition("#")[0].strip()) for number, line in enumerate(lines, 1))
+    return [line_of(text, number) for number, text in texts if text]
+
+
+def line_of(text: str, number: int = 0) -> ScriptLine:
+    """One line. Raises UsageError for what is not sent as it is typed."""
+    line, (name, *words) = ScriptLine(text, number), text.upper().split() or [""]
+    try:
+        if name != DELAY:
+            refuse(text)
+            encode(text)
+            return line
+        if len(words) != 1 or not (words[0].isascii() and words[0].isdecimal()) or int(words[0]) > MOST_MS:
+            raise UsageError(
+                f"{text!r} is not {DELAY} with a number of milliseconds up to {MOST_MS}",
+                hint=f"write for example {DELAY} 500, for half a second",
+            )
+    except UsageError as exc:
+        raise exc.reworded(line.named(exc.text)) from exc
+    return line._replace(wait=int(words[0]) / 1000)
+
+
+def run_all(hand: BarrettHand, commands: Iterable[ScriptLine], *, keep_going: bool) -> Table:
     """Send commands one after the other; stops at the first error unless `keep_going`.
 
-    An answer that did not come, and Ctrl-C, end it in any case: what was carried out before is told all the same.
+    An answer that did not come, and Ctrl-C, also in a DELAY, end it in any case: what was carried out before is told all the same.
     """
     rows: list[Row] = []
     failure: HandctlError | None = None
-    for text in commands:
+    for line in commands:
+        text, place = line.text, {"line": line.number} if line.number else {}
         lost: HandctlError | None = None
         try:
+            if line.wait is not None:
+                hand.link.sleep(line.wait)
+                continue
             answer = ask(hand, text)
         except KeyboardInterrupt:
             lost = interrupt_error(hand.abort(), f"in {text}: ")
         except HandctlError as exc:
+            exc.text = line.named(exc.text)
             lost = exc
         if lost is not None:
-            rows.append({"command": text, "lines": [], "text": "", "status": None, "error": lost.text})
+            rows.append({"command": text, "lines": [], "text": "", "status": None, "error": lost.text, **place})
             failure = lost
             break
-        rows.append(row_of(answer))
+        rows.append(row_of(answer) | place)
         error = objection(hand, answer)
         if error is not None:
+            error.text = line.named(error.text)
             failure = failure or error
             if not keep_going:
                 break

@@ -9,7 +9,7 @@ from handctl.devices.barrett import state_files
 from handctl.devices.barrett.gcl import connect_table as table
 from handctl.devices.barrett.gcl.codec import ABORT, CR, MOTORS, has_prompt, values
 from handctl.devices.barrett.map import SPEEDS, with_sign
-from handctl.errors import HandctlError, LinkError, NoAnswer, NotRunning, ProtocolError
+from handctl.errors import HandctlError, Hint, LinkError, NoAnswer, NotRunning, ProtocolError
 from handctl.link import ByteLink
 from handctl.wording import plural
 
@@ -28,7 +28,7 @@ PROGRESS = {
     table.RESTARTED: "the firmware has started. Waiting for its prompt",
 }
 REMEDY = "run it again in a few seconds if the hand was just switched on. If it was off for more than a day or two, it may have lost its firmware: `handctl barrett firmware download FILE` (barrett §3.7, §8)"
-BUSY_HINT = "A hand does not reply while it moves or saves: `handctl barrett stop` or --interrupt ends a movement"
+BUSY_HINT = Hint("A hand does not reply while it moves or saves: {} or --interrupt ends a movement", "barrett stop")
 
 MOST = 2
 """A state is entered so often: a device that says what is never an answer must not lead round in a circle."""
@@ -218,7 +218,7 @@ class SessionStart:
             line.odd(table.QUESTION_TEXT, table.answer_in(came), table.MANUAL_ANSWER)
         state_files.remember(link)
         if table.RESTARTED_TEXT in self.told:
-            line.journal.warn("restarted", f"{link.name}: {table.RESTARTED_TEXT}", hint="`handctl barrett init`")
+            line.journal.warn("restarted", f"{link.name}: {table.RESTARTED_TEXT}", hint=Hint("{}", "barrett init"))
         elif table.BUSY in self.told:
             line.journal.info("busy", f"{link.name}: {table.BUSY}")
         if link.can_set_baud and link.baud != self._first:
@@ -227,7 +227,7 @@ class SessionStart:
             )
         for text in (table.IN_LOOP, table.IN_BLOCK):
             if text in self.told:
-                line.journal.warn("loop", f"{link.name}: {text}", hint="`handctl barrett stop` ends any movement")
+                line.journal.warn("loop", f"{link.name}: {text}", hint=Hint("{} ends any movement", "barrett stop"))
                 look_for_motion(line)
 
     def _failure(self, end: str) -> HandctlError:
@@ -279,7 +279,7 @@ def look_for_motion(line: GclLine) -> list[str]:
         line.journal.warn(
             "moving",
             f"{line.link.name}: the hand is moving: {', '.join(moving)} counts in {APART:g} s",
-            hint="`handctl barrett stop` stops it",
+            hint=Hint("{} stops it", "barrett stop"),
         )
     return moving
 
@@ -290,7 +290,7 @@ def _places(line: GclLine, after: float = 0.0) -> list[int]:
     if answer.status:
         raise ProtocolError(
             f"{line.link.name}: cannot read the positions: ERR {answer.status}",
-            hint="`handctl barrett status` shows each motor",
+            hint=Hint("{} shows each motor", "barrett status"),
         )
     (places,) = values(answer, 1, 4)
     return [with_sign(index, place, line.sign) for index, place in enumerate(places)]

@@ -12,7 +12,7 @@ from handctl.command.options import BOUNDS, WholeRange, watch_options
 from handctl.command.run import Act, Run
 from handctl.devices.barrett.gcl.codec import motor_prefix
 from handctl.devices.barrett.map import BARRETT
-from handctl.errors import UsageError
+from handctl.errors import Hint, UsageError
 from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:
@@ -199,7 +199,9 @@ def add_care_commands(group: Group) -> None:
         if move and (not names or "4" in digits):
             raise UsageError(
                 "--move needs a symptom with test movements, and fingers to move",
-                hint="`handctl barrett diagnose --list` shows the symptoms. Fingers are 1, 2, 3 or G. Nothing was sent.",
+                hint=Hint(
+                    "{} shows the symptoms. Fingers are 1, 2, 3 or G. Nothing was sent.", "barrett diagnose --list"
+                ),
             )
 
         def examine(hand: BarrettHand) -> Table:

@@ -29,6 +29,7 @@ from handctl.errors import (
     CheckFailed,
     DeviceRefused,
     HandctlError,
+    Hint,
     LinkError,
     NoAnswer,
     NotPresent,
@@ -121,7 +122,7 @@ def doubtful(check: str, evidence: str) -> Finding:
 def status(patient: ExaminedHand) -> list[Finding]:
     """S of each motor, one row when all say the same; and whether it moves, which S does not say: P is read twice."""
     moving = [
-        Finding("moving", WARNING, f"P changes: {motor}", "`handctl barrett stop` stops it", "barrett §5.3.2, §6.1")
+        Finding("moving", WARNING, f"P changes: {motor}", Hint("{} stops it", "barrett stop"), "barrett §5.3.2, §6.1")
         for motor in look_for_motion(patient.hand.line)
     ]
     return [*_statuses(patient), *moving]
@@ -196,7 +197,7 @@ def strain_(patient: ExaminedHand) -> list[Finding]:
     if not loaded:
         return found
     remedy, why = (
-        "`handctl barrett strain --open` opens the fingers and measures",
+        Hint("{} opens the fingers and measures", "barrett strain --open"),
         f"may be loaded: {', '.join(loaded)}",
     )
     return [
@@ -228,12 +229,13 @@ def strain_limits(patient: ExaminedHand) -> list[Finding]:
     found = []
     for finger in FINGERS:
         sg, high, low = (patient.values[name, finger] for name in ("SG", "HSG", "LSG"))
-        wrong, remedy = "", f"`handctl barrett set HSG.{finger}=256 LSG.{finger}=256`"
+        off = f"barrett set HSG.{finger}=256 LSG.{finger}=256"
+        wrong, remedy = "", Hint("{}", off)
         if sg == NO_GAUGE and min(high, low) < OFF:
             wrong = f"no gauge, but limits {low} to {high} are set, so it never moves"
         elif (high < OFF and sg >= high) or (low < OFF and sg <= low):
             wrong = f"SG {sg} is outside LSG {low} to HSG {high}"
-            remedy = f"zero the gauge (§7.4), or switch the limits off with {remedy}"
+            remedy = Hint("zero the gauge (§7.4), or switch the limits off with {}", off)
         good = f"SG {sg}, HSG {high}, LSG {low} (255 and 256 are off)"
         found.append(verdict(f"strain_limits.{finger}", "barrett §8, §5.5", good, wrong, remedy, FAIL))
     return found
@@ -247,7 +249,7 @@ def velocities(patient: ExaminedHand) -> list[Finding]:
         for motor in MOTORS
         if patient.values[name, motor] < health.LEAST_VELOCITY
     ]
-    remedy = "`handctl barrett set MOV=100 MCV=100 --motors G`, 60 for the spread, then `handctl barrett init`"
+    remedy = Hint("{}, 60 for the spread, then {}", "barrett set MOV=100 MCV=100 --motors G", "barrett init")
     wrong = f"below 40: {', '.join(slow)}" if slow else ""
     return [verdict("velocities", "barrett §8", "MOV and MCV are 40 or more", wrong, remedy)]
 
@@ -261,7 +263,7 @@ def init_settings(patient: ExaminedHand) -> list[Finding]:
         if patient.values[name, finger] != BARRETT.by_mnemonic(name).default_of(0)
     ]
     if changed:
-        remedy = f"`handctl barrett set {' '.join(changed)}`, then `handctl barrett init`"
+        remedy = Hint("{}, then {}", f"barrett set {' '.join(changed)}", "barrett init")
         return [Finding("init_settings", WARNING, f"{len(changed)} of OT IVEL IOFF IHIT changed", remedy, "barrett §8")]
     return [Finding("init_settings", OK, "OT IVEL IOFF IHIT have their factory values", source="barrett §8, §9.3.1")]
 
@@ -293,7 +295,7 @@ def close_target(patient: ExaminedHand) -> list[Finding]:
     for finger in FINGERS:
         good = f"CT {patient.values['CT', finger]}"
         wrong = f"{good} ends before the palm" if patient.values["CT", finger] < factory else ""
-        remedy = f"`handctl barrett set CT.{finger}={factory}`"
+        remedy = Hint("{}", f"barrett set CT.{finger}={factory}")
         found.append(verdict(f"close_target.{finger}", "barrett §8", good, wrong, remedy))
     return found
 
@@ -301,7 +303,7 @@ def close_target(patient: ExaminedHand) -> list[Finding]:
 def spread_greasing(patient: ExaminedHand) -> list[Finding]:
     """The palm's spur gears: the spread's row among the odometers, once more by name."""
     (row,) = [row for row in patient.greasing() if row["motor"] == "SPREAD"]
-    remedy = "" if row["status"] == OK else "`handctl barrett maintenance --steps lubrication`"
+    remedy = "" if row["status"] == OK else Hint("{}", "barrett maintenance --steps lubrication")
     return [Finding("spread_greasing", str(row["status"]), f"{row['value']} strokes: {row['label']}", remedy, "barrett §7.3")]  # fmt: skip
 
 
@@ -359,7 +361,7 @@ def symptom_of(name: str) -> Symptom:
         meant = f"did you mean {' or '.join(likely)}? " if likely else ""
         raise UsageError(
             f"{name!r} is not a symptom in the manual",
-            hint=f"{meant}`handctl barrett diagnose --list` shows them all",
+            hint=Hint(f"{meant}{{}} shows them all", "barrett diagnose --list"),
             code="unknown-name",
         )
     return SYMPTOMS[name]
@@ -424,7 +426,10 @@ def table_of(hand: BarrettHand, findings: list[Finding], symptom: str | None, fa
         names = ", ".join(finding.check for finding in bad)
         table.failure = CheckFailed(
             f"{hand.link.name}: {fails} failed, {warnings} warning{'' if warnings == 1 else 's'}: {names}",
-            hint=f"follow the remedy in each row{'. `handctl barrett diagnose --list` shows the symptoms' if symptom is None else ''}",
+            hint=Hint(
+                f"follow the remedy in each row{'. {{}} shows the symptoms' if symptom is None else ''}",
+                "barrett diagnose --list",
+            ),
             code="findings",
         )
     return table
@@ -544,7 +549,7 @@ def direction(patient: ExaminedHand, digits: str, prompts: Prompts) -> list[Find
         check, source = f"direction.{motor}", "barrett §8"
         evidence = f"closing {closed - start:+d}, opening {opened - closed:+d} of {DIRECTION_COUNTS}"
         if closed < start or opened > closed:
-            remedy = "`handctl barrett init` (encoder feedback). If it happens again, send the hand for service"
+            remedy = Hint("{} (encoder feedback). If it happens again, send the hand for service", "barrett init")
             found.append(Finding(check, FAIL, f"{evidence}: the wrong way", remedy, source))
         elif closed == start and opened == closed:
             still = f"{evidence}: it did not move"

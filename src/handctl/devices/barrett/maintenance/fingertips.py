@@ -20,7 +20,7 @@ from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.map import BARRETT, FINGERS, implausible
 from handctl.devices.barrett.views import DOUBT, MOTOR, NAME, NOT_HOMED, UNIT, VALUE, live, row_of, why_impossible
-from handctl.errors import ProtocolError, UsageError
+from handctl.errors import Hint, ProtocolError, UsageError
 from handctl.model.result import Cell, Column, Grid, Row, Table
 
 HIGHEST = 20000
@@ -210,7 +210,9 @@ class Tips:
             if implausible(index := MOTORS.index(motor), place):
                 raise ProtocolError(
                     f"{self.hand.link.name}: {name} of {motor} reads {place}, which is {why_impossible(index)}",
-                    hint="read it again with `handctl barrett get P`. If it stays, `handctl barrett init` finds the origin again",
+                    hint=Hint(
+                        "read it again with {}. If it stays, {} finds the origin again", "barrett get P", "barrett init"
+                    ),
                     code="impossible",
                 )
 
@@ -220,7 +222,7 @@ class Tips:
             self.hand.journal.warn(
                 "not-initialized",
                 f"{', '.join(lost)} {NOT_HOMED}. The fingertips calculated from it mean nothing either",
-                hint="`handctl barrett init` first. The fingers open fully",
+                hint=Hint("{} first. The fingers open fully", "barrett init"),
             )
 
 

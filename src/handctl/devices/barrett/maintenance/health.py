@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.gcl.codec import MOTORS, explain_status, hint_for
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, GclParam
+from handctl.errors import Hint, joined
 from handctl.model.checks import FAIL, OK, SKIPPED, WARNING
-from handctl.model.result import Row
+from handctl.model.result import Row, command_key
 from handctl.wording import plural
 
 WARM_TENTHS, LIMIT_TENTHS = 600, 650
@@ -27,6 +28,7 @@ LUBRICATION = 5000
 """Strokes between two greasings (Table 6)."""
 SOON = 0.8
 """Share of an interval from which on the work is announced."""
+COOL = Hint("let it cool, and free the spread: {}", "barrett stop --motors S")
 HARD = ("IVEL", "IHIT", "IOFF", "TSTOP", "FIP", "SAMPLE", "SGFLIP")
 """Parameters whose value beyond the recommended limit harms: a fail (§5.3.4)."""
 
@@ -47,7 +49,12 @@ class Finding(NamedTuple):
 
     def row(self) -> Row:
         """The row of this finding."""
-        return {**self._asdict(), "remedy": self.remedy or None, "source": self.source or None}
+        return {
+            **self._asdict(),
+            "remedy": self.remedy or None,
+            "source": self.source or None,
+            **command_key(self.remedy),
+        }
 
 
 def verdict(check: str, source: str, good: str, wrong: str = "", remedy: str = "", status: str = WARNING) -> Finding:
@@ -57,7 +64,7 @@ def verdict(check: str, source: str, good: str, wrong: str = "", remedy: str = "
 
 def temperature(tenths: int) -> Finding:
     """The CPU board's temperature now."""
-    text, cool = f"{tenths / 10:.1f} °C", "let it cool, and free the spread: `handctl barrett stop --motors S`"
+    text, cool = f"{tenths / 10:.1f} °C", COOL
     if tenths > LIMIT_TENTHS:
         return Finding("temperature", FAIL, f"{text}: above 65 °C, the limit", cool, "barrett §2")
     if tenths > WARM_TENTHS:
@@ -78,15 +85,15 @@ def over_temperature_limit(tenths: int) -> Finding:
     """OTEMP: tenths of a degree, 0 = off, which is the factory's value."""
     check, source = "over_temperature_limit", "barrett §5.4.1"
     if tenths == 0:
-        remedy = "`handctl barrett set OTEMP=650` stops movements at 65 °C"
+        remedy = Hint("{} stops movements at 65 °C", "barrett set OTEMP=650")
         return Finding(check, OK, "OTEMP is 0, the factory value, so the hand does not protect itself", remedy, source)
     if tenths < 300:
         meant = f". Did you mean {tenths}.0 °C ({tenths * 10})?" if tenths * 10 <= 1250 else ""
-        remedy = "`handctl barrett set OTEMP=650`: the unit is 0.1 °C"
+        remedy = Hint("{}: the unit is 0.1 °C", "barrett set OTEMP=650")
         return Finding(check, FAIL, f"OTEMP {tenths} is {tenths / 10:.1f} °C: movements fail{meant}", remedy, source)
     if tenths > LIMIT_TENTHS:
         evidence = f"OTEMP {tenths / 10:.1f} °C is above the hand's limit of 65 °C"
-        return Finding(check, WARNING, evidence, "`handctl barrett set OTEMP=650`", source)
+        return Finding(check, WARNING, evidence, Hint("{}", "barrett set OTEMP=650"), source)
     return Finding(check, OK, f"OTEMP {tenths / 10:.1f} °C", source=source)
 
 
@@ -108,7 +115,7 @@ def no_load(readings: Mapping[str, Sequence[int]], *, check: str = "strain") -> 
         name, source = f"{check}.{finger}", "barrett §7.4"
         mean = sum(values) / len(values)
         shown = f"mean {mean:.1f}, {min(values)} to {max(values)} in {plural(len(values), 'reading')}"
-        adjust = "zero it at the balancing potentiometer: `handctl barrett strain --live`"
+        adjust = Hint("zero it at the balancing potentiometer: {}", "barrett strain --live")
         if max(values) >= NO_GAUGE or min(values) <= 0:
             remedy = "check the gauge, its wires and contact pins, and the finger's seat, then ask the vendor"
             found.append(Finding(name, FAIL, f"{shown}: at the end of the scale", remedy, "barrett §7.3, §9.4"))
@@ -149,11 +156,11 @@ def _setting(param: GclParam, motor: str | None, index: int, value: int) -> Find
     default = param.default_of(index)
     back = _back(motor, param.mnemonic)
     if param.mnemonic == "BAUD":
-        back = "`handctl barrett baud 9600`, with --save when it was saved"
+        back = Hint("{}, with --save when it was saved", "barrett baud 9600")
     source = param.source
     if not param.allowed(value):
         evidence = f"{name} = {value} is outside its range {param.range_text}, so the RAM contents may be corrupt"
-        return Finding(name, FAIL, evidence, f"{back}. If it happens again, reload the firmware (§3.7)", source)
+        return Finding(name, FAIL, evidence, joined(back, "if it happens again, reload the firmware (§3.7)"), source)
     objection = param.objection(index, value)
     if objection is not None:
         harms = param.mnemonic in HARD or (param.mnemonic == "MOV" and value > LEAST_VELOCITY)
@@ -201,7 +208,7 @@ def can_move(motor: str, at: At) -> Finding:
         return Finding(check, OK, "yes, after HI" if at["S", motor] & 4 else "yes", source=SOURCE)
     stands = any(reason.stands for reason in reasons)
     text = "; ".join(reason.text for reason in reasons)
-    remedy = "; ".join(dict.fromkeys(reason.remedy for reason in reasons))
+    remedy = joined(*dict.fromkeys(reason.remedy for reason in reasons), joint="; ")
     return Finding(check, FAIL if stands else WARNING, f"{'no' if stands else 'in part'}: {text}", remedy, SOURCE)
 
 
@@ -217,7 +224,7 @@ def _back(motor: str | None, *names: str) -> str:
     """The command that puts settings back to the factory's."""
     index = MOTORS.index(motor) if motor else 0
     words = [f"{name}{f'.{motor}' if motor else ''}={BARRETT.by_mnemonic(name).default_of(index)}" for name in names]
-    return f"`handctl barrett set {' '.join(words)}`"
+    return Hint("{}", f"barrett set {' '.join(words)}")
 
 
 def _state(motor: str, at: At) -> list[Reason]:
@@ -238,8 +245,8 @@ def _heat(at: At) -> list[Reason]:
         return []
     if limit < 300:
         meant = f", {limit}.0 °C is OTEMP={limit * 10}" if limit * 10 <= 650 else ""
-        return [Reason(f"OTEMP {limit / 10:.1f} °C and the temperature {now / 10:.1f} °C: the setting is wrong, not the temperature{meant}", "`handctl barrett set OTEMP=650`")]  # fmt: skip
-    return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", "let it cool, and free the spread: `handctl barrett stop --motors S`")]  # fmt: skip
+        return [Reason(f"OTEMP {limit / 10:.1f} °C and the temperature {now / 10:.1f} °C: the setting is wrong, not the temperature{meant}", Hint("{}", "barrett set OTEMP=650"))]  # fmt: skip
+    return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", COOL)]  # fmt: skip
 
 
 def _strain(motor: str, at: At) -> list[Reason]:

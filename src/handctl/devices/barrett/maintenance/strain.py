@@ -13,7 +13,7 @@ from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.maintenance import health, symptoms
 from handctl.devices.barrett.map import FINGERS, NO_GAUGE
 from handctl.devices.barrett.views import NAME, STATUS, live, row_of
-from handctl.errors import CheckFailed
+from handctl.errors import CheckFailed, Hint
 from handctl.model.checks import SKIPPED, TONES, WARNING
 from handctl.model.movement import ANY
 from handctl.model.param import Step
@@ -70,7 +70,7 @@ def loaded_fingers(hand: BarrettHand) -> list[str]:
         hand.journal.warn(
             "strain-flip",
             f"SGFLIP is 1 for {', '.join(flipped)}, so the readings are inverted",
-            hint="run `handctl barrett set SGFLIP=0` before you adjust anything (barrett §5.3.4)",
+            hint=Hint("run {} before you adjust anything (barrett §5.3.4)", "barrett set SGFLIP=0"),
         )
     found = []
     for finger in FINGERS:
@@ -88,7 +88,7 @@ def warn_if_loaded(hand: BarrettHand) -> list[str]:
         hand.journal.warn(
             "not-open",
             f"the gauges are unloaded only when the fingers are open: {', '.join(loaded)}",
-            hint="`handctl barrett strain --open` opens them first",
+            hint=Hint("{} opens them first", "barrett strain --open"),
         )
     return loaded
 
@@ -119,7 +119,7 @@ def table(hand: BarrettHand, *, check: bool) -> Table:
     bad = [finding for finding in verdicts if finding.bad]
     if check and bad:
         text = "; ".join(f"{finding.check}: {finding.evidence}" for finding in bad)
-        hint = "adjust the gauge: `handctl barrett strain --live`"
+        hint = Hint("adjust the gauge: {}", "barrett strain --live")
         result.failure = CheckFailed(f"{hand.link.name}: {text}", hint=hint, code="strain")
     return result
 

@@ -13,7 +13,7 @@ from handctl.devices.barrett.map import BARRETT, OFF, TRAVEL, gcl_name, sample_s
 from handctl.devices.barrett.realtime.blocks import CONTROL, FEEDBACK, Layout, Selection
 from handctl.devices.barrett.realtime.guards import GUARDS, Limits, check_opening
 from handctl.devices.barrett.realtime.schedule import Controls
-from handctl.errors import CheckFailed, DeviceRefused, UsageError
+from handctl.errors import CheckFailed, DeviceRefused, Hint, UsageError
 from handctl.model.param import Element, Number
 
 COEFFICIENTS = ("LCVC", "LFVC", "LFDPC")
@@ -190,7 +190,7 @@ def _heat(hand: BarrettHand, flag_request: FlagRequest, now: Flags) -> int:
     if "heat" in flag_request.guards and now["TEMP", 0] > limit:
         raise CheckFailed(
             f"{hand.link.name}: the board is at {now['TEMP', 0] / 10:.1f} °C, and above {limit / 10:.1f} °C nothing is driven (guard heat)",
-            hint="`handctl barrett status` shows TEMP and OTEMP. Let the hand cool, or correct OTEMP",
+            hint=Hint("{} shows TEMP and OTEMP. Let the hand cool, or correct OTEMP", "barrett status"),
             code="guard-heat",
         )
     return limit
@@ -271,6 +271,6 @@ def _refuse_zero(now: Flags, motors: tuple[int, ...], *, sends: bool) -> None:
                 does = "stop the motor" if name == "LCVC" else "divide by zero"
                 raise CheckFailed(
                     f"{name} of {MOTORS[index]} is 0, which would {does}",
-                    hint=f"`handctl barrett set {name}.{MOTORS[index]}=1`",
+                    hint=Hint("{}", f"barrett set {name}.{MOTORS[index]}=1"),
                     code="coefficient",
                 )

@@ -17,7 +17,7 @@ from handctl.devices.inspire.exo import device
 from handctl.devices.inspire.exo.device import ExoHand, parse_command
 from handctl.devices.inspire.map import BAUD_RATES, EXO, address_in
 from handctl.devices.inspire.serial_bus import Bus
-from handctl.errors import UsageError
+from handctl.errors import Hint, UsageError
 from handctl.link import ByteLink
 from handctl.model.device import limits_of
 from handctl.model.result import Journal, Table
@@ -232,7 +232,7 @@ def _command(run: Run, which: str, texts: tuple[str, ...], wait: float | None = 
             run.journal.info(
                 "stays",
                 "the force stays in effect until you command another one",
-                hint="`handctl exo force 0 0 0 0 0` releases the hand",
+                hint=Hint("{} releases the hand", "exo force 0 0 0 0 0"),
             )
         return table
 

@@ -18,7 +18,7 @@ from handctl.devices.inspire.map import ALONE, BAUD_RATES, EXO, FINGERS, OVER_TE
 from handctl.devices.inspire.register_bus import may_still_move
 from handctl.devices.inspire.register_device import Movement, RegisterDevice
 from handctl.devices.inspire.serial_bus import Bus
-from handctl.errors import CheckFailed, HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.errors import CheckFailed, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.model.device import Release, SetpointPair
 from handctl.model.movement import REACHED, AxisReading, Goal, Stillness
 from handctl.model.param import Element, Number, Reading, Step, elements_of, given
@@ -159,7 +159,7 @@ class ExoHand(RegisterDevice):
                 self.journal.warn(
                     "ack-lost",
                     f"the {which} command got no reply, but the hand may still carry it out",
-                    hint=f"check with `handctl exo get {which}_set position_actual` before you repeat it",
+                    hint=Hint("check with {} before you repeat it", f"exo get {which}_set position_actual"),
                 )
             raise
         readings = [
@@ -211,7 +211,10 @@ class ExoHand(RegisterDevice):
         where = f"It replies at {found} bit/s" if found else "It does not reply at any of the three baud rates"
         return NoAnswer(
             f"{self.bus.link.name}: no hand at {rate} bit/s after the power-cycle. {where}",
-            hint="use the RS-232 cable: a Bluetooth module may still use the old baud rate. `handctl exo scan` tries all ids and baud rates",
+            hint=Hint(
+                "use the RS-232 cable: a Bluetooth module may still use the old baud rate. {} tries all ids and baud rates",
+                "exo scan",
+            ),
         )
 
     def check_identity(self) -> None:
@@ -367,12 +370,14 @@ def calibrate(hand: ExoHand, prompts: Prompts) -> Table:
         if lost is not None:
             raise lost.reworded(
                 f"the calibration may have started. Its start was not acknowledged, its end was not reported: {lost.text}",
-                hint=f"{POWER_OFF} Keep wearing the hand until it has stopped moving, then check with `handctl exo status`",
+                hint=Hint(
+                    f"{POWER_OFF} Keep wearing the hand until it has stopped moving, then check with {{}}", "exo status"
+                ),
             )
         hand.journal.warn(
             "no-completion",
             f"the hand did not report that the calibration ended within {CALIBRATION_SECONDS:.0f} s (the report is not documented for this hand)",
-            hint="check the positions with `handctl exo status`",
+            hint=Hint("check the positions with {}", "exo status"),
         )
     hand.journal.info("volatile", "the manual does not say whether a calibration survives power-off without a save")
     table = hand.read([e for name in ("position_actual", "force_actual") for e in elements_of(EXO[name])])

@@ -1,20 +1,21 @@
 """What an EH55BF1's error bits and readings mean, and what to do. The bits: exo §2.3.12; what clears them: exo §2.3.3."""
 
 from handctl.devices.inspire.map import FINGERS
+from handctl.errors import Hint
 from handctl.model.outline import UNKNOWN, Measure, Outline, Remedy, hand
 
-_CLEAR = "then run `handctl exo clear-errors`"
-_AGAIN = "run `handctl exo clear-errors`. If it comes back, power-cycle the hand, then contact the vendor"
+_CLEAR = "exo clear-errors"
+_AGAIN = Hint("run {}. If it comes back, power-cycle the hand, then contact the vendor", _CLEAR)
 
 REMEDIES = {
     "over_temperature": Remedy("the actuator is too hot. It clears by itself as it cools", "release the finger and let it cool: no command clears this", "exo §2.3.3"),
-    "locked_rotor": Remedy("the actuator was driven and did not turn", f"free the finger, {_CLEAR}", "exo §2.3.3"),
-    "over_current": Remedy("the actuator drew too much current", f"take the load off the finger, {_CLEAR}", "exo §2.3.3"),
+    "locked_rotor": Remedy("the actuator was driven and did not turn", Hint("free the finger, then run {}", _CLEAR), "exo §2.3.3"),
+    "over_current": Remedy("the actuator drew too much current", Hint("take the load off the finger, then run {}", _CLEAR), "exo §2.3.3"),
     "motor_abnormal": Remedy("the motor does not run as it should", _AGAIN, "exo §2.3.3"),
     "communication": Remedy("the hand and its actuator do not communicate", _AGAIN, "exo §2.3.3"),
     UNKNOWN: Remedy("the manual does not have this bit", "run `handctl exo report FILE`, and send it to the vendor", "exo §2.3.12"),
     "supply": Remedy("the hand measures no supply voltage", "check the power supply and its plug", "exo §2.3"),
-    "range": Remedy("a reading is outside the documented range", "run `handctl exo doctor`: the sensor, or the type of the hand, may be wrong", "exo §2.3"),
+    "range": Remedy("a reading is outside the documented range", Hint("run {}: the sensor, or the type of the hand, may be wrong", "exo doctor"), "exo §2.3"),
 }  # fmt: skip
 
 OUTLINE = Outline(

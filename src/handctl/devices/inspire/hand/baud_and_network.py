@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from handctl.devices.inspire import procedures
 from handctl.devices.inspire.hand.map import DF, IP_ADDRESS, MODELS, TP
 from handctl.devices.inspire.modbus_frames import TCP_PORT
-from handctl.errors import CheckFailed, DeviceRefused, UsageError
+from handctl.errors import CheckFailed, DeviceRefused, Hint, UsageError
 from handctl.model.param import Element, Number, elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table, hex_bytes
@@ -166,7 +166,7 @@ def change_network(hand: Hand, octets: Sequence[int], prompts: Prompts, *, cycle
     if errors:
         raise CheckFailed(
             f"{bus.where}: the hand reports errors: {', '.join(str(one.element.part) for one in errors)}",
-            hint="run `handctl hand clear-errors` first. Nothing was written.",
+            hint=Hint("run {} first. Nothing was written.", "hand clear-errors"),
             code="not-fit",
         )
     if before == list(octets):
@@ -180,7 +180,10 @@ def change_network(hand: Hand, octets: Sequence[int], prompts: Prompts, *, cycle
     hand.journal.warn(
         "power-cycle",
         f"the hand replies at {old} until you power-cycle it, then only at {new}",
-        hint=f"give this computer {laptop_for(octets)}, power-cycle the hand, then run `handctl hand status -p tcp://{new}`. "
-        "If it is not found: `handctl hand network -p PORT` reads the address over RS-485",
+        hint=Hint(
+            f"give this computer {laptop_for(octets)}, power-cycle the hand, then run {{}}. "
+            "If it is not found: `handctl hand network -p PORT` reads the address over RS-485",
+            f"hand status -p tcp://{new}",
+        ),
     )
     return table

@@ -35,7 +35,7 @@ from handctl.devices.inspire.hand.map import BYTE_MAP, DG2, SPEEDS
 from handctl.devices.inspire.map import ALONE, address_in
 from handctl.devices.inspire.modbus_frames import TCP_PORT
 from handctl.devices.inspire.register_bus import RegisterBus
-from handctl.errors import UsageError
+from handctl.errors import Hint, UsageError
 from handctl.link import ByteLink, FrameLink
 from handctl.model.device import limits_of
 from handctl.model.param import COMMAND, Element, Number, Step, elements_of, given
@@ -580,7 +580,7 @@ def _named(run: Run, found: Sequence[Paired], names: dict[str, str], force: bool
     path = config_path()
     rows = [_row(one, names[one.side], wanted[names[one.side]], path) for one in found]
     config_edit.put_all(path, wanted, allow)
-    run.journal.info("next", "you can now use both names", hint=f"try `handctl -d {names['left']} hand status`")
+    run.journal.info("next", "you can now use both names", hint=Hint("try {}", f"-d {names['left']} hand status"))
     return Table(rows=rows, columns=PAIR_COLUMNS, plain=("name", "side", "link", "id"))
 
 

@@ -33,7 +33,7 @@ from handctl.devices.inspire.identity import BYTE_HAND, NOT_SHOWN, UNHEARD, nami
 from handctl.devices.inspire.modbus_frames import is_eb90
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.devices.inspire.register_device import BlockReader, RegisterDevice, T
-from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.errors import DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
 from handctl.model.device import OTHER_FORM, Release, SetpointPair
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
@@ -247,7 +247,7 @@ class Hand(RegisterDevice):
             who = MODELS[model] if model is not None else "this hand"
             return UsageError(
                 f"{who} has no {element.full_name}",
-                hint=f"`handctl hand describe --model {model}` shows what it has",
+                hint=Hint("{} shows what it has", f"hand describe --model {model}"),
                 code="not-on-model",
             )
         return Element(register, register.elements.index(element.part) if element.part is not None else 0)

@@ -18,7 +18,7 @@ from handctl.devices.inspire.hand.map import BLOCKED, BYTE_MAP, HOT, UNMEASURED
 from handctl.devices.inspire.map import ALONE, pushes
 from handctl.devices.inspire.procedures import outcome, wait_for_calibration
 from handctl.devices.inspire.register_device import Movement
-from handctl.errors import Aftermath, CheckFailed, DeviceRefused, HandctlError, joined
+from handctl.errors import Aftermath, CheckFailed, DeviceRefused, HandctlError, Hint, joined
 from handctl.model import device
 from handctl.model.movement import REACHED, AxisReading, Goal, Stillness, Watch
 from handctl.model.param import Changes, Element, Number, Reading, ValueChange, elements_of
@@ -55,7 +55,7 @@ def fit_to_move(hand: Hand) -> Before:
     if against:
         raise CheckFailed(
             f"{hand.bus.where}: handctl does not move this hand: {'; '.join(against)}",
-            hint="run `handctl hand clear-errors`, free the finger or let it cool down. Nothing was written.",
+            hint=Hint("run {}, free the finger or let it cool down. Nothing was written.", "hand clear-errors"),
             code="not-fit",
         )
     return {reading.element.full_name: reading.value for reading in readings}
@@ -227,7 +227,7 @@ def nudge(hand: Hand, plan: Nudge, prompts: Prompts) -> None:
     """
     (low, away, back, was) = plan.changes
     before = f"speed_set.{NUDGED} is not {was[1]} any more, as it was before"
-    left = Aftermath(before, f"set it with `handctl hand set speed_set.{NUDGED}={was[1]}`", joint=". ")
+    left = Aftermath(before, Hint("set it with {}", f"hand set speed_set.{NUDGED}={was[1]}"), joint=". ")
     with on_early_end(left, since=hand.journal.counters, by=HandctlError):
         hand.write([low])
         for change in (away, back):
@@ -265,7 +265,7 @@ def calibrate(hand: Hand, prompts: Prompts) -> Table:
     if lost is not None and not reported:
         raise lost.reworded(
             f"the calibration may have started. Its start was not acknowledged: {lost.text}",
-            hint=f"{POWER_OFF} Wait until the hand has stopped moving, then check with `handctl hand status`",
+            hint=Hint(f"{POWER_OFF} Wait until the hand has stopped moving, then check with {{}}", "hand status"),
         )
     if reported:
         hand.journal.ledger.confirm("its end was reported", since=begun)

@@ -20,7 +20,7 @@ from handctl.devices.inspire.hand.motion import nudge, plan_nudge
 from handctl.devices.inspire.hand.probe import TARGET, fingerprint
 from handctl.devices.inspire.identity import naming_twins, refuse_twins
 from handctl.devices.inspire.scan import sweep
-from handctl.errors import Aftermath, CheckFailed, HandctlError, LinkError, NoAnswer, NotConfirmed, UsageError
+from handctl.errors import Aftermath, CheckFailed, HandctlError, Hint, LinkError, NoAnswer, NotConfirmed, UsageError
 from handctl.link import ByteLink
 from handctl.model.param import Step, elements_of
 from handctl.model.prompts import Prompts
@@ -170,7 +170,7 @@ def _one_line(bench: Bench) -> list[Hand]:
     if not ids:
         raise NoAnswer(
             f"{hand.link.name}: no hand replies",
-            hint="check power, wiring and baud rate: `handctl hand scan` tries all baud rates",
+            hint=Hint("check power, wiring and baud rate: {} tries all baud rates", "hand scan"),
         )
     if len(ids) > 2:
         raise CheckFailed(
@@ -203,7 +203,7 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
     with on_early_end(
         Aftermath(
             f"one hand has id {new} until the next power-cycle",
-            f"`handctl hand save --id {new}` keeps it",
+            Hint("{} keeps it", f"hand save --id {new}"),
             joint=". ",
         ),
         by=HandctlError,
@@ -284,7 +284,9 @@ def _wait_for(bench: Bench, opened: Callable[[], Hand], octets: Sequence[int], c
     if found != list(octets):
         raise CheckFailed(
             f"{hand.bus.where}: the hand there has the address {'.'.join(map(str, found))}, not {text}",
-            hint="check which hand is switched on: only one should be changed. `handctl hand network` shows its address",
+            hint=Hint(
+                "check which hand is switched on: only one should be changed. {} shows its address", "hand network"
+            ),
             code="other-address",
         )
     return hand

@@ -11,7 +11,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from handctl.devices.inspire.hand.generation import AT, LABEL, asks_rtu, look, spoken
-from handctl.devices.inspire.hand.map import BLOCKED, FINGERS, HOT, IP_ADDRESS, STATUS, UNMEASURED
+from handctl.devices.inspire.hand.map import BLOCKED, BYTE_MAP, FINGERS, HOT, IP_ADDRESS, STATUS, UNMEASURED
 from handctl.devices.inspire.identity import BYTE_HAND, Kind, Row4, same_id
 from handctl.devices.inspire.map import DRAWN
 from handctl.devices.inspire.modbus_bus import ModbusBus
@@ -19,10 +19,11 @@ from handctl.devices.inspire.modbus_frames import TCP_PORT
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.devices.inspire.scan import Probing, Target, ignores_speed, parse_ids, sweep
 from handctl.devices.inspire.serial_bus import SILENCE_HINTS, Bus
-from handctl.errors import HandctlError, NoAnswer, ProtocolError
+from handctl.errors import HandctlError, Hint, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline, FrameLink
+from handctl.model.outline import hint_for
 from handctl.model.param import elements_of
-from handctl.model.result import Journal, Row
+from handctl.model.result import Finding, Journal, Row
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.hand.device import Hand
@@ -32,16 +33,10 @@ Values = Mapping[str, Mapping[str, int]]
 
 ANSWERS = {"can": "on CAN", "eb90": "in EB90", "rtu": "in Modbus RTU", "tcp": "in Modbus TCP"}
 EMERGENCY = 8
-REMEDIES = {
-    5: "free the finger, compare `handctl hand get current_limit current`, then run `handctl hand clear-errors`",
-    6: "remove the obstacle from the finger, then run `handctl hand clear-errors`",
-    7: "run `handctl hand clear-errors`. If the fault remains, power-cycle the hand, then send it in for service",
-    EMERGENCY: "release the emergency stop with the program that set it (register 1131, rh56 §3.2)",
-}
-CLEAR = "remove the cause, then run `handctl hand clear-errors`"
-COOL = "let the hand cool: this error cannot be cleared"
-SLOWLY = "run `handctl hand speed 100 100 100 100 100 100` before the first movement"
-EACH_SLOWLY = "run `handctl hand set speed_set.m1=100`, and the same for each other actuator, before the first movement"
+SLOWLY = Hint("run {} before the first movement", "hand speed 100 100 100 100 100 100")
+EACH_SLOWLY = Hint(
+    "run {}, and the same for each other actuator, before the first movement", "hand set speed_set.m1=100"
+)
 MOST_CURRENT = 1500
 OR_PAIR = ", or run `handctl hand pair`, which takes you through it"
 REFRESH = 0.0307
@@ -136,7 +131,7 @@ def _elsewhere(device: Hand) -> Iterator[Row4]:
         yield "protocol", "ok", f"the hand replies neither in {silent} nor in {spoken}", ""
     if bus.wire != "tcp":
         text = "a tactile hand (RH56DFTP) may reply only on its network"
-        yield "network", "skipped", text, "run `handctl hand doctor -p tcp://192.168.11.210`"
+        yield "network", "skipped", text, Hint("run {}", "hand doctor -p tcp://192.168.11.210")
 
 
 def refresh(device: Hand) -> Row4:
@@ -180,31 +175,26 @@ def _held(device: Hand) -> Values:
 def fingers(held: Values, *, swaps: bool = False) -> Row4:
     """Status 5 to 8, error bits and heat. `swaps`: two bytes share a word, which other programs read the wrong way round."""
     found: dict[str, list[str]] = {}
-    remedies: list[str] = []
+    keys: list[str] = []
     for part, code in held.get("status", {}).items():
         if code in BLOCKED or code == EMERGENCY:
             found.setdefault(part, []).append(f"status {code}, {STATUS[code]}")
-            remedies.append(REMEDIES[code])
+            keys.append(STATUS[code])
     for part, bits in held.get("error", {}).items():
         if bits:
             found.setdefault(part, []).append(f"error 0x{bits:02X}")
-            remedies += [COOL] * bool(bits & 2) + [CLEAR] * bool(bits & ~2)
+            keys += (BYTE_MAP["error"].label(bits) or "").split(", ")
     for part, degrees in held.get("temperature", {}).items():
         if HOT <= degrees != UNMEASURED:
             found.setdefault(part, []).append(f"{degrees} °C")
-            remedies.append(f"let it cool: handctl does not move a hand at {HOT} °C or more")
+            keys.append("hot")
     if not found:
         quiet = " The hand has had no command since power-up." if 255 in held.get("status", {}).values() else ""
         return "fingers", "ok", f"no finger reports an error, a blockage or overheating.{quiet}", ""
     text = "; ".join(f"{part}: {', '.join(words)}" for part, words in found.items())
     if swaps and (mirrored := _mirrored(held, found)):
         text += f". A program that swaps the two bytes of a word would show this on {mirrored}"
-    return "fingers", "fail", text, min(remedies, key=_first)
-
-
-def _first(remedy: str) -> int:
-    """What must be done before anything else helps: cooling, then the finger itself."""
-    return 0 if "cool" in remedy else 2 if remedy == CLEAR else 1
+    return "fingers", "fail", text, hint_for("hand", Finding(text, tuple(keys)))
 
 
 def _mirrored(held: Values, found: Mapping[str, object]) -> str:

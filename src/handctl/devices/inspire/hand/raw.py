@@ -61,7 +61,9 @@ def plan(hand: Hand, data: bytes, force: bool) -> Step:
     """What these bytes would do. A read is harmless; anything else asks. Raises UsageError for what needs `force`."""
     bus = hand.bus
     if bus.wire == "can":
-        raise UsageError("`raw` does not support CAN frames here", hint="use `handctl hand read` and `write` over CAN")
+        raise UsageError(
+            "`raw` does not support CAN frames here", hint=("use `handctl hand read` and `write` over CAN")
+        )
     mode = mode_of(data)
     tcp = bus.wire == "tcp"
     if mode and (mode == TCP) != tcp:
@@ -131,7 +133,9 @@ def exchange(hand: Hand, data: bytes, wait: float) -> Table:
 
     bus, link = hand.bus, hand.bus.link
     if not isinstance(link, ByteLink):
-        raise UsageError("`raw` does not support CAN frames here", hint="use `handctl hand read` and `write` over CAN")
+        raise UsageError(
+            "`raw` does not support CAN frames here", hint=("use `handctl hand read` and `write` over CAN")
+        )
     if not (mode_of(data) and only_reads(pdu_of(data, mode_of(data)))):
         names_id = mode_of(data) == RTU and 1 <= data[0] <= 254
         (bus.at(device_id=data[0]) if names_id else bus).pass_gate(data)

@@ -210,8 +210,9 @@ def plan_hand_write(wrist: RegisterDevice, address: int, data: bytes, force: boo
     if touches_shared(address, len(data)) and not force:
         raise UsageError(
             f"address {address} of the hand holds current limits and power-on speeds, not the wrist",
-            hint="use `handctl wrist set` or `write` for the wrist. --force-ambiguous writes to the hand anyway. "
-            "Nothing was sent.",
+            hint=(
+                "use `handctl wrist set` or `write` for the wrist. --force-ambiguous writes to the hand anyway. Nothing was sent."
+            ),
             code="ambiguous",
         )
     if EXO["id"].address in range(address, address + len(data)):

@@ -1,5 +1,6 @@
 """What a wrist module's error bits and readings mean, and what to do. Its bits are assumed to be those of the hand."""
 
+from handctl.errors import Hint
 from handctl.model.outline import UNKNOWN, Bar, Measure, Outline, Remedy
 
 _CYCLE = "then power-cycle the wrist: the manual has no command to clear its errors"
@@ -11,7 +12,7 @@ REMEDIES = {
     "motor_abnormal": Remedy("the motor does not run as it should", "power-cycle the wrist. If it comes back, contact the vendor", "wrist §2.1"),
     "communication": Remedy("the module and its actuator do not communicate", "power-cycle the wrist. If it comes back, contact the vendor", "wrist §2.1"),
     UNKNOWN: Remedy("the manual does not have this bit", "run `handctl wrist report FILE`, and send it to the vendor", "wrist §2.1"),
-    "range": Remedy("an angle is outside the range of the module", "check that it is a wrist module: `handctl wrist doctor`", "wrist §1"),
+    "range": Remedy("an angle is outside the range of the module", Hint("check that it is a wrist module: {}", "wrist doctor"), "wrist §1"),
 }  # fmt: skip
 
 OUTLINE = Outline(
