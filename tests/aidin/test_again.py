@@ -13,11 +13,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from handctl.command.console import TerminalPrompts
+from handctl.command.terminal_prompts import TerminalPrompts
 from handctl.devices.aidin import device
 from handctl.errors import Interrupted, LinkError
 from handctl.link.tcp import TcpLink
-from handctl.link.transcript import Tap, observed
+from handctl.link.transcript import TraceWriter, observed
 from handctl.model.prompts import Prompts
 from handctl.model.settings import Settings
 from handctl.stop.device_access import DeviceAccess
@@ -223,7 +223,7 @@ def test_the_second_interrupt_ends_it_at_once(
 
 def test_the_wish_of_another_process_opens_it_again_too(serve: MakeServer) -> None:
     server, lines = serve(2, 1), list[str]()
-    link = observed(TcpLink(server.name), Tap(lines.append))
+    link = observed(TcpLink(server.name), TraceWriter(lines.append))
     hold = DeviceAccess(SimpleNamespace(prompts=Prompts(), settings=Settings(), writes=False, opened=None, family=SimpleNamespace(kind="aidin")), None)  # type: ignore[arg-type]  # fmt: skip
     hold.link = link
     hand = hand_on(link)  # type: ignore[arg-type]

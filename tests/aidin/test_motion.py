@@ -305,7 +305,7 @@ def test_a_second_interrupt_and_a_lost_link_are_told() -> None:
     for write, word, error in ((again, "interrupted again", NoAnswer), (lost, "gone", LinkError)):
         link = streamer()
         link.write = write  # type: ignore[method-assign,assignment]
-        ended = stop_sequence.stop_undisturbed(hand_on(link).stop, Prompts())
+        ended = stop_sequence.stop_without_interrupts(hand_on(link).stop, Prompts())
         assert type(ended) is error and word in ended.text and ended.code == "not-stopped"
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from handctl.command.console import TerminalPrompts
+from handctl.command.terminal_prompts import TerminalPrompts
 from tests.barrett.commands import fake
 from tests.support.cli import Result, run, spying
 from tests.support.each_row import each_row

@@ -146,16 +146,20 @@ def test_saves_are_known() -> None:
 
 def test_script() -> None:
     lines = ["HI\n", "\n", "# all\n", "  GC  # close\n", "#\n", "FGET P S", "   \n"]
-    assert passthrough.script(lines) == ["HI", "GC", "FGET P S"]
+    assert [(line.text, line.number) for line in passthrough.script(lines)] == [("HI", 1), ("GC", 4), ("FGET P S", 6)]
     assert passthrough.script([]) == []
 
 
 # -- sending ----------------------------------------------------------------------------------------------------------
 
 
+def lines_of(texts: list[str]) -> list[passthrough.ScriptLine]:
+    return [passthrough.line_of(text) for text in texts]
+
+
 def test_rows_are_the_hands_own_text() -> None:
     hand, _ = scripted({"FGET P S": "1 2 3 4|0 0 0 0", "err 3": "1 No motor board found"})
-    table = passthrough.run_all(hand, ["FGET P S", "err 3"], keep_going=False)
+    table = passthrough.run_all(hand, lines_of(["FGET P S", "err 3"]), keep_going=False)
     assert table.rows == [
         {"command": "FGET P S", "lines": ["1 2 3 4", "0 0 0 0"], "text": "1 2 3 4\n0 0 0 0", "status": 0},
         {"command": "err 3", "lines": ["1 No motor board found"], "text": "1 No motor board found", "status": 0},
@@ -167,7 +171,7 @@ def test_rows_are_the_hands_own_text() -> None:
 @pytest.mark.parametrize(("keep_going", "sent"), [(False, ["VERS", "FOO"]), (True, ["VERS", "FOO", "1T", "VERS"])])
 def test_the_first_error(keep_going: bool, sent: list[str]) -> None:
     hand, link = scripted({"VERS": "4.33", "FOO": "ERR 32", "1T": "ERR 4"})
-    table = passthrough.run_all(hand, ["VERS", "FOO", "1T", "VERS"], keep_going=keep_going)
+    table = passthrough.run_all(hand, lines_of(["VERS", "FOO", "1T", "VERS"]), keep_going=keep_going)
     assert link.commands == sent
     assert [row["command"] for row in table.rows] == sent
     assert table.rows[1]["error"] == "ERR 32: Unknown command (32)"
@@ -179,7 +183,7 @@ def test_the_first_error(keep_going: bool, sent: list[str]) -> None:
 def test_a_lost_answer_is_not_repeated() -> None:
     """What came before it is told all the same, and nothing goes out behind it."""
     hand, link = scripted({"FGET S": "0 0 0 0", "FGET P": None})
-    table = passthrough.run_all(hand, ["FGET S", "FGET P", "VERS"], keep_going=True)
+    table = passthrough.run_all(hand, lines_of(["FGET S", "FGET P", "VERS"]), keep_going=True)
     assert isinstance(table.failure, NoAnswer)
     assert link.commands == ["FGET S", "FGET P"]
     assert [(row["command"], row["status"], "error" in row) for row in table.rows] == [
@@ -195,7 +199,7 @@ def test_the_speed_is_looked_for_after_what_may_change_it(command: str) -> None:
     link.set_baud(9600)
     hand.line.change_speed(384)
     assert link.baud == 38400
-    passthrough.run_all(hand, [command], keep_going=False)
+    passthrough.run_all(hand, lines_of([command]), keep_going=False)
     assert link.baud == 9600
     assert hand.version() == "4.33"
 
@@ -203,7 +207,7 @@ def test_the_speed_is_looked_for_after_what_may_change_it(command: str) -> None:
 def test_interrupted() -> None:
     hand, link = simulated()
     link.interrupt_at = link.now() + 0.3
-    table = passthrough.run_all(hand, ["GC", "FGET P"], keep_going=False)
+    table = passthrough.run_all(hand, lines_of(["GC", "FGET P"]), keep_going=False)
     assert isinstance(table.failure, Interrupted) and table.failure.exit_code == 130
     assert "16384" in table.failure.text
     assert ABORT in link.sent
@@ -259,7 +263,7 @@ def test_a_prompt_is_for_a_terminal(more: tuple[str, ...], tmp_path: Path, monke
 def test_a_damaged_character_is_no_answer() -> None:
     """GCL is text of seven bits: a character with bit 7 set was damaged on the line. What came is shown all the same."""
     hand, _ = scripted({"VERS": (gcl("VERS", "4.33").replace(b"4.33", b"4.\xb33"),)})
-    table = passthrough.run_all(hand, ["VERS"], keep_going=False)
+    table = passthrough.run_all(hand, lines_of(["VERS"]), keep_going=False)
     assert table.failure is not None
     assert (table.failure.exit_code, table.failure.code) == (5, "damaged")
     assert [row["command"] for row in table.rows] == ["VERS"]

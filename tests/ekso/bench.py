@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from handctl.command.console import TerminalPrompts
+from handctl.command.terminal_prompts import TerminalPrompts
 from handctl.devices.ekso.audit import AuditLog
 from handctl.devices.ekso.change import Change
 from handctl.devices.ekso.device import Ekso, one_setting

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from handctl.command import console
+from handctl.command import terminal_prompts
 from tests.support.cli import Result, run, sent
 from tests.support.each_row import each_row
 
@@ -188,7 +188,7 @@ def test_set_writes_once_reads_back_and_logs(tmp_path: Path) -> None:
 def test_a_person_types_the_new_value(
     setting: str, typed: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(console, "is_terminal", lambda _stream: True)
+    monkeypatch.setattr(terminal_prompts, "is_terminal", lambda _stream: True)
     trace = tmp_path / "t.txt"
     assert do("set", setting, "--trace", trace, stdin=typed).code == code
     assert commands(trace).count(155) == (code == 0)

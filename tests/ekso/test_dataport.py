@@ -266,7 +266,7 @@ def test_a_convention_is_found_with_reads_only(mode: str, more: int) -> None:
 
     unit.answer = answer
     port = port_on(unit)
-    assert port.find_mode() == mode
+    assert port.detect_length_mode() == mode
     assert set(unit.commands()) == {TIME}
     gaps = [b - a for a, b in pairwise(unit.sent_at)]
     assert all(gap >= 0.5 for gap in gaps), "a swallowed request must be over before the next"
@@ -282,7 +282,7 @@ def test_no_convention_fits() -> None:
     unit.on = {TIME: lambda _msg_id, _body: []}
     port = port_on(unit)
     with pytest.raises(NoAnswer):
-        port.find_mode()
+        port.detect_length_mode()
     assert port.mode == "body"
     assert [request[1] for request in unit.sent] == [0, 6, 4, 2]
 
@@ -292,7 +292,7 @@ def test_the_line_rests_for_half_a_second_whatever_the_timeout(timeout: float, g
     unit = Unit()
     unit.on = {TIME: lambda _msg_id, _body: []}
     with pytest.raises(NoAnswer):
-        port_on(unit, timeout=timeout).find_mode()
+        port_on(unit, timeout=timeout).detect_length_mode()
     assert [b - a for a, b in pairwise(unit.sent_at)] == [pytest.approx(gap, abs=0.05)] * 3
 
 
@@ -301,7 +301,7 @@ def test_looking_for_a_convention_ends_at_the_deadline() -> None:
     unit.on = {TIME: lambda _msg_id, _body: []}
     port = port_on(unit, timeout=3.0, bound=unit.deadline(1.0))
     with pytest.raises(NoAnswer) as caught:
-        port.find_mode()
+        port.detect_length_mode()
     assert unit.clock == pytest.approx(1.0)
     assert "no reply to GetTime (96 00 00 01 75 E7) before --deadline was over" in caught.value.text
     assert (len(unit.sent), port.mode) == (1, "body")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from handctl.command.console import TerminalPrompts
+from handctl.command.terminal_prompts import TerminalPrompts
 from handctl.devices.ekso.audit import AuditLog
 from handctl.devices.ekso.device import Ekso, one_setting
 from handctl.devices.ekso.explain import EksoWriteRules

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from handctl.command.console import TerminalPrompts
+from handctl.command.terminal_prompts import TerminalPrompts
 from handctl.devices.ekso.audit import AuditLog, Past, logs, recent
 from handctl.devices.ekso.map import EKSO
 from handctl.devices.ekso.policy import STEP_SECONDS, write_limits_of

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from handctl.command import console
+from handctl.command import terminal_prompts
 from handctl.devices.ekso import change, policy, write_checks
 from handctl.devices.ekso.audit import AuditLog
 from handctl.devices.ekso.map import DRIVEN, SETTINGS
@@ -106,7 +106,7 @@ def test_every_row_is_reached() -> None:
     ],
 )
 def test_the_questions(setting: str, typed: str, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(console, "is_terminal", lambda _stream: True)
+    monkeypatch.setattr(terminal_prompts, "is_terminal", lambda _stream: True)
     assert refused_by(set_(setting, stdin=typed), name)
 
 

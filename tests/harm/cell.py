@@ -92,7 +92,7 @@ class _TcpLink(fake.FakeLink):
     fake = False
 
     def __init__(self, link: str, tcp_port: int | None = None) -> None:
-        super().__init__("fake://tcp?clock=virtual", None)
+        super().__init__("fake://tcp?clock=virtual", None, {})
         self.name = link
 
 

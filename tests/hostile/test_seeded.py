@@ -14,7 +14,7 @@ from unittest import mock
 import pytest
 
 from handctl import files
-from handctl.command import console
+from handctl.command import terminal_prompts
 from handctl.screen import render
 from tests.harm import lines
 from tests.hostile import cell, device_cells, file_cells
@@ -63,7 +63,7 @@ def unbounded() -> Iterator[None]:
 
 def long_messages() -> AbstractContextManager[Any]:
     """A message is as long as what came."""
-    return mock.patch.object(console, "short", lambda line: line)
+    return mock.patch.object(terminal_prompts, "short", lambda line: line)
 
 
 def devices(hostility: str, family: str, words: str) -> Callable[[Folder], list[Tried]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.inspire.register_bus import question
-from handctl.devices.inspire.serial_bus import HINTS, Bus, mishap
+from handctl.devices.inspire.serial_bus import HINTS, Bus, bad_reply
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.result import Journal
 from handctl.sim.engine import line
@@ -383,7 +383,7 @@ def test_a_babbling_line_ends_too(what: str) -> None:
     ],
 )
 def test_what_came_instead_is_named(received: str, code: str) -> None:
-    found, text = mishap(unhex(READ_VOLTAGE), unhex(received))
+    found, text = bad_reply(unhex(READ_VOLTAGE), unhex(received))
     assert found == code
     assert text
     assert HINTS[found]

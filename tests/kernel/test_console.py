@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from handctl.command.console import TerminalPrompts
+from handctl.command.terminal_prompts import TerminalPrompts
 from handctl.errors import OutputError
 from handctl.model.prompts import confirms
 from tests.support.each_row import each_row

@@ -154,9 +154,9 @@ def test_a_snapshot_tells_how_many_of_which_kind(tmp_path: Path) -> None:
 
 
 def test_the_line_of_the_guide_commands_nothing_on_a_worn_hand(tmp_path: Path) -> None:
-    """snapshot; force 0; `exo diff … || exo restore … --yes`: the forces of the file are not sent, and diff finds nothing."""
+    """snapshot; force 0; `exo diff …; [ $? -ne 7 ] || exo restore … --yes`: the forces of the file are not sent, and diff finds nothing."""
     prompts = (GUIDES / "scripts.md").read_text(encoding="utf-8")
-    assert "exo diff before.json --format plain -q || handctl exo restore before.json --yes" in prompts
+    assert "exo diff before.json --format plain -q; [ $? -ne 7 ] || handctl exo restore before.json --yes" in prompts
     link, path, trace = fake(state=tmp_path / "state.json"), tmp_path / "before.json", tmp_path / "t.txt"
     assert run("exo", "force", *["-800"] * 5, "-y", "-p", link).code == 0
     assert run("exo", "snapshot", path, "-p", link).code == 0
@@ -210,7 +210,7 @@ def test_a_dry_run_shows_what_moves_and_what_pushes(tmp_path: Path) -> None:
 
 def test_forces_have_a_question_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Both are asked before the first byte is written, and --yes answers both."""
-    from handctl.command.console import TerminalPrompts
+    from handctl.command.terminal_prompts import TerminalPrompts
 
     asked: list[str] = []
     said: list[str] = []
@@ -222,7 +222,7 @@ def test_forces_have_a_question_of_their_own(tmp_path: Path, monkeypatch: pytest
 
     monkeypatch.setattr(TerminalPrompts, "ask", ask)
     monkeypatch.setattr(TerminalPrompts, "say", lambda _self, text: said.append(text))
-    monkeypatch.setattr("handctl.command.console.is_terminal", lambda _file: True)
+    monkeypatch.setattr("handctl.command.terminal_prompts.is_terminal", lambda _file: True)
     path = snapshot_of(tmp_path, force_set__index=-5, position_set__thumb=-1)
     trace = tmp_path / "t.txt"
     for given, code in (([True, True], 0), ([True, False], 8), ([False], 8)):

@@ -51,9 +51,18 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("screen*", (*GROUND, "model.limits", "model.settings", "model.result", "model.param", "screen.*")),
     (
         "stop*",
-        (*GROUND, "command.console", "command.family", "command.options", "command.run", "link*", "model.*", "stop.*"),
+        (
+            *GROUND,
+            "command.terminal_prompts",
+            "command.family",
+            "command.options",
+            "command.run",
+            "link*",
+            "model.*",
+            "stop.*",
+        ),
     ),
-    ("command.console", (*GROUND, "model.prompts", "screen.sanitize")),
+    ("command.terminal_prompts", (*GROUND, "model.prompts", "screen.sanitize")),
     ("record*", (*GROUND, "model.*", "record.*")),
     (
         "command*",
@@ -532,7 +541,7 @@ def test_what_asks_for_the_system_is_seen(text: str) -> None:
     assert asks_for_the_system(tree, ast.walk(tree))
 
 
-PRINTERS = ("command.console",)
+PRINTERS = ("command.terminal_prompts",)
 
 
 def test_nobody_prints() -> None:

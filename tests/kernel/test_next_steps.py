@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 
 import handctl
-from handctl.command.command_lines import line
+from handctl.command.batch_and_shell import line
 from handctl.errors import Aftermath, HandctlError, Hint, NoAnswer, command_of, joined
 from handctl.families import FAMILIES
 from handctl.model.checks import FAIL, Check

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from handctl.command.command_lines import line
+from handctl.command.batch_and_shell import line
 from handctl.command.several_devices import Each, EveryAccess
 from handctl.errors import STOPPED
 from handctl.link import ByteLink, open_link

@@ -10,7 +10,7 @@ from typing import Any
 import click
 import pytest
 
-from handctl.command.command_lines import Shell, line
+from handctl.command.batch_and_shell import Shell, line
 from handctl.command.command_tree import root
 from handctl.command.run import Run
 from tests.support.cli import fake, run, spying

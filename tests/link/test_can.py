@@ -17,7 +17,7 @@ from handctl.errors import LinkError, UsageError
 from handctl.link import CanFrame, FrameLink, NoFrames, is_can, open_link
 from handctl.link.can import CanLink, split_link
 from handctl.link.fake import FakeFrames
-from handctl.link.transcript import Tap, observed, parse
+from handctl.link.transcript import TraceWriter, observed, parse
 from tests.inspire.wrist_support import ScriptedFrames, can, frames, wrist_on
 from tests.support.cli import PATIENCE
 
@@ -373,7 +373,7 @@ def test_power_cycle_of_the_simulated_bus() -> None:
 def test_a_tap_writes_frames_and_keeps_the_error_count() -> None:
     lines: list[str] = []
     inner = ScriptedFrames(frames(("10FF0001 [1] 02", [(0.25, "10FF0001 [2] A7 FE"), (0.3, "15038001 [0]")])))
-    link = observed(inner, Tap(lines.append))
+    link = observed(inner, TraceWriter(lines.append))
     assert link.observers
     inner.acknowledges = False
     link.send(can("10FF0001 [1] 02"), link.deadline(1))
@@ -393,7 +393,7 @@ def test_a_tap_writes_frames_and_keeps_the_error_count() -> None:
 @given(st.lists(st.tuples(st.integers(0, 2**29 - 1), st.binary(max_size=8)), max_size=10))
 def test_frames_survive_tap_and_parser(traffic: list[tuple[int, bytes]]) -> None:
     lines: list[str] = []
-    link = observed(ScriptedFrames(), Tap(lines.append))
+    link = observed(ScriptedFrames(), TraceWriter(lines.append))
     assert isinstance(link, FrameLink)
     for item in traffic:
         link.send(CanFrame(*item), link.deadline(1))
@@ -403,7 +403,7 @@ def test_frames_survive_tap_and_parser(traffic: list[tuple[int, bytes]]) -> None
 def test_a_recorded_bus_can_be_replayed(tmp_path: Path) -> None:
     file = tmp_path / "trace.txt"
     lines: list[str] = []
-    recorded = observed(open_link("fake://wrist?bus=can&clock=virtual"), Tap(lines.append))
+    recorded = observed(open_link("fake://wrist?bus=can&clock=virtual"), TraceWriter(lines.append))
     assert isinstance(recorded, FrameLink)
     first = wrist_on(recorded).dump()
     file.write_text("".join(lines), encoding="utf-8")

@@ -374,7 +374,7 @@ def test_a_guard_that_was_killed_is_replaced(place: Place) -> None:
 def test_a_guard_that_has_gone_or_acted_is_seen_before_the_next_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     """One that has gone is replaced; one that has acted ends the command as by Ctrl-C."""
     states, started, told = ["lives", "gone", "lives", "acts"], list[child.Job](), list[str]()
-    monkeypatch.setattr(child, "started", lambda job: started.append(job) or child.Heir(1, -1, -1))
+    monkeypatch.setattr(child, "started", lambda job: started.append(job) or child.WatchdogChild(1, -1, -1))
     monkeypatch.setattr(child, "state", lambda _heir: states.pop(0))
     monkeypatch.setattr(child, "ended", lambda _heir: None)
     monkeypatch.setattr(child, "finished", lambda _heir, _seconds: None)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from handctl.errors import HandctlError, LinkError, UsageError
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, open_link
 from handctl.link.fake import split_url
-from handctl.link.transcript import Entry, Tap, observed, parse
+from handctl.link.transcript import Entry, TraceWriter, observed, parse
 from tests.support.cli import PATIENCE, run
 from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink, hand_on, hexed, unhex
@@ -83,7 +83,7 @@ def test_a_tap_writes_what_passes() -> None:
     lines: list[str] = []
     link = ScriptedLink(lambda request: [(0.00412, unhex(ID_IS_1))], baud=115200)
     link.sleep(100.0)
-    tapped = observed(link, Tap(lines.append))
+    tapped = observed(link, TraceWriter(lines.append))
     tapped.write(unhex(READ_ID), tapped.deadline(1.0))
     assert tapped.read(tapped.deadline(1.0)) == unhex(ID_IS_1)
     assert tapped.read(tapped.deadline(0.5)) == b""
@@ -100,7 +100,7 @@ def test_a_tap_writes_what_passes() -> None:
 
 def test_a_tap_records_before_the_link_fails() -> None:
     lines: list[str] = []
-    tapped = observed(open_link("fake://exo?clock=virtual&fault=disconnect"), Tap(lines.append))
+    tapped = observed(open_link("fake://exo?clock=virtual&fault=disconnect"), TraceWriter(lines.append))
     with pytest.raises(LinkError):
         tapped.write(unhex(READ_ID), tapped.deadline(1.0))
         for _ in range(3):
@@ -111,20 +111,20 @@ def test_a_tap_records_before_the_link_fails() -> None:
 
 def test_a_tap_notes_a_power_cycle_and_passes_on_what_the_link_is() -> None:
     lines: list[str] = []
-    link = observed(open_link("fake://exo?clock=virtual", baud=57600), Tap(lines.append))
+    link = observed(open_link("fake://exo?clock=virtual", baud=57600), TraceWriter(lines.append))
     assert (link.fake, link.baud, link.can_set_baud, link.replayed) == (True, 57600, True, False)
     assert link.power_cycle() is True
     assert lines == ["0.000000 ! power-cycle\n"]
     link.sleep(1.5)
     assert link.now() == 1.5
-    assert observed(ScriptedLink(), Tap(lines.append)).power_cycle() is False
+    assert observed(ScriptedLink(), TraceWriter(lines.append)).power_cycle() is False
     assert len(lines) == 1
     link.close()
 
 
 def test_times_go_on_over_a_second_opening() -> None:
     lines: list[str] = []
-    tap = Tap(lines.append)
+    tap = TraceWriter(lines.append)
     link = ScriptedLink()
     observed(link, tap).event("first")
     link.sleep(2.0)
@@ -136,7 +136,7 @@ def test_times_go_on_over_a_second_opening() -> None:
 @given(st.lists(st.tuples(st.sampled_from("><"), st.binary(min_size=1, max_size=40)), max_size=20))
 def test_what_a_tap_writes_is_what_parse_reads(passed: list[tuple[str, bytes]]) -> None:
     lines: list[str] = []
-    tap = Tap(lines.append)
+    tap = TraceWriter(lines.append)
     observed(ScriptedLink(), tap)
     for number, (mark, data) in enumerate(passed):
         tap.passed(number / 1000, mark, data, None)
@@ -155,7 +155,7 @@ def transcript(folder: Path, *lines: str) -> str:
 
 def test_a_recording_gives_the_same_rows(tmp_path: Path) -> None:
     lines: list[str] = []
-    live = hand_on(observed(open_link("fake://exo?clock=virtual&fault=faults"), Tap(lines.append))).dump()
+    live = hand_on(observed(open_link("fake://exo?clock=virtual&fault=faults"), TraceWriter(lines.append))).dump()
     again = hand_on(open_link(transcript(tmp_path, *lines))).dump()
     assert again.rows == live.rows
     assert len(live.rows) == 42
@@ -164,7 +164,7 @@ def test_a_recording_gives_the_same_rows(tmp_path: Path) -> None:
 @pytest.mark.parametrize("fault", ["echo", "noise", "dribble", "stale", "duplicate", "block-silent"])
 def test_a_recording_of_a_bad_line_gives_the_same_rows(tmp_path: Path, fault: str) -> None:
     lines: list[str] = []
-    live = hand_on(observed(open_link(f"fake://exo?clock=virtual&fault={fault}"), Tap(lines.append))).dump()
+    live = hand_on(observed(open_link(f"fake://exo?clock=virtual&fault={fault}"), TraceWriter(lines.append))).dump()
     again = hand_on(open_link(transcript(tmp_path, *lines))).dump()
     assert again.rows == live.rows
 
@@ -423,7 +423,7 @@ def test_a_link_that_is_only_slow_to_take_data_is_not_lost() -> None:
         def write(self, data: bytes, deadline: Deadline) -> None:
             raise LinkError("takes no data", code="write-timeout")
 
-    tapped = observed(Stuck(), Tap(lines.append))
+    tapped = observed(Stuck(), TraceWriter(lines.append))
     with pytest.raises(LinkError):
         tapped.write(b"\x01", tapped.deadline(1.0))  # type: ignore[attr-defined]
     assert [line.split()[1:] for line in lines] == [[">", "01"]]  # the line is recorded, no event
@@ -450,7 +450,7 @@ class Torn(ScriptedLink):
 def test_what_was_being_sent_when_the_line_was_lost_stands_in_the_transcript() -> None:
     """It may have reached the device: whoever reads the transcript must see it, at the time when it was sent."""
     lines: list[str] = []
-    link = observed(Torn(), Tap(lines.append))
+    link = observed(Torn(), TraceWriter(lines.append))
     assert isinstance(link, ByteLink)
     with pytest.raises(LinkError):
         link.write(b"\x01\x02", link.deadline(1.0))
@@ -476,7 +476,7 @@ class Bus(FrameLink):
 
 def test_a_tapped_bus_tells_its_error_frames_and_what_was_being_sent() -> None:
     lines: list[str] = []
-    link = observed(Bus(), Tap(lines.append))
+    link = observed(Bus(), TraceWriter(lines.append))
     assert isinstance(link, FrameLink)
     assert link.receive(link.deadline(0.0)) is None
     assert link.error_frames == 1

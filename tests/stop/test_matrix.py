@@ -20,7 +20,7 @@ from unittest import mock
 
 import pytest
 
-from handctl.command.console import TerminalPrompts
+from handctl.command.terminal_prompts import TerminalPrompts
 from handctl.devices.inspire import eb90
 from handctl.errors import OutputError
 from handctl.families import FAMILIES

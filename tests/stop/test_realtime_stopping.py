@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from handctl.command.console import TerminalPrompts
+from handctl.command.terminal_prompts import TerminalPrompts
 from handctl.screen import render
 from handctl.sim.engine.line import Line
 from tests.barrett.commands import fake

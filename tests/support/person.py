@@ -17,7 +17,7 @@ from typing import Any
 from unittest import mock
 
 from handctl import cli, interrupts
-from handctl.command import console
+from handctl.command import terminal_prompts
 from handctl.link import fake
 from tests.support.cli import clean_environment
 from tests.support.screen import ANSI, FakeTerminal, Screen
@@ -89,7 +89,7 @@ def person(
         for name, stream in (("stdout", window), ("stderr", window), ("stdin", _Keyboard(window, answers))):
             stack.enter_context(mock.patch.object(sys, name, stream))
         stack.enter_context(mock.patch.dict(os.environ, clean_environment({**size, **(env or {})}), clear=True))
-        stack.enter_context(mock.patch.object(console, "_columns", lambda: columns))
+        stack.enter_context(mock.patch.object(terminal_prompts, "_columns", lambda: columns))
         try:
             code = cli.main([str(arg) for arg in args])
         finally:

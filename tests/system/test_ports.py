@@ -51,10 +51,8 @@ def test_a_port_of_windows_is_listed_with_what_it_is() -> None:
 
 
 def test_the_two_names_of_a_port_of_macos_are_one_place() -> None:
-    assert (
-        ports.one_of_two("/dev/tty.usbserial-A1") == ports.one_of_two("/dev/cu.usbserial-A1") == "/dev/cu.usbserial-A1"
-    )
-    assert ports.one_of_two("/dev/ttyUSB0") == "/dev/ttyUSB0"
+    assert ports.cu_name("/dev/tty.usbserial-A1") == ports.cu_name("/dev/cu.usbserial-A1") == "/dev/cu.usbserial-A1"
+    assert ports.cu_name("/dev/ttyUSB0") == "/dev/ttyUSB0"
 
 
 @pytest.mark.real

@@ -185,13 +185,13 @@ class Child:
         self._job: child.Job | None = None
         self._told = -1
 
-    def started(self, job: child.Job) -> child.Heir:
+    def started(self, job: child.Job) -> child.WatchdogChild:
         self._job = job
         self._told, pipe = os.pipe()
         os.set_blocking(self._told, False)
-        return child.Heir(1, pipe, -1)
+        return child.WatchdogChild(1, pipe, -1)
 
-    def ended(self, heir: child.Heir) -> None:
+    def ended(self, heir: child.WatchdogChild) -> None:
         os.close(heir.pipe)
         os.close(self._told)
         self._job = None

@@ -202,7 +202,7 @@ class Group(Described, click.Group):
 class Root(Group):
     """The root: lists its commands from `families` and imports the module of the one that is used.
 
-    in_lines  further commands of a line that is one of several (`command.command_lines`)
+    in_lines  further commands of a line that is one of several (`command.batch_and_shell`)
     """
 
     in_lines: dict[str, click.Command] = {}  # noqa: RUF012 - there is one root
@@ -302,7 +302,7 @@ def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = l
     except (click.Abort, KeyboardInterrupt):
         error = Interrupted("interrupted")
     except NoCommand as exc:
-        from handctl.command.console import print_stderr
+        from handctl.command.terminal_prompts import print_stderr
 
         print_stderr(exc.format_message())
         return exc.exit_code
@@ -324,8 +324,8 @@ def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = l
             code="internal",
         )
         error.__cause__ = exc
-    from handctl.command.console import print_message, print_stderr
     from handctl.command.envelope import in_file, late_envelope
+    from handctl.command.terminal_prompts import print_message, print_stderr
 
     if debug or in_file("debug"):
         import traceback

@@ -17,7 +17,6 @@ import click
 
 from handctl.command import get_set_watch
 from handctl.command.command_tree import Group
-from handctl.command.console import is_terminal
 from handctl.command.help_text import columns
 from handctl.command.options import (
     ALWAYS,
@@ -37,6 +36,7 @@ from handctl.command.options import (
     watch_options,
 )
 from handctl.command.run import Act, Run
+from handctl.command.terminal_prompts import is_terminal
 from handctl.families import COMMANDS
 from handctl.model.param import COMMAND, ParamMap
 from handctl.model.result import Table

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl import __version__
-from handctl.command.console import print_message
+from handctl.command.terminal_prompts import print_message
 from handctl.errors import HandctlError, Hint, Interrupted, OutputError, UsageError, joined
 from handctl.model.result import SCHEMA, Journal, Message, Table
 from handctl.screen.sanitize import utf8_stdout
@@ -233,9 +233,9 @@ def interrupted(run: Invocation) -> HandctlError:
     stop = run.journal.still_moving()
     if stop is None:
         return Interrupted("interrupted")
-    from handctl.model.stop_sequence import stop_undisturbed
+    from handctl.model.stop_sequence import stop_without_interrupts
 
-    return stop_undisturbed(stop, run.prompts)
+    return stop_without_interrupts(stop, run.prompts)
 
 
 def with_cause(run: Invocation, error: HandctlError) -> HandctlError:

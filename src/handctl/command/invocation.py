@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from handctl.command.console import TerminalPrompts, print_message
 from handctl.command.family import Family, in_words, load, on_can, refuse_missing, refuse_serial, wire_in
 from handctl.command.options import (
     COMMAND_LINE,
@@ -22,6 +21,7 @@ from handctl.command.options import (
     said,
     words_of,
 )
+from handctl.command.terminal_prompts import TerminalPrompts, print_message
 from handctl.errors import Hint, OutputError, UsageError
 from handctl.files import why_unwritable
 from handctl.model.result import Journal, Message

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from handctl.command.connection import Connection, Session
-from handctl.command.console import print_writes
 from handctl.command.envelope import (
     Outcome,
     device_row,
@@ -29,6 +28,7 @@ from handctl.command.envelope import (
 from handctl.command.family import Family, implied
 from handctl.command.invocation import Invocation, check_before, shown_steps, tell_unasked, told, unsent
 from handctl.command.options import FACTS
+from handctl.command.terminal_prompts import print_writes
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
 from handctl.interrupts import device_done, end_on_signals, finish_on_signals, output_abandoned
 from handctl.model.result import Column, Journal, LineQuality, Table

@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from handctl.command import snapshots
-from handctl.command.command_lines import Line, line
+from handctl.command.batch_and_shell import Line, line
 from handctl.command.library_call import Call
 from handctl.command.options import OutFile
 from handctl.command.run import Act, Run

@@ -37,7 +37,7 @@ from typing import NamedTuple
 from handctl.errors import LinkError
 from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, RawAccess, nothing
 from handctl.system import child, clock, descriptors
-from handctl.system.child import Heir, Job
+from handctl.system.child import Job, WatchdogChild
 
 BOUND_SECONDS = 3.0
 """How long the child may take once it acts: a link that takes no bytes keeps it, and the lock, no longer."""
@@ -85,7 +85,7 @@ class Guard:
         self, outlet: RawAccess | None, stop: Stop, warn: Warn, held: Sequence[int] = (), beat: float = 0.0
     ) -> None:
         self._outlet, self._stop, self._warn, self._held, self._beat = outlet, stop, warn, tuple(held), beat
-        self._heir: Heir | None = None
+        self._heir: WatchdogChild | None = None
         self._owed = b""
         self._first: Sequence[EarlyWrite] = ()
         self._told = 0.0

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from handctl.errors import LinkError
 from handctl.link.base import Link
-from handctl.system.ports import IN_SYS, asked_holders, held_by_name, name_of
+from handctl.system.ports import IN_SYS, held_by_name, holders_by_lsof, name_of
 from handctl.system.processes import is_ours
 
 ROOT = Path("/")
@@ -55,7 +55,7 @@ def holders(device: str, root: Path = ROOT) -> list[Process]:
 
     Who holds the master of a pseudo terminal is its device, and not one of two that ask it.
     """
-    if root == ROOT and (asked := asked_holders(device)):
+    if root == ROOT and (asked := holders_by_lsof(device)):
         return [Process(pid, name) for pid, name in asked]
     target = device if root != ROOT else os.path.realpath(device)
     number = target.removeprefix("/dev/pts/") if target.startswith("/dev/pts/") else ""

@@ -56,7 +56,7 @@ def parse(lines: Iterable[str], source: str = "transcript") -> list[Entry]:
 def parse_line(line: str, number: int) -> Entry:
     """One line that is neither empty nor a comment. Raises ValueError."""
     parts = line.split(" ", 2)
-    if len(parts) == 3 and parts[1] in (">", "<"):  # as `Tap` writes it; a recording has millions
+    if len(parts) == 3 and parts[1] in (">", "<"):  # as `TraceWriter` writes it; a recording has millions
         text = parts[2]
         try:
             moment, data = float(parts[0]), bytes.fromhex(text)
@@ -203,7 +203,7 @@ def _whole(link: Link) -> AbstractContextManager[None]:
     return handing_over(outlet.descriptor if outlet is not None else -1)
 
 
-class Tap:
+class TraceWriter:
     """Writes every byte that passes to `write` (one line, with newline), time counted from the first opening."""
 
     def __init__(self, write: Callable[[str], None]) -> None:
@@ -236,7 +236,7 @@ READER_SECONDS = 0.3
 """How long a line waits for who reads along. No longer: a motor may turn meanwhile."""
 
 
-class TraceFile(Tap):
+class TraceFile(TraceWriter):
     """A transcript that is being written. `failure`: why it ended early; the traffic itself goes on."""
 
     def __init__(self, path: str | None, header: str, verbose: bool) -> None:

@@ -35,7 +35,7 @@ class Value(NamedTuple):
 T = TypeVar("T")
 
 
-class Later(Sequence[T], Generic[T]):
+class LazySequence(Sequence[T], Generic[T]):
     """The result of `make`, created on first use: a long recording is mostly shown without values and parts."""
 
     def __init__(self, make: Callable[[], Iterable[T]]) -> None:
@@ -61,7 +61,7 @@ class Later(Sequence[T], Generic[T]):
         return self._all()[index]
 
     def __eq__(self, other: object) -> bool:
-        return self._all() == (other._all() if isinstance(other, Later) else other)
+        return self._all() == (other._all() if isinstance(other, LazySequence) else other)
 
     def __hash__(self) -> int:
         return hash(self._all())

@@ -1,6 +1,6 @@
 """How a procedure talks to the person at the device: lines, progress, questions. The base class is silent, for tests and scripts.
 
-Procedures get one and never print; those of a terminal are in `command.console`.
+Procedures get one and never print; those of a terminal are in `command.terminal_prompts`.
 """
 
 from __future__ import annotations

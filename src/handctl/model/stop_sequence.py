@@ -107,7 +107,7 @@ StopSequence = Generator[StopStep, Pieces, Stopped]
 
 NOT_STOPPED = "not-stopped"
 """Code of the error of a command that was interrupted, and whose stop was not acknowledged."""
-BEAT = 0.5
+HEARTBEAT_TIMEOUT = 0.5
 """Seconds for which a command may hang that drives what does not end by itself, such as currents."""
 TOO_LATE = "the deadline passed before handctl could confirm that the device has stopped"
 QUIET = Step("listen", b"")
@@ -366,10 +366,10 @@ def stopped_by_ctrl_c(stop: Callable[[], Stopped], prompts: Prompts, what: str =
     try:
         yield
     except KeyboardInterrupt as exc:
-        raise stop_undisturbed(stop, prompts, what) from exc
+        raise stop_without_interrupts(stop, prompts, what) from exc
 
 
-def stop_undisturbed(stop: Callable[[], Stopped], prompts: Prompts, what: str = "") -> HandctlError:
+def stop_without_interrupts(stop: Callable[[], Stopped], prompts: Prompts, what: str = "") -> HandctlError:
     """Stop the movement without being interrupted; returns the error that ends the command."""
     with prompts.without_interrupts():
         prompts.done()

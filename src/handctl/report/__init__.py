@@ -36,7 +36,7 @@ from handctl.errors import (
 from handctl.families import FAMILIES
 from handctl.files import atomic_write, writing
 from handctl.link.base import path_in
-from handctl.link.transcript import Tap, observed, parse
+from handctl.link.transcript import TraceWriter, observed, parse
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Explainer
 from handctl.model.outline import outline_of
 from handctl.model.param import ParamMap
@@ -260,7 +260,10 @@ def report(run: Run, params: ParamMap[Any], path: str, wishes: RequestedOptions)
     visit = Visit(run, params, wishes)
     run.in_use = True
     assert run.family is not None
-    opening, tap = run.family.open, Tap(visit.record)  # a tap of ours, whether or not --trace has one of its own
+    opening, tap = (
+        run.family.open,
+        TraceWriter(visit.record),
+    )  # a tap of ours, whether or not --trace has one of its own
     run.family = run.family._replace(
         open=lambda link, settings, journal: opening(observed(link, tap), settings, journal)
     )

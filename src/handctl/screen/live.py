@@ -701,7 +701,7 @@ def part_name(series: Series) -> str:
     return f"{series.part} {series.element}".strip()
 
 
-class Tape:
+class LiveRecorder:
     """What the key r records: a CSV file, a row a sample, that did not exist before."""
 
     def __init__(self, view: View, kind: str) -> None:
@@ -753,7 +753,7 @@ class Tape:
 def watched(view: View, samples: Generator[Sample, None, None], context: Context) -> Generator[Sample, None, None]:
     """The samples, drawn as they pass on a screen of their own, which is given back at the end."""
     console = console_on(sys.stdout, context.settings.color)
-    tape = Tape(view, context.command.split()[0])
+    tape = LiveRecorder(view, context.command.split()[0])
     drawn, quit_, busy = 0.0, False, False
     live = Live(
         view, console=console, auto_refresh=False, screen=True, redirect_stderr=False, redirect_stdout=False

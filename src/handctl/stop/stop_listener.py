@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from handctl.command.console import is_terminal
+from handctl.command.terminal_prompts import is_terminal
 from handctl.system import clock, local_socket, signals, terminal
 
 STOP_SECONDS = 9.0

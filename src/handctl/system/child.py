@@ -52,7 +52,7 @@ def _heard(last: bytes, data: bytes) -> tuple[bytes, bytes]:
     return last, data
 
 
-class Heir(NamedTuple):
+class WatchdogChild(NamedTuple):
     """A child as its parent knows it: its number (on Windows its handle), the pipe to it, and the one back."""
 
     pid: int
@@ -100,7 +100,7 @@ if sys.platform == "win32":
     BY_PATH = "import sys; sys.path[:] = sys.argv[1:]; from handctl.system.child import live; live()"
     PIPE_NOWAIT = 1
 
-    def started(job: Job) -> Heir:
+    def started(job: Job) -> WatchdogChild:
         """A child that is ready. Once this process is dead it acts. To be called `unsignalled`. Raises OSError, NotAlive."""
         import pickle
 
@@ -117,7 +117,7 @@ if sys.platform == "win32":
         finally:
             os.close(orders)
             os.close(told)
-        heir = Heir(process, pipe, back)
+        heir = WatchdogChild(process, pipe, back)
         with suppress(OSError):
             os.write(pipe, task)
             end = clock.now() + START_SECONDS
@@ -159,7 +159,7 @@ if sys.platform == "win32":
         _winapi.CloseHandle(thread)
         return process
 
-    def ended(heir: Heir) -> None:
+    def ended(heir: WatchdogChild) -> None:
         """Kill first, close then: a closed pipe is the order to act."""
         with suppress(OSError):
             _winapi.TerminateProcess(heir.pid, 0)
@@ -168,7 +168,7 @@ if sys.platform == "win32":
         os.close(heir.pipe)
         os.close(heir.back)
 
-    def state(heir: Heir) -> str:
+    def state(heir: WatchdogChild) -> str:
         """``lives``, ``acts`` where it took this process for dead, or ``gone``."""
         try:
             waiting = _winapi.PeekNamedPipe(msvcrt.get_osfhandle(heir.back))[0]
@@ -176,7 +176,7 @@ if sys.platform == "win32":
             return "gone"
         return "acts" if waiting else "lives"
 
-    def finished(heir: Heir, seconds: float) -> None:
+    def finished(heir: WatchdogChild, seconds: float) -> None:
         """Wait until a child that acts has done so."""
         _winapi.WaitForSingleObject(heir.pid, round(seconds * 1000))
 
@@ -230,7 +230,7 @@ else:
     import select
     import signal
 
-    def started(job: Job) -> Heir:
+    def started(job: Job) -> WatchdogChild:
         """A child that is ready. Once this process is dead it acts. To be called `unsignalled`. Raises OSError, NotAlive."""
         ends: list[int] = []
         try:
@@ -244,7 +244,7 @@ else:
         orders, pipe, back, told = ends
         if pid == 0:
             _live(job, orders, told, parent)
-        heir = Heir(pid, pipe, back)
+        heir = WatchdogChild(pid, pipe, back)
         os.set_blocking(pipe, False)
         os.close(orders)
         os.close(told)
@@ -254,7 +254,7 @@ else:
         os.set_blocking(back, False)
         return heir
 
-    def ended(heir: Heir) -> None:
+    def ended(heir: WatchdogChild) -> None:
         """Kill first, close then: a closed pipe is the order to act."""
         with suppress(ProcessLookupError):
             os.kill(heir.pid, 9)
@@ -263,7 +263,7 @@ else:
         os.close(heir.pipe)
         os.close(heir.back)
 
-    def state(heir: Heir) -> str:
+    def state(heir: WatchdogChild) -> str:
         """``lives``, ``acts`` where it took this process for dead, or ``gone``."""
         try:
             told = os.read(heir.back, 1)
@@ -271,7 +271,7 @@ else:
             return "lives"
         return "acts" if told == ACTS else "gone"
 
-    def finished(heir: Heir, seconds: float) -> None:
+    def finished(heir: WatchdogChild, seconds: float) -> None:
         """Wait until a child that acts has done so."""
         select.select([heir.back], [], [], seconds)
 

@@ -27,7 +27,7 @@ def place(path: str) -> str:
     except OSError:
         return os.path.realpath(path)  # opening it will say what is wrong
     if stat.S_ISCHR(found.st_mode) and sys.platform == "darwin":
-        return one_of_two(os.path.realpath(path))  # cu and tty of one port have numbers of their own
+        return cu_name(os.path.realpath(path))  # cu and tty of one port have numbers of their own
     if stat.S_ISCHR(found.st_mode):
         return f"tty {os.major(found.st_rdev)}:{os.minor(found.st_rdev)}"
     return os.path.realpath(path)
@@ -40,7 +40,7 @@ def foreign_name(path: str) -> bool:
     return path[:3].upper() == "COM" and path[3:].isdigit()
 
 
-def one_of_two(path: str) -> str:
+def cu_name(path: str) -> str:
     """One name for the two of a port on macOS: /dev/cu.x for /dev/tty.x too."""
     return path.replace("/dev/tty.", "/dev/cu.", 1)
 
@@ -121,7 +121,7 @@ def held_by_name(path: str) -> bool:
 NAMED = ("/dev/tty", "/dev/rfcomm", "/dev/pts/", "/dev/hidraw")
 
 
-def asked_holders(path: str) -> list[tuple[int, str]]:
+def holders_by_lsof(path: str) -> list[tuple[int, str]]:
     """The processes that have a port open, on a system without /proc (macOS); [] elsewhere."""
     return of_lsof(path) if sys.platform == "darwin" else []
 
@@ -130,7 +130,7 @@ def of_lsof(path: str) -> list[tuple[int, str]]:
     """The same from the output of `lsof`, for both names of the port."""
     import subprocess
 
-    cu = one_of_two(path)
+    cu = cu_name(path)
     names = [name for name in (cu, cu.replace("/dev/cu.", "/dev/tty.", 1)) if os.path.exists(name)]
     try:
         told = subprocess.run(

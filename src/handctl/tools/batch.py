@@ -24,6 +24,6 @@ def cli(run: Run, file: str, keep_going: bool) -> Table | None:
     apply to every line that does not set its own. handctl checks all lines before it sends anything. If some lines
     need confirmation, it lists them and asks once. The exit code is that of the first line that failed.
     """
-    from handctl.command.command_lines import batch
+    from handctl.command.batch_and_shell import batch
 
     return batch(run, file, keep_going=keep_going)

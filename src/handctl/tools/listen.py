@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from handctl.command.console import is_terminal
+from handctl.command.terminal_prompts import is_terminal
 from handctl.errors import NoAnswer, UsageError
 from handctl.link.base import FrameLink
 from handctl.link.transcript import Entry

@@ -35,7 +35,7 @@ from handctl.errors import Hint, Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES, SCANNED
 from handctl.link import ByteLink, Deadline, Link, is_can, open_link
 from handctl.link.lock import Lock, hold
-from handctl.link.transcript import Tap, TraceFile, observed
+from handctl.link.transcript import TraceFile, TraceWriter, observed
 from handctl.model.result import Journal, Table
 from handctl.system import clock
 from handctl.tools.port_inventory import Machine
@@ -166,7 +166,7 @@ class Scan:
     _families: Sequence[str]
     _ids: str | None
     _all: bool
-    _tap: Tap | None
+    _tap: TraceWriter | None
     _left: float | None
 
     def look(self, name: str) -> Search:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 import click
 
 from handctl.command import snapshots
-from handctl.command.command_lines import line
+from handctl.command.batch_and_shell import line
 from handctl.command.family import map_of
 from handctl.command.library_call import Call
 from handctl.command.run import Run
@@ -32,7 +32,7 @@ from handctl.errors import (
 )
 from handctl.families import SCANNED
 from handctl.files import PAGE_DATA, in_page, read_text
-from handctl.link.transcript import Tap, observed
+from handctl.link.transcript import TraceWriter, observed
 from handctl.model.checks import FAIL, OK, SKIPPED, TONES, WARNING, Check, table_of
 from handctl.model.checks import view as checks_view
 from handctl.model.param import ParamMap
@@ -124,7 +124,7 @@ class Service:
         self.more: dict[str, Any] = {}
         self.followed: list[Row] = []
         self.lines: list[str] = []
-        self.tap = Tap(lambda text: self.lines.append(text.rstrip("\n")))
+        self.tap = TraceWriter(lambda text: self.lines.append(text.rstrip("\n")))
         self.hints: dict[str, str] = {}
         """Step -> its own most urgent next step."""
         self.reached = False

@@ -18,6 +18,6 @@ def cli(run: Run, family: str | None) -> None:
     quantities, and the history is kept. `sleep S` waits S seconds. If the port was lost, the next line opens it again. Ctrl-C stops a movement,
     Ctrl-D ends the shell.
     """
-    from handctl.command.command_lines import shell
+    from handctl.command.batch_and_shell import shell
 
     shell(run, family or "")

@@ -11,9 +11,9 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from handctl.command.console import is_terminal
 from handctl.command.family import load, on_can
 from handctl.command.run import Act
+from handctl.command.terminal_prompts import is_terminal
 from handctl.errors import (
     DeviceRefused,
     HandctlError,

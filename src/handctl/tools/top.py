@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import click
 
-from handctl.command.command_lines import line
+from handctl.command.batch_and_shell import line
 from handctl.command.command_tree import Command
 from handctl.command.config import read_config
 from handctl.command.get_set_watch import bounds_of

@@ -2,7 +2,7 @@
 
 from tests.mistakes.table import mistake
 
-BATCH = "handctl.command.command_lines"
+BATCH = "handctl.command.batch_and_shell"
 SESSION = "handctl.command.connection"
 
 ROWS = (

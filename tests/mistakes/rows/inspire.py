@@ -460,7 +460,7 @@ ROWS = (
         "id-for-two-devices",
         "identity left out",
         "handctl.devices.inspire.identity",
-        "refuse_twins",
+        "refuse_duplicate_id",
         'if seen.verdict == "two":',
         'if seen.verdict == "both":',
         "tests/inspire/test_twins.py::test_nothing_that_strands_reaches_two_devices_with_one_id",

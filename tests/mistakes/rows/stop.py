@@ -122,8 +122,8 @@ ROWS = (
         "deadline ignored",
         "handctl.devices.barrett.realtime.session",
         "Session.tell_dead_man",
-        "beat = max(BEAT, 3 * self.cycle, 2 * self.patience)",
-        "beat = BEAT",
+        "beat = max(HEARTBEAT_TIMEOUT, 3 * self.cycle, 2 * self.patience)",
+        "beat = HEARTBEAT_TIMEOUT",
         "tests/stop/test_pulse.py::test_a_loop",
     ),
     mistake(

@@ -23,7 +23,7 @@ from handctl.model.device import Gate, limits_of
 from handctl.model.param import Step
 from handctl.model.result import Journal
 from handctl.model.settings import Settings
-from handctl.model.stop_sequence import BEAT
+from handctl.model.stop_sequence import HEARTBEAT_TIMEOUT
 
 PORT = 8000
 RECOMMENDED = 700
@@ -231,7 +231,7 @@ def currents(run: Run, values: tuple[str, ...], cap: float, duration: float, ram
         raise UsageError(
             "all currents are 0, so there is nothing to do", hint=Hint("to switch the motors off, use {}", "aidin stop")
         )
-    beat = 0.0 if may_suspend else BEAT
+    beat = 0.0 if may_suspend else HEARTBEAT_TIMEOUT
     return Act(
         lambda: [first, *motion.plan(run.device, goal, exchange_settings_of(run.settings).end), last],
         lambda hand: motion.currents(

@@ -30,7 +30,7 @@ Wire = tuple[int, ...] | tuple[float, ...]
 ALL = tuple(param.key for param in FEEDBACK)
 
 
-class Quality:
+class KeyErrors:
     """How good each key is over a whole connection, counted into `keys`: key -> bad, missing, skipped.
 
     bad      it was there and had not the form that the manual says
@@ -54,8 +54,8 @@ class Quality:
 class Feedback:
     """The newest value of every key, or why it was refused; how often it came, and how often running it was refused."""
 
-    def __init__(self, quality: Quality | None = None) -> None:
-        self.quality = quality or Quality()
+    def __init__(self, quality: KeyErrors | None = None) -> None:
+        self.quality = quality or KeyErrors()
         self.good: dict[str, int] = {}
         self.wrong: dict[str, int] = {}
         self.values: dict[str, Wire] = {}
@@ -182,7 +182,7 @@ class Conversation(Line):
         self.came = Moment(0.0, 0.0)
         """Within which time the last bytes came."""
         self._drained = False
-        self.quality = Quality()
+        self.quality = KeyErrors()
         journal.counters.keys = self.quality.keys
         self.feedback = Feedback(self.quality)
         self._shown: tuple[str, ...] = ()  # the keys of which `feedback` was shown

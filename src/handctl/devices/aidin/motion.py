@@ -48,7 +48,7 @@ from handctl.model.movement import (
 from handctl.model.param import Number, Step, elements_of, given
 from handctl.model.prompts import CTRL_C, InterruptCount, Prompts
 from handctl.model.result import Row, Table
-from handctl.model.stop_sequence import BEAT, Stopped
+from handctl.model.stop_sequence import HEARTBEAT_TIMEOUT, Stopped
 
 SLACK = 0.01
 """Share of a range by which a measured value that is kept may be outside: it is held at the limit then."""
@@ -454,7 +454,7 @@ def currents(
     seconds: float,
     cap: float,
     ramp_down: bool = False,
-    beat: float = BEAT,
+    beat: float = HEARTBEAT_TIMEOUT,
 ) -> Table:
     """Mode 41: maxtorque 1000 first, a ramp from 0, held for `seconds`, back to 0, stop; rows have `target` and `reached`.
 

@@ -55,7 +55,7 @@ from handctl.devices.barrett.realtime.blocks import (
     Selection,
 )
 from handctl.errors import HandctlError
-from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Later, Part, Value, stray
+from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, LazySequence, Part, Value, stray
 from handctl.model.param import Number
 from handctl.model.write_ledger import Frame
 from handctl.wording import plural
@@ -164,7 +164,7 @@ def _gotten(prefix: str, kind: Command, words: list[str], found: Answer) -> tupl
         shown_numbers = _texts(param, tuple(numbers)) if param is not None else " ".join(map(str, numbers))
         texts.append(f"{param.name if param is not None else _name(word)} {shown_numbers}")
     motor_text = f" ({' '.join(who)})" if kind.name == "FGET" else ""
-    return f"{', '.join(texts)}{motor_text}" if texts else "", Later(lambda: _carried(table, who)), ""
+    return f"{', '.join(texts)}{motor_text}" if texts else "", LazySequence(lambda: _carried(table, who)), ""
 
 
 def _carried(table: Sequence[tuple[str, list[int]]], who: Sequence[str]) -> Iterator[Value]:
@@ -811,7 +811,7 @@ class BarrettExplainer:
         fields = {"command": asked.command, "status": answer.status}
         return _piece(
             DEVICE, raw, meaning, problem=problem, answers=asked.key, fields=fields, values=values,
-            title=f"reply to {asked.command}", parts=Later(lambda: line_parts(raw)),
+            title=f"reply to {asked.command}", parts=LazySequence(lambda: line_parts(raw)),
         )  # fmt: skip
 
     def _entered(self, came: bytes, asked: Asked, place: int) -> list[ExplainedBytes]:

@@ -69,7 +69,7 @@ class Attempt:
     foreign: Frame | None = None
     empty: Frame | None = None
 
-    def mishap(self) -> tuple[str, str]:
+    def bad_reply(self) -> tuple[str, str]:
         """(code, text) of why there is no answer; the codes are keys of HINTS."""
         name, msg_id = name_of(self.request[0]), key_of(self.request)[1]
         if self.broken is not None:
@@ -229,7 +229,7 @@ class DataPort(Line):
         if self.gate is not None and not self._met:
             self.gate.check(self.link, self.journal, lambda: self.read(Command.GET_TIME))
 
-    def find_mode(self) -> str:
+    def detect_length_mode(self) -> str:
         """Try GetTime, a read, with every length convention until one is answered; the port keeps that one.
 
         The manual does not say what the length byte counts (ekso §6). Raises NoAnswer, ProtocolError of the first attempt when
@@ -419,7 +419,7 @@ class DataPort(Line):
         if not came and attempt.foreign is None:
             request = f"{name_of(attempt.request[0])} ({sent})"
             return self.unanswered(request, self.timeout, self.sent_at, HINTS["silence"])
-        code, text = attempt.mishap()
+        code, text = attempt.bad_reply()
         self._differs = differences(attempt.request, came)
         if len(self._differs) == 1 and self._differs[0].endswith(BODY_BYTES):
             code, text = (

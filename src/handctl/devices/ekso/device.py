@@ -153,7 +153,7 @@ class Ekso(Device):
         """The line; with `--length-mode auto` its convention is looked for at first use."""
         if self._find_length:
             self._find_length = False
-            mode = self._port.find_mode()
+            mode = self._port.detect_length_mode()
             self.journal.info("length-mode", f"{self.link.name}: the device accepts requests with --length-mode {mode}")
         return self._port
 

@@ -28,7 +28,7 @@ from handctl.devices.ekso.frames import (
     unpack,
 )
 from handctl.devices.ekso.map import CLOCKS, EKSO, MESSAGES, Word, boot_ms, boot_text
-from handctl.model.explainer import DEVICE, HOST, Cut, Cutter, ExplainedBytes, Later, Part, Value, stray
+from handctl.model.explainer import DEVICE, HOST, Cut, Cutter, ExplainedBytes, LazySequence, Part, Value, stray
 from handctl.model.write_ledger import RequestReplyRules
 from handctl.wording import plural
 
@@ -136,7 +136,7 @@ class EksoExplainer(Cutter):
             title=problem if not frame else f"{name} {'answer' if answer else ''}".strip(),
             asks="" if answer else key, answers=key if answer else "",
             fields={"command": command, "name": name, "msg_id": msg_id, "length_mode": cut.mode},
-            parts=Later(lambda: (
+            parts=LazySequence(lambda: (
                 Part(raw[:1], "command", f"{command} {name}{', answer' if answer else ''}"),
                 Part(raw[1:2], "length", f"{len(body)} body bytes{counts}"),
                 Part(raw[2:4], "msgID", str(msg_id)), *parts, Part(raw[-2:], "CRC", f"wrong, should be {crc(raw[:-2]):04X}" if crc(raw) else "right"),
@@ -191,8 +191,8 @@ def _told(direction: str, command: int, body: bytes) -> Explained:
     boot = f", boot {boot_text(boot_ms(numbers))}" if words[-1].name == "boot_time_low" else ""
     return (
         f"{row.name}: {text}{boot}",
-        Later(lambda: [_value(word, number) for word, number in pairs]),
-        Later(
+        LazySequence(lambda: [_value(word, number) for word, number in pairs]),
+        LazySequence(
             lambda: [
                 Part(body[2 * word.word :][:2], word.name, word.shown(word.value_of(number))) for word, number in pairs
             ]

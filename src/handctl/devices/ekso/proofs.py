@@ -31,7 +31,7 @@ BENT = 30.0
 
 def prepare(device: Ekso) -> None:
     """Find the length convention first: nothing else is answered. Raises NoAnswer, ProtocolError."""
-    device.port.find_mode()
+    device.port.detect_length_mode()
 
 
 def _length(device: Ekso) -> Seen:

@@ -154,7 +154,7 @@ class CanBus(RegisterBus):
 
     def _failure(self, request: CanFrame, odd: list[CanFrame], errors: int, damaged: int, since: float) -> HandctlError:
         if odd:
-            return self.mishap(request, odd)
+            return self.bad_reply(request, odd)
         if damaged:
             text = f"{self.where}: no reply to {request}, but {said_damaged(damaged, self.link.damage)}"
             return ProtocolError(text, hint=HINTS["damaged"], code="damaged")
@@ -163,7 +163,7 @@ class CanBus(RegisterBus):
         )
         return self.silence(request, errors, self.timeout, since, hint)
 
-    def mishap(self, request: CanFrame, odd: Sequence[CanFrame]) -> ProtocolError:
+    def bad_reply(self, request: CanFrame, odd: Sequence[CanFrame]) -> ProtocolError:
         """The error for a frame with the same flag and address that is not a reply."""
         ids = [can_frames.parse_identifier(frame.can_id).hand_id for frame in odd]
         others = [

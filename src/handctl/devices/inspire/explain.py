@@ -23,7 +23,7 @@ from handctl.devices.inspire.identity import At, within
 from handctl.devices.inspire.map import EXO, FINGERS, WRIST, Register
 from handctl.devices.inspire.modbus_frames import RTU, TCP, mode_of, pdu_of
 from handctl.light import replace
-from handctl.model.explainer import DEVICE, HOST, Cut, Cutter, ExplainedBytes, Later, Part, Value, stray
+from handctl.model.explainer import DEVICE, HOST, Cut, Cutter, ExplainedBytes, LazySequence, Part, Value, stray
 from handctl.model.param import Element, ParamMap
 from handctl.model.write_ledger import Frame as Written
 from handctl.wording import plural
@@ -401,7 +401,7 @@ class InspireExplainer(Cutter):
         return ExplainedBytes(
             direction=direction, raw=raw, meaning=meaning, title=title, problem=problem, values=values,
             asks=key if direction == HOST else "", answers=key if direction == DEVICE else "",
-            fields=fields, parts=Later(lambda: self._parts(raw)),
+            fields=fields, parts=LazySequence(lambda: self._parts(raw)),
         )  # fmt: skip
 
     # -- registers, whichever wire ------------------------------------------------------------------------------------
@@ -431,7 +431,7 @@ class InspireExplainer(Cutter):
         return ExplainedBytes(
             direction=direction, raw=raw, meaning=meaning,
             problem="bad-checksum", frame=False, title="bad-checksum", fields={"checksum": f"{raw[-1]:02X}",
-            "expected": f"{right:02X}"}, parts=Later(lambda: self._parts(raw)),
+            "expected": f"{right:02X}"}, parts=LazySequence(lambda: self._parts(raw)),
         )  # fmt: skip
 
     def _explain(self, frame: Frame) -> tuple[str, str, str, str, Sequence[Value]]:
@@ -538,7 +538,7 @@ class InspireExplainer(Cutter):
         if len(data) == 8 and frame.flag == WRIST_WRITE:
             text += " (an exoskeleton hand takes it for a force command)"
         at = address * self.per
-        return f"{'write ' if writes else ''}{text}, {where}", Later(lambda: span_values(space, at, data))
+        return f"{'write ' if writes else ''}{text}, {where}", LazySequence(lambda: span_values(space, at, data))
 
     def _command(self, frame: Frame) -> tuple[str, Sequence[Value]]:
         """Force and position commands: five set values out; actual positions (six) or forces (five) back."""
@@ -685,8 +685,8 @@ class InspireExplainer(Cutter):
             direction=direction, raw=raw, meaning=f"{meaning}, {where}", title=title, problem=problem,
             asks=key if direction == HOST else "", answers=key if fits else "",
             fields={"id": unit, "function": pdu[0], "address": address},
-            values=Later(lambda: span_values(params, at, data) if at is not None else ()),
-            parts=Later(lambda: _modbus_parts(raw, mode, [] if at is None or not data else span_parts(params, at, data), len(data))),
+            values=LazySequence(lambda: span_values(params, at, data) if at is not None else ()),
+            parts=LazySequence(lambda: _modbus_parts(raw, mode, [] if at is None or not data else span_parts(params, at, data), len(data))),
         )  # fmt: skip
 
     def _question(self, pdu: bytes) -> tuple[str, str, int | None, bytes]:

@@ -473,7 +473,7 @@ class _Tally:
         return self.destroyed / self.asked if self.asked else 0.0
 
 
-def look_for_twin(device: RegisterDevice, refusal: bool = False) -> Seen:
+def look_for_duplicate_id(device: RegisterDevice, refusal: bool = False) -> Seen:
     """Whether one device has this id; two may refuse alike to tell it, too. Raises LinkError where the line is lost."""
     bus, alike, readings = device.bus, _Tally(refusal=refusal), _Tally()
     spans, same = _readings(device), _alike(device)
@@ -505,25 +505,25 @@ def look_for_twin(device: RegisterDevice, refusal: bool = False) -> Seen:
 
 
 @contextmanager
-def naming_twins(device: RegisterDevice) -> Iterator[None]:
+def naming_duplicate_id(device: RegisterDevice) -> Iterator[None]:
     """Around the reads before such a write: where answers are destroyed, two devices are told as what they are."""
     before = device.journal.counters.writes
     try:
         yield
     except HandctlError as exc:
         if exc.code in DESTROYED and device.journal.counters.writes == before:
-            refuse_twins(device)
+            refuse_duplicate_id(device)
         raise
 
 
 def identify_alone(device: RegisterDevice, refusal: bool = False) -> None:
-    """Look who is there, and that he is alone, see `refuse_twins`. Raises NotIdentified, and what that raises."""
-    with naming_twins(device):
+    """Look who is there, and that he is alone, see `refuse_duplicate_id`. Raises NotIdentified, and what that raises."""
+    with naming_duplicate_id(device):
         device.identify()
-    refuse_twins(device, refusal)
+    refuse_duplicate_id(device, refusal)
 
 
-def refuse_twins(device: RegisterDevice, refusal: bool = False) -> None:
+def refuse_duplicate_id(device: RegisterDevice, refusal: bool = False) -> None:
     """Before a write after which a device is found elsewhere, or keeps what it has. Raises DeviceRefused where two would obey.
 
     `refusal`: the command reads no id, and a device need not tell it.
@@ -533,7 +533,7 @@ def refuse_twins(device: RegisterDevice, refusal: bool = False) -> None:
         return  # nobody looks
     if bus.wire == "tcp" or ("alone", bus.id) in bus.journal.line.met:
         return
-    seen = look_for_twin(device, refusal)
+    seen = look_for_duplicate_id(device, refusal)
     if seen.verdict == "two":
         raise DeviceRefused(
             f"{bus.where}: {seen.evidence}, and both would obey the command",
@@ -545,7 +545,7 @@ def refuse_twins(device: RegisterDevice, refusal: bool = False) -> None:
 
 def same_id(device: RegisterDevice, more: str = "") -> Row4:
     """The row of `handctl doctor`; `more` is a further way out. Raises LinkError where the line is lost."""
-    seen = look_for_twin(device)
+    seen = look_for_duplicate_id(device)
     if seen.verdict == "two":
         new = f": `handctl {device.kind} id 2`" if device.map.get("id") is not None else ""
         return "same_id", "fail", seen.evidence, f"unplug one of them, then change the id of the other{new}{more}"

@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.identity import identify_alone, naming_twins
+from handctl.devices.inspire.identity import identify_alone, naming_duplicate_id
 from handctl.devices.inspire.map import BAUD_RATES, OVER_TEMPERATURE, Register
 from handctl.devices.inspire.register_bus import FLOOD, RegisterBus
 from handctl.devices.inspire.serial_bus import Bus
@@ -132,7 +132,7 @@ def change_id(hand: RegisterDevice, new: int, *, saved_next: bool = False) -> Ta
         return _id_row(hand, old)
     new_taken = probe(bus, new)
     try:
-        with naming_twins(hand):
+        with naming_duplicate_id(hand):
             old_there = probe(bus, old)
     except ProtocolError as exc:  # perhaps a late answer of the new id
         if exc.code != "wrong-id" or not _slower(bus):

@@ -12,7 +12,7 @@ from handctl.devices.inspire.explain import InspireExplainer, stretches
 from handctl.devices.inspire.map import ALONE, EXO, Register
 from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.devices.inspire.register_device import RegisterDevice
-from handctl.devices.inspire.serial_bus import PATIENCE, Bus, hint_for, mishap, others_speak, shorten
+from handctl.devices.inspire.serial_bus import PATIENCE, Bus, bad_reply, hint_for, others_speak, shorten
 from handctl.errors import CheckFailed, DeviceRefused, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
@@ -286,7 +286,7 @@ def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
     table = Table(rows=[_frame_row(piece) for piece in pieces], columns=RAW_COLUMNS, extra=extra)
     replies = [piece for piece in pieces if piece.raw.startswith(eb90.DEVICE)]
     if not any(piece.answers in asks or piece.raw[2:3] == data[2:3] for piece in replies):
-        code, text = mishap(data, received)
+        code, text = bad_reply(data, received)
         text = f"{bus.where}: {text}: {shorten(received)}"
         table.failure = ProtocolError(text, hint=hint_for(code, bus.family), code=code)
     elif refused := [p for p in replies if p.problem == "refused" and (p.answers in asks or not p.answers)]:

@@ -14,7 +14,7 @@ from functools import lru_cache
 from typing import TypeVar
 
 from handctl.devices.inspire.eb90 import MAX_COUNT
-from handctl.devices.inspire.identity import AT_WORK, refuse_twins, within
+from handctl.devices.inspire.identity import AT_WORK, refuse_duplicate_id, within
 from handctl.devices.inspire.map import BAUD_RATES, Register, register_of
 from handctl.devices.inspire.register_bus import FLOOD, RegisterBus, Span, may_still_move
 from handctl.errors import (
@@ -368,7 +368,7 @@ class RegisterDevice(Device):
         what moves was stopped.
         """
         if any(element.param.strands for element, _ in changes):
-            refuse_twins(self)
+            refuse_duplicate_id(self)
         with self.stopped_by_ctrl_c(
             ", ".join(element.full_name for element, _ in changes),
             any(element.param.moves for element, _ in changes),

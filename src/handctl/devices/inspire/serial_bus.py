@@ -61,14 +61,14 @@ HAND_HINTS = {
 
 
 def hint_for(code: str, family: str) -> str:
-    """The next step for a code of `mishap`, with this family's own command names."""
+    """The next step for a code of `bad_reply`, with this family's own command names."""
     hints = {**HINTS, **HAND_HINTS} if family == "hand" else HINTS
     hint = hints[code]
     own = command_of(hint).replace("exo", family, 1)
     return Hint(hint.replace(f"handctl {command_of(hint)}", f"handctl {own}"), *([own] if own else []))
 
 
-def mishap(request: bytes, received: bytes, more: int = 0) -> tuple[str, str]:
+def bad_reply(request: bytes, received: bytes, more: int = 0) -> tuple[str, str]:
     """Name what came instead of the answer, and `more` bytes behind it: (code, text). Codes are the keys of HINTS."""
     rest = received
     if request in rest:
@@ -436,7 +436,7 @@ class Bus(ByteBus):
         if not received:
             return self.unanswered(hex_bytes(request), self.timeout, since, SILENCE_HINTS[self.family])
         seen = received[:JUDGED]
-        code, text = mishap(request, seen, len(received) - len(seen))
+        code, text = bad_reply(request, seen, len(received) - len(seen))
         if code == "stale" and others_speak(request, seen):
             self.journal.line.others = True
         return ProtocolError(

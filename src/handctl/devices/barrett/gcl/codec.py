@@ -278,7 +278,7 @@ class Decoder:
         self._buffer = bytearray()
         self._folded = bytearray()
         self._seek = self._prompts = 0  # no echo before the one place, no prompt before the other: noise is read once
-        self._lead = Lead()
+        self._lead = LinePrefix()
         self.skipped = 0
         self.echoed = False
 
@@ -351,7 +351,7 @@ class Decoder:
         return None
 
 
-class Lead:
+class LinePrefix:
     """What stands before a place on its line, blanks and prompts apart. Asked for ever later places: each byte counts once."""
 
     def __init__(self) -> None:

@@ -162,8 +162,8 @@ class GclLine(Line):
         seconds = self.timeout if self.timeout is not None and short else max(kind.seconds, at_least)
         self._judge_stale(command, name)
         link = self.link
-        answer = Patience(link, seconds + 2 * self.wire_seconds(len(data) + 512), self.bound)
-        echo = Patience(link, (self.timeout or ECHO_SECONDS) + 2 * self.wire_seconds(len(data)), self.bound)
+        answer = IdleTimeout(link, seconds + 2 * self.wire_seconds(len(data) + 512), self.bound)
+        echo = IdleTimeout(link, (self.timeout or ECHO_SECONDS) + 2 * self.wire_seconds(len(data)), self.bound)
         self.journal.counters.sent += 1
         link.write(data, answer.deadline)
         try:
@@ -246,7 +246,7 @@ class GclLine(Line):
             self.journal.counters.bad_frames += 1
             raise ProtocolError(f"{self.link.name}: {exc.text}", hint=DISTURBED, code=exc.code) from exc
 
-    def _answer(self, command: str, whole: Patience, echo: Patience) -> Answer:
+    def _answer(self, command: str, whole: IdleTimeout, echo: IdleTimeout) -> Answer:
         """The reply within `whole`; without an echo within `echo` there is no hand, and waiting longer is useless."""
         decoder, since = Decoder(command), self.link.now()
         while True:
@@ -273,7 +273,7 @@ class GclLine(Line):
             decoder.feed(chunk)
             self._judge_restart(command, decoder, chunk, whole)
 
-    def _judge_restart(self, command: str, decoder: Decoder, chunk: bytes, whole: Patience) -> None:
+    def _judge_restart(self, command: str, decoder: Decoder, chunk: bytes, whole: IdleTimeout) -> None:
         """Raise Restarted at the banner, or at a single ':' of the boot monitor. `chunk` arrived last."""
         size, more = len(chunk), True
         while chunk.endswith(b":") and more:  # a help text goes on behind it
@@ -467,7 +467,7 @@ class GclLine(Line):
         return stale
 
 
-class Patience:
+class IdleTimeout:
     """A wait that ends after `seconds` of silence: bytes renew it, up to LONGEST times as long and never beyond `bound`."""
 
     def __init__(self, link: ByteLink, seconds: float, bound: Deadline | None) -> None:

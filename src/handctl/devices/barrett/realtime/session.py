@@ -20,7 +20,7 @@ from handctl.devices.barrett.realtime.schedule import Controls
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link.deadman import EarlyWrite, Guard
 from handctl.model.param import Element, Number, Step
-from handctl.model.stop_sequence import BEAT
+from handctl.model.stop_sequence import HEARTBEAT_TIMEOUT
 
 ENTER_SECONDS = 1.5
 BLOCK_SECONDS = 0.1
@@ -222,7 +222,7 @@ class Session:
         if line.risky and ends_alone(len(zero), line.link.baud):
             zero += line.abort_bytes
         answered = ANSWER_SECONDS + wire(self.layout.control_size + self.layout.feedback_size)  # of the block before
-        beat = max(BEAT, 3 * self.cycle, 2 * self.patience)
+        beat = max(HEARTBEAT_TIMEOUT, 3 * self.cycle, 2 * self.patience)
         self._tell_first([EarlyWrite(b"", answered), EarlyWrite(zero, ANSWER_SECONDS + wire(len(zero) + 1))], beat)
 
     def _tell_first(self, shots: Sequence[EarlyWrite], beat: float) -> None:

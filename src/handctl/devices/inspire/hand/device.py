@@ -29,7 +29,7 @@ from handctl.devices.inspire.hand.map import (
     TP,
     HandRegister,
 )
-from handctl.devices.inspire.identity import BYTE_HAND, NOT_SHOWN, UNHEARD, naming_twins, stranger
+from handctl.devices.inspire.identity import BYTE_HAND, NOT_SHOWN, UNHEARD, naming_duplicate_id, stranger
 from handctl.devices.inspire.modbus_frames import is_eb90
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.devices.inspire.register_device import BlockReader, RegisterDevice, T
@@ -320,7 +320,7 @@ class Hand(RegisterDevice):
 
     def confirm_identity(self, *, keeps: bool = True) -> None:
         """It is of a generation that may be written to. Raises NotIdentified, NoAnswer."""
-        with naming_twins(self):
+        with naming_duplicate_id(self):
             self.identify()
 
     def change_id(self, new: int) -> Table:

@@ -18,7 +18,7 @@ from handctl.devices.inspire.hand import baud_and_network
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.motion import nudge, plan_nudge
 from handctl.devices.inspire.hand.probe import TARGET, fingerprint
-from handctl.devices.inspire.identity import naming_twins, refuse_twins
+from handctl.devices.inspire.identity import naming_duplicate_id, refuse_duplicate_id
 from handctl.devices.inspire.scan import sweep
 from handctl.errors import Aftermath, CheckFailed, HandctlError, Hint, LinkError, NoAnswer, NotConfirmed, UsageError
 from handctl.link import ByteLink
@@ -190,9 +190,9 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
         f"Unplug the data cable of one hand. The other one gets id {new}. Then press Enter",
     )
     hand = bench.hand(number)
-    with naming_twins(hand):
+    with naming_duplicate_id(hand):
         hand.know()
-    refuse_twins(hand)
+    refuse_duplicate_id(hand)
     steps = hand.plan([(elements_of(hand.map["id"])[0], new)])
     saving = bench.hand(new).trigger_step("save", "save to flash")
     bench.confirm(

@@ -180,7 +180,7 @@ def exchange_can(wrist: RegisterDevice, frame: CanFrame, wait: float) -> Table:
     table = Table(rows=rows, columns=CAN_COLUMNS)
     asked = can_frames.parse_identifier(frame.can_id)
     if not mine or not (asked.writes or [len(mine[0].data)] == list(frame.data)):
-        table.failure = bus.mishap(frame, odd)
+        table.failure = bus.bad_reply(frame, odd)
     elif asked.writes and len(mine[0].data) == 1:
         table.failure = bus.refusal(asked.address, frame.data, mine[0].data)
     return table

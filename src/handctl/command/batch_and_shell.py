@@ -18,7 +18,6 @@ import click
 
 from handctl.command.command_tree import ALONE, Command, root
 from handctl.command.connection import Session
-from handctl.command.console import print_message
 from handctl.command.envelope import from_click
 from handctl.command.family import load, map_of
 from handctl.command.help_text import NoCommand
@@ -26,6 +25,7 @@ from handctl.command.invocation import check_before, shown_steps, unsent
 from handctl.command.options import COMMAND_LINE, SECONDS, said, words_of
 from handctl.command.precedence import resolve
 from handctl.command.run import Act, Asked, Run
+from handctl.command.terminal_prompts import print_message
 from handctl.errors import HandctlError, Hint, Interrupted, NotConfirmed, UsageError, joined
 from handctl.families import COMMANDS, FAMILIES
 from handctl.files import atomic_write, read_text, state_path, writing
