@@ -10,8 +10,8 @@ ROWS = (
         LIES,
         "src/handctl/guides/links.md",
         "",
-        "To type even less, give the device a name with `devices add`. The name is stored as a table in the configuration file. To store `--model` and `--side` of an RH56 hand too, add the last two of these lines yourself:",
-        "To type even less, give the device a name with `devices add`. The name is stored as a table in the configuration file:",
+        "To type even less, give the device a name with `devices add`. The name is stored as a table in the configuration file, `~/.config/handctl/config.toml` (on Windows `%APPDATA%\\handctl\\config.toml`). For an RH56 hand, you can store `--model` and `--side` too. After `handctl devices add grip hand -p /dev/ttyUSB1`, add the last two of these lines to that file yourself:",
+        "To type even less, give the device a name with `devices add`. The name is stored as a table in the configuration file, `~/.config/handctl/config.toml` (on Windows `%APPDATA%\\handctl\\config.toml`).",
         "tests/docs/test_named.py::test_what_a_topic_is_said_to_show_is_in_it",
     ),
     mistake(

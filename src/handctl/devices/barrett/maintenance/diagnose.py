@@ -426,10 +426,9 @@ def table_of(hand: BarrettHand, findings: list[Finding], symptom: str | None, fa
         names = ", ".join(finding.check for finding in bad)
         table.failure = CheckFailed(
             f"{hand.link.name}: {fails} failed, {warnings} warning{'' if warnings == 1 else 's'}: {names}",
-            hint=Hint(
-                f"follow the remedy in each row{'. {{}} shows the symptoms' if symptom is None else ''}",
-                "barrett diagnose --list",
-            ),
+            hint=Hint("follow the remedy in each row. {} shows the symptoms", "barrett diagnose --list")
+            if symptom is None
+            else "follow the remedy in each row",
             code="findings",
         )
     return table
