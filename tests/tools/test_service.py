@@ -222,6 +222,17 @@ def test_the_report_is_played_and_compared(kind: str) -> None:
     assert run(kind, "diff", f"{kind}.html", "-p", link, *more).code == 0
 
 
+def test_the_command_of_the_next_step_hides_the_home_folder_in_the_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On the screen it is as it is typed; a page goes to colleagues."""
+    monkeypatch.setattr("os.path.expanduser", lambda path: path.replace("~", str(tmp_path), 1))
+    result = served("exo", f"fault=locked-rotor&state={tmp_path}/s.json", "--force")
+    assert str(tmp_path) in result.json["service"]["next"]["command"]
+    shown = data("r.html")["service"]["next"]["command"]
+    assert shown.startswith("handctl exo clear-errors -p ") and str(tmp_path) not in shown
+
+
 def test_a_report_whose_settings_were_changed_is_no_snapshot() -> None:
     served("exo", "fault=healthy")
     page = Path("r.html").read_text(encoding="utf-8")

@@ -459,14 +459,19 @@ class Service:
         service["hints"] = {name: visit.privacy.step(hint) for name, hint in self.hints.items()}
         service["commands"] = {name: named for name, hint in service["hints"].items() if (named := command_of(hint))}
         text = visit.privacy.text
+        following = dict(service["next"])
+        if following["command"]:
+            following["command"] = shlex.join(map(text, shlex.split(following["command"])))
+        if "rows" in following:
+            following["rows"] = visit.privacy.rows(following["rows"])
         facts = [(key.capitalize(), text(service[key] or "none was given")) for key in ("ticket", "complaint")]
-        facts += [("Next step", text(service["next"]["text"])), ("Command", text(service["next"]["command"] or "none"))]
+        facts += [("Next step", text(service["next"]["text"])), ("Command", following["command"] or "none")]
         visit.content.service = [
             Grid(("Service", ""), tuple(facts)),
             *view(self.rows, self.steps),
             *compared,
         ]
-        visit.content.data["service"] = {**service, "rows": self.rows}
+        visit.content.data["service"] = {**service, "rows": self.rows, "next": following}
         visit.conclude()
         if before and "from" in self.steps.get("watch", {}):
             visit.content.data["watch"] = before.get("watch", [])
