@@ -95,3 +95,12 @@ def test_an_output_that_cannot_be_written_comes_with_a_next_step() -> None:
     ):
         done = run(*words, "-p", "fake://exo?clock=virtual", "--json")
         assert done.code == 1 and "Next: " in done.err, (words, done)
+
+
+def test_help_has_both_names_whatever_context_came_first() -> None:
+    """The tests of one worker share the tree: a context without our settings made `-h` unknown to all that followed."""
+    command: Any = root
+    for name in ("exo", "clear-errors"):
+        command = command.get_command(click.Context(command), name)
+    options = command.get_help_option(click.Context(command)).opts
+    assert options == ["-h", "--help"]

@@ -123,9 +123,9 @@ class Group(Described, click.Group):
         told.words = told.words if ctx.parent is not None else tuple(args)
         told.stopping = "stop" in args
         before = told.bare
-        if not (ctx.resilient_parsing or args[0].startswith("-")):
-            told.bare = True  # an option would be the command's: what follows its name is parsed there
         try:
+            if not (ctx.resilient_parsing or args[0].startswith("-")):
+                told.bare = True  # an option would be the command's: what follows its name is parsed there
             return super().parse_args(ctx, args)
         finally:
             told.bare = before

@@ -158,6 +158,9 @@ class Described(click.Command):
         parser.ctx = ctx
         return parser
 
+    def get_help_option_names(self, ctx: click.Context) -> list[str]:
+        return ["-h", "--help"]  # in any context: click and we keep the option that the first one made
+
     def get_help_option(self, ctx: click.Context) -> click.Option | None:
         return _written_plainly(super().get_help_option(ctx))
 
