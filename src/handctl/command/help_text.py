@@ -57,6 +57,10 @@ def _show_help(ctx: click.Context, _param: click.Parameter, value: bool) -> None
         ctx.exit()
 
 
+HELP_NAMES = ["-h", "--help"]
+"""In any context: click and we keep the option that the first one made."""
+
+
 class NoCommand(click.UsageError):
     """A group was called without a command: the message is its help, for stderr."""
 
@@ -70,6 +74,7 @@ def need_command(ctx: click.Context, args: Sequence[str]) -> None:
 def plain_help(command: click.Command) -> None:
     """Help of a command that is not one of ours, and of those below it, goes where ours does and shows examples."""
     if "get_help_option" not in vars(command):
+        command.get_help_option_names = lambda ctx: HELP_NAMES  # type: ignore[method-assign]
         made, options = command.get_help_option, command.format_options
 
         def with_examples(ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -159,7 +164,7 @@ class Described(click.Command):
         return parser
 
     def get_help_option_names(self, ctx: click.Context) -> list[str]:
-        return ["-h", "--help"]  # in any context: click and we keep the option that the first one made
+        return HELP_NAMES
 
     def get_help_option(self, ctx: click.Context) -> click.Option | None:
         return _written_plainly(super().get_help_option(ctx))
