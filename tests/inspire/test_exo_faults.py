@@ -8,6 +8,7 @@ from __future__ import annotations
 import pytest
 
 from tests.support.cli import check_schema, fake, run
+from tests.support.each_row import each_row
 
 
 def test_deadline_that_ends_a_wait_is_named() -> None:
@@ -18,6 +19,15 @@ def test_deadline_that_ends_a_wait_is_named() -> None:
     result = run("exo", "calibrate", "-y", "--deadline", "0.25", "-p", fake(), "--json")
     assert result.code == 4, result
     assert "30 s" not in str(result.json["messages"]), result
+
+
+@each_row("words", [("baud", "57600"), ("set", "baud_code=1")])
+@each_row("late", ["0.35", "0.6", "0.9"])
+def test_a_late_reply_to_a_read_before_the_write_is_no_read_back(words: tuple[str, ...], late: str) -> None:
+    """The write arrives at each of these lines: that it was not taken would be false."""
+    for after in range(10):
+        result = run("exo", *words, "-y", "--json", "-p", fake(fault="late", late=late, after=after))
+        assert result.code in (0, 4, 5), (after, result)
 
 
 # -- what the message says --------------------------------------------------------------------------------------------

@@ -56,10 +56,14 @@ def test_a_bad_line_is_no_second_device(fault: str) -> None:
     assert result.code == 0, result
 
 
-def test_a_line_that_damages_every_second_reply_is_no_second_device() -> None:
-    """Reads of both kinds in turn would put all the damage on one of them."""
-    result = run("exo", "id", "2", "-y", "--json", "-p", "fake://exo?clock=virtual&every=2&fault=truncate&seed=1")
-    assert result.code == 0 or result.error["code"] != "twin-id", result
+@each_row("words", [("exo", "id", "2"), ("hand", "save")])
+@each_row("every", range(2, 8))
+def test_a_line_that_damages_every_nth_reply_is_no_second_device(words: tuple[str, ...], every: int) -> None:
+    """Asking both kinds in one fixed order would put all the damage on one of them, at some first reply."""
+    for after in range(every):
+        link = f"fake://{words[0]}?clock=virtual&every={every}&after={after}&fault=truncate&seed=1"
+        result = run(*words, "-y", "--json", "-p", link)
+        assert result.code == 0 or result.error["code"] != "twin-id", (after, result)
 
 
 @each_row("kind", list(STRANDING))

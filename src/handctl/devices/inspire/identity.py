@@ -433,14 +433,13 @@ def stranger(bus: RegisterBus, kind: Kind, own: Kind, evidence: str) -> DeviceRe
 # -- two devices with one id ------------------------------------------------------------------------------------------
 
 ROUNDS = 2
-"""Questions for each reading; where they leave it open ..."""
-MORE = 10
-"""... so many more for the first of them, and for what both hold alike."""
+"""Questions for each reading; where some are destroyed, and nothing that both hold alike ..."""
+MORE, FEW = 5, 1
+"""... so many more of each kind in each order, few where nearly all readings are destroyed."""
 BEHIND = 0.015
 """Seconds, and a round trip, in which the answer of a second device comes behind the first."""
-MOSTLY = 0.75
-"""This share of readings destroyed, and nothing else, is no disturbed line; with more questions a fifth is enough."""
-SOME = 0.2
+MOSTLY, SOME = 0.75, 0.2
+"""A share of readings destroyed. `SOME` of them and nothing else, in both orders of asking, is no disturbed line."""
 DESTROYED = ("bad-checksum", "cut-short", "garbage", "wrong-id", "first-byte-lost", "stale")
 """Codes of what comes of two answers at once. On CAN whatever ends a read: the bus destroys both."""
 
@@ -477,25 +476,21 @@ def look_for_duplicate_id(device: RegisterDevice, refusal: bool = False) -> Seen
     """Whether one device has this id; two may refuse alike to tell it, too. Raises LinkError where the line is lost."""
     bus, alike, readings = device.bus, _Tally(refusal=refusal), _Tally()
     spans, same = _readings(device), _alike(device)
-    for place, span in enumerate(spans * ROUNDS):
-        # the order changes: a line that damages every second reply damages both kinds
-        if place % 2 == 0:
-            _ask(bus, same, alike)
+    for span in spans * ROUNDS:
         _ask(bus, span, readings, behind=True)
-        if place % 2:
-            _ask(bus, same, alike)
+        _ask(bus, same, alike)
         if not (alike.whole or alike.destroyed or readings.whole or readings.destroyed):
             break  # silence: nobody is there
-    if not readings.twice and readings.destroyed and alike.whole == alike.asked and readings.share < MOSTLY:
-        for _ in range(MORE):
-            _ask(bus, spans[0], readings)
-            _ask(bus, same, alike)
+    if not readings.twice and readings.destroyed and alike.whole == alike.asked:
+        both = [(same, alike), (spans[0], readings)]
+        for order in (both, both[::-1]):  # a line that damages every n-th reply now damages both kinds
+            for span, tally in order * (FEW if readings.share >= MOSTLY else MORE):
+                _ask(bus, span, tally)
     number, asked = bus.id, readings.asked + alike.asked
     if readings.twice:
         text = f"one request got two different replies {readings.twice} of {readings.asked} times"
         return Seen("two", f"{text}: two devices have id {number}")
-    enough = MOSTLY if readings.asked <= len(spans) * ROUNDS else SOME
-    if readings.share >= enough and alike.whole == alike.asked:
+    if readings.share >= SOME and alike.whole == alike.asked:
         text = f"shared readings arrive intact, but {readings.destroyed} of {readings.asked} readings are destroyed"
         return Seen("two", f"{text}: two devices with id {number} reply at the same time")
     if readings.destroyed or readings.whole < readings.asked or alike.whole < alike.asked:

@@ -135,7 +135,7 @@ def write(hand: RegisterDevice, address: int, data: bytes) -> Table:
 def _write(hand: RegisterDevice, address: int, data: bytes) -> Table:
     step = hand.bus.write_step(address, data, "")
     hand.bus.try_write(address, data, "the write", "handctl reads it back")
-    now = hand.bus.read(address, len(data))
+    now = hand.bus.read_back(lambda: hand.bus.read(address, len(data)), data.__eq__)
     table = Table(rows=_rows(hand, address, now), columns=hand.columns)
     judge_read_back(hand.bus, table, step, str(address), data, now, f"{hand.kind} read {address} {len(data)}")
     return table

@@ -12,8 +12,8 @@ all of it. At other speeds bytes ahead of the frame see to that. (A test samples
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
 from copy import copy
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
@@ -116,6 +116,7 @@ def other_speed(speed: int | None) -> int:
     return 57600 if speed == 115200 else 115200
 
 
+T = TypeVar("T")
 Own = TypeVar("Own", bound="RegisterBus")
 
 
@@ -183,6 +184,17 @@ class RegisterBus(Line, ABC):
     @abstractmethod
     def read(self, address: int, count: int, *, retries: int | None = None) -> bytes:
         """`count` bytes from `address`. Raises UsageError, NoAnswer, ProtocolError, LinkError."""
+
+    def read_back(self, read: Callable[[], T], right: Callable[[T], bool]) -> T:
+        """What `read` finds after a write. What is not `right` may be a late reply to a read before that write: another
+        question is asked, whose reply comes after all late ones, and then it is read again.
+        """
+        found = read()
+        if not right(found) and not self.link.replayed:
+            with suppress(NoAnswer, ProtocolError):
+                self.read(*self.presence)
+                found = read()
+        return found
 
     def quiet(self, address: int, count: int) -> bool:
         """Whether this read may be sent now: a device has replied, or no other device on the line would act on it."""

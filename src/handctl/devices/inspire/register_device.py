@@ -403,17 +403,20 @@ class RegisterDevice(Device):
                     exc.add_aftermath(Aftermath(hint=f"already written: {', '.join(written)}", joint=". "))
                 raise
             written.append(_names(run))
-        readings = self.read([element for element, _ in changes])
-        self._verify(changes, readings)
-        return readings
+        return self._verify(changes)
 
     def _write_run(self, run: Sequence[tuple[Element, Number]], *, last: bool) -> None:
         """One frame. Where its acknowledgement is lost, nothing follows it before it reads back."""
         lost = self.bus.try_write(*encoded(run), f"the write of {_names(run)}", "handctl reads it back")
         if lost is not None and not last:
-            self._verify(run, self.read([element for element, _ in run]))
+            self._verify(run)
 
-    def _verify(self, changes: Sequence[tuple[Element, Number]], readings: Sequence[Reading]) -> None:
+    def _verify(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+        wanted = [value for _, value in changes]
+        readings = self.bus.read_back(
+            lambda: self.read([element for element, _ in changes]),
+            lambda found: [reading.value for reading in found] == wanted,
+        )
         runs, ledger = self.runs(changes), self.journal.ledger
         found = {reading.element.full_name: reading.value for reading in readings}
         for run in runs:
@@ -429,6 +432,7 @@ class RegisterDevice(Device):
             readings,
             f"check with `handctl {self.kind} get` before you write again: the device did not take the value, or changed it afterwards",
         )
+        return readings
 
     def trigger_step(self, name: str, meaning: str) -> Step:
         """The frame that writes 1 to a trigger register."""

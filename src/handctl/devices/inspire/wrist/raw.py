@@ -286,7 +286,7 @@ def _hand_write(wrist: RegisterDevice, bus: Bus | CanBus, address: int, data: by
             "not-read-back", f"accepted, but not read back: it starts {', '.join(starts)} on the RH56 hand"
         )
         return _hand_row(wrist, address, data, "written")
-    now = _read_back(bus, address, len(data), new)
+    now = bus.read_back(lambda: _read_with_either_id(bus, address, len(data), new), data.__eq__)
     table = _hand_row(wrist, address, now, "hand space")
     again = f"wrist hand-read {address} {len(data)}"
     judge_read_back(bus, table, bus.write_step(address, data, ""), f"{address} of the hand", data, now, again)
@@ -299,7 +299,7 @@ def _hand_write(wrist: RegisterDevice, bus: Bus | CanBus, address: int, data: by
     return table
 
 
-def _read_back(bus: Bus | CanBus, address: int, count: int, new: int) -> bytes:
+def _read_with_either_id(bus: Bus | CanBus, address: int, count: int, new: int) -> bytes:
     """What stands there now, read through the id `new`, or through the old one when nobody has that."""
     old, bus.id = bus.id, new
     try:
