@@ -186,11 +186,11 @@ class RegisterBus(Line, ABC):
         """`count` bytes from `address`. Raises UsageError, NoAnswer, ProtocolError, LinkError."""
 
     def read_back(self, read: Callable[[], T], right: Callable[[T], bool]) -> T:
-        """What `read` finds after a write. What is not `right` may be a late reply to a read before that write: another
-        question is asked, whose reply comes after all late ones, and then it is read again.
+        """What `read` finds after a write. Where a request had to be repeated, what is not `right` may be a late reply to a
+        read before that write: another question is asked, whose reply comes after all late ones, then it is read again.
         """
         found = read()
-        if not right(found) and not self.link.replayed:
+        if self.journal.counters.retries and not right(found) and not self.link.replayed:
             with suppress(NoAnswer, ProtocolError):
                 self.read(*self.presence)
                 found = read()
