@@ -23,4 +23,6 @@ def run(*, quick: bool) -> Iterator[Figure]:
         envelope = json.loads(handctl("exo", "scan", "--all", "--json", "-p", link))
         hits = ", ".join(f"id {row['id']} at {row['baud']}" for row in envelope["rows"])
         note = f"{PTY}, 3 ms for an answer to begin; found {hits}; {envelope['scan']['probes']} probes"
-        yield Figure("exo scan, 254 ids x 3 speeds", envelope["scan"]["seconds"], SCAN_SECONDS, "s", 1.0, note, "limit")
+        yield Figure(
+            "exo scan, 254 ids x 3 baud rates", envelope["scan"]["seconds"], SCAN_SECONDS, "s", 1.0, note, "limit"
+        )

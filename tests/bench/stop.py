@@ -55,7 +55,7 @@ def run(*, quick: bool) -> Iterator[Figure]:
                 name = f"stop, while `{family} {words[0] if words else 'watch'}` "
                 for stuck, allowed in ((False, ALLOWED), (True, ALLOWED_STUCK)):
                     taken = [_held(place, words, first, stuck=stuck) for _ in range(times)]
-                    what = "sleeps (SIGSTOP)" if stuck else "runs"
+                    what = "is suspended (SIGSTOP)" if stuck else "runs"
                     yield _figure(name + what, min(taken) - alone[family], allowed, alone[family])
             finally:
                 place.close()

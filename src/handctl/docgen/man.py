@@ -350,7 +350,7 @@ def filled(text: str, tree: Node) -> str:
 
 
 def _known(family: str) -> tuple[str, str, str]:
-    """The first two paragraphs of a guide's section KNOWN: run on hardware, and what the family's bytes rest on."""
+    """The first two paragraphs of a guide's section KNOWN: what it was tested with, and what the family's bytes rest on."""
     if family not in guides.names():
         return "Not yet run on real hardware.", "The manual.", ""
     text = guides.source(family)
@@ -369,7 +369,7 @@ def _verbs(tree: Node) -> Iterable[str]:
     rows = [("every device", usual)]
     rows += [(f"`{name}`", [verb for verb in names if verb not in usual]) for name, names in by_family.items()]
     return _markdown(
-        ("device", "verbs"), ((device, ", ".join(f"`{verb}`" for verb in verbs)) for device, verbs in rows)
+        ("device", "commands"), ((device, ", ".join(f"`{verb}`" for verb in verbs)) for device, verbs in rows)
     )
 
 
@@ -389,7 +389,7 @@ def _asks(tree: Node) -> Iterable[str]:
 
 MAKERS: dict[str, Callable[[Node], Iterable[str]]] = {
     "devices": lambda _tree: _markdown(
-        ("command", "device", "run on hardware", "sources", "guide"),
+        ("command", "device", "tested with", "sources", "guide"),
         ((f"`handctl {name}`", COMMANDS[name][1], *_known(name)) for name in FAMILIES),
     ),
     "verbs": _verbs,

@@ -188,7 +188,7 @@ FINDINGS: dict[str, tuple[str, str]] = {
     "not-following": (FAIL, Hint("free the fingers with {} and check whether the {finger} moves easily, then check its gear and encoder", "aidin stop")),
     "no-current": (FAIL, "check the motor and its cable"),
     "reversed": (FAIL, "check the polarity of the motor and its encoder, and do not move the {finger} until then"),
-    "short": (FAIL, ("check for an obstacle, and set `handctl aidin max-torque` to 700 or more")),
+    "short": (FAIL, "check for an obstacle, and set `handctl aidin max-torque` to 700 or more"),
     "coupled": (WARNING, "check the channels and the mechanics: one command should move one motor"),
     "not-back": (WARNING, "check whether the {finger} opens freely, then home the hand"),
     "current-high": (WARNING, "check for friction, and for an object at the {finger}"),

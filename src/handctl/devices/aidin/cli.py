@@ -120,7 +120,7 @@ def check(run: Run) -> Act:
     """Move each motor a little and back, one after the other, and report findings.
 
     Asks first. Ctrl-C stops the hand. The hand must be homed, open and empty: `handctl aidin home` or `initial` opens it.
-    Reads the sensors for 2 s at rest, then moves each motor by 4 % of its stroke. Rows are as in `doctor`.
+    Reads the sensors for 2 s at rest, then moves each motor by 4 % of its stroke. The table is as in `doctor`.
     The exit code is 7 if a check warns or fails.
     """
     from handctl.devices.aidin import check as checking

@@ -434,7 +434,7 @@ def stranger(bus: RegisterBus, kind: Kind, own: Kind, evidence: str) -> DeviceRe
 
 ROUNDS = 2
 """Questions for each reading; where some are destroyed, and nothing that both hold alike ..."""
-MORE, FEW = 5, 1
+MORE, FEW = 5, 2
 """... so many more of each kind in each order, few where nearly all readings are destroyed."""
 BEHIND = 0.015
 """Seconds, and a round trip, in which the answer of a second device comes behind the first."""
@@ -476,11 +476,13 @@ def look_for_duplicate_id(device: RegisterDevice, refusal: bool = False) -> Seen
     """Whether one device has this id; two may refuse alike to tell it, too. Raises LinkError where the line is lost."""
     bus, alike, readings = device.bus, _Tally(refusal=refusal), _Tally()
     spans, same = _readings(device), _alike(device)
-    for span in spans * ROUNDS:
+    for place, span in enumerate(spans * ROUNDS, 1):
         _ask(bus, span, readings, behind=True)
         _ask(bus, same, alike)
         if not (alike.whole or alike.destroyed or readings.whole or readings.destroyed):
             break  # silence: nobody is there
+        if place == len(spans) > 1 and readings.share >= MOSTLY:
+            break  # no need to wait for as many more that are destroyed
     if not readings.twice and readings.destroyed and alike.whole == alike.asked:
         both = [(same, alike), (spans[0], readings)]
         for order in (both, both[::-1]):  # a line that damages every n-th reply now damages both kinds
