@@ -120,7 +120,7 @@ def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Lin
     """
     context = click.Context(root, info_name="handctl", **root.context_settings)
     told = said(context)
-    told.given = {key: value for key, value in given.items() if not key.endswith("@")}
+    told.given = dict(given)
     told.bare = not any(word.startswith("-") for word in words)
     found: list[click.Context] = []
     told.taken = found.append
@@ -131,7 +131,7 @@ def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Lin
         (leaf,) = found
         assert isinstance(leaf.command, Command)
         for key in {"dry_run", "assume_identity"} & leaf.command.refused():
-            if f"{key}@" not in told.given:
+            if key not in told.levels:
                 told.given.pop(key, None)
         told.taken = None
         command = " ".join(words_of(leaf))
@@ -146,7 +146,7 @@ def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Lin
 
 def defaults(context: click.Context) -> dict[str, Any]:
     """The common options of a command that runs others, as far as each of these takes them over."""
-    given = {key: value for key, value in said(context).given.items() if not key.endswith("@")}
+    given = dict(said(context).given)
     given.pop("output", None)
     if given.get("format") == "json":
         given["format"] = "ndjson"

@@ -32,7 +32,8 @@ class Source(NamedTuple):
 class Said:
     """What a command line has said so far, and who runs it: what all levels of click's contexts share.
 
-    given        settings by key; a deeper level overwrites an earlier one, and stands at "key@"
+    given        settings by key; a deeper level overwrites an earlier one
+    levels       setting -> the level that gave it: 0 is `handctl` itself, 1 a family, 2 a command
     own          the same of options that only some commands of one family have
     sources      setting -> Source, for every setting that is not the default
     stopping     whether this may be a command that nothing holds up, as far as its line was read
@@ -47,6 +48,7 @@ class Said:
 
     def __init__(self) -> None:
         self.given: dict[str, Any] = {}
+        self.levels: dict[str, int] = {}
         self.own: dict[str, Any] = {}
         self.sources: dict[str, Source] = {}
         self.stopping = False
@@ -128,17 +130,18 @@ class SharedOption(click.Option):
         source = ctx.get_parameter_source(param.name or "")
         if source is not click.core.ParameterSource.COMMANDLINE or (not value and isinstance(value, bool)):
             return
-        given = said(ctx).given
+        given, levels = said(ctx).given, said(ctx).levels
         level = len(words_of(ctx))
         if self.key in ("port", "fake"):
             other = "fake" if self.key == "port" else "port"
-            if given.get(f"{other}@") == level:
+            if levels.get(other) == level:
                 raise UsageError("--port and --fake exclude each other", hint="give one of them")
             given.pop(other, None)
-        if self.key == "wire" and given.get("wire@") == level and given["wire"] != self.fixed:
+            levels.pop(other, None)
+        if self.key == "wire" and levels.get("wire") == level and given["wire"] != self.fixed:
             raise UsageError(f"--{given['wire']} and --{self.fixed} exclude each other", hint="give one of them")
         given[self.key] = value if self.fixed is None else self.fixed
-        given[f"{self.key}@"] = level
+        levels[self.key] = level
 
 
 @cache

@@ -43,8 +43,7 @@ def resolve(ctx: click.Context, wires: tuple[str, ...] = (), device: str = "", *
         raise unfit[0]
     chosen = _Chosen()
     for key, value in given.items():
-        if not key.endswith("@"):
-            chosen.offer(key, value, COMMAND_LINE)
+        chosen.offer(key, value, COMMAND_LINE)
     if device:
         chosen.values["device"], chosen.sources["device"] = device, COMMAND_LINE
     options = lasting_options(wires)

@@ -51,7 +51,7 @@ ERRORS: dict[int, tuple[str, str]] = {
         Hint("this firmware does not have this parameter: {} lists them all", "barrett describe"),
     ),
     128: ("Invalid value", Hint("see the ranges with {}", "barrett describe")),
-    256: ("Tried to write a read only parameter", ("read it with `handctl barrett get`: it cannot be written")),
+    256: ("Tried to write a read only parameter", "read it with `handctl barrett get`: it cannot be written"),
     1024: ("Too many arguments for this command", "give fewer arguments at a time"),
     2048: ("Invalid RealTime control block header", "check the hand's loop flags: the block did not match them"),
     4096: ("Command can't have motor prefix", "leave the motors out"),
