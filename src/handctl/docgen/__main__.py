@@ -8,8 +8,9 @@ from pathlib import Path
 
 from handctl import guides
 from handctl.docgen.completion import SHELLS
+from handctl.docgen.guide_tables import filled
 from handctl.docgen.library import stub
-from handctl.docgen.man import filled, guide, pages
+from handctl.docgen.man import guide, pages
 from handctl.docgen.tree import read_tree
 
 
