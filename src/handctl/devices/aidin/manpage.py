@@ -8,7 +8,7 @@ EXCEPTIONS = (
     ("no-port", "`/dev/ttyUSB0`", "The hand has no serial port: exit code 2."),
     ("arrival", "`currents`", "A current has no target."),
     ("expect", "`home`, `initial`", "They have their own check: each motor must come to rest at its origin."),
-    ("expect", "`check`", "Whether a motor reaches its target is what it checks."),
+    ("expect", "`check`", "`check` itself tests whether a motor reaches its target."),
 )
 DRY = (
     "initial",
