@@ -48,7 +48,7 @@ COVERED: Mapping[str, tuple[str, str]] = {
     ),
     "If the device is still moving or has a new target": ("stop/test_stop_sequence.py", "test_"),
     "nothing is written (exit code 6)": ("stop/test_whose.py", "test_"),
-    "nothing is sent (exit code 2): type the family": (
+    "no stop is sent (exit code 2): type the family": (
         "stop/test_whose.py",
         "test_where_nobody_answers_the_next_step_is_said",
     ),
