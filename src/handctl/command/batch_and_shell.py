@@ -22,9 +22,9 @@ from handctl.command.envelope import from_click
 from handctl.command.family import load, map_of
 from handctl.command.help_text import NoCommand
 from handctl.command.invocation import check_before, shown_steps, unsent
-from handctl.command.options import COMMAND_LINE, SECONDS, said, words_of
+from handctl.command.options import COMMAND_LINE, SECONDS, command_line, words_of
 from handctl.command.precedence import resolve
-from handctl.command.run import Act, Asked, Run
+from handctl.command.run import Asked, PlannedAction, Run
 from handctl.command.terminal_prompts import print_message
 from handctl.errors import HandctlError, Hint, Interrupted, NotConfirmed, UsageError, joined
 from handctl.families import COMMANDS, FAMILIES
@@ -71,13 +71,13 @@ class Line(NamedTuple):
             return Asked()  # it writes its files where it stands
         check_before(run)
         with suppress(_UsesDeviceError):
-            if isinstance(made := self.leaf.body(run)(), Act):
+            if isinstance(made := self.leaf.body(run)(), PlannedAction):
                 return made.asked
         return Asked()
 
     def confirmed(self) -> Line:
         """The same line with a yes."""
-        told = said(self.context)
+        told = command_line(self.context)
         told.sources = {**told.sources, "yes": COMMAND_LINE}
         return self._replace(settings=self.settings._replace(yes=True))
 
@@ -85,7 +85,7 @@ class Line(NamedTuple):
         """Carry it out and show its result. Raises HandctlError."""
         if not self.shared:
             session.release(journal)  # it may want the port for itself
-        told = said(self.context)
+        told = command_line(self.context)
         run, told.run = told.run, None
         if run is None:
             run = Run(self.context, self.settings, self.leaf.family, session=session)
@@ -119,7 +119,7 @@ def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Lin
     Raises UsageError, click's Exit where the line only asked for help.
     """
     context = click.Context(root, info_name="handctl", **root.context_settings)
-    told = said(context)
+    told = command_line(context)
     told.given = dict(given)
     told.bare = not any(word.startswith("-") for word in words)
     found: list[click.Context] = []
@@ -146,7 +146,7 @@ def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Lin
 
 def defaults(context: click.Context) -> dict[str, Any]:
     """The common options of a command that runs others, as far as each of these takes them over."""
-    given = dict(said(context).given)
+    given = dict(command_line(context).given)
     given.pop("output", None)
     if given.get("format") == "json":
         given["format"] = "ndjson"
@@ -196,7 +196,7 @@ def batch(run: Run, file: str, *, keep_going: bool) -> Table | None:
         plans = list(_plans(lines))
     lines = _confirmed(run, lines, plans)
     if path := run.settings.output:  # the last line of JSON goes there too, behind all others
-        run.outlet.enter_context(_one_file(path))
+        run.after_output.enter_context(_one_file(path))
         run.settings = run.settings._replace(output=None)
     with _no_stdin():
         return _run(run, lines, keep_going=keep_going)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from handctl.command.run import Act, Asked
+from handctl.command.run import Asked, PlannedAction
 from handctl.errors import CheckFailed, HandctlError, Hint, NoAnswer, ProtocolError, UsageError, joined
 from handctl.model.device import pending_moves, pending_table, question
 from handctl.model.param import PUSHES, SETTING, Changes, Element, Number, Param, ParamMap, Reading, Step, ValueChange
@@ -82,7 +82,7 @@ def get(run: Run, params: ParamMap[Any], names: Sequence[str], limits: Sequence[
 Change = tuple[Element, Number]
 
 
-def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str], *, always: bool = False) -> Act:
+def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str], *, always: bool = False) -> PlannedAction:
     """Check, look what is there already, confirm where it moves or strands, write, read back."""
     changes = params.assignments(texts)
     planner = run.planner()
@@ -101,7 +101,7 @@ def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str], *, always:
         ask_released(run, device, these.wanted, device.plan(these.wanted))
         return these.written(device)
 
-    return Act(steps, write, f"{_consequence(steps)}: {', '.join(texts)}" if asks else "", look=look)
+    return PlannedAction(steps, write, f"{_consequence(steps)}: {', '.join(texts)}" if asks else "", look=look)
 
 
 def tell_listed(run: Run, changes: Sequence[Change], always: bool) -> None:

@@ -18,7 +18,7 @@ from handctl.command import snapshots
 from handctl.command.batch_and_shell import Line, line
 from handctl.command.library_call import Call
 from handctl.command.options import OutFile
-from handctl.command.run import Act, Run
+from handctl.command.run import PlannedAction, Run
 from handctl.errors import STOPPED, HandctlError, Hint, Interrupted, LinkError, UsageError, joined
 from handctl.model.result import Column, Grid, Row, Sample, Table
 from handctl.model.stop_sequence import NOT_STOPPED
@@ -94,7 +94,7 @@ class Each:
         return self.run.outcome.table or Table()
 
     @property
-    def body(self) -> Callable[[], Table | Act | None]:
+    def body(self) -> Callable[[], Table | PlannedAction | None]:
         """What it carries out: the command, or what a comparison of two devices needs of each."""
         one, run = self.line, self.run
         if _compares(one):

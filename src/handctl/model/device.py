@@ -304,23 +304,29 @@ class Device(ABC):
         return run_stop(self.link, sequence, ledger=ledger if ledger.words is not None else None)
 
     def guarded(
-        self, *, beat: float = 0.0, powered: bool = False, sequence: Callable[[StopContext], StopSequence] | None = None
+        self,
+        *,
+        heartbeat: float = 0.0,
+        powered: bool = False,
+        sequence: Callable[[StopContext], StopSequence] | None = None,
     ) -> AbstractContextManager[Guard]:
         """While this is active, the death of this process stops the device by the same plan, or by `sequence`. Raises LinkError.
 
-        `beat` as in `link.deadman`, `powered` as in `StopContext`.
+        `heartbeat` as in `link.deadman`, `powered` as in `StopContext`.
         """
         from handctl.link.deadman import guard_link
 
         context = self.stop_context()._replace(powered=powered)
         stop = StopPlan(sequence or partial(stop_sequence_of, self.kind), context)
-        return guard_link(self.link, stop, self.journal.warn, beat=beat)
+        return guard_link(self.link, stop, self.journal.warn, heartbeat=heartbeat)
 
     @contextmanager
-    def driven(self, prompts: Prompts, *, beat: float = 0.0, powered: bool = False, what: str = "") -> Iterator[Guard]:
+    def driven(
+        self, prompts: Prompts, *, heartbeat: float = 0.0, powered: bool = False, what: str = ""
+    ) -> Iterator[Guard]:
         """Around a movement: Ctrl-C and the death of this process stop it. Raises Interrupted with `what` and the result of the stop."""
         with (
-            self.guarded(beat=beat, powered=powered) as guard,
+            self.guarded(heartbeat=heartbeat, powered=powered) as guard,
             stopped_by_ctrl_c(lambda: self.stop(powered=powered), prompts, what),
         ):
             yield guard

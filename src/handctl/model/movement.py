@@ -267,7 +267,7 @@ def watch(
         clock.tick()
 
 
-def judged(where: str, arrivals: Sequence[Arrival], expect: str, *, hint: str = "") -> CheckFailed | None:
+def failure_of_arrivals(where: str, arrivals: Sequence[Arrival], expect: str, *, hint: str = "") -> CheckFailed | None:
     """The error where not every axis ended as it was expected to, with what became of those that did not.
 
     `hint` is the family's own next step, and comes first.

@@ -448,7 +448,7 @@ Row4 = tuple[str, str, str, str]
 """Check, status, evidence, remedy."""
 
 
-class Seen(NamedTuple):
+class Observation(NamedTuple):
     """What the reads show.
 
     verdict   "one", "two", or "" where answers are missing or damaged, and what both would hold alike as well
@@ -472,7 +472,7 @@ class _Tally:
         return self.destroyed / self.asked if self.asked else 0.0
 
 
-def look_for_duplicate_id(device: RegisterDevice, refusal: bool = False) -> Seen:
+def look_for_duplicate_id(device: RegisterDevice, refusal: bool = False) -> Observation:
     """Whether one device has this id; two may refuse alike to tell it, too. Raises LinkError where the line is lost."""
     bus, alike, readings = device.bus, _Tally(refusal=refusal), _Tally()
     spans, same = _readings(device), _alike(device)
@@ -491,14 +491,14 @@ def look_for_duplicate_id(device: RegisterDevice, refusal: bool = False) -> Seen
     number, asked = bus.id, readings.asked + alike.asked
     if readings.twice:
         text = f"one request got two different replies {readings.twice} of {readings.asked} times"
-        return Seen("two", f"{text}: two devices have id {number}")
+        return Observation("two", f"{text}: two devices have id {number}")
     if readings.share >= SOME and alike.whole == alike.asked:
         text = f"shared readings arrive intact, but {readings.destroyed} of {readings.asked} readings are destroyed"
-        return Seen("two", f"{text}: two devices with id {number} reply at the same time")
+        return Observation("two", f"{text}: two devices with id {number} reply at the same time")
     if readings.destroyed or readings.whole < readings.asked or alike.whole < alike.asked:
         missing = asked - readings.whole - alike.whole
-        return Seen("", f"{missing} of {asked} replies are missing or corrupted, and not only those of readings")
-    return Seen("one", f"{asked} replies arrived intact and alone: one device has id {number}")
+        return Observation("", f"{missing} of {asked} replies are missing or corrupted, and not only those of readings")
+    return Observation("one", f"{asked} replies arrived intact and alone: one device has id {number}")
 
 
 @contextmanager

@@ -20,7 +20,7 @@ from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.modbus_frames import RTU_SPEED
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, FEWER, RegisterBus, Span, at_speed, other_speed
 from handctl.devices.inspire.register_device import RegisterDevice
-from handctl.devices.inspire.scan_wire import CanSearch, Findings, Requester, RtuSearch, Scanner, Wanted
+from handctl.devices.inspire.scan_wire import CanSearch, Findings, Requester, RtuSearch, Scanner, ScanRequest
 from handctl.devices.inspire.serial_bus import Bus, frames_of_others, hint_for
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline, FrameLink, Link
@@ -194,7 +194,7 @@ class Sweep:
     def _in_eb90(self, link: ByteLink, target: Target, speeds: Sequence[int | None]) -> Findings:
         """What a scan in EB90 for one target saw; who was found is in the rows."""
         task, lead = self.task, target is self.lead
-        want = Wanted(
+        want = ScanRequest(
             find_all=task.find_all,
             probe=target.probe,
             twin=target.twin,

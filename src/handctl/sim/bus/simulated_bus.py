@@ -48,7 +48,7 @@ class Master:
 Wire = TypeVar("Wire", bound=Cable)
 
 
-class Rack(Switched, Generic[Wire]):
+class SimulatedBus(Switched, Generic[Wire]):
     """The devices of a file, each at a cable of its own, and the masters. `now`: None before the moment of power-on."""
 
     now: float | None = None
