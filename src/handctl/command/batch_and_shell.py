@@ -44,7 +44,7 @@ HERE = ("stop", "sleep")
 """Commands without a family that use the links of a session."""
 
 
-class Line(NamedTuple):
+class ScriptLine(NamedTuple):
     """A command line whose words make sense.
 
     number   in its script, from 1
@@ -75,7 +75,7 @@ class Line(NamedTuple):
                 return made.asked
         return Asked()
 
-    def confirmed(self) -> Line:
+    def confirmed(self) -> ScriptLine:
         """The same line with a yes."""
         told = command_line(self.context)
         told.sources = {**told.sources, "yes": COMMAND_LINE}
@@ -113,7 +113,7 @@ def sleep(run: Run, seconds: float) -> None:
 root.in_lines["sleep"] = sleep
 
 
-def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Line:
+def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> ScriptLine:
     """Take the words apart; `given` are common options that hold where the line says nothing else.
 
     Raises UsageError, click's Exit where the line only asked for help.
@@ -135,7 +135,9 @@ def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Lin
                 told.given.pop(key, None)
         told.taken = None
         command = " ".join(words_of(leaf))
-        return Line(number, command, leaf, leaf.command, resolve(leaf, leaf.command.wires, urgent=leaf.command.stops))
+        return ScriptLine(
+            number, command, leaf, leaf.command, resolve(leaf, leaf.command.wires, urgent=leaf.command.stops)
+        )
     except NoCommand as exc:
         raise UsageError(
             "no command", hint=f"`{exc.ctx.command_path if exc.ctx else 'handctl'} -h` lists them"
@@ -153,7 +155,7 @@ def defaults(context: click.Context) -> dict[str, Any]:
     return given
 
 
-def placed(error: HandctlError, one: Line) -> HandctlError:
+def placed(error: HandctlError, one: ScriptLine) -> HandctlError:
     """The error, beginning with the line that it is of."""
     return error.reworded(f"line {one.number} ({one.command}): {error.text}")
 
@@ -228,12 +230,12 @@ def _no_stdin() -> Iterator[None]:
         sys.stdin = before
 
 
-def _lines(text: str, context: click.Context) -> Iterator[Line]:
+def _lines(text: str, context: click.Context) -> Iterator[ScriptLine]:
     """The commands of a script. Raises UsageError with the number of the line."""
     import shlex
 
     given = defaults(context)
-    known: dict[str, Line] = {}  # a line that occurs again is the same
+    known: dict[str, ScriptLine] = {}  # a line that occurs again is the same
     for number, raw in enumerate(text.splitlines(), 1):
         if not (typed := raw.strip()):
             continue
@@ -262,7 +264,7 @@ def _lines(text: str, context: click.Context) -> Iterator[Line]:
             raise exc.reworded(f"line {number} ({typed}): {exc.text}") from exc
 
 
-def _plans(lines: Sequence[Line]) -> Iterator[Asked]:
+def _plans(lines: Sequence[ScriptLine]) -> Iterator[Asked]:
     """The plan of each. Raises UsageError."""
     known: dict[int, Asked] = {}
     for one in lines:
@@ -272,7 +274,7 @@ def _plans(lines: Sequence[Line]) -> Iterator[Asked]:
         yield known[key]
 
 
-def _planned(one: Line) -> Asked:
+def _planned(one: ScriptLine) -> Asked:
     try:
         return one.plan()
     except click.UsageError as exc:
@@ -281,7 +283,7 @@ def _planned(one: Line) -> Asked:
         raise placed(exc, one) from exc
 
 
-def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Asked]) -> list[Line]:
+def _confirmed(run: Run, lines: Sequence[ScriptLine], plans: Sequence[Asked]) -> list[ScriptLine]:
     """The lines, confirmed where needed: one question for all, after showing the plan. Raises NotConfirmed."""
     open_ = [
         (one, plan)
@@ -319,10 +321,10 @@ def _one_file(path: str) -> Iterator[None]:
         yield
 
 
-def _run(run: Run, lines: Sequence[Line], *, keep_going: bool) -> Table | None:
+def _run(run: Run, lines: Sequence[ScriptLine], *, keep_going: bool) -> Table | None:
     dry = run.settings.dry_run
     session = Session(run.command, writes=any(one.leaf.writes and not one.settings.dry_run for one in lines))
-    failed: list[tuple[Line, HandctlError]] = []
+    failed: list[tuple[ScriptLine, HandctlError]] = []
     done = 0
     try:
         for one in lines:
@@ -346,7 +348,7 @@ def _run(run: Run, lines: Sequence[Line], *, keep_going: bool) -> Table | None:
     return None
 
 
-def _carried_out(one: Line, session: Session, run: Run) -> HandctlError | None:
+def _carried_out(one: ScriptLine, session: Session, run: Run) -> HandctlError | None:
     """Run one line; the error with which it ended."""
     try:
         one.run(session, run.journal)
@@ -358,7 +360,7 @@ def _carried_out(one: Line, session: Session, run: Run) -> HandctlError | None:
     return Interrupted("interrupted") if asked() else None
 
 
-def _failure(failed: Sequence[tuple[Line, HandctlError]], done: int) -> HandctlError:
+def _failure(failed: Sequence[tuple[ScriptLine, HandctlError]], done: int) -> HandctlError:
     """The failure of the whole: it ends as the first line that failed."""
     one, first = failed[0]
     if first.exit_code == Interrupted.exit_code:

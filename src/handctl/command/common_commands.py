@@ -168,7 +168,7 @@ def add_map_verbs(
         Works without a device. -o names the file.
         """
         from handctl.command import export_command
-        from handctl.record.log_file import LogFile
+        from handctl.record.log_reader import LogFile
 
         path = export_command.take_file(run)
         return export_command.export(run, path, LogFile(log, params.kind), kind, segment, rate)

@@ -252,7 +252,7 @@ DESCRIBE_COLUMNS = (
 
 def describe_row(param: Param, kind: str) -> Row:
     """One parameter of a map as data."""
-    from handctl.model.outline import remedies_of
+    from handctl.model.device_picture import remedies_of
 
     table = remedies_of(kind) if param.alarms or param.choices else {}
     words = [*param.alarms.values(), *param.choices.values()]
@@ -284,7 +284,7 @@ def describe_row(param: Param, kind: str) -> Row:
 
 def picture(kind: str, by: str) -> Callable[[list[Row]], list[Grid]]:
     """How rows are seen as the outline of a family; `by` "" = its usual colours. Raises UsageError for what it has not."""
-    from handctl.model.outline import outline_grid, outline_of
+    from handctl.model.device_picture import outline_grid, outline_of
 
     outline = outline_of(kind)
     if outline is None:
@@ -378,7 +378,7 @@ def watch(
         flags=frozenset(element.param.name for element in elements if element.param.bits),
     )
     if seen:
-        from handctl.model.outline import highest_of, remedies_of
+        from handctl.model.device_picture import highest_of, remedies_of
 
         table.remedies, table.highest = remedies_of(params.kind), highest_of(params.kind)
     return table

@@ -112,7 +112,7 @@ class Call(Run):
         self.result()
 
 
-class Line:
+class LibrarySession:
     """One device with many calls: its session and the settings of its link."""
 
     def __init__(self, family: Family, settings: Settings, session: Session) -> None:

@@ -14,7 +14,7 @@ import click
 
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, HISTORY, OwnOption
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 from handctl.model.export_formats import FORMATS as EXPORT_FORMATS
 
 FORMATS = ("table", "plain", "json", "ndjson", "csv", "openmetrics")

@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from handctl.command import snapshots
-from handctl.command.batch_and_shell import Line, line
+from handctl.command.batch_and_shell import ScriptLine, line
 from handctl.command.library_call import Call
 from handctl.command.options import OutFile
 from handctl.command.run import PlannedAction, Run
@@ -79,7 +79,7 @@ def _named(text: str, *, urgent: bool) -> tuple[str, ...]:
 class Each:
     """The command on one device."""
 
-    def __init__(self, name: str, one: Line) -> None:
+    def __init__(self, name: str, one: ScriptLine) -> None:
         self.name = name
         self.line = one
         self.run = Call(one.context, one.settings, one.leaf.family)
@@ -286,7 +286,7 @@ def _together(whole: Several, every: Sequence[Each]) -> Table:
     return _compared(whole, every) if _compares(every[0].line) else _merged(whole, every)
 
 
-def _compares(one: Line) -> bool:
+def _compares(one: ScriptLine) -> bool:
     """Whether the devices are compared with each other, and not each with a file."""
     return one.leaf.name == "diff" and one.context.params["a"] is None
 

@@ -19,7 +19,7 @@ from handctl.docgen.roff import Page, bold, escape, italic, marked
 from handctl.docgen.tree import Node, Option
 from handctl.families import FAMILIES
 from handctl.guides import Code, Heading, Item, Para, Table
-from handctl.model.outline import UNKNOWN, remedies_of
+from handctl.model.device_picture import UNKNOWN, remedies_of
 from handctl.model.param import MEASURED, Param
 from handctl.wording import sentence
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from handctl.errors import LinkError
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 from handctl.system import clock
 from handctl.wording import plural
 

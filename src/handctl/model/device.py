@@ -23,7 +23,7 @@ from handctl.errors import (
     ProtocolError,
     joined,
 )
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 from handctl.model.param import Changes, Element, Number, ParamMap, Reading, ValueChange, elements_of
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table, hex_bytes
 from handctl.model.settings import Settings
@@ -451,7 +451,7 @@ class Device(ABC):
 
         With `check`, findings and those of `more` give exit code 7, with the remedy of the most urgent one.
         """
-        from handctl.model.outline import hint_for, hint_of
+        from handctl.model.device_picture import hint_for, hint_of
 
         for finding in findings:
             self.journal.warn("unhealthy", finding.text, hint_for(self.kind, finding))

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, ProtocolError
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Counters, Grid, Row, Table

@@ -33,7 +33,7 @@ from handctl.model.settings import Settings
 if TYPE_CHECKING:
     from handctl.devices.ekso.audit import AuditLog
     from handctl.devices.ekso.export import Exported
-    from handctl.devices.ekso.log_file import LogFile
+    from handctl.devices.ekso.log_reader import LogFile
     from handctl.record.source import Source
 
 
@@ -90,7 +90,7 @@ def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -
         return EksoSource(run.device(), again, raw=raw, personal=include_pilot_id)
 
     def reading(path: str) -> LogFile:
-        from handctl.devices.ekso.log_file import LogFile
+        from handctl.devices.ekso.log_reader import LogFile
 
         return LogFile(path)
 
@@ -123,7 +123,7 @@ def export(
     """
     from handctl.command import export_command
     from handctl.devices.ekso import export as exports
-    from handctl.devices.ekso.log_file import LogFile
+    from handctl.devices.ekso.log_reader import LogFile
 
     as_rows = run.settings.format in ("json", "ndjson")
     kind = kind or ("csv" if run.settings.format == "csv" else None)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from handctl.devices.inspire import eb90, modbus_frames
 from handctl.devices.inspire.register_bus import READS, RegisterBus, Span
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 from handctl.link import FrameLink
 from handctl.model.device import Gate
 from handctl.model.result import hex_bytes
@@ -58,7 +58,7 @@ WARM = frozenset((*range(5, 111), 255))
 
 
 ITS_CURRENT = READS[eb90.WRIST_READ][0]
-"""A current of a wrist. Its angles lie at 1020: FC 03, and 03 ends a movement of a BarrettHand (`registers.question`)."""
+"""A current of a wrist. Its angles lie at 1020: FC 03, and 03 ends a movement of a BarrettHand (`register_bus.question`)."""
 
 
 def is_wrist(at: At) -> str:

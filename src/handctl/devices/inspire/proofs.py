@@ -14,7 +14,7 @@ from handctl.devices.inspire.identity import identify_alone
 from handctl.devices.inspire.procedures import probe
 from handctl.devices.inspire.register_bus import RegisterBus, Span
 from handctl.devices.inspire.register_device import RegisterDevice
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, DeviceRefused, Hint, NoAnswer
 from handctl.model.param import Step, elements_of
 from handctl.model.proofs import WRITE_BACK, Disturbed, Observation, Proof, put_back
@@ -142,7 +142,7 @@ def _set_points(name: str, device: RegisterDevice) -> Observation:
 def _acknowledged(device: RegisterDevice) -> Observation:
     """Which id acknowledges a change of the id. The id of before is given back, and read back there."""
     bus, old = device.bus, device.bus.id
-    if not isinstance(bus, Bus):
+    if not isinstance(bus, SerialBus):
         return Observation(None, "only on a serial line in EB90")
     identify_alone(device)
     new = next((one for one in SPARE_IDS if one != old and not probe(bus, one)), None)
@@ -158,7 +158,7 @@ def _acknowledged(device: RegisterDevice) -> Observation:
     )
 
 
-def _there_and_back(device: RegisterDevice, bus: Bus, new: int) -> int:
+def _there_and_back(device: RegisterDevice, bus: SerialBus, new: int) -> int:
     """The id that acknowledges the change. Raises what kept it from being confirmed that the old one is back."""
     address, back = device.map["id"].address, bus.at(device_id=new)
     prefixes = [write_ack_prefix(one, address // bus.per, WRITE) for one in (bus.id, new)]
@@ -171,7 +171,7 @@ def _there_and_back(device: RegisterDevice, bus: Bus, new: int) -> int:
     return frame.id
 
 
-def _back_home(device: RegisterDevice, bus: Bus, back: Bus) -> None:
+def _back_home(device: RegisterDevice, bus: SerialBus, back: SerialBus) -> None:
     """Give it the id of `bus` again, unless it answers to that, and read it back. Raises CheckFailed, NoAnswer, ProtocolError."""
     register, old = device.map["id"], bytes([bus.id])
     if probe(bus, back.id) or not probe(bus, bus.id):

@@ -28,7 +28,7 @@ from handctl.errors import (
     ProtocolError,
     UsageError,
 )
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 from handctl.link import CanFrame
 from handctl.model.device import Device
 from handctl.model.movement import (

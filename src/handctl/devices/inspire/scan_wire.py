@@ -1,6 +1,6 @@
 """Search a serial line for devices, over ids and baud rates. Read-only; never mistakes an echo or noise for a device.
 
-A probe reads two bytes of a register that the id may be asked for on any line (`registers.question`): its reply is longer than the
+A probe reads two bytes of a register that the id may be asked for on any line (`register_bus.question`): its reply is longer than the
 request and names its id. One id is asked at a time, with room for its answer on the wire and no more: so answers collide with
 no probe on two wires (RS-485) either, and one that arrives here later still names its id, and counts whenever it comes.
 
@@ -27,7 +27,7 @@ from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.devices.inspire.identity import WRIST, IdentityCheck, Kind
 from handctl.devices.inspire.modbus_bus import QUIET_SECONDS
 from handctl.devices.inspire.register_bus import FRESH, READS, Span, ahead, at_speed, other_speed, question
-from handctl.devices.inspire.serial_bus import Bus, frames_of_others, headless
+from handctl.devices.inspire.serial_bus import SerialBus, frames_of_others, headless
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, CanFrame, Deadline
 from handctl.model.decoder import frames_in
@@ -72,7 +72,7 @@ def _prefixes(spans: tuple[Span, ...], flag: int) -> tuple[bytes, ...]:
 class Requester:
     """Asks ids on one line. `wait` = reply window in seconds; `probe` is asked of whoever has answered."""
 
-    def __init__(self, bus: Bus, wait: float, probe: Span) -> None:
+    def __init__(self, bus: SerialBus, wait: float, probe: Span) -> None:
         self._bus = bus
         self._wait = wait
         self._firsts = {*READS[bus.read_flag], probe}
@@ -305,7 +305,7 @@ class ScanRequest:
 class Scanner(Requester):
     """Scans one line."""
 
-    def __init__(self, bus: Bus, prompts: Prompts, want: ScanRequest) -> None:
+    def __init__(self, bus: SerialBus, prompts: Prompts, want: ScanRequest) -> None:
         super().__init__(bus, TURNAROUND, want.probe)
         self._guide, self._want = prompts, want
         self._until: Deadline | None = None if want.silence is None else bus.link.deadline(want.silence)

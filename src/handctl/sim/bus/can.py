@@ -10,7 +10,7 @@ from __future__ import annotations
 from handctl.sim.bus.file import BUS_FAULTS, Plan
 from handctl.sim.bus.simulated_bus import IDLE, SOON, Master, SimulatedBus
 from handctl.sim.engine.can import BACKLOG, CanLine, Controller, Frame
-from handctl.sim.engine.model import soonest
+from handctl.sim.engine.simulated_device import soonest
 
 Sender = CanLine | Master | None  # None: the client
 

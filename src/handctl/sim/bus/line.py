@@ -16,7 +16,7 @@ from handctl.sim.bus.file import Plan
 from handctl.sim.bus.simulated_bus import IDLE, SimulatedBus
 from handctl.sim.bus.wire_pair import EDGE, Pair, Receiver
 from handctl.sim.engine.line import TICK, Line
-from handctl.sim.engine.model import soonest
+from handctl.sim.engine.simulated_device import soonest
 
 PAUSE = 0.005  # s; what comes without such a pause between shares one random delay
 BACKLOG = 65536  # bytes on their way to the wire that are kept

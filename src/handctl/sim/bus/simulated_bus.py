@@ -9,7 +9,7 @@ from handctl.number_parsing import number_in
 from handctl.sim import model_class
 from handctl.sim.bus.file import Plan
 from handctl.sim.engine.line import PLUG_COMMANDS, Cable, Plug, Switched
-from handctl.sim.engine.model import Model, Random, soonest
+from handctl.sim.engine.simulated_device import Model, Random, soonest
 
 SOON = 0.000000001  # s, rounding
 IDLE = 0.001  # s until a device is asked again that says that it acts now, and does not

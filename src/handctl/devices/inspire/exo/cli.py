@@ -16,7 +16,7 @@ from handctl.devices.inspire import identity
 from handctl.devices.inspire.exo import device
 from handctl.devices.inspire.exo.device import ExoHand, parse_command
 from handctl.devices.inspire.map import BAUD_RATES, EXO, address_in
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import Hint, UsageError
 from handctl.link import ByteLink
 from handctl.model.device import limits_of
@@ -26,7 +26,7 @@ from handctl.model.settings import Settings
 
 def open_exo(link: ByteLink, settings: Settings, journal: Journal) -> ExoHand:
     """An EH55BF1 behind `link` with the options the user gave."""
-    bus = Bus(link, settings.id if settings.id is not None else 1, journal, **limits_of(settings, link))
+    bus = SerialBus(link, settings.id if settings.id is not None else 1, journal, **limits_of(settings, link))
     bus.across_gaps = settings.own.get("across_gaps") != "no"
     bus.gate = identity.FamilyGate(identity.EXO, settings.assume_identity)
     return ExoHand(bus)

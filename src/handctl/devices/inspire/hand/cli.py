@@ -71,9 +71,9 @@ def _wires(link: ByteLink | FrameLink, settings: Settings, journal: Journal) -> 
     modbus = ModbusBus(link, number, journal, tcp=over_tcp(settings), **limits)
     if modbus.tcp or protocol == "modbus":
         return [modbus]
-    from handctl.devices.inspire.serial_bus import Bus
+    from handctl.devices.inspire.serial_bus import SerialBus
 
-    line = Bus(link, number, journal, family="hand", **limits)
+    line = SerialBus(link, number, journal, family="hand", **limits)
     return [line, modbus] if protocol == "auto" and asks_rtu(link) else [line]
 
 

@@ -7,7 +7,7 @@ from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.modbus_bus import TEMPERATURES, ModbusBus
 from handctl.devices.inspire.modbus_frames import read_request
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.model.proofs import Observation, Proof
 
 
@@ -30,7 +30,7 @@ def _protocol(hand: Hand) -> Observation:
         return Observation(None, "not a serial line")
     wires = hand.wires
     if hand.bus.wire == "rtu":  # EB90 was silent to the first question, or was never asked
-        line = Bus(hand.bus.link, hand.bus.id, hand.journal, family=hand.kind, timeout=hand.bus.timeout)
+        line = SerialBus(hand.bus.link, hand.bus.id, hand.journal, family=hand.kind, timeout=hand.bus.timeout)
         line.gate, line.per, line.presence = hand.gate, hand.bus.per, hand.bus.presence
         wires = [hand.bus, line]
     found = []

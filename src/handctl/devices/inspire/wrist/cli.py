@@ -15,7 +15,7 @@ from handctl.command.run import PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire import eb90, identity
 from handctl.devices.inspire.map import BAUD_RATES, WRIST, address_in
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.devices.inspire.wrist.device import Wrist
 from handctl.link import ByteLink, FrameLink
 from handctl.model.device import limits_of
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal) -> Wrist:
     """A wrist module behind a serial or a CAN link, with the options the user gave."""
     number, limits = settings.id if settings.id is not None else 1, limits_of(settings, link)
-    bus: Bus | CanBus
+    bus: SerialBus | CanBus
     if isinstance(link, FrameLink):
         from handctl.devices.inspire.can_bus import CanBus
 
         bus = CanBus(link, number, journal, **limits)
     else:
-        bus = Bus(link, number, journal, family="wrist", **limits)
+        bus = SerialBus(link, number, journal, family="wrist", **limits)
     bus.across_gaps = settings.own.get("across_gaps") != "no"
     bus.gate = identity.FamilyGate(identity.WRIST, settings.assume_identity)
     return Wrist(bus)
