@@ -24,7 +24,7 @@ import click
 from handctl.command.command_tree import Command
 from handctl.command.connection import Session
 from handctl.command.family import Family, load
-from handctl.command.library_call import Confirm, Line
+from handctl.command.library_call import Confirm, LibrarySession
 from handctl.errors import HandctlError, UsageError
 from handctl.families import FAMILIES, HISTORY
 from handctl.model.result import Row, Table, name_of
@@ -225,7 +225,7 @@ class Device:
 
     kind = ""
 
-    def __init__(self, line: Line) -> None:
+    def __init__(self, line: LibrarySession) -> None:
         self._line = line
 
     def __enter__(self) -> Device:
@@ -323,7 +323,7 @@ def _opened(family: str, link: str, settings: Mapping[str, Any]) -> Device:
             raise UsageError(f"{name} = {value!r} is not a valid value", hint=f"use one of {', '.join(allowed)}")
     known_family: Family = load(family, "cli").cli.family
     chosen = Settings(kind=family, port=link, format="json", quiet=True, time=True).having(settings)
-    line = Line(known_family, chosen, Session("library", writes=True))
+    line = LibrarySession(known_family, chosen, Session("library", writes=True))
     try:
         line.open()
     except BaseException:

@@ -20,9 +20,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     if args in (["--version"], ["-V"]):
         return _finish(0, f"handctl {__version__}\n")
     if argv is None:
-        from handctl.late import stand_in
+        from handctl.lazy_stdlib import defer_unused_modules
 
-        stand_in()
+        defer_unused_modules()
         gc.disable()  # until the command runs: what is imported stays, and looking through it costs a twentieth of the start
     from handctl.command.command_tree import run_root
     from handctl.screen.sanitize import substitute_what_is_missing

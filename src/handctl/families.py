@@ -6,10 +6,10 @@ place outside of a family's own folder and its simulator's that names it.
 
 from __future__ import annotations
 
-from handctl.light import field, light
+from handctl.fast_classes import fast_dataclass, field
 
 
-@light(eq=False)
+@fast_dataclass(eq=False)
 class OwnOption:
     """An option that one family has: --NAME and HANDCTL_NAME; `settings.own` holds its value as NAME with _ for -.
 
@@ -39,7 +39,7 @@ class OwnOption:
         return self.name.replace("-", "_")
 
 
-@light(eq=False)
+@fast_dataclass(eq=False)
 class FamilyRow:
     """One family: its help line, its modules, its place in a scan, its options.
 
@@ -77,7 +77,7 @@ class FamilyRow:
         return f"{self.package}.{_WITHIN.get(role, role)}"
 
 
-_WITHIN = {"write_rules": "explain", "outline": "remedies"}
+_WITHIN = {"write_rules": "explain_bytes", "outline": "remedies"}
 """Role -> the role in whose module it lies."""
 
 

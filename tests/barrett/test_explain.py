@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from handctl.devices.barrett.explain import BarrettExplainer
+from handctl.devices.barrett.explain_bytes import BarrettExplainer
 from handctl.model.explainer import DEVICE, HOST
 
 

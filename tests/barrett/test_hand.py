@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.barrett import explain
+from handctl.devices.barrett import explain_bytes
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import Answer
 from handctl.devices.barrett.gcl.line import GclLine
@@ -354,7 +354,7 @@ def test_the_odometer_is_told_in_strokes() -> None:
 def test_a_value_that_reads_back_otherwise_is_not_confirmed() -> None:
     """Neither by its prompt nor by the other values that were written with it: the ledger says what is true."""
     journal, link = Journal(), ScriptedHand({"FSET DP 5": "", "FGET DP": "5 5 8500 5"})
-    journal.ledger.words = explain.words()
+    journal.ledger.words = explain_bytes.words()
     hand = BarrettHand(GclLine(observed(link, journal.ledger), journal))  # type: ignore[arg-type]
     with pytest.raises(CheckFailed):
         hand.write(changes("DP=5"))

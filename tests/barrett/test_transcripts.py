@@ -92,7 +92,7 @@ class Player:
         return [(0.0, data)]
 
 
-def said(answer: Answer) -> str:
+def command_line(answer: Answer) -> str:
     return f"{'|'.join(answer.lines)} status {answer.status}".strip()
 
 
@@ -101,7 +101,7 @@ def act(hand: BarrettHand, link: ScriptedLink, text: str) -> str:
     verb, _, rest = text.partition(" ")
     match verb:
         case "gcl":
-            return said(hand.line.ask(rest))
+            return command_line(hand.line.ask(rest))
         case "get":
             readings = hand.read(select(BARRETT, rest.split()))
         case "set":
@@ -115,7 +115,7 @@ def act(hand: BarrettHand, link: ScriptedLink, text: str) -> str:
                 hand.line.ask(rest)
             answer = hand.line.abort()
             assert answer is not None
-            return said(answer)
+            return command_line(answer)
         case _:
             raise AssertionError(f"unknown action {text}")
     assert [reading.error for reading in readings if reading.error] == []

@@ -86,7 +86,7 @@ class Noted(Guard):
         super().__init__(None, lambda _link: None, lambda *_words: None)
         self.first: list[EarlyWrite] = []
 
-    def update(self, first: Sequence[EarlyWrite], beat: float | None = None) -> None:
+    def update(self, first: Sequence[EarlyWrite], heartbeat: float | None = None) -> None:
         self.first = list(first)
 
 

@@ -26,7 +26,7 @@ from handctl.devices.inspire.modbus_frames import RTU_SPEED
 from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.devices.inspire.scan import sweep
 from handctl.devices.inspire.scan_wire import FIRST_SECONDS, LATE_SECONDS
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.link import ByteLink, open_link
 from handctl.model.result import Journal
 from handctl.model.scan_task import ScanTask
@@ -104,7 +104,7 @@ def side_by_side(link: str, speed: int, reads: Sequence[tuple[int, int]], rounds
     attributes = termios.tcgetattr(port)
     attributes[4] = attributes[5] = getattr(termios, f"B{speed}")
     termios.tcsetattr(port, termios.TCSANOW, attributes)
-    bus = Bus(opened, 1, Journal())
+    bus = SerialBus(opened, 1, Journal())
 
     def ours() -> None:
         for address, count in reads:
@@ -138,7 +138,7 @@ def dump_reads(link: str) -> int:
     opened = open_link(link, baud=115200)
     assert isinstance(opened, ByteLink)
     with closing(opened):
-        hand = hand_at(Bus(opened, 1, Journal()), DF)
+        hand = hand_at(SerialBus(opened, 1, Journal()), DF)
         assert hand.dump().failure is None
         return hand.journal.counters.sent
 

@@ -13,7 +13,7 @@ import pytest
 import handctl
 from handctl.api import methods
 from handctl.command.family import load
-from handctl.command.options import said
+from handctl.command.options import command_line
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
 from tests.contract.alone import alone, steady, words_of
@@ -41,7 +41,7 @@ def called(family: str, name: str, folder: Path, **more: Any) -> tuple[list[Any]
         for argument in method.arguments
         if (value := context.params.get(argument.key)) not in (None, ())
     }
-    own = dict(said(context).own)
+    own = dict(command_line(context).own)
     with handctl.connect(family, facts.link(family, name), trace=str(trace), **own) as device:
         try:
             rows = getattr(device, method.name)(**named, **more)

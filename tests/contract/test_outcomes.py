@@ -9,7 +9,7 @@ from handctl.sim import model_class
 from handctl.sim.barrett import loop, monitor
 from handctl.sim.engine.can import CAN_FAULTS
 from handctl.sim.engine.line import LINE_FAULTS
-from handctl.sim.hand.model import MODBUS_FAULTS, SERIAL_FAULTS, TCP_FAULTS
+from handctl.sim.hand.registers import MODBUS_FAULTS, SERIAL_FAULTS, TCP_FAULTS
 from tests.contract.facts.outcomes import outcomes_of
 
 OF_WIRE = {

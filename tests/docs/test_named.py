@@ -33,7 +33,7 @@ IN_CODE = ("docgen/", "report/html.py", "charts/curves.py", "charts/cycles.py")
 FILES = {"pyz", "exe"}
 
 
-class Said(NamedTuple):
+class CommandLine(NamedTuple):
     """One text that people read, and where it stands."""
 
     where: str
@@ -41,14 +41,14 @@ class Said(NamedTuple):
 
 
 @cache
-def said() -> tuple[Said, ...]:
+def command_line() -> tuple[CommandLine, ...]:
     """README, the guides, and each string of the source."""
-    found = [Said("README", (TOP / "README.md").read_text(encoding="utf-8"))]
-    found += [Said(f"guide {name}", guides.source(name)) for name in guides.names()]
+    found = [CommandLine("README", (TOP / "README.md").read_text(encoding="utf-8"))]
+    found += [CommandLine(f"guide {name}", guides.source(name)) for name in guides.names()]
     for path in sorted(SOURCES.rglob("*.py")):
         where = path.relative_to(SOURCES).as_posix()
         if not where.startswith(IN_CODE):
-            found += [Said(where, text) for text in _strings(path)]
+            found += [CommandLine(where, text) for text in _strings(path)]
     return tuple(found)
 
 
@@ -100,7 +100,7 @@ def missing(words: list[str]) -> str:
 
 
 def test_every_command_that_a_text_names_is_there() -> None:
-    lines = [(one.where, line) for one in said() for line in re.findall(r"`handctl ([^`\n]+)`", one.text)]
+    lines = [(one.where, line) for one in command_line() for line in re.findall(r"`handctl ([^`\n]+)`", one.text)]
     assert len(lines) > 300
     assert [(where, line, word) for where, line in lines if (word := missing(line.split()))] == []
 
@@ -117,20 +117,24 @@ def test_every_option_that_a_text_names_is_there() -> None:
                 collect(below(command, name, context))
 
     collect(below(root, "handctl"))
-    named = {(one.where, name) for one in said() for name in re.findall(r"(?<![\w-])--[a-z][a-z0-9-]*", one.text)}
+    named = {
+        (one.where, name) for one in command_line() for name in re.findall(r"(?<![\w-])--[a-z][a-z0-9-]*", one.text)
+    }
     assert {(where, name) for where, name in named if name not in known | OF_OTHERS.get(where, set())} == set()
 
 
 def test_every_page_that_a_text_names_is_there() -> None:
     pages = {path.name for path in (TOP / "man").glob("man?/*")}
-    named = {(one.where, *found) for one in said() for found in re.findall(r"\b(handctl[a-z-]*)\(([17])\)", one.text)}
+    named = {
+        (one.where, *found) for one in command_line() for found in re.findall(r"\b(handctl[a-z-]*)\(([17])\)", one.text)
+    }
     assert {one for one in named if f"{one[1]}.{one[2]}" not in pages} == set()
 
 
 def test_every_name_in_python_that_a_text_names_is_there() -> None:
     """As somebody reaches it who has typed `import handctl`."""
     handctl = importlib.import_module("handctl")
-    named = {name for one in said() for name in re.findall(r"`handctl\.(\w+)", one.text)}
+    named = {name for one in command_line() for name in re.findall(r"`handctl\.(\w+)", one.text)}
     assert {name for name in named - FILES if not hasattr(handctl, name)} == set()
 
 
@@ -139,7 +143,7 @@ def test_what_a_topic_is_said_to_show_is_in_it() -> None:
     for topic in _topics():
         body = " ".join(_text([topic]).partition("DESCRIPTION")[2].split()) or _text([topic])
         assert topic.removesuffix("-guide").removesuffix("s") in body.casefold(), topic
-    for one in said():
+    for one in command_line():
         for sentence in re.split(r"(?<=[.:])\s", one.text):
             for topic in re.findall(r"`handctl help ([a-z-]+)` (?:shows|explains) how", sentence):
                 shown = _text([topic])

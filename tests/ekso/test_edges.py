@@ -11,7 +11,7 @@ import pytest
 from handctl.command.terminal_prompts import TerminalPrompts
 from handctl.devices.ekso.audit import AuditLog
 from handctl.devices.ekso.device import Ekso, one_setting
-from handctl.devices.ekso.explain import EksoWriteRules
+from handctl.devices.ekso.explain_bytes import EksoWriteRules
 from handctl.devices.ekso.frames import Command, cancel_body, encode
 from handctl.devices.ekso.setting_writer import Writer
 from handctl.errors import NoAnswer, OutputError, ProtocolError, UsageError

@@ -54,7 +54,7 @@ def tried(scratch: Path, name: str, *options: str, words: tuple[str, ...] = ()) 
     return Cell("ekso", "serial", row, scratch, "seed=1", *options, words=words)
 
 
-def said(result: Result) -> str:
+def command_line(result: Result) -> str:
     """The text of its one error."""
     return str(result.error["text"])
 
@@ -63,13 +63,13 @@ def test_the_cause_is_named(scratch: Path) -> None:
     for fault, words in WORDS.items():
         for name in ("get", "set"):
             cell = tried(scratch, name, f"fault={fault}")
-            assert (cell.result.code == 0 and fault == "twin-id") or any(word in said(cell.result) for word in words), (
-                cell
-            )
+            assert (cell.result.code == 0 and fault == "twin-id") or any(
+                word in command_line(cell.result) for word in words
+            ), cell
     for fault, word in ON_SET.items():
-        assert word in said(tried(scratch, "set", f"fault={fault}").result), fault
+        assert word in command_line(tried(scratch, "set", f"fault={fault}").result), fault
     for (fault, name), word in SPECIAL.items():
-        assert word in said(tried(scratch, name, f"fault={fault}").result), (fault, name)
+        assert word in command_line(tried(scratch, name, f"fault={fault}").result), (fault, name)
 
 
 def test_a_write_that_may_have_been_taken_is_told(scratch: Path) -> None:
@@ -84,7 +84,7 @@ def test_a_write_that_may_have_been_taken_is_told(scratch: Path) -> None:
         ), hit
     for fault in ("deaf", "reboot"):  # the next read shows that it was not
         cell = tried(scratch, "set", f"fault={fault}", "every=7")
-        assert cell.result.code == 4 and "not applied" in said(cell.result), cell
+        assert cell.result.code == 4 and "not applied" in command_line(cell.result), cell
     for fault in ("silent", "acknowledge", "acknowledge-set", "set-unanswered", "late"):  # and that it was
         cell = tried(scratch, "set", f"fault={fault}", "every=7")
         assert cell.result.code == 0 and "answer-lost" in cell.result.codes(), cell
@@ -165,7 +165,7 @@ def test_every_status_is_told_in_words(scratch: Path, name: str) -> None:
         9: "unknown (9)",
     }.items():
         cell = tried(scratch, name, "fault=refuse", f"refuse-status={status}")
-        assert cell.result.code == 6 and words in said(cell.result), cell
+        assert cell.result.code == 6 and words in command_line(cell.result), cell
 
 
 @pytest.mark.parametrize("mode", ["n-4", "n-2", "frame"])

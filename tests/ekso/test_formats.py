@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from handctl.devices.ekso.log_file import LogFile
+from handctl.devices.ekso.log_reader import LogFile
 from handctl.model.sampling import Moment
 from handctl.record.marks import Heard
 from handctl.record.source import Sample

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from handctl.devices.ekso.log_file import LogFile
+from handctl.devices.ekso.log_reader import LogFile
 from tests.ekso.recordings import make
 from tests.support.cli import run
 from tests.support.each_row import each_row

@@ -16,7 +16,7 @@ from handctl.devices.barrett.gcl import codec
 from handctl.devices.barrett.realtime import blocks
 from handctl.devices.ekso import frames
 from handctl.devices.inspire import can_frames, eb90
-from handctl.devices.inspire.explain import InspireExplainer
+from handctl.devices.inspire.explain_bytes import InspireExplainer
 from handctl.devices.inspire.map import WRIST
 from handctl.errors import LinkError, ProtocolError, UsageError
 from handctl.link import CanFrame, Deadline

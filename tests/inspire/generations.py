@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from handctl.sim.hand.model import ACTS
+from handctl.sim.hand.registers import ACTS
 from tests.contract.commands import scratch_of, writing_commands
 from tests.contract.facts import facts_of, passed
 from tests.contract.facts.hand import rh56

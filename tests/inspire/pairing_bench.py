@@ -10,7 +10,7 @@ from handctl.devices.inspire.can_bus import CanBus
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import ModelGate
 from handctl.devices.inspire.modbus_bus import ModbusBus
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import LinkError
 from handctl.link import ByteLink, FrameLink, Link, open_link
 from handctl.model.param import Step
@@ -94,15 +94,19 @@ class Desk:
 
 def hand_behind(link: Link, journal: Journal, number: int = 1, *, tcp: bool = False) -> Hand:
     """The host's hand at the other end of a link."""
-    bus: Bus | CanBus | ModbusBus
+    bus: SerialBus | CanBus | ModbusBus
     if isinstance(link, FrameLink):
         bus = CanBus(link, number, journal, family="hand")
     elif tcp and isinstance(link, ByteLink):
         bus = ModbusBus(link, number, journal, tcp=True)
     else:
         assert isinstance(link, ByteLink)
-        bus = Bus(link, number, journal)
-    other = ModbusBus(link, number, journal, tcp=False) if isinstance(bus, Bus) and isinstance(link, ByteLink) else None
+        bus = SerialBus(link, number, journal)
+    other = (
+        ModbusBus(link, number, journal, tcp=False)
+        if isinstance(bus, SerialBus) and isinstance(link, ByteLink)
+        else None
+    )
     gate = ModelGate(None, False)
     for one in (bus, other):
         if one is not None:

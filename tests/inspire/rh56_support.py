@@ -6,7 +6,7 @@ from handctl.devices.inspire.can_bus import CanBus
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import ModelGate
 from handctl.devices.inspire.modbus_bus import ModbusBus
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.link import FrameLink, open_link
 from handctl.model.result import Journal
 
@@ -19,11 +19,11 @@ def hand_on(model: str, wire: str = EB90, *, typed: str | None = None, both: boo
     words = {"model": model, "clock": "virtual", **({"bus": bus} if bus else {}), **options}
     link = open_link("fake://hand?" + "&".join(f"{name}={value}" for name, value in words.items()))
     journal = Journal()
-    line: Bus | CanBus | ModbusBus
+    line: SerialBus | CanBus | ModbusBus
     if isinstance(link, FrameLink):
         line = CanBus(link, 1, journal, family="hand")
     elif wire == EB90:
-        line = Bus(link, 1, journal)
+        line = SerialBus(link, 1, journal)
     else:
         line = ModbusBus(link, 1, journal, tcp=wire == TCP)
     other = ModbusBus(link, 1, journal, tcp=False) if both else None

@@ -6,7 +6,7 @@ from typing import Any
 
 from handctl.devices.inspire.exo.probe import TARGET
 from handctl.devices.inspire.scan import Target, sweep
-from handctl.devices.inspire.scan_wire import Scanner, Wanted
+from handctl.devices.inspire.scan_wire import Scanner, ScanRequest
 from handctl.model.prompts import Prompts
 from handctl.model.scan_task import ScanTask
 from tests.support.scripted import ScriptedLink, hand_on
@@ -29,4 +29,4 @@ def scan_hand(device: Any, target: Target = TARGET, **options: object) -> ScanTa
 def scanner(device: Any, prompts: Prompts | None = None, target: Target = TARGET, **options: Any) -> Scanner:
     """The scanner of a serial line alone."""
     wanted = {"find_all": True, "probe": target.probe, "twin": target.twin, "own": target.own, **options}
-    return Scanner(device.bus, prompts or Prompts(), Wanted(**wanted))
+    return Scanner(device.bus, prompts or Prompts(), ScanRequest(**wanted))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.inspire.can_bus import CanBus
-from handctl.devices.inspire.hand.explain import words
+from handctl.devices.inspire.hand.explain_bytes import words
 from handctl.errors import HandctlError
 from handctl.link import CanFrame, FrameLink
 from handctl.link.transcript import observed

@@ -13,7 +13,7 @@ from handctl.devices.inspire.hand import motion as hand_motion
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import ModelGate
 from handctl.devices.inspire.map import EXO
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import DeviceRefused, HandctlError
 from handctl.link import ByteLink, Deadline, open_link
 from handctl.model.param import Number, elements_of
@@ -52,7 +52,7 @@ class Losing(RecordedLink):
 
 
 def rh56(link: ByteLink) -> Hand:
-    bus, gate = Bus(link, 1, Journal()), ModelGate(None, False)
+    bus, gate = SerialBus(link, 1, Journal()), ModelGate(None, False)
     bus.gate = gate  # type: ignore[assignment]
     return Hand(bus, gate, None)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.inspire import procedures
-from handctl.devices.inspire.exo.explain import words
+from handctl.devices.inspire.exo.explain_bytes import words
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer
 from handctl.model.prompts import Prompts
 from tests.support.each_row import each_row

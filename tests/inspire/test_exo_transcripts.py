@@ -142,7 +142,7 @@ def act(hand: ExoHand, words: list[str]) -> Table | str:
     raise AssertionError(f"unknown action {words}")
 
 
-def said(result: Table | str) -> str:
+def command_line(result: Table | str) -> str:
     if isinstance(result, str):
         return result
     if result.failure is not None:
@@ -156,11 +156,11 @@ def test_host_sends_and_takes(case: Case, feed: str) -> None:
     player = Player(case, feed)
     hand = hand_on(ScriptedLink(player), case.device_id)
     if "gives" in case.says:
-        assert said(act(hand, case.says["host"].split())) == case.says["gives"]
+        assert command_line(act(hand, case.says["host"].split())) == case.says["gives"]
         assert player.repeated_although_answered == 0
     else:
         with pytest.raises(HandctlError) as caught:
-            said(act(hand, case.says["host"].split()))
+            command_line(act(hand, case.says["host"].split()))
         if feed != "with garbage around":
             assert caught.value.code == case.says["fails"]
         assert caught.value.exit_code == EXIT_CODES[case.says["fails"]]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from handctl.devices.inspire.hand.explain import explainer
+from handctl.devices.inspire.hand.explain_bytes import explainer
 from handctl.devices.inspire.modbus_frames import to_memory
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
 from tests.support.cli import run
@@ -152,7 +152,7 @@ def test_a_recorded_trace_names_the_generation(tmp_path: Path) -> None:
 
 def test_a_save_of_an_f1_is_done_with_its_result_only() -> None:
     """1004 clears the errors of a DF and saves on an F1 (rh56 §6 Q4): 01 is not the end of it, 00 and FF are."""
-    from handctl.devices.inspire.hand.explain import words
+    from handctl.devices.inspire.hand.explain_bytes import words
 
     def verdicts(*lines: str) -> list[tuple[bool, str]]:
         writes, found = words(), list[tuple[bool, str]]()

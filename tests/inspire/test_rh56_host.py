@@ -14,7 +14,7 @@ from handctl.devices.inspire.hand.generation import look
 from handctl.devices.inspire.hand.map import BYTE_MAP, DF, DG2, F1, MAPS, TP
 from handctl.devices.inspire.hand.tactile import ZONES, chosen, tactile
 from handctl.devices.inspire.register_device import encoded
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, UsageError
 from handctl.link import ByteLink, Deadline, open_link
 from handctl.model.param import elements_of
@@ -280,7 +280,7 @@ def test_the_host_makes_every_frame_of_the_vectors_and_takes_every_answer(wire: 
     assert seen >= 8
 
 
-class Hurried(Bus):
+class Hurried(SerialBus):
     """A computer that hears an answer late, unless it is given the patience of any read."""
 
     def read(self, address: int, count: int, *, retries: int | None = None) -> bytes:

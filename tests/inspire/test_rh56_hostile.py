@@ -17,7 +17,7 @@ from handctl.devices.inspire.hand.generation import ModelGate
 from handctl.devices.inspire.hand.map import BYTE_MAP
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.register_bus import RegisterBus
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.model.param import elements_of
 from handctl.model.prompts import Prompts
@@ -62,7 +62,7 @@ def host(odd: Odd, *, typed: str | None = "tp", device_id: int = 1) -> Hand:
     if odd.wire == CAN:
         bus = CanBus(ScriptedFrames(odd.frame), device_id, journal, family="hand")
     elif odd.wire == EB90:
-        bus = Bus(ScriptedLink(odd), device_id, journal, family="hand")
+        bus = SerialBus(ScriptedLink(odd), device_id, journal, family="hand")
     else:
         bus = ModbusBus(
             ScriptedLink(odd, baud=None if odd.wire == TCP else 115200), device_id, journal, tcp=odd.wire == TCP
@@ -452,7 +452,7 @@ def test_a_hand_that_speaks_modbus_only_is_found_behind_eb90(echo: bool) -> None
     odd = Odd(RTU, golden("df"))
     link = ScriptedLink(lambda r: [*([(0.0, r)] if echo else []), *(odd(r) if r[:1] == b"\x01" else [])])
     journal, gate = Journal(), ModelGate(None, False)
-    wires = Bus(link, 1, journal, family="hand"), ModbusBus(link, 1, journal, tcp=False)
+    wires = SerialBus(link, 1, journal, family="hand"), ModbusBus(link, 1, journal, tcp=False)
     for wire in wires:
         wire.gate = gate  # type: ignore[assignment]
     hand = Hand(wires[0], gate, wires[1])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.inspire.register_bus import question
-from handctl.devices.inspire.serial_bus import HINTS, Bus, bad_reply
+from handctl.devices.inspire.serial_bus import HINTS, SerialBus, bad_reply
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.result import Journal
 from handctl.sim.engine import line
@@ -20,7 +20,7 @@ INDEX_ACK = "90 EB 01 04 12 D4 05 01 F1"
 LATE_POSITIONS = "90 EB 01 0F 11 0A 06 6E 00 DC 00 4A 01 B8 01 26 02 94 02 3D"
 
 
-def bus_on(link: ScriptedLink, **options: object) -> Bus:
+def bus_on(link: ScriptedLink, **options: object) -> SerialBus:
     return hand_on(link, **options).bus
 
 
@@ -139,7 +139,7 @@ def test_bound_of_the_command_ends_the_retries() -> None:
 @pytest.mark.parametrize("device_id", [0, 255, -1, 256])
 def test_bus_refuses_an_id_that_does_not_exist(device_id: int) -> None:
     with pytest.raises(UsageError):
-        Bus(ScriptedLink(), device_id, Journal())
+        SerialBus(ScriptedLink(), device_id, Journal())
 
 
 def test_impossible_read_sends_nothing() -> None:

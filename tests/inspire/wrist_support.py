@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 
 from handctl.devices.inspire.can_bus import CanBus
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.devices.inspire.wrist.device import Wrist
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Trouble, open_link
 from handctl.model.result import Journal
@@ -156,7 +156,7 @@ def wrist_on(link: ByteLink | FrameLink, device_id: int = 1, **options: object) 
     """A wrist behind `link`; options are those of the bus."""
     if isinstance(link, FrameLink):
         return Wrist(CanBus(link, device_id, Journal(), **options))  # type: ignore[arg-type]
-    return Wrist(Bus(link, device_id, Journal(), family="wrist", **options))  # type: ignore[arg-type]
+    return Wrist(SerialBus(link, device_id, Journal(), family="wrist", **options))  # type: ignore[arg-type]
 
 
 def fake_wrist(

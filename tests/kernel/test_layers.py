@@ -27,20 +27,20 @@ from tests.support.each_row import each_row
 from tests.support.loading import back_ends, heavy, loaded, ours
 
 ROOT = Path(handctl.__file__).parent
-GROUND = ("", "number_parsing", "errors", "families", "files", "interrupts", "light", "wording", "system.*")
+GROUND = ("", "number_parsing", "errors", "families", "files", "interrupts", "fast_classes", "wording", "system.*")
 """What any room may import: they know nothing of handctl, or each other at most."""
-PURE = ("errors", "light", "model.decoder", "model.param", "@.pure")
+PURE = ("errors", "fast_classes", "model.decoder", "model.param", "@.pure")
 
 RULES: list[tuple[str, tuple[str, ...]]] = [
     # room or module, what it may import of handctl (first pattern that fits; `@` is its own family, @.pure what is sans I/O there)
     ("number_parsing", ()),
     ("errors", ()),
-    ("families", ("light",)),
+    ("families", ("fast_classes",)),
     ("system*", ("system.*",)),
     ("interrupts", ("system.*",)),
     ("files", ("errors", "system.*")),
     ("wording", ("errors", "families")),
-    ("cli", (*GROUND, "command.command_tree", "command.several_devices", "late", "screen.sanitize")),
+    ("cli", (*GROUND, "command.command_tree", "command.several_devices", "lazy_stdlib", "screen.sanitize")),
     ("__main__", ("cli",)),
     ("model.device", (*GROUND, "link.deadman", "model.*")),
     ("model.sampling", (*GROUND, "link", "model.*")),
@@ -109,7 +109,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             "command.family",
             "command.options",
             "model.param",
-            "model.outline",
+            "model.device_picture",
         ),
     ),
     ("guides", ()),
@@ -360,12 +360,12 @@ def test_what_devices_share_knows_none_of_them() -> None:
     assert single == {"devices.inspire.exo", "devices.inspire.wrist", "devices.inspire.hand"}
     for found in internal():
         home = found.module.rpartition(".")[0]
-        if any(device.startswith(f"{home}.") for device in single) and not found.module.endswith(".explain"):
+        if any(device.startswith(f"{home}.") for device in single) and not found.module.endswith(".explain_bytes"):
             assert not found.target.startswith(tuple(single)), found
 
 
 def test_families_are_data_and_their_modules_exist() -> None:
-    assert {found.target for found in imports_of("families")} <= {"__future__", "light", "handctl.light"}
+    assert {found.target for found in imports_of("families")} <= {"__future__", "fast_classes", "handctl.fast_classes"}
     for name, (module, text) in COMMANDS.items():
         command = importlib.import_module(module).cli
         assert isinstance(command, click.Command), name
@@ -400,7 +400,7 @@ def test_a_simulator_has_the_name_of_its_family() -> None:
     assert set(kinds()) == set(FAMILIES)
 
 
-ROLES = {"cli": "cli", "probe": "probe", "stopper": "stop_steps", "explain": "explainer", "write_rules": "words"}
+ROLES = {"cli": "cli", "probe": "probe", "stopper": "stop_steps", "explain_bytes": "explainer", "write_rules": "words"}
 
 
 @pytest.mark.parametrize("name", FAMILIES)

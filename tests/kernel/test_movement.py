@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.errors import UsageError
-from handctl.model.movement import Arrival, AxisReading, Goal, Stillness, Watch, judged
+from handctl.model.movement import Arrival, AxisReading, Goal, Stillness, Watch, failure_of_arrivals
 from handctl.model.param import given
 from tests.support.each_row import each_row
 
@@ -90,14 +90,14 @@ def test_what_was_read_once_more_counts_for_those_that_are_off() -> None:
 def test_what_is_expected(verdicts: tuple[str, ...], codes: tuple[str | None, ...]) -> None:
     arrivals = [Arrival(Goal(name, 100), 50, verdict) for name, verdict in zip("ab", verdicts, strict=True)]
     for expect, code in zip(("reached", "contact", "any"), codes, strict=True):
-        failure = judged("here", arrivals, expect)
+        failure = failure_of_arrivals("here", arrivals, expect)
         assert (failure.code if failure else None) == code, expect
         assert failure is None or failure.exit_code == 7
 
 
 def test_a_movement_without_a_target_ends_where_it_meets_something() -> None:
     stalled = [Arrival(Goal("a", None), 50, "contact")]
-    assert [judged("here", stalled, expect) for expect in ("reached", "contact", "any")] == [None] * 3
+    assert [failure_of_arrivals("here", stalled, expect) for expect in ("reached", "contact", "any")] == [None] * 3
 
 
 NAMES = ("little", "ring", "index")

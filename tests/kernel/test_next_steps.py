@@ -16,7 +16,7 @@ from handctl.command.batch_and_shell import line
 from handctl.errors import Aftermath, HandctlError, Hint, NoAnswer, command_of, joined
 from handctl.families import FAMILIES
 from handctl.model.checks import FAIL, Check
-from handctl.model.outline import remedies_of
+from handctl.model.device_picture import remedies_of
 from handctl.model.result import Message
 from handctl.wording import sentence
 

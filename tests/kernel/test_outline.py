@@ -9,7 +9,7 @@ import pytest
 from handctl.charts.curves import outline_svg
 from handctl.command.family import load
 from handctl.families import FAMILIES
-from handctl.model.outline import Bar, Measure, Outline, bars_with_values, outline_grid, outline_of
+from handctl.model.device_picture import Bar, Measure, Outline, bars_with_values, outline_grid, outline_of
 from handctl.model.result import Cell, Row
 from tests.support.cli import run
 

@@ -18,9 +18,9 @@ from handctl.model.proofs import (
     READ,
     REFUSED,
     WRITE_BACK,
+    Observation,
     Outcome,
     Proof,
-    Seen,
     carry_out,
 )
 from handctl.model.result import Journal
@@ -38,11 +38,11 @@ def outcome(*answers: Any, level: str = READ, healthy: Callable[[], object] = la
     rest: Iterator[Any] = iter(answers)
     device = SimpleNamespace(journal=Journal(), last=None)
 
-    def ask(_device: Any, _prompts: Prompts | None = None) -> Seen:
+    def ask(_device: Any, _prompts: Prompts | None = None) -> Observation:
         device.last = next(rest, device.last)
         if device.last in FAILS:
             raise FAILS[device.last]
-        return Seen(device.last, "as asked")
+        return Observation(device.last, "as asked")
 
     proof = Proof("fact", "not documented", more.pop("assumed", 4), "asked", ask, level, **more)
     return carry_out(proof, device, healthy, 3, Prompts())

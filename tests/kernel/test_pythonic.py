@@ -21,7 +21,7 @@ from tests.support.refused import refused
 SOURCES = Path(__file__).parents[1] / "messages" / "sources.txt"
 
 
-def said(text: str, kind: str) -> str:
+def command_line(text: str, kind: str) -> str:
     return in_python(text, kind, {name: method.command for name, method in methods(kind).items()})
 
 
@@ -40,7 +40,7 @@ def said(text: str, kind: str) -> str:
     ("ekso", "use `--length-mode auto`", "use `length_mode auto`"),
 ])  # fmt: skip
 def test_commands_become_calls_and_options_arguments(kind: str, text: str, told: str) -> None:
-    assert said(text, kind) == told
+    assert command_line(text, kind) == told
 
 
 @pytest.mark.parametrize("kind", list(FAMILIES))
@@ -48,7 +48,7 @@ def test_no_message_of_handctl_keeps_an_option(kind: str) -> None:
     """But in a command that is typed at a terminal, which no method replaces."""
     kept = []
     for line in SOURCES.read_text(encoding="utf-8").splitlines():
-        told = said(line.replace("{self.kind}", kind).replace("{params.kind}", kind), kind)
+        told = command_line(line.replace("{self.kind}", kind).replace("{params.kind}", kind), kind)
         kept += [told] if re.search(r"(?<![\w-])--[a-z]", re.sub("`handctl [^`]*`", "", told)) else []
     assert kept == []
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.families import FAMILIES
-from handctl.model.outline import UNKNOWN, Remedy, hint_for, hint_of, remedies_of, worst_of
+from handctl.model.device_picture import UNKNOWN, Remedy, hint_for, hint_of, remedies_of, worst_of
 from handctl.model.result import Finding
 from tests.support.cli import run
 

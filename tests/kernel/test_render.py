@@ -426,7 +426,7 @@ def test_nothing_is_written_behind_a_reader_that_sleeps(tmp_path: Path) -> None:
     settings = Settings(output=str(path), format="ndjson")
     with Sink(settings) as sink:
         context = SimpleNamespace(settings=settings, simulated=True, envelope=lambda failure, extra=None: {"ok": False}, closing=lambda failure, extra=None: {"end": {"ok": False}},
-                                  judged=lambda failure: failure)  # fmt: skip
+                                  with_cause_named=lambda failure: failure)  # fmt: skip
         failure = stream(Table(columns=(Column("value", "Value"),), samples=samples()), sink, context)  # type: ignore[arg-type]
     assert isinstance(failure, OutputError)
     assert path.read_text() == '{"t": 0.0, "name": "id", "value": 1}\n'

@@ -68,7 +68,7 @@ def context(how: str, **more: Any) -> Any:
     settings = Settings(format=how, **more)
     return SimpleNamespace(
         settings=settings, simulated=False, command="exo dump", streams=False,
-        journal=SimpleNamespace(counters=Counters()), envelope=lambda failure, extra=None: {"messages": [], "counters": {}}, closing=lambda failure, extra=None: {"end": {}}, judged=lambda failure: failure,
+        journal=SimpleNamespace(counters=Counters()), envelope=lambda failure, extra=None: {"messages": [], "counters": {}}, closing=lambda failure, extra=None: {"end": {}}, with_cause_named=lambda failure: failure,
     )  # fmt: skip
 
 

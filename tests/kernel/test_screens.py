@@ -13,8 +13,8 @@ from itertools import pairwise
 import pytest
 
 from handctl.families import FAMILIES
+from handctl.model.device_picture import Remedy, highest_of
 from handctl.model.limits import Bound
-from handctl.model.outline import Remedy, highest_of
 from handctl.model.result import Journal, Sample, Table
 from handctl.model.settings import Settings
 from handctl.screen import live

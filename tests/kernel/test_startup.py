@@ -11,7 +11,7 @@ from typing import Any
 import click
 import pytest
 
-from handctl import late, light
+from handctl import fast_classes, lazy_stdlib
 from handctl.command.family import load
 from handctl.families import FAMILIES
 from tests.kernel.budget import over
@@ -35,7 +35,7 @@ def test_no_command_loads_or_runs_more() -> None:
 def nothing_loaded(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     for name in ("inspect", "uuid", "fractions", "gettext", "pickle", "random", "ast"):
         monkeypatch.delitem(sys.modules, name, raising=False)
-    late.stand_in()
+    lazy_stdlib.defer_unused_modules()
     yield
     monkeypatch.undo()
 
@@ -56,7 +56,7 @@ def test_a_module_is_the_real_one_once_it_is_used() -> None:
 
 def test_what_is_loaded_already_stays() -> None:
     before = dict(sys.modules)
-    late.stand_in()
+    lazy_stdlib.defer_unused_modules()
     assert {name: module for name, module in before.items() if sys.modules[name] is not module} == {}
 
 
@@ -72,13 +72,13 @@ def helps(command: click.Command) -> Iterator[str]:
 def test_helps_are_cleaned_as_python_does() -> None:
     texts = [*TEXTS, *(text for family in FAMILIES for text in helps(load(family, "cli").cli))]
     assert len(texts) > 400
-    assert [late._cleandoc(text) for text in texts] == [inspect.cleandoc(text) for text in texts]
+    assert [lazy_stdlib._cleandoc(text) for text in texts] == [inspect.cleandoc(text) for text in texts]
 
 
 # -- classes that are defined in little time ------------------------------------------------------------------------------
 
 
-@light.light(frozen=True)
+@fast_classes.fast_dataclass(frozen=True)
 class Point:
     """Two numbers."""
 
@@ -90,7 +90,7 @@ class Point:
         return self.x + self.y
 
 
-@light.light(frozen=True, kw_only=True)
+@fast_classes.fast_dataclass(frozen=True, kw_only=True)
 class Named(Point):
     """With a name."""
 
@@ -98,14 +98,14 @@ class Named(Point):
     name: str
 
 
-@light.light()
+@fast_classes.fast_dataclass()
 class Bag:
     """Each has its own."""
 
-    things: list[int] = light.field(default_factory=list)
+    things: list[int] = fast_classes.field(default_factory=list)
 
 
-class Pair(light.NamedTuple):
+class Pair(fast_classes.NamedTuple):
     """A tuple."""
 
     first: int

@@ -54,7 +54,7 @@ PROGRAM = """
     link = open_link(sys.argv[1])
     lock = hold(sys.argv[1], "test")
     link.held = lock.descriptors
-    with guard_link(link, stop, print, beat=float(sys.argv[2])) as guard:
+    with guard_link(link, stop, print, heartbeat=float(sys.argv[2])) as guard:
         {body}
         print("armed", flush=True)
         time.sleep(60)
@@ -151,14 +151,14 @@ def parents() -> Iterator[list[subprocess.Popen[bytes]]]:
         process.communicate()
 
 
-def armed(place: Place, body: str = "pass", beat: float = 0.0, **more: Any) -> subprocess.Popen[bytes]:
+def armed(place: Place, body: str = "pass", heartbeat: float = 0.0, **more: Any) -> subprocess.Popen[bytes]:
     """A process of its own, with a guard."""
     program = (
         textwrap.dedent(PROGRAM)
         .replace("{body}", body)
         .replace("{stop}", inspect.getsource(stop).replace("Any", "object"))
     )
-    command = [sys.executable, "-c", program, place.link, str(beat)]
+    command = [sys.executable, "-c", program, place.link, str(heartbeat)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, **more)
     assert process.stdout is not None
     assert process.stdout.readline() == b"armed\n"
@@ -292,7 +292,7 @@ def test_a_parent_that_may_not_stand_still_is_stopped(place: Place, parents: lis
     body = (
         'exec(\'while True: link.write(b".", link.deadline(1.0)) or print("armed", flush=True) or time.sleep(0.01)\')'
     )
-    process = armed(place, body, beat=0.3, stderr=subprocess.PIPE)
+    process = armed(place, body, heartbeat=0.3, stderr=subprocess.PIPE)
     parents.append(process)
     (guard,) = guards_of(process)
     os.kill(process.pid, signal.SIGSTOP)
@@ -412,7 +412,7 @@ class WayOut(NoLink):
     def __init__(self, descriptor: int) -> None:
         self.way = RawAccess(descriptor)
 
-    def outlet(self) -> RawAccess:
+    def raw_access(self) -> RawAccess:
         return self.way
 
 
@@ -442,11 +442,11 @@ def test_where_no_process_can_be_started_nothing_is_driven() -> None:
 def test_a_job_is_the_same_in_another_process() -> None:
     """On Windows the child gets it by a pipe: the way out with its codec, and the plan with the device's own id."""
     frame = CanFrame(0x057C8001, bytes(8))
-    ways = [serial.outlet_of(mock.Mock(_port_handle=7), "COM7"), RawAccess(7, can._slcan_frame, can._slcan_frames)]
+    ways = [serial.raw_access_of(mock.Mock(_port_handle=7), "COM7"), RawAccess(7, can._slcan_frame, can._slcan_frames)]
     context = StopContext(Settings(id=9), speed=115200, fixed=True)
     for way, power in product(ways, (False, True)):
         assert way is not None
-        way.before, way.owes = (lambda: None), (lambda _rest: None)  # of a guard, which stays here
+        way.before, way.note_unfinished = (lambda: None), (lambda _rest: None)  # of a guard, which stays here
         plan = StopPlan(partial(stop_sequence_of, "wrist"), context._replace(powered=power))
         job = child.Job(7, (), partial(deadman._act, way, plan), child.message(b"text", 0.5), 3.0)
         there = pickle.loads(pickle.dumps(job))  # noqa: S301 - our own
@@ -500,7 +500,7 @@ def test_a_child_has_a_link_of_its_own(frames: bool) -> None:
     ours, theirs = socket.socketpair()
     ours.setblocking(False)
     encode, decode = (lambda data, can_id: b"%d:" % can_id + data, lambda data: ([CanFrame(7, data)], b""))
-    outlet = RawAccess(ours.fileno(), encode, decode) if frames else RawAccess(ours.fileno(), baud=9600)  # type: ignore[arg-type]
+    raw_access = RawAccess(ours.fileno(), encode, decode) if frames else RawAccess(ours.fileno(), baud=9600)  # type: ignore[arg-type]
     heard: list[Any] = []
 
     def talk(link: Any) -> None:
@@ -520,7 +520,7 @@ def test_a_child_has_a_link_of_its_own(frames: bool) -> None:
 
     seen: list[bytes] = []
     stop_in_child(
-        outlet, lambda link: (seen.append(theirs.recv(100)), talk(link)), _pack(b"rest", [EarlyWrite(b"first")])
+        raw_access, lambda link: (seen.append(theirs.recv(100)), talk(link)), _pack(b"rest", [EarlyWrite(b"first")])
     )
     assert seen == [b"restfirst"]
     assert heard == ([None, CanFrame(7, b"ok")] if frames else [b"", b"ok"])

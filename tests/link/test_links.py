@@ -254,7 +254,7 @@ def test_a_port_that_takes_nothing_ends_at_the_deadline(opened: list[Port], monk
     monkeypatch.setattr(serial_module, "writable", lambda _port, seconds: bool(waits.append(seconds)))
     owed: list[bytes] = []
     assert isinstance(link, ByteLink)
-    link.outlet().owes = owed.append  # type: ignore[union-attr]
+    link.raw_access().note_unfinished = owed.append  # type: ignore[union-attr]
     link.write(b"whole", link.deadline(PATIENCE))
     assert owed == [b""]
     frame = bytes(range(251)) * 40000

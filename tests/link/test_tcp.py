@@ -89,7 +89,7 @@ def test_a_peer_that_takes_nothing_is_waited_for_until_the_deadline(
 
     monkeypatch.setattr(tcp, "writable", writable)
     owed: list[bytes] = []
-    link.outlet().owes = owed.append
+    link.raw_access().note_unfinished = owed.append
     data = bytes(range(250)) * 100_000
     with pytest.raises(LinkError) as caught:
         link.write(data, link.deadline(PATIENCE))

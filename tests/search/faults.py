@@ -175,7 +175,7 @@ def usual(family: str, wire: str, name: str) -> Usual:
         cells[0].result.code,
         _steady([cell.values for cell in cells]),
         frozenset(cells[0].values),
-        _steady([said(cell) for cell in cells]),
+        _steady([command_line(cell) for cell in cells]),
         cells[0].written,
         _steady(changed),
     )
@@ -224,7 +224,7 @@ def _steady(found: list[dict[str, Any]]) -> dict[str, Any]:
     return {key: value for key, value in first.items() if all(key in other and other[key] == value for other in others)}
 
 
-def said(cell: Cell) -> dict[str, Any]:
+def command_line(cell: Cell) -> dict[str, Any]:
     """Its rows as one table, without what is only of this run."""
     timed = cell.table.timed or ("\0",)
     return {
@@ -329,7 +329,7 @@ def complete(cell: Cell, fault: str, *, line: bool) -> None:
     if not line or cell.row.kind == "stream":
         return
     if cell.row.kind not in ("raw", "gcl", "reset"):  # these show whatever comes, an echo too
-        wrong = {key: value for key, value in wanted.said.items() if said(cell).get(key) != value}
+        wrong = {key: value for key, value in wanted.said.items() if command_line(cell).get(key) != value}
         assert not wrong, (wrong, cell)
     if wanted.held and (held := cell.held):
         found = {place: held_at(held, place) for place in wanted.held}

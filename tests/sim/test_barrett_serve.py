@@ -139,19 +139,19 @@ def test_what_a_kill_leaves_of_settings_and_of_half_a_firmware(tmp_path: Path) -
     def tell(command: str) -> str:
         return send_control(str(control), command)
 
-    def said(port: serial.Serial, command: str) -> bytes:
+    def command_line(port: serial.Serial, command: str) -> bytes:
         port.write(command.encode() + b"\r")
         return bytes(port.read_until(b"=> "))
 
     with Simulator(*words, kind="barrett") as server:
         with serial.Serial(server.link, 9600, timeout=PATIENCE) as port:
-            said(port, "1FSET DP 42")
-            said(port, "1FSAVE")
+            command_line(port, "1FSET DP 42")
+            command_line(port, "1FSAVE")
         server.stop(signal.SIGKILL)
     with Simulator(*words, kind="barrett") as server:
         assert (tell("eeprom DP"), tell("saves")) == ("ok 42 8500 8500 1575", "ok saves 1 0")
         with serial.Serial(server.link, 9600, timeout=PATIENCE) as port:
-            assert said(port, "1FGET DP") == b"1FGET DP\n\r42" + PROMPT
+            assert command_line(port, "1FGET DP") == b"1FGET DP\n\r42" + PROMPT
             assert tell("power off") == "ok power off"
             port.write(b"X")
             assert tell("power on") == "ok power on"
@@ -163,8 +163,8 @@ def test_what_a_kill_leaves_of_settings_and_of_half_a_firmware(tmp_path: Path) -
             path = tmp_path / "image"
             assert tell(f"save-image {path}").startswith("ok image incomplete, version 4.34, 1 records, 2 bytes, ")
             assert path.read_bytes() == b"\xaa\xbb"
-            assert said(port, "\rRESET") == b"\rRESET\r\n\rBarrettHand Firmware\n\rVersion 4.34" + PROMPT
-            assert said(port, "VERS") == b"VERS\n\r4.34" + PROMPT
+            assert command_line(port, "\rRESET") == b"\rRESET\r\n\rBarrettHand Firmware\n\rVersion 4.34" + PROMPT
+            assert command_line(port, "VERS") == b"VERS\n\r4.34" + PROMPT
             assert tell("power-cycle") == "ok power cycled"
             assert port.read(1) == b":"
             port.write(bytes.fromhex("FF FF 00 20 02 FF CC"))

@@ -8,7 +8,7 @@ import pytest
 
 from handctl.sim import create, kinds
 from handctl.sim.engine.line import LINE_FAULTS, Line
-from handctl.sim.engine.model import Random
+from handctl.sim.engine.simulated_device import Random
 from tests.support.each_row import each_row
 
 READ_ID = bytes.fromhex("EB 90 01 04 11 E8 03 01 02")

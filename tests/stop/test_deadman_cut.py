@@ -37,7 +37,7 @@ def die(link: Any, stop: Callable[[Link], object], first: Sequence[EarlyWrite] =
     """What the child does, on the link of its parent."""
     link.put = lambda data, deadline: link.write(data, deadline) if data else None
     link.sleep_reading = link.sleep
-    with mock.patch.object(deadman, "RawBytes", lambda _outlet: link):
+    with mock.patch.object(deadman, "RawBytes", lambda _raw_access: link):
         deadman.stop_in_child(RawAccess(-1), stop, deadman._pack(b"", first))
 
 
@@ -58,7 +58,7 @@ class Kept(Guard):
         self.stop = stop
         self.told: list[list[EarlyWrite]] = []
 
-    def update(self, first: Sequence[EarlyWrite], beat: float | None = None) -> None:
+    def update(self, first: Sequence[EarlyWrite], heartbeat: float | None = None) -> None:
         self.told.append(list(first))
 
 

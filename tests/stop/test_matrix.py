@@ -163,7 +163,7 @@ def by_child(device: Any, far: Far) -> Stopped | None:
         device.guarded()
     ((_link, stop, _warn),) = told
     way, stop = pickle.loads(pickle.dumps((RawAccess(-1), stop)))  # noqa: S301 - as it goes to the child on Windows
-    with mock.patch.object(deadman, "RawBytes", lambda _outlet: far):
+    with mock.patch.object(deadman, "RawBytes", lambda _raw_access: far):
         deadman.stop_in_child(way, stop, deadman._pack(b"", ()))
     return None
 

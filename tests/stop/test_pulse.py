@@ -25,9 +25,9 @@ from tests.support.each_row import each_row
 class Heard(Guard):
     """The pulse as a child would hear it: the moments of what it is told, each with how long it waits from then on."""
 
-    def __init__(self, link: Any, beat: float) -> None:
+    def __init__(self, link: Any, heartbeat: float) -> None:
         super().__init__(None, lambda _link: None, lambda *_words: None)
-        self.link, self.beats = link, [(link.now(), beat)]
+        self.link, self.beats = link, [(link.now(), heartbeat)]
         self._write = link.write
         link.write = self._written
 
@@ -35,20 +35,20 @@ class Heard(Guard):
         self.beats.append((self.link.now(), self.beats[-1][1]))
         self._write(data, deadline)
 
-    def update(self, first: Sequence[EarlyWrite], beat: float | None = None) -> None:
-        self.beats.append((self.link.now(), self.beats[-1][1] if beat is None else beat))
+    def update(self, first: Sequence[EarlyWrite], heartbeat: float | None = None) -> None:
+        self.beats.append((self.link.now(), self.beats[-1][1] if heartbeat is None else heartbeat))
 
     def longest(self) -> float:
         """The longest silence, as a share of what the child waits."""
-        return max((after - at) / beat for (at, beat), (after, _) in pairwise(self.beats) if beat)
+        return max((after - at) / heartbeat for (at, heartbeat), (after, _) in pairwise(self.beats) if heartbeat)
 
 
 @pytest.fixture
 def heard(monkeypatch: pytest.MonkeyPatch) -> list[Heard]:
     found: list[Heard] = []
 
-    def guard_link(link: Any, _stop: Any, _warn: Any, *, beat: float = 0.0) -> Any:
-        found.append(Heard(link, beat))
+    def guard_link(link: Any, _stop: Any, _warn: Any, *, heartbeat: float = 0.0) -> Any:
+        found.append(Heard(link, heartbeat))
         return nullcontext(found[-1])
 
     monkeypatch.setattr(deadman, "guard_link", guard_link)
@@ -64,7 +64,7 @@ def test_a_loop(heard: list[Heard], speed: int, rate: float) -> None:
     run = Run(receive={0: ("position",)}, temperature=False, controls=controls, motors=(0,), link=link)
     assert run.go(5, rate).error is None
     (guard,) = heard
-    assert any(beat for _, beat in guard.beats) and guard.longest() < 0.9
+    assert any(heartbeat for _, heartbeat in guard.beats) and guard.longest() < 0.9
 
 
 def test_currents(heard: list[Heard]) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 from handctl.sim.aidin.text import Writer
 from handctl.sim.ekso import device as ekso
 from handctl.sim.hand import device as hand
-from handctl.sim.hand.model import Hand
+from handctl.sim.hand.registers import Hand
 from handctl.sim.inspire import frames
 from tests.support.swap import swapped
 

@@ -16,7 +16,7 @@ from collections import Counter
 from typing import Any, NamedTuple
 
 from handctl.sim.engine.line import Line
-from handctl.sim.engine.model import Model, Options, Random, Reply
+from handctl.sim.engine.simulated_device import Model, Options, Random, Reply
 from handctl.sim.inspire.frames import find, frame
 from tests.support.foreign_devices import DF, DG2, F1, TP
 

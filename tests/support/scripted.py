@@ -7,7 +7,7 @@ import random
 from collections.abc import Callable, Iterable, Sequence
 
 from handctl.devices.inspire.exo.device import ExoHand
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.link import ByteLink, Deadline, open_link
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal, Table
@@ -188,8 +188,8 @@ def script(*exchanges: tuple[str, Sequence[str | Reply]], free: bool = False) ->
 
 
 def hand_on(link: ByteLink, device_id: int = 1, **options: object) -> ExoHand:
-    """A hand behind `link`; options are those of Bus."""
-    return ExoHand(Bus(link, device_id, Journal(), **options))  # type: ignore[arg-type]
+    """A hand behind `link`; options are those of SerialBus."""
+    return ExoHand(SerialBus(link, device_id, Journal(), **options))  # type: ignore[arg-type]
 
 
 def fake_link(query: str = "", baud: int | None = 115200) -> RecordedLink:

@@ -338,10 +338,10 @@ class Loop(Clock):
 
         enter = self._patches.enter_context
         enter(self.installed())
-        stand_in = SimpleNamespace(
+        defer_unused_modules = SimpleNamespace(
             pseudo=self._opened, pseudo_name=self._name, speed_of=self._speed_of, unread=terminal.unread
         )
-        enter(mock.patch.object(serve, "terminal", stand_in))
+        enter(mock.patch.object(serve, "terminal", defer_unused_modules))
         enter(mock.patch.object(serve.TcpDoor, "_open", listen))
         enter(mock.patch.object(serve, "Signals", lambda: self.signals))
         enter(mock.patch.object(serve, "select", SimpleNamespace(select=self._select)))

@@ -17,7 +17,7 @@ from handctl import report
 from handctl.errors import CheckFailed, OutputError, ProtocolError
 from handctl.families import FAMILIES
 from handctl.link.transcript import parse
-from handctl.model.outline import outline_of
+from handctl.model.device_picture import outline_of
 from handctl.model.result import Column, Row, Table
 from handctl.report import html as report_html
 from tests.support.cli import Result, fake, run, spying

@@ -11,7 +11,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from handctl.command.family import load
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.families import FAMILIES
 from handctl.model.proofs import LEVELS, READ
 from handctl.sim.engine.facts import Twin
@@ -230,9 +230,9 @@ def test_a_hand_that_falls_silent_meanwhile_gives_no_fact(after: int) -> None:
 
 @each_row("behind", range(9, 26))
 def test_ctrl_c_in_the_middle_puts_it_back(behind: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    state, count, exchange = tmp_path / "state.json", [0], Bus.exchange
+    state, count, exchange = tmp_path / "state.json", [0], SerialBus.exchange
 
-    def pressed(self: Bus, *args: Any, **more: Any) -> Any:
+    def pressed(self: SerialBus, *args: Any, **more: Any) -> Any:
         count[0] += 1
         mine = count[0]
         try:
@@ -241,7 +241,7 @@ def test_ctrl_c_in_the_middle_puts_it_back(behind: int, tmp_path: Path, monkeypa
             if mine == behind:
                 raise KeyboardInterrupt
 
-    monkeypatch.setattr(Bus, "exchange", pressed)
+    monkeypatch.setattr(SerialBus, "exchange", pressed)
     result = prove("exo", f"state={state}", *WRITES, "id-acknowledged-by")
     monkeypatch.undo()
     assert result.code == 130

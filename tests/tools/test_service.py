@@ -16,7 +16,7 @@ from handctl.families import FAMILIES
 from handctl.files import PAGE_DATA, in_page
 from handctl.link.fake import meaning_of
 from handctl.link.transcript import parse
-from handctl.model.outline import remedies_of
+from handctl.model.device_picture import remedies_of
 from handctl.tools import doctor, service_steps
 from handctl.tools.service import STEPS
 from tests.support.cli import Result, run
@@ -344,7 +344,7 @@ def test_ctrl_c_at_a_question_leaves_a_report(question: str) -> None:
 
 @each_row("kind", list(FAMILIES))
 def test_a_demo_knows_its_fault(kind: str) -> None:
-    practice = tuple(load(kind, "remedies").PRACTICE)
+    practice = tuple(load(kind, "remedies").TRAINING_FAULTS)
     assert len(practice) >= 6
     seeds = {random.Random(seed).choice(practice): seed for seed in range(200)}
     assert seeds.keys() == set(practice)
@@ -368,7 +368,7 @@ def test_a_demo_knows_its_fault(kind: str) -> None:
 
 def test_a_trainee_types_a_number() -> None:
     told = run("service", "--demo", "exo", "--seed", "3", *QUICK, "--json").json["service"]["demo"]
-    number = list(load("exo", "remedies").PRACTICE).index(told["fault"]) + 1
+    number = list(load("exo", "remedies").TRAINING_FAULTS).index(told["fault"]) + 1
     assert person("service", "--demo", "exo", "--seed", "3", *QUICK, answers=[str(number)]).code == 0
     assert person("service", "--demo", "exo", "--seed", "3", *QUICK, answers=["7"]).code == 7
 
@@ -379,6 +379,6 @@ def test_a_trainee_types_a_number() -> None:
     seed = next(
         str(seed)
         for seed in range(99)
-        if random.Random(seed).choice(tuple(load("barrett", "remedies").PRACTICE)) == "silent"
+        if random.Random(seed).choice(tuple(load("barrett", "remedies").TRAINING_FAULTS)) == "silent"
     )
     assert person("service", "--demo", "barrett", "--seed", seed, *QUICK, answers=[unsaid]).code == 0

@@ -229,7 +229,7 @@ class Way(RawAccess):
         return way
 
 
-def outlet(link: Any) -> Way:
+def raw_access(link: Any) -> Way:
     """In place of the method of a simulated link."""
     return Way.of(link)
 
@@ -248,7 +248,7 @@ def mortal(wire: Wire, heir: Child) -> Iterator[None]:
     with ExitStack() as stack:
         for owner, _ in SPEAKS:
             stack.enter_context(mock.patch.object(owner, "fake", False))
-            stack.enter_context(mock.patch.object(owner, "outlet", outlet))
+            stack.enter_context(mock.patch.object(owner, "raw_access", raw_access))
         for name, made in (("can_be", lambda: True), ("started", heir.started), ("ended", heir.ended)):
             stack.enter_context(mock.patch.object(child, name, made))
         for name in ("RawBytes", "RawFrames"):

@@ -11,7 +11,7 @@ from html import escape as escape_markup
 from math import floor, log10
 from typing import NamedTuple
 
-from handctl.model.outline import BarWithValue, Outline, bars_with_values, title
+from handctl.model.device_picture import BarWithValue, Outline, bars_with_values, title
 from handctl.model.result import Row, Sample
 
 # -- the outline of a device: its fingers or joints in their place, with their values ------------------------------

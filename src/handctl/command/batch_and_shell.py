@@ -22,9 +22,9 @@ from handctl.command.envelope import from_click
 from handctl.command.family import load, map_of
 from handctl.command.help_text import NoCommand
 from handctl.command.invocation import check_before, shown_steps, unsent
-from handctl.command.options import COMMAND_LINE, SECONDS, said, words_of
+from handctl.command.options import COMMAND_LINE, SECONDS, command_line, words_of
 from handctl.command.precedence import resolve
-from handctl.command.run import Act, Asked, Run
+from handctl.command.run import Asked, PlannedAction, Run
 from handctl.command.terminal_prompts import print_message
 from handctl.errors import HandctlError, Hint, Interrupted, NotConfirmed, UsageError, joined
 from handctl.families import COMMANDS, FAMILIES
@@ -44,7 +44,7 @@ HERE = ("stop", "sleep")
 """Commands without a family that use the links of a session."""
 
 
-class Line(NamedTuple):
+class ScriptLine(NamedTuple):
     """A command line whose words make sense.
 
     number   in its script, from 1
@@ -71,13 +71,13 @@ class Line(NamedTuple):
             return Asked()  # it writes its files where it stands
         check_before(run)
         with suppress(_UsesDeviceError):
-            if isinstance(made := self.leaf.body(run)(), Act):
+            if isinstance(made := self.leaf.body(run)(), PlannedAction):
                 return made.asked
         return Asked()
 
-    def confirmed(self) -> Line:
+    def confirmed(self) -> ScriptLine:
         """The same line with a yes."""
-        told = said(self.context)
+        told = command_line(self.context)
         told.sources = {**told.sources, "yes": COMMAND_LINE}
         return self._replace(settings=self.settings._replace(yes=True))
 
@@ -85,7 +85,7 @@ class Line(NamedTuple):
         """Carry it out and show its result. Raises HandctlError."""
         if not self.shared:
             session.release(journal)  # it may want the port for itself
-        told = said(self.context)
+        told = command_line(self.context)
         run, told.run = told.run, None
         if run is None:
             run = Run(self.context, self.settings, self.leaf.family, session=session)
@@ -113,13 +113,13 @@ def sleep(run: Run, seconds: float) -> None:
 root.in_lines["sleep"] = sleep
 
 
-def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Line:
+def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> ScriptLine:
     """Take the words apart; `given` are common options that hold where the line says nothing else.
 
     Raises UsageError, click's Exit where the line only asked for help.
     """
     context = click.Context(root, info_name="handctl", **root.context_settings)
-    told = said(context)
+    told = command_line(context)
     told.given = {key: value for key, value in given.items() if not key.endswith("@")}
     told.bare = not any(word.startswith("-") for word in words)
     found: list[click.Context] = []
@@ -135,7 +135,9 @@ def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Lin
                 told.given.pop(key, None)
         told.taken = None
         command = " ".join(words_of(leaf))
-        return Line(number, command, leaf, leaf.command, resolve(leaf, leaf.command.wires, urgent=leaf.command.stops))
+        return ScriptLine(
+            number, command, leaf, leaf.command, resolve(leaf, leaf.command.wires, urgent=leaf.command.stops)
+        )
     except NoCommand as exc:
         raise UsageError(
             "no command", hint=f"`{exc.ctx.command_path if exc.ctx else 'handctl'} -h` lists them"
@@ -146,14 +148,14 @@ def line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> Lin
 
 def defaults(context: click.Context) -> dict[str, Any]:
     """The common options of a command that runs others, as far as each of these takes them over."""
-    given = {key: value for key, value in said(context).given.items() if not key.endswith("@")}
+    given = {key: value for key, value in command_line(context).given.items() if not key.endswith("@")}
     given.pop("output", None)
     if given.get("format") == "json":
         given["format"] = "ndjson"
     return given
 
 
-def placed(error: HandctlError, one: Line) -> HandctlError:
+def placed(error: HandctlError, one: ScriptLine) -> HandctlError:
     """The error, beginning with the line that it is of."""
     return error.reworded(f"line {one.number} ({one.command}): {error.text}")
 
@@ -196,7 +198,7 @@ def batch(run: Run, file: str, *, keep_going: bool) -> Table | None:
         plans = list(_plans(lines))
     lines = _confirmed(run, lines, plans)
     if path := run.settings.output:  # the last line of JSON goes there too, behind all others
-        run.outlet.enter_context(_one_file(path))
+        run.after_output.enter_context(_one_file(path))
         run.settings = run.settings._replace(output=None)
     with _no_stdin():
         return _run(run, lines, keep_going=keep_going)
@@ -228,12 +230,12 @@ def _no_stdin() -> Iterator[None]:
         sys.stdin = before
 
 
-def _lines(text: str, context: click.Context) -> Iterator[Line]:
+def _lines(text: str, context: click.Context) -> Iterator[ScriptLine]:
     """The commands of a script. Raises UsageError with the number of the line."""
     import shlex
 
     given = defaults(context)
-    known: dict[str, Line] = {}  # a line that occurs again is the same
+    known: dict[str, ScriptLine] = {}  # a line that occurs again is the same
     for number, raw in enumerate(text.splitlines(), 1):
         if not (typed := raw.strip()):
             continue
@@ -262,7 +264,7 @@ def _lines(text: str, context: click.Context) -> Iterator[Line]:
             raise exc.reworded(f"line {number} ({typed}): {exc.text}") from exc
 
 
-def _plans(lines: Sequence[Line]) -> Iterator[Asked]:
+def _plans(lines: Sequence[ScriptLine]) -> Iterator[Asked]:
     """The plan of each. Raises UsageError."""
     known: dict[int, Asked] = {}
     for one in lines:
@@ -272,7 +274,7 @@ def _plans(lines: Sequence[Line]) -> Iterator[Asked]:
         yield known[key]
 
 
-def _planned(one: Line) -> Asked:
+def _planned(one: ScriptLine) -> Asked:
     try:
         return one.plan()
     except click.UsageError as exc:
@@ -281,7 +283,7 @@ def _planned(one: Line) -> Asked:
         raise placed(exc, one) from exc
 
 
-def _confirmed(run: Run, lines: Sequence[Line], plans: Sequence[Asked]) -> list[Line]:
+def _confirmed(run: Run, lines: Sequence[ScriptLine], plans: Sequence[Asked]) -> list[ScriptLine]:
     """The lines, confirmed where needed: one question for all, after showing the plan. Raises NotConfirmed."""
     open_ = [
         (one, plan)
@@ -319,10 +321,10 @@ def _one_file(path: str) -> Iterator[None]:
         yield
 
 
-def _run(run: Run, lines: Sequence[Line], *, keep_going: bool) -> Table | None:
+def _run(run: Run, lines: Sequence[ScriptLine], *, keep_going: bool) -> Table | None:
     dry = run.settings.dry_run
     session = Session(run.command, writes=any(one.leaf.writes and not one.settings.dry_run for one in lines))
-    failed: list[tuple[Line, HandctlError]] = []
+    failed: list[tuple[ScriptLine, HandctlError]] = []
     done = 0
     try:
         for one in lines:
@@ -346,7 +348,7 @@ def _run(run: Run, lines: Sequence[Line], *, keep_going: bool) -> Table | None:
     return None
 
 
-def _carried_out(one: Line, session: Session, run: Run) -> HandctlError | None:
+def _carried_out(one: ScriptLine, session: Session, run: Run) -> HandctlError | None:
     """Run one line; the error with which it ended."""
     try:
         one.run(session, run.journal)
@@ -358,7 +360,7 @@ def _carried_out(one: Line, session: Session, run: Run) -> HandctlError | None:
     return Interrupted("interrupted") if asked() else None
 
 
-def _failure(failed: Sequence[tuple[Line, HandctlError]], done: int) -> HandctlError:
+def _failure(failed: Sequence[tuple[ScriptLine, HandctlError]], done: int) -> HandctlError:
     """The failure of the whole: it ends as the first line that failed."""
     one, first = failed[0]
     if first.exit_code == Interrupted.exit_code:

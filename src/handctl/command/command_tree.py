@@ -30,14 +30,14 @@ from handctl.command.options import (
     InFile,
     OutFile,
     SharedOption,
-    said,
+    command_line,
     words_of,
 )
 from handctl.errors import HandctlError, Interrupted, OutputError
 from handctl.families import COMMANDS, LISTED
 
 if TYPE_CHECKING:
-    from handctl.command.run import Act, Run
+    from handctl.command.run import PlannedAction, Run
     from handctl.model.result import Table
 
 TRAITS = ("heading", "writes", "streams", "stops", "offline", "asks", "family")
@@ -73,7 +73,7 @@ class Command(Described):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """As click does; its message on the number of values knows neither the command nor what the values are called."""
-        said(ctx).stopping = self.stops
+        command_line(ctx).stopping = self.stops
         try:
             return super().parse_args(ctx, args)
         except click.UsageError as exc:
@@ -86,7 +86,7 @@ class Command(Described):
             raise click.UsageError(text, exc.ctx or ctx) from exc
 
     def invoke(self, ctx: click.Context) -> None:
-        if (taken := said(ctx).taken) is not None:
+        if (taken := command_line(ctx).taken) is not None:
             taken(ctx)
             return
         from handctl.command.precedence import resolve
@@ -98,7 +98,7 @@ class Command(Described):
             gc.enable()
         run.execute(self.body(run))
 
-    def body(self, run: Run) -> Callable[[], Table | Act | None]:
+    def body(self, run: Run) -> Callable[[], Table | PlannedAction | None]:
         """What a run of the parsed line carries out: it gets the run first, then what was parsed."""
         assert self.callback is not None
         return partial(self.callback, run, **run.context.params)
@@ -119,7 +119,7 @@ class Group(Described, click.Group):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         need_command(ctx, args)
-        told = said(ctx)
+        told = command_line(ctx)
         told.words = told.words if ctx.parent is not None else tuple(args)
         told.stopping = "stop" in args
         before = told.bare
@@ -212,7 +212,7 @@ class Root(Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
-            return self.in_lines.get(cmd_name) if said(ctx).taken is not None else None
+            return self.in_lines.get(cmd_name) if command_line(ctx).taken is not None else None
         command = importlib.import_module(COMMANDS[cmd_name][0]).cli
         assert isinstance(command, click.Command)
         if not isinstance(command, Described):
@@ -222,7 +222,7 @@ class Root(Group):
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """With -d the family may be left out: the device says which it is."""
         name = args[0]
-        if name in ALONE and said(ctx).taken is not None:
+        if name in ALONE and command_line(ctx).taken is not None:
             raise click.UsageError(f"`handctl {name}` cannot be one of several commands.", ctx)
         if name in COMMANDS or name.startswith("-") or self.get_command(ctx, name) is not None:
             return super().resolve_command(ctx, args)

@@ -26,16 +26,16 @@ from handctl.command.options import (
     FiniteRange,
     InFile,
     OutFile,
+    combined_options,
     ending,
     export_options,
     log_options,
     page_options,
     reads_option,
     scan_options,
-    together,
     watch_options,
 )
-from handctl.command.run import Act, Run
+from handctl.command.run import PlannedAction, Run
 from handctl.command.terminal_prompts import is_terminal
 from handctl.families import COMMANDS
 from handctl.model.param import COMMAND, ParamMap
@@ -72,8 +72,8 @@ def add_map_verbs(
     named = f"NAME[.{part}]" if part else "NAME"
     shown = f", such as `{example}`" if example else ""
 
-    with_setpoints = SETPOINTS if any(one.param.kind == COMMAND for one in params.kept()) else together()
-    with_ids = IDS if any(param.tells == "serial" for param in params) else together()
+    with_setpoints = SETPOINTS if any(one.param.kind == COMMAND for one in params.kept()) else combined_options()
+    with_ids = IDS if any(param.tells == "serial" for param in params) else combined_options()
 
     @click.option("--check", is_flag=True, help="Exit with code 7 if anything is unhealthy.")
     @click.option("--picture", "by", metavar="BY", is_flag=False, flag_value="", help=PICTURE)
@@ -106,7 +106,7 @@ def add_map_verbs(
 
     @click.argument("assignments", nargs=-1, required=True, metavar=f"{named}=VALUE...")
     @ALWAYS
-    def set_(run: Run, assignments: tuple[str, ...], always: bool = False) -> Act:
+    def set_(run: Run, assignments: tuple[str, ...], always: bool = False) -> PlannedAction:
         return get_set_watch.set_values(run, run.mapped(params), assignments, always=always)
 
     set_.__doc__ = f"Write values by name and read them back.{f' Example: `{setting}`.' if setting else ''}"
@@ -168,7 +168,7 @@ def add_map_verbs(
         Works without a device. -o names the file.
         """
         from handctl.command import export_command
-        from handctl.record.log_file import LogFile
+        from handctl.record.log_reader import LogFile
 
         path = export_command.take_file(run)
         return export_command.export(run, path, LogFile(log, params.kind), kind, segment, rate)
@@ -198,7 +198,7 @@ def add_map_verbs(
 
     @click.argument("file", type=InFile())
     @with_setpoints
-    def restore(run: Run, file: str, setpoints: bool = False) -> Act:
+    def restore(run: Run, file: str, setpoints: bool = False) -> PlannedAction:
         """Write the settings that differ from a snapshot, and read them back.
 
         Shows the plan first. If it is interrupted, you can safely run it again.
@@ -256,7 +256,7 @@ def add_map_verbs(
     @click.argument("lines", nargs=-1, metavar="[LINE]...")
     @click.option("--hex", "as_hex", is_flag=True, help="Take lines as hexadecimal bytes, and show bytes as such.")
     @REPLY_WAIT
-    def terminal(run: Run, lines: tuple[str, ...], as_hex: bool, wait: float) -> Table | Act:
+    def terminal(run: Run, lines: tuple[str, ...], as_hex: bool, wait: float) -> Table | PlannedAction:
         """Send typed lines, and show every byte that comes, in words.
 
         A line is hexadecimal bytes, on CAN a frame such as 1A3#DEADBEEF, and for a device that speaks text a line of text (there

@@ -25,8 +25,8 @@ import click
 from handctl.command.options import lasting_options
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, WIRES
+from handctl.fast_classes import fast_dataclass
 from handctl.files import NoFile, read
-from handctl.light import light
 from handctl.system.folders import config_path
 from handctl.wording import near
 
@@ -192,7 +192,7 @@ def _toml(path: str, text: str) -> dict[str, Any]:
         raise _wrong(path, line, f"not valid TOML: {what}", "correct that line: put texts in quotes") from exc
 
 
-@light(eq=False)
+@fast_dataclass(eq=False)
 class _Book:
     """Check the entries of one file and know the line of each."""
 

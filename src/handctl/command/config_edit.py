@@ -116,7 +116,7 @@ def _rewrite(path: str, edit: Callable[[Config], str]) -> None:
 def verified(before: Config, text: str, wanted: Values, name: str) -> str:
     """The new text, read back: it says what was meant and all else is as before. Raises UsageError."""
 
-    def said(config: Config) -> object:
+    def command_line(config: Config) -> object:
         devices = {
             device.name: (device.kind, {key: entry.value for key, entry in device.entries.items()})
             for device in config.devices.values()
@@ -135,7 +135,7 @@ def verified(before: Config, text: str, wanted: Values, name: str) -> str:
         raise refusal from exc
     device = after.devices.get(name)
     got = {} if device is None else {"kind": device.kind, **{key: entry.value for key, entry in device.entries.items()}}
-    if got != dict(wanted) or said(before) != said(after):
+    if got != dict(wanted) or command_line(before) != command_line(after):
         raise refusal
     return text
 

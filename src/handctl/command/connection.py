@@ -84,7 +84,7 @@ class Connection:
             self.observers = self.link.observers
         assert self.device_access is not None
         self.device_access.around(self.link)
-        if run.writes and not run.stops and self.link.outlet() is not None:
+        if run.writes and not run.stops and self.link.raw_access() is not None:
             refuse_rivals(run, self.link)
         return self.link
 

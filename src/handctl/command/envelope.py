@@ -66,7 +66,7 @@ class Outcome:
         self._held.clear()
 
     @contextlib.contextmanager
-    def held_back(self) -> Iterator[None]:
+    def delaying_messages(self) -> Iterator[None]:
         """Messages wait until it is over."""
         before, self._live = self._live, False
         try:

@@ -13,8 +13,8 @@ from handctl.model.result import Column, Row, Table
 from handctl.wording import plural
 
 if TYPE_CHECKING:
-    from handctl.record.log_file import LogFile
-    from handctl.record.survey import Segment, Survey
+    from handctl.record.clock_survey import Segment, Survey
+    from handctl.record.log_reader import LogFile
 
 TOOL = f"handctl {__version__}"
 WRITTEN = (
@@ -89,7 +89,7 @@ def tell_simulated(run: Run, source: LogFile) -> None:
 
 def check(run: Run, source: LogFile) -> Table:
     """The segments of a log as its rows show them: why each begins, the fit of the clocks, what is missing."""
-    from handctl.record.survey import survey
+    from handctl.record.clock_survey import survey
 
     found = survey(source)
     tell_simulated(run, source)

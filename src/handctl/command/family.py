@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from handctl.errors import UsageError
 from handctl.families import COMMANDS, FAMILIES
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
@@ -114,7 +114,7 @@ def in_words(kind: str, data: bytes, can_id: int | None) -> str:
     """What a frame of the host says, by the family's own explainer."""
     from handctl.model.explainer import HOST
 
-    return "; ".join(piece.meaning for piece in load(kind, "explain").explainer().decode(data, HOST, can_id))
+    return "; ".join(piece.meaning for piece in load(kind, "explain_bytes").explainer().decode(data, HOST, can_id))
 
 
 def map_of(name: str) -> ParamMap[Any] | None:

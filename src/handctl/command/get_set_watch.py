@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from handctl.command.run import Act, Asked
+from handctl.command.run import Asked, PlannedAction
 from handctl.errors import CheckFailed, HandctlError, Hint, NoAnswer, ProtocolError, UsageError, joined
 from handctl.model.device import pending_moves, pending_table, question
 from handctl.model.param import PUSHES, SETTING, Changes, Element, Number, Param, ParamMap, Reading, Step, ValueChange
@@ -82,7 +82,7 @@ def get(run: Run, params: ParamMap[Any], names: Sequence[str], limits: Sequence[
 Change = tuple[Element, Number]
 
 
-def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str], *, always: bool = False) -> Act:
+def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str], *, always: bool = False) -> PlannedAction:
     """Check, look what is there already, confirm where it moves or strands, write, read back."""
     changes = params.assignments(texts)
     planner = run.planner()
@@ -101,7 +101,7 @@ def set_values(run: Run, params: ParamMap[Any], texts: Sequence[str], *, always:
         ask_released(run, device, these.wanted, device.plan(these.wanted))
         return these.written(device)
 
-    return Act(steps, write, f"{_consequence(steps)}: {', '.join(texts)}" if asks else "", look=look)
+    return PlannedAction(steps, write, f"{_consequence(steps)}: {', '.join(texts)}" if asks else "", look=look)
 
 
 def tell_listed(run: Run, changes: Sequence[Change], always: bool) -> None:
@@ -252,7 +252,7 @@ DESCRIBE_COLUMNS = (
 
 def describe_row(param: Param, kind: str) -> Row:
     """One parameter of a map as data."""
-    from handctl.model.outline import remedies_of
+    from handctl.model.device_picture import remedies_of
 
     table = remedies_of(kind) if param.alarms or param.choices else {}
     words = [*param.alarms.values(), *param.choices.values()]
@@ -284,7 +284,7 @@ def describe_row(param: Param, kind: str) -> Row:
 
 def picture(kind: str, by: str) -> Callable[[list[Row]], list[Grid]]:
     """How rows are seen as the outline of a family; `by` "" = its usual colours. Raises UsageError for what it has not."""
-    from handctl.model.outline import outline_grid, outline_of
+    from handctl.model.device_picture import outline_grid, outline_of
 
     outline = outline_of(kind)
     if outline is None:
@@ -378,7 +378,7 @@ def watch(
         flags=frozenset(element.param.name for element in elements if element.param.bits),
     )
     if seen:
-        from handctl.model.outline import highest_of, remedies_of
+        from handctl.model.device_picture import highest_of, remedies_of
 
         table.remedies, table.highest = remedies_of(params.kind), highest_of(params.kind)
     return table

@@ -21,8 +21,8 @@ from handctl.command.options import (
     OUTPUT,
     WRITING,
     SharedOption,
+    command_line,
     own_options,
-    said,
     shared_options,
     words_of,
 )
@@ -134,7 +134,7 @@ class Described(click.Command):
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         if self._own is None:
             self._own = super().get_params(ctx)
-        if said(ctx).bare:
+        if command_line(ctx).bare:
             return [*self._own]
         if self._shared is None:
             family = self.family

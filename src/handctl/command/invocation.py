@@ -16,9 +16,9 @@ from handctl.command.options import (
     ENVIRONMENT,
     FILE,
     NamedFile,
+    command_line,
     files_of,
     refuse_clashes,
-    said,
     words_of,
 )
 from handctl.command.terminal_prompts import TerminalPrompts, print_message
@@ -68,7 +68,7 @@ class Invocation:
         self.settings = settings
         self.family = family
         self.command = " ".join(words_of(ctx))
-        self.said = said(ctx)
+        self.said = command_line(ctx)
         self.sources = self.said.sources
         self.session = session
         self.streams = bool(getattr(ctx.command, "streams", False))
@@ -177,7 +177,7 @@ class Invocation:
 
 def check_before(run: Invocation) -> None:
     """Raise UsageError or OutputError where this command line cannot be meant."""
-    # Said for good in the environment or the file it is a safety catch, and what only reads does not need it.
+    # CommandLine for good in the environment or the file it is a safety catch, and what only reads does not need it.
     if run.settings.dry_run and not run.writes and run.sources.get("dry_run") == COMMAND_LINE:
         raise UsageError(
             f"`handctl {run.command}` only reads. --dry-run is for commands that write or move",

@@ -17,7 +17,7 @@ import click
 from handctl.command.command_tree import Command
 from handctl.command.envelope import explained_error, from_click
 from handctl.command.invocation import told
-from handctl.command.options import COMMAND_LINE, said
+from handctl.command.options import COMMAND_LINE, command_line
 from handctl.command.run import Run, plan_table
 from handctl.errors import STOPPED, HandctlError, Interrupted, UsageError
 from handctl.model.prompts import Prompts
@@ -112,7 +112,7 @@ class Call(Run):
         self.result()
 
 
-class Line:
+class LibrarySession:
     """One device with many calls: its session and the settings of its link."""
 
     def __init__(self, family: Family, settings: Settings, session: Session) -> None:
@@ -198,13 +198,13 @@ class Line:
             ctx = self._context(command, words, values)
             if key is not None and len(self._parsed) < MOST_BOUND:
                 self._parsed[key] = ctx
-        settings = settings._replace(own={**settings.own, **said(ctx).own})
+        settings = settings._replace(own={**settings.own, **command_line(ctx).own})
         self.last = Call(ctx, settings, self.family, confirm, self.session)
         return self.last
 
     def _context(self, command: click.Command, words: str, values: Mapping[str, Any]) -> click.Context:
         ctx = click.Context(command, info_name=f"handctl {self.family.kind} {words}")
-        told = said(ctx)
+        told = command_line(ctx)
         told.words = (self.family.kind, *words.split(), *(f"{name}={value}" for name, value in values.items()))
         known = [key for key in ("id", "baud") if getattr(self.settings, key) is not None]
         told.sources = dict.fromkeys((*known, "yes"), COMMAND_LINE)

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from handctl.model.device import Device
     from handctl.model.result import Row
     from handctl.model.result import Sample as Taken
-    from handctl.record.log_file import LogFile
+    from handctl.record.log_reader import LogFile
     from handctl.record.timeline import Hole
 
 SUMMARY = (
@@ -92,7 +92,7 @@ def log(
     assert run.family is not None
     if wishes.check:
         from handctl.command import export_command
-        from handctl.record.log_file import LogFile
+        from handctl.record.log_reader import LogFile
 
         if wishes != RequestedOptions(None, None, 0.0, "", None, False, wishes.silence, False, check=True):
             raise UsageError("--check records nothing, so it takes no other option of log", hint="leave them out")

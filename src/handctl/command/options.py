@@ -14,12 +14,12 @@ import click
 
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, HISTORY, OwnOption
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 from handctl.model.export_formats import FORMATS as EXPORT_FORMATS
 
 FORMATS = ("table", "plain", "json", "ndjson", "csv", "openmetrics")
 META = "handctl"
-"""Key in click's shared meta: the `Said` of a command line."""
+"""Key in click's shared meta: the `CommandLine` of a command line."""
 
 
 class Source(NamedTuple):
@@ -29,7 +29,7 @@ class Source(NamedTuple):
     where: str = ""
 
 
-class Said:
+class CommandLine:
     """What a command line has said so far, and who runs it: what all levels of click's contexts share.
 
     given        settings by key; a deeper level overwrites an earlier one, and stands at "key@"
@@ -59,11 +59,11 @@ class Said:
         self.run: Any = None
 
 
-def said(ctx: click.Context) -> Said:
+def command_line(ctx: click.Context) -> CommandLine:
     """Of the command line of this context."""
-    found: Said | None = ctx.meta.get(META)
+    found: CommandLine | None = ctx.meta.get(META)
     if found is None:
-        found = ctx.meta[META] = Said()
+        found = ctx.meta[META] = CommandLine()
     return found
 
 
@@ -87,7 +87,7 @@ def words_of(ctx: click.Context) -> list[str]:
 
 
 class SharedOption(click.Option):
-    """An option that means the same at root, group and leaf. It writes `settings key = value` into `Said.given`.
+    """An option that means the same at root, group and leaf. It writes `settings key = value` into `CommandLine.given`.
 
     One that must be `typed` has neither a variable nor a key in the configuration file. `family`: not every family has it.
     """
@@ -119,16 +119,16 @@ class SharedOption(click.Option):
         try:
             return super().handle_parse_result(ctx, opts, args)
         except (click.UsageError, UsageError) as exc:
-            if not said(ctx).stopping or self.key in ("port", "fake"):
+            if not command_line(ctx).stopping or self.key in ("port", "fake"):
                 raise
-            said(ctx).unfit.append(exc)
+            command_line(ctx).unfit.append(exc)
             return None, args
 
     def _remember(self, ctx: click.Context, param: click.Parameter, value: Any) -> None:
         source = ctx.get_parameter_source(param.name or "")
         if source is not click.core.ParameterSource.COMMANDLINE or (not value and isinstance(value, bool)):
             return
-        given = said(ctx).given
+        given = command_line(ctx).given
         level = len(words_of(ctx))
         if self.key in ("port", "fake"):
             other = "fake" if self.key == "port" else "port"
@@ -221,7 +221,7 @@ class FamilyOption(click.Option):
             return
         if self._check is not None:
             self._check(value)
-        said(ctx).own[param.name or ""] = value
+        command_line(ctx).own[param.name or ""] = value
 
 
 # -- types of options and arguments: numbers, whose messages say what they accept ------------------------------------
@@ -365,14 +365,14 @@ def refuse_clashes(inputs: list[NamedFile], outputs: list[NamedFile]) -> None:
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
-def together(*options: Decorator) -> Decorator:
+def combined_options(*options: Decorator) -> Decorator:
     """Decorator: these options, in this order."""
     return lambda body: reduce(lambda made, option: option(made), reversed(options), body)
 
 
 def ending(what: str) -> Decorator:
     """Decorator: the options that end a stream of `what`, `count` and `duration`."""
-    return together(
+    return combined_options(
         click.option("--count", type=WholeRange(min=1), metavar="N", help=f"End after N {what}."),
         click.option("--duration", type=SECONDS, metavar="S", help="End after S seconds."),
     )
@@ -380,7 +380,7 @@ def ending(what: str) -> Decorator:
 
 def streaming(rate: float) -> Decorator:
     """Decorator: the options of a stream, `rate` (with this default), `count` and `duration`."""
-    return together(
+    return combined_options(
         click.option(
             "--rate",
             type=Hertz(min=0),
@@ -404,7 +404,7 @@ reads_option = click.option(
     help="Read the device N times to measure the error rate.",
 )
 """Of `handctl doctor`, and of a family's."""
-scan_options = together(
+scan_options = combined_options(
     click.option(
         "--ids",
         metavar="FROM-TO",
@@ -428,7 +428,7 @@ REPLY_WAIT = click.option(
     metavar="S",
     help="Listen for S seconds after the last byte.",
 )
-page_options = together(
+page_options = combined_options(
     click.option(
         "--include-ids", is_flag=True, help="Include serial numbers, pilot ids, and the replies that contain them."
     ),
@@ -450,10 +450,10 @@ UNTIL = click.option(
     metavar="NAME=VALUE",
     help="End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.",
 )
-BOUNDS = together(LIMIT, UNTIL)
+BOUNDS = combined_options(LIMIT, UNTIL)
 
 
-mark_options = together(
+mark_options = combined_options(
     click.option("--mark", metavar="TEXT", default="", help="Mark the first row with TEXT."),
     click.option(
         "--mark-udp",
@@ -469,7 +469,7 @@ mark_options = together(
     click.option("--mark-stdin", is_flag=True, help="Each line on standard input sets a mark with its text."),
 )
 """How the rows of a recording get marks."""
-log_options = together(
+log_options = combined_options(
     click.argument("file", type=OutFile(additional=(".json",))),
     streaming(0.0),
     mark_options,
@@ -507,7 +507,7 @@ RESAMPLE = click.option(
     metavar="HZ",
     help="Only for c3d, and mot of an EksoNR: resample to this rate, never across a gap (c3d: default is the rate of the log).",
 )
-export_options = together(
+export_options = combined_options(
     LOG,
     click.option("--to", "kind", type=click.Choice(list(EXPORT_FORMATS)), help=f"Output: {EXPORTS_LISTED}"),
     SEGMENT,

@@ -21,8 +21,8 @@ from handctl.command.options import (
     WITHOUT_FILE,
     SharedOption,
     Source,
+    command_line,
     lasting_options,
-    said,
     words_of,
 )
 from handctl.errors import UsageError
@@ -32,12 +32,12 @@ from handctl.system.folders import config_path
 
 def resolve(ctx: click.Context, wires: tuple[str, ...] = (), device: str = "", *, urgent: bool = False) -> Settings:
     """The settings of this command; with `device`, as `-d` with that name would have them. Where each comes from is
-    kept in its `Said`.
+    kept in its `CommandLine`.
 
     Raises UsageError for an environment variable or a configuration file that cannot be understood. With `urgent` they
-    are passed over, each with its error in `Said.passed_over`, as long as it is said which device it is.
+    are passed over, each with its error in `CommandLine.passed_over`, as long as it is said which device it is.
     """
-    told = said(ctx)
+    told = command_line(ctx)
     given, unfit, told.unfit = told.given, told.unfit, []
     if unfit and not urgent:
         raise unfit[0]

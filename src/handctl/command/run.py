@@ -52,7 +52,7 @@ class Asked(NamedTuple):
     word: str = ""
 
 
-class Act(NamedTuple):
+class PlannedAction(NamedTuple):
     """What a command is going to do to a device: its body returns this, and the run plans, asks, opens the link and carries it out.
 
     steps     what is going to be written, as far as that is known without the device; a function where only a dry run needs it
@@ -104,7 +104,7 @@ class Run(Invocation):
         self.connection = Connection()
         self.checked = False
         """Its words were understood and carried out before: `begin` starts it once more."""
-        self.outlet = ExitStack()
+        self.after_output = ExitStack()
         """What is closed behind the last byte of output: the file of a command that runs others."""
         self.begin()
 
@@ -174,7 +174,7 @@ class Run(Invocation):
         """While a view has the terminal messages wait, and each key goes to `pressed`, which says whether the command ends; whether there are keys."""
         from handctl.stop.device_access import keyboard
 
-        with self.outcome.held_back(), keyboard(self.connection.device_access, pressed) as keyed:
+        with self.outcome.delaying_messages(), keyboard(self.connection.device_access, pressed) as keyed:
             yield keyed
 
     @property
@@ -183,7 +183,7 @@ class Run(Invocation):
         access = self.connection.device_access
         return access.stop_key if access is not None else ""
 
-    def act(self, act: Act) -> Table:
+    def act(self, act: PlannedAction) -> Table:
         """Carry it out, or show its plan for --dry-run. Raises NotConfirmed."""
         if self.settings.dry_run:
             return self.dry_run(act.every())
@@ -244,10 +244,10 @@ class Run(Invocation):
         self.journal.info("dry-run", f"dry run: nothing was sent{looks}")
         return plan_table(steps)
 
-    def execute(self, body: Callable[[], Table | Act | None]) -> None:
+    def execute(self, body: Callable[[], Table | PlannedAction | None]) -> None:
         """Run the body, show its table while the link is open, close, and raise what went wrong."""
         end_on_signals(suspend=self.writes)
-        with self.outlet:
+        with self.after_output:
             try:
                 self.carry_out(body)
             except BaseException:  # a bug of ours: the link and its lock are let go all the same
@@ -275,7 +275,7 @@ class Run(Invocation):
             failure.shown = True
             raise failure
 
-    def carry_out(self, body: Callable[[], Table | Act | None]) -> Outcome:
+    def carry_out(self, body: Callable[[], Table | PlannedAction | None]) -> Outcome:
         """Run the body, and show a stream to its end; the outcome has what it returned, and what went wrong."""
         outcome = self.outcome
         try:
@@ -283,7 +283,7 @@ class Run(Invocation):
                 if not self.checked:
                     check_before(self)
                 made = body()
-                outcome.table = self.act(made) if isinstance(made, Act) else made
+                outcome.table = self.act(made) if isinstance(made, PlannedAction) else made
                 if outcome.streams and self.shows:
                     outcome.failure = outcome.stream(self)
             except HandctlError as exc:
@@ -303,16 +303,16 @@ class Run(Invocation):
             outcome.table = self.journal.kept  # what was read before it went wrong
         return outcome
 
-    def judged(self, error: HandctlError | None) -> HandctlError | None:
+    def with_cause_named(self, error: HandctlError | None) -> HandctlError | None:
         """What is shown of an error: whose bytes came, and what held a command up that --deadline ended."""
         return None if error is None else renamed(self, with_cause(self, error))
 
     def end_device(self) -> HandctlError | None:
         """Let go of the link; what went wrong with the command, or else what is wrong with its table."""
         outcome, table = self.outcome, self.outcome.table
-        failure = self.judged(outcome.failure)
+        failure = self.with_cause_named(outcome.failure)
         if table is not None:
-            table.failure = self.judged(table.failure)
+            table.failure = self.with_cause_named(table.failure)
         failure = self.stopped or failure
         try:
             failure = self.close(failure)

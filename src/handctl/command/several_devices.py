@@ -15,10 +15,10 @@ from typing import Any
 import click
 
 from handctl.command import snapshots
-from handctl.command.batch_and_shell import Line, line
+from handctl.command.batch_and_shell import ScriptLine, line
 from handctl.command.library_call import Call
 from handctl.command.options import OutFile
-from handctl.command.run import Act, Run
+from handctl.command.run import PlannedAction, Run
 from handctl.errors import STOPPED, HandctlError, Hint, Interrupted, LinkError, UsageError, joined
 from handctl.model.result import Column, Grid, Row, Sample, Table
 from handctl.model.stop_sequence import NOT_STOPPED
@@ -79,7 +79,7 @@ def _named(text: str, *, urgent: bool) -> tuple[str, ...]:
 class Each:
     """The command on one device."""
 
-    def __init__(self, name: str, one: Line) -> None:
+    def __init__(self, name: str, one: ScriptLine) -> None:
         self.name = name
         self.line = one
         self.run = Call(one.context, one.settings, one.leaf.family)
@@ -94,7 +94,7 @@ class Each:
         return self.run.outcome.table or Table()
 
     @property
-    def body(self) -> Callable[[], Table | Act | None]:
+    def body(self) -> Callable[[], Table | PlannedAction | None]:
         """What it carries out: the command, or what a comparison of two devices needs of each."""
         one, run = self.line, self.run
         if _compares(one):
@@ -286,7 +286,7 @@ def _together(whole: Several, every: Sequence[Each]) -> Table:
     return _compared(whole, every) if _compares(every[0].line) else _merged(whole, every)
 
 
-def _compares(one: Line) -> bool:
+def _compares(one: ScriptLine) -> bool:
     """Whether the devices are compared with each other, and not each with a file."""
     return one.leaf.name == "diff" and one.context.params["a"] is None
 

@@ -17,7 +17,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
-from handctl.command.run import Act, Asked
+from handctl.command.run import Asked, PlannedAction
 from handctl.errors import CheckFailed, Hint, OutputError, UsageError, joined
 from handctl.files import PAGE, PAGE_DATA, atomic_write, in_page, read_text, why_unwritable, writing
 from handctl.model.device import pending_moves, question
@@ -166,7 +166,9 @@ def _tell_left_out(run: Run, params: ParamMap[Any], names: Sequence[str], done: 
 # -- restore ------------------------------------------------------------------------------------------------------
 
 
-def restore(run: Run, params: ParamMap[Any], path: str, *, check: Check | None = None, setpoints: bool = False) -> Act:
+def restore(
+    run: Run, params: ParamMap[Any], path: str, *, check: Check | None = None, setpoints: bool = False
+) -> PlannedAction:
     """Write what differs from a snapshot, in an order that keeps the device reachable; read back; say what is left out.
 
     Settings; with `setpoints` also what was commanded, forces after a question of their own. Everything is asked before
@@ -209,7 +211,7 @@ def restore(run: Run, params: ParamMap[Any], path: str, *, check: Check | None =
         return _restored(params, differing, live, {reading.element.full_name: reading.value for reading in readings})
 
     question = f"{_restoring(params, changes)}, where they differ" if changes else ""
-    return Act(lambda: _steps(run.planner(), changes), write, question, look=look)
+    return PlannedAction(lambda: _steps(run.planner(), changes), write, question, look=look)
 
 
 def tell_all_listed(run: Run) -> None:

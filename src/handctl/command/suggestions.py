@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from handctl.command.options import said
+from handctl.command.options import command_line
 from handctl.families import COMMANDS, FAMILIES
 from handctl.wording import near, slips
 
@@ -116,7 +116,7 @@ def top(words: Sequence[str]) -> str:
 
 def device_in(ctx: click.Context, later: Sequence[str]) -> str | None:
     """The name that -d gives, before the first command or among the words that come `later`."""
-    found = said(ctx).given.get("device")
+    found = command_line(ctx).given.get("device")
     for word, following in zip(later, (*later[1:], ""), strict=True):
         if word == "--":
             break

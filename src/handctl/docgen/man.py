@@ -20,7 +20,7 @@ from handctl.docgen.texts import LINKS, SYMPTOMS, VERBS, WORDS, exceptions
 from handctl.docgen.tree import Node, Option
 from handctl.families import COMMANDS, FAMILIES
 from handctl.guides import Code, Heading, Item, Para, Table
-from handctl.model.outline import UNKNOWN, remedies_of
+from handctl.model.device_picture import UNKNOWN, remedies_of
 from handctl.model.param import MEASURED, Param
 from handctl.wording import sentence
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from handctl.errors import LinkError
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 from handctl.system import clock
 from handctl.wording import plural
 
@@ -83,10 +83,10 @@ class RawAccess:
         self.decode = decode
         self.baud = baud
         self.before: Callable[[], None] = nothing
-        self.owes: Callable[[bytes], None] = nothing
+        self.note_unfinished: Callable[[bytes], None] = nothing
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """For another process: `before` and `owes` stay in this one."""
+        """For another process: `before` and `note_unfinished` stay in this one."""
         return RawAccess, (self.descriptor, self.encode, self.decode, self.baud)
 
 
@@ -128,7 +128,7 @@ class Link(ABC):
     def event(self, text: str) -> None:  # noqa: B027 - only a tap records events
         """Note an event (change of baud rate, power-cycle) in the transcript, if one is recorded."""
 
-    def outlet(self) -> RawAccess | None:
+    def raw_access(self) -> RawAccess | None:
         """Access for a second process; None where there is none: inside this process, or inside a library."""
         return None
 

@@ -104,7 +104,7 @@ class CanLink(FrameLink):
             self._unlock()
             raise
         self._slcan = self._bus if isinstance(self._bus, SlcanBus) else None
-        self._outlet: RawAccess | None = None
+        self._raw_access: RawAccess | None = None
         self._counted = 0  # errors of an adapter that are in error_frames
         self._left = False  # a controller of another interface is bus off
         self.bitrate = options["bitrate"]
@@ -146,18 +146,18 @@ class CanLink(FrameLink):
                 code="cannot-open",
             ) from exc
 
-    def outlet(self) -> RawAccess | None:
+    def raw_access(self) -> RawAccess | None:
         """Of a Linux CAN socket, and of an slcan adapter; other back ends are inside a vendor's library."""
         codec = {"socketcan": (_socketcan_frame, _socketcan_frames), "slcan": (_slcan_frame, _slcan_frames)}
-        if self._outlet is None and self._interface in codec:
+        if self._raw_access is None and self._interface in codec:
             with contextlib.suppress(can.CanError, OSError, NotImplementedError, ValueError):
-                found = self._bus.fileno() if self._slcan is None else ports.outlet(self._slcan.serialPortOrig)
-                self._outlet = None if found is None else RawAccess(found, *codec[self._interface])
-        return self._outlet
+                found = self._bus.fileno() if self._slcan is None else ports.raw_access(self._slcan.serialPortOrig)
+                self._raw_access = None if found is None else RawAccess(found, *codec[self._interface])
+        return self._raw_access
 
     def send(self, frame: CanFrame, deadline: Deadline) -> None:
-        if self._outlet is not None:
-            self._outlet.before()
+        if self._raw_access is not None:
+            self._raw_access.before()
         message = can.Message(arbitration_id=frame.can_id, data=frame.data, is_extended_id=True)
         try:
             self._bus.send(message, timeout=max(0.001, deadline.remaining))

@@ -8,7 +8,7 @@ device: the plan that every other way of stopping runs, so it asks where the dev
 acknowledged. When the `with` ends, the child is ended before it can send a byte, and is waited for.
 
 A process that is suspended (SIGSTOP) is not dead, and nothing is sent. But where the device does not end by itself what it
-was told, `beat` is how long its parent may be silent: then the child stops the device, and the parent, should it wake, ends
+was told, `heartbeat` is how long its parent may be silent: then the child stops the device, and the parent, should it wake, ends
 as by Ctrl-C. A child that was killed is replaced before the next frame goes out.
 
 The child is a plain fork, without a new program in it. It is there when `guard_link` returns, about 1 ms later, also
@@ -56,21 +56,21 @@ class EarlyWrite(NamedTuple):
 
 
 @contextmanager
-def guard_link(link: Link, stop: Stop, warn: Warn, *, beat: float = 0.0) -> Iterator[Guard]:
+def guard_link(link: Link, stop: Stop, warn: Warn, *, heartbeat: float = 0.0) -> Iterator[Guard]:
     """Around code that moves a device: guard it with a child process. `warn` is called if the link cannot be guarded.
 
     A simulator in this process and a transcript need no guard: nothing outlives this process. Raises LinkError when no
     child can be started: then nothing must be driven.
     """
     inside = link.fake or link.replayed
-    outlet = None if inside or not child.can_be() else link.outlet()
-    if not inside and outlet is None:
+    raw_access = None if inside or not child.can_be() else link.raw_access()
+    if not inside and raw_access is None:
         warn(
             "unguarded",
             f"{link.name}: no second process watches this link, so if handctl is killed nothing stops the device",
             "keep its power switch within reach",
         )
-    guard = Guard(outlet, stop, warn, link.held, beat)
+    guard = Guard(raw_access, stop, warn, link.held, heartbeat)
     try:
         guard.arm()
         yield guard
@@ -79,12 +79,18 @@ def guard_link(link: Link, stop: Stop, warn: Warn, *, beat: float = 0.0) -> Iter
 
 
 class Guard:
-    """The child of one link; without an `outlet` nothing is guarded. `held` are descriptors that it keeps open, too."""
+    """The child of one link; without an `raw_access` nothing is guarded. `held` are descriptors that it keeps open, too."""
 
     def __init__(
-        self, outlet: RawAccess | None, stop: Stop, warn: Warn, held: Sequence[int] = (), beat: float = 0.0
+        self, raw_access: RawAccess | None, stop: Stop, warn: Warn, held: Sequence[int] = (), heartbeat: float = 0.0
     ) -> None:
-        self._outlet, self._stop, self._warn, self._held, self._beat = outlet, stop, warn, tuple(held), beat
+        self._raw_access, self._stop, self._warn, self._held, self._heartbeat = (
+            raw_access,
+            stop,
+            warn,
+            tuple(held),
+            heartbeat,
+        )
         self._heir: WatchdogChild | None = None
         self._owed = b""
         self._first: Sequence[EarlyWrite] = ()
@@ -92,17 +98,17 @@ class Guard:
 
     def arm(self) -> None:
         """Start the child. Raises LinkError."""
-        if self._outlet is not None:
+        if self._raw_access is not None:
             self._start()
-            self._outlet.owes, self._outlet.before = self.owes, self._watch
+            self._raw_access.note_unfinished, self._raw_access.before = self.note_unfinished, self._watch
 
-    def update(self, first: Sequence[EarlyWrite], beat: float | None = None) -> None:
-        """From now on these go out before the stop, and this process may be silent for `beat` seconds. Raises LinkError."""
-        self._first, self._beat = first, self._beat if beat is None else beat
+    def update(self, first: Sequence[EarlyWrite], heartbeat: float | None = None) -> None:
+        """From now on these go out before the stop, and this process may be silent for `heartbeat` seconds. Raises LinkError."""
+        self._first, self._heartbeat = first, self._heartbeat if heartbeat is None else heartbeat
         if self._heir is not None:
             self._tell(self._message())
 
-    def owes(self, rest: bytes) -> None:
+    def note_unfinished(self, rest: bytes) -> None:
         """A frame is half sent: `rest` is missing, and goes before the stop; b"" once it is out."""
         rest = rest if len(rest) <= LARGEST // 2 else b""  # no frame that drives anything is so long
         if self._heir is not None and rest != self._owed:
@@ -110,14 +116,14 @@ class Guard:
             self._tell(self._message())
 
     def _message(self) -> bytes:
-        return child.message(_pack(self._owed, self._first), self._beat)
+        return child.message(_pack(self._owed, self._first), self._heartbeat)
 
     def disarm(self) -> None:
         """End the child before it sends anything, and wait for it. May be called twice."""
         if self._heir is None:
             return
-        if self._outlet is not None:
-            self._outlet.owes = self._outlet.before = nothing
+        if self._raw_access is not None:
+            self._raw_access.note_unfinished = self._raw_access.before = nothing
         with child.unsignalled():
             self._end()
 
@@ -130,12 +136,12 @@ class Guard:
             heir, self._heir = self._heir, None
             child.finished(heir, BOUND_SECONDS)
             child.ended(heir)
-            text = f"this command hung for more than {self._beat:g} s, so the device was stopped"
+            text = f"this command hung for more than {self._heartbeat:g} s, so the device was stopped"
             self._warn("stood-still", text, "")
             raise KeyboardInterrupt
         if state == "gone":
             self._replace()
-        elif self._beat and clock.now() - self._told > self._beat / 10:
+        elif self._heartbeat and clock.now() - self._told > self._heartbeat / 10:
             self._tell(child.PULSE)
 
     def _tell(self, message: bytes) -> None:
@@ -153,13 +159,13 @@ class Guard:
 
     def _start(self) -> None:
         """Fork and wait until the child is ready, with signals blocked so that no child is lost."""
-        outlet = self._outlet
-        assert outlet is not None
-        act = partial(_act, outlet, self._stop)
+        raw_access = self._raw_access
+        assert raw_access is not None
+        act = partial(_act, raw_access, self._stop)
         self._told = clock.now()
         with child.unsignalled():
             try:
-                self._heir = child.started(Job(outlet.descriptor, self._held, act, self._message(), BOUND_SECONDS))
+                self._heir = child.started(Job(raw_access.descriptor, self._held, act, self._message(), BOUND_SECONDS))
             except OSError as exc:
                 raise _cannot(exc.strerror or str(exc)) from exc
             except child.NotAlive as exc:
@@ -182,17 +188,17 @@ def _cannot(why: str) -> LinkError:
 # -- what the child does -------------------------------------------------------------------------------------------------
 
 
-def _act(outlet: RawAccess, stop: Stop, message: bytes) -> None:
+def _act(raw_access: RawAccess, stop: Stop, message: bytes) -> None:
     with suppress(Exception):
-        stop_in_child(outlet, stop, message)
+        stop_in_child(raw_access, stop, message)
     with suppress(OSError):
-        descriptors.close(outlet.descriptor)  # before the lock: who gets that next must find the port free
+        descriptors.close(raw_access.descriptor)  # before the lock: who gets that next must find the port free
 
 
-def stop_in_child(outlet: RawAccess, stop: Stop, message: bytes) -> None:
+def stop_in_child(raw_access: RawAccess, stop: Stop, message: bytes) -> None:
     """Complete the frame, send what goes first, and stop; an error of one does not keep the next from being done."""
     owed, shots = _unpack(message)
-    link = RawBytes(outlet) if outlet.decode is None else RawFrames(outlet)
+    link = RawBytes(raw_access) if raw_access.decode is None else RawFrames(raw_access)
     for data, pause in (EarlyWrite(owed), *shots):
         with suppress(LinkError):
             link.put(data, link.deadline(BOUND_SECONDS))
@@ -209,14 +215,14 @@ def _unread(text: str, code: str) -> LinkError:
 class _Raw(Link):
     """A descriptor of the system, without the library that has opened it."""
 
-    def __init__(self, outlet: RawAccess) -> None:
-        self._outlet = outlet
+    def __init__(self, raw_access: RawAccess) -> None:
+        self._raw_access = raw_access
 
     def put(self, data: bytes, deadline: Deadline) -> None:
         """Bytes as they are. Raises LinkError."""
         while data:
             try:
-                data = data[descriptors.write(self._outlet.descriptor, data, deadline.remaining) :]
+                data = data[descriptors.write(self._raw_access.descriptor, data, deadline.remaining) :]
             except BlockingIOError:
                 raise _unread("the link does not accept data", "write-timeout") from None
             except OSError as exc:
@@ -225,7 +231,7 @@ class _Raw(Link):
     def got(self, deadline: Deadline) -> bytes:
         """Bytes as they are; b"" for silence. Raises LinkError."""
         try:
-            data = descriptors.read(self._outlet.descriptor, LARGEST, deadline.remaining)
+            data = descriptors.read(self._raw_access.descriptor, LARGEST, deadline.remaining)
         except BlockingIOError:
             return b""
         except OSError as exc:
@@ -247,12 +253,12 @@ class _Raw(Link):
 class RawBytes(_Raw, ByteLink):
     """The link of a child: a port or a connection."""
 
-    def __init__(self, outlet: RawAccess) -> None:
-        super().__init__(outlet)
-        self.baud, self.can_set_baud = outlet.baud, outlet.baud is not None
+    def __init__(self, raw_access: RawAccess) -> None:
+        super().__init__(raw_access)
+        self.baud, self.can_set_baud = raw_access.baud, raw_access.baud is not None
 
     def write(self, data: bytes, deadline: Deadline) -> None:
-        self.put(self._outlet.encode(data, None), deadline)
+        self.put(self._raw_access.encode(data, None), deadline)
 
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:
         return self.got(deadline)
@@ -261,21 +267,21 @@ class RawBytes(_Raw, ByteLink):
 class RawFrames(_Raw, FrameLink):
     """The same on a CAN bus."""
 
-    def __init__(self, outlet: RawAccess) -> None:
-        super().__init__(outlet)
+    def __init__(self, raw_access: RawAccess) -> None:
+        super().__init__(raw_access)
         self._rest = b""
         self._frames: list[CanFrame] = []
 
     def send(self, frame: CanFrame, deadline: Deadline) -> None:
-        self.put(self._outlet.encode(frame.data, frame.can_id), deadline)
+        self.put(self._raw_access.encode(frame.data, frame.can_id), deadline)
 
     def receive(self, deadline: Deadline) -> CanFrame | None:
-        assert self._outlet.decode is not None
+        assert self._raw_access.decode is not None
         while not self._frames:
             data = self.got(deadline)
             if not data:
                 return None
-            frames, self._rest = self._outlet.decode(self._rest + data)
+            frames, self._rest = self._raw_access.decode(self._rest + data)
             self._frames += frames
         return self._frames.pop(0)
 

@@ -107,13 +107,13 @@ def rivals(link: Link) -> OtherUsers:
 
     A CAN bus, and the clients of other machines, cannot be known: then there are none.
     """
-    outlet = link.outlet()
-    if outlet is None:
+    raw_access = link.raw_access()
+    if raw_access is None:
         return OtherUsers([])
-    if port := name_of(outlet.descriptor):
+    if port := name_of(raw_access.descriptor):
         names = holders(port)
         return OtherUsers(names, not names and any(_descriptors(pid, ROOT) is None for pid in _pids(ROOT)))
-    return OtherUsers(_connected(outlet.descriptor) if IN_SYS else [])
+    return OtherUsers(_connected(raw_access.descriptor) if IN_SYS else [])
 
 
 def _connected(descriptor: int) -> list[Process]:

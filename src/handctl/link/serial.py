@@ -174,9 +174,9 @@ class SerialLink(ByteLink):
             raise UsageError(f"{link}: {exc}", hint="give a port, tcp://HOST:PORT or a URL of pyserial") from exc
         self.can_set_baud = not device.startswith("socket://")
         self._fd = self._descriptor()
-        self._outlet = outlet_of(self._port, device)
-        if self._outlet is not None and self.can_set_baud:
-            self._outlet.baud = baud
+        self._raw_access = raw_access_of(self._port, device)
+        if self._raw_access is not None and self.can_set_baud:
+            self._raw_access.baud = baud
         if self._fd is not None and not device.startswith("/dev/pts/"):
             # An FTDI chip then waits 1 ms instead of 16 for more bytes.
             port: Any = self._port
@@ -192,7 +192,7 @@ class SerialLink(ByteLink):
             return False
         self.close()
         if self._fd is not None:
-            self._fd, self._outlet = CLOSED, None
+            self._fd, self._raw_access = CLOSED, None
         self._open(self._path())
         return True
 
@@ -200,8 +200,8 @@ class SerialLink(ByteLink):
         if self._fd == CLOSED:
             raise self._lost(None)
         try:
-            if self._outlet is not None:
-                self._outlet.before()
+            if self._raw_access is not None:
+                self._raw_access.before()
             if self._fd is None:
                 self._port.write(data)
             else:
@@ -212,19 +212,19 @@ class SerialLink(ByteLink):
             raise self._lost(exc) from exc
 
     def _write_fd(self, data: bytes, deadline: Deadline) -> None:
-        assert self._fd is not None and self._outlet is not None
+        assert self._fd is not None and self._raw_access is not None
         view = memoryview(data)
         while view:
             try:
                 view = view[os.write(self._fd, view) :]
             except BlockingIOError as exc:
-                self._outlet.owes(bytes(view) if len(view) < len(data) else b"")
+                self._raw_access.note_unfinished(bytes(view) if len(view) < len(data) else b"")
                 if not writable(self._fd, deadline.remaining):
                     raise self._stuck() from exc
-        self._outlet.owes(b"")
+        self._raw_access.note_unfinished(b"")
 
-    def outlet(self) -> RawAccess | None:
-        return self._outlet
+    def raw_access(self) -> RawAccess | None:
+        return self._raw_access
 
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:
         if self._fd == CLOSED:
@@ -266,8 +266,8 @@ class SerialLink(ByteLink):
                 code="baud",
             ) from exc
         self.baud = baud
-        if self._outlet is not None:
-            self._outlet.baud = baud
+        if self._raw_access is not None:
+            self._raw_access.baud = baud
 
     def _stuck(self) -> LinkError:
         return LinkError(
@@ -292,10 +292,10 @@ class SerialLink(ByteLink):
             self._port.close()
 
 
-def outlet_of(port: Any, device: str) -> RawAccess | None:
+def raw_access_of(port: Any, device: str) -> RawAccess | None:
     """Where a second process can write to an open port of pyserial; None where the system gives it no descriptor."""
     telnet = device.startswith("rfc2217://")
-    found = ports.outlet(getattr(port, "_socket", None) if telnet else port)
+    found = ports.raw_access(getattr(port, "_socket", None) if telnet else port)
     return None if found is None else RawAccess(found, _telnet if telnet else None)
 
 

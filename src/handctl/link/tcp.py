@@ -101,16 +101,16 @@ class TcpLink(ByteLink):
     def _set_up(self) -> None:
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        self._outlet = RawAccess(self._socket.fileno())
+        self._raw_access = RawAccess(self._socket.fileno())
 
     def write(self, data: bytes, deadline: Deadline) -> None:
-        self._outlet.before()
+        self._raw_access.before()
         view = memoryview(data)
         while view:
             try:
                 view = view[self._socket.send(view) :]
             except BlockingIOError as exc:
-                self._outlet.owes(bytes(view) if len(view) < len(data) else b"")
+                self._raw_access.note_unfinished(bytes(view) if len(view) < len(data) else b"")
                 if not writable(self._socket, deadline.remaining):
                     raise LinkError(
                         f"{self.name}: the other end no longer accepts data",
@@ -119,7 +119,7 @@ class TcpLink(ByteLink):
                     ) from exc
             except OSError as exc:
                 raise self._lost(exc) from exc
-        self._outlet.owes(b"")
+        self._raw_access.note_unfinished(b"")
 
     def reconnect(self, seconds: float) -> bool:
         """See Link. Data still in flight on the old connection must not arrive after what is sent next."""
@@ -136,8 +136,8 @@ class TcpLink(ByteLink):
             ) from exc
         return True
 
-    def outlet(self) -> RawAccess:
-        return self._outlet
+    def raw_access(self) -> RawAccess:
+        return self._raw_access
 
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:
         try:

@@ -197,10 +197,10 @@ def _overheard(link: Any) -> None:
 
 def _whole(link: Link) -> AbstractContextManager[None]:
     """Around what goes out and is noted: Ctrl-C waits for both, unless the line takes nothing just now."""
-    outlet = link.outlet()
-    if outlet is None and not (link.fake or link.replayed):
+    raw_access = link.raw_access()
+    if raw_access is None and not (link.fake or link.replayed):
         return nullcontext()
-    return handing_over(outlet.descriptor if outlet is not None else -1)
+    return handing_over(raw_access.descriptor if raw_access is not None else -1)
 
 
 class TraceWriter:

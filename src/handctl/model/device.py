@@ -23,7 +23,7 @@ from handctl.errors import (
     ProtocolError,
     joined,
 )
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 from handctl.model.param import Changes, Element, Number, ParamMap, Reading, ValueChange, elements_of
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table, hex_bytes
 from handctl.model.settings import Settings
@@ -304,23 +304,29 @@ class Device(ABC):
         return run_stop(self.link, sequence, ledger=ledger if ledger.words is not None else None)
 
     def guarded(
-        self, *, beat: float = 0.0, powered: bool = False, sequence: Callable[[StopContext], StopSequence] | None = None
+        self,
+        *,
+        heartbeat: float = 0.0,
+        powered: bool = False,
+        sequence: Callable[[StopContext], StopSequence] | None = None,
     ) -> AbstractContextManager[Guard]:
         """While this is active, the death of this process stops the device by the same plan, or by `sequence`. Raises LinkError.
 
-        `beat` as in `link.deadman`, `powered` as in `StopContext`.
+        `heartbeat` as in `link.deadman`, `powered` as in `StopContext`.
         """
         from handctl.link.deadman import guard_link
 
         context = self.stop_context()._replace(powered=powered)
         stop = StopPlan(sequence or partial(stop_sequence_of, self.kind), context)
-        return guard_link(self.link, stop, self.journal.warn, beat=beat)
+        return guard_link(self.link, stop, self.journal.warn, heartbeat=heartbeat)
 
     @contextmanager
-    def driven(self, prompts: Prompts, *, beat: float = 0.0, powered: bool = False, what: str = "") -> Iterator[Guard]:
+    def driven(
+        self, prompts: Prompts, *, heartbeat: float = 0.0, powered: bool = False, what: str = ""
+    ) -> Iterator[Guard]:
         """Around a movement: Ctrl-C and the death of this process stop it. Raises Interrupted with `what` and the result of the stop."""
         with (
-            self.guarded(beat=beat, powered=powered) as guard,
+            self.guarded(heartbeat=heartbeat, powered=powered) as guard,
             stopped_by_ctrl_c(lambda: self.stop(powered=powered), prompts, what),
         ):
             yield guard
@@ -445,7 +451,7 @@ class Device(ABC):
 
         With `check`, findings and those of `more` give exit code 7, with the remedy of the most urgent one.
         """
-        from handctl.model.outline import hint_for, hint_of
+        from handctl.model.device_picture import hint_for, hint_of
 
         for finding in findings:
             self.journal.warn("unhealthy", finding.text, hint_for(self.kind, finding))

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Generic, Protocol, TypeVar, overload
 
-from handctl.light import NamedTuple, field, light
+from handctl.fast_classes import NamedTuple, fast_dataclass, field
 
 HOST, DEVICE = "host", "device"
 SIDES = (HOST, DEVICE)
@@ -70,7 +70,7 @@ class LazySequence(Sequence[T], Generic[T]):
         return repr(self._all())
 
 
-@light(frozen=True, kw_only=True)
+@fast_dataclass(frozen=True, kw_only=True)
 class ExplainedBytes:
     """A frame, or bytes that belong to none.
 

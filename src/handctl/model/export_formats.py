@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 
 
 class Format(NamedTuple):

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from handctl.errors import CheckFailed, UsageError
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 from handctl.number_parsing import real_in
 
 Named = Callable[[str], Collection[str]]

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from handctl.errors import CheckFailed, joined
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 from handctl.model.param import Number
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Column, Row
@@ -267,7 +267,7 @@ def watch(
         clock.tick()
 
 
-def judged(where: str, arrivals: Sequence[Arrival], expect: str, *, hint: str = "") -> CheckFailed | None:
+def failure_of_arrivals(where: str, arrivals: Sequence[Arrival], expect: str, *, hint: str = "") -> CheckFailed | None:
     """The error where not every axis ended as it was expected to, with what became of those that did not.
 
     `hint` is the family's own next step, and comes first.

@@ -11,7 +11,7 @@ from functools import cache
 from typing import Generic, TypeVar
 
 from handctl.errors import HandctlError, Hint, UsageError
-from handctl.light import NamedTuple, field, light
+from handctl.fast_classes import NamedTuple, fast_dataclass, field
 from handctl.number_parsing import number_in, typed_number
 from handctl.wording import near, plural
 
@@ -24,7 +24,7 @@ MOVES, PUSHES = "moves", "pushes"
 """What writing it does to what the device holds: leads it to a place, or presses with a force until told otherwise."""
 
 
-@light(frozen=True, kw_only=True, eq=False)
+@fast_dataclass(frozen=True, kw_only=True, eq=False)
 class Param:
     """One documented quantity, scalar or vector.
 
@@ -208,7 +208,7 @@ class Param:
 P = TypeVar("P", bound=Param)
 
 
-@light(frozen=True)
+@fast_dataclass(frozen=True)
 class Element:
     """One readable number: a scalar parameter, or element `index` of a vector."""
 

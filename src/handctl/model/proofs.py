@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, ProtocolError
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Counters, Grid, Row, Table
@@ -44,7 +44,7 @@ LISTED = (
 )
 
 
-class Seen(NamedTuple):
+class Observation(NamedTuple):
     """What one experiment showed: `value` is a number or a text, None = it does not show."""
 
     value: Any
@@ -76,7 +76,7 @@ class Proof(NamedTuple):
     says: str
     assumed: Any
     how: str
-    ask: Callable[..., Seen]
+    ask: Callable[..., Observation]
     level: str = READ
     limit: str = ""
     measured: bool = False
@@ -144,7 +144,7 @@ def carry_out(proof: Proof, device: Any, healthy: Callable[[], object], repeat: 
     Raises LinkError, and whatever a proof that writes or moves raises: then it is not known that the value was put back, or it is a
     sign of harm.
     """
-    found: list[Seen] = []
+    found: list[Observation] = []
     spoiled: list[Outcome] = []
     while len(found) < repeat and len(spoiled) <= SPARE:
         try:
@@ -174,7 +174,7 @@ def carry_out(proof: Proof, device: Any, healthy: Callable[[], object], repeat: 
     return Outcome(proof, proof.verdict(middle.value), middle.value, middle.evidence, len(found))
 
 
-def _attempt(proof: Proof, device: Any, healthy: Callable[[], object], prompts: Prompts) -> Seen | None:
+def _attempt(proof: Proof, device: Any, healthy: Callable[[], object], prompts: Prompts) -> Observation | None:
     """The experiment between two healthy exchanges; None where the line was disturbed meanwhile.
 
     What reads is done twice running: of a fault that meets every second request, never both are hit and no healthy one.

@@ -10,7 +10,7 @@ from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import command_of
-from handctl.light import NamedTuple, field, light
+from handctl.fast_classes import NamedTuple, fast_dataclass, field
 from handctl.model.write_ledger import Ledger
 from handctl.wording import honest, utc
 
@@ -288,7 +288,7 @@ class Sample(NamedTuple):
         return [{**stamp, **row} for row in self.rows]
 
 
-@light()
+@fast_dataclass()
 class Table:
     """The result of a command.
 
@@ -370,7 +370,7 @@ class Finding(NamedTuple):
     step: str = ""
 
 
-@light()
+@fast_dataclass()
 class Counters:
     """What passed on the wire: frames sent and received, repeated requests, frames rejected, bytes of no frame.
 

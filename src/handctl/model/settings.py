@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from handctl.families import HISTORY
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 
 
 class Settings(NamedTuple):

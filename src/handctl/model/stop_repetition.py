@@ -6,7 +6,7 @@ from collections.abc import Callable, Generator
 from typing import Generic, TypeVar
 
 from handctl.errors import NoAnswer, ProtocolError
-from handctl.light import light
+from handctl.fast_classes import fast_dataclass
 from handctl.model.param import Step
 from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, silence
 
@@ -28,7 +28,7 @@ def attempts(context: StopContext) -> int:
     return max(2, round((context.within or REPEAT_FOR) / interval(context)))
 
 
-@light(frozen=True)
+@fast_dataclass(frozen=True)
 class StepResult(Generic[T]):
     """The result of a repeated step: the reply found, or None; all bytes received; and the longest time it can have taken, in s."""
 

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from handctl.errors import Aftermath, DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer
 from handctl.families import FAMILIES
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
 from handctl.model.param import Step
 from handctl.model.settings import Settings

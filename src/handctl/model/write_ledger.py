@@ -12,7 +12,7 @@ from collections.abc import Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 from handctl.model.decoder import Decoder, frames_in
 
 if TYPE_CHECKING:

@@ -37,8 +37,8 @@ from handctl.families import FAMILIES
 from handctl.files import atomic_write, writing
 from handctl.link.base import path_in
 from handctl.link.transcript import TraceWriter, observed, parse
+from handctl.model.device_picture import outline_of
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Explainer
-from handctl.model.outline import outline_of
 from handctl.model.param import ParamMap
 from handctl.model.result import Column, Grid, Message, Row, Sample, Table
 from handctl.report.html import Report, page
@@ -340,7 +340,7 @@ def explained(lines: Iterable[str], kind: str, privacy: Privacy) -> Iterator[str
     if kind not in FAMILIES:  # nobody was found
         yield from lines
         return
-    explainer: Explainer = load(kind, "explain").explainer()
+    explainer: Explainer = load(kind, "explain_bytes").explainer()
     for line in lines:
         yield privacy.transcript(line)
         for entry in parse((line,)):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
-from handctl.light import replace
+from handctl.fast_classes import replace
 from handctl.model.result import Sample, Table
 from handctl.screen.live import View
 from handctl.screen.sanitize import text_shown

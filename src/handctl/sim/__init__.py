@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from handctl.sim.engine.line import Line
-    from handctl.sim.engine.model import Model
+    from handctl.sim.engine.simulated_device import Model
 
 CLASSES = {"can": "CanDevice", "modbus-tcp": "TcpDevice"}
 """Of a wire that is not the first of its device, by the value of the option `bus`."""

@@ -37,12 +37,12 @@ PULSE = b"\0\0"
 """A message that tells only that the parent lives."""
 
 
-def message(text: bytes, beat: float) -> bytes:
-    """A message to the child: 2 bytes of length, then the `beat` in milliseconds and the text.
+def message(text: bytes, heartbeat: float) -> bytes:
+    """A message to the child: 2 bytes of length, then the `heartbeat` in milliseconds and the text.
 
-    beat   seconds without a message after which a parent that lives counts as dead, 0 = it may be silent
+    heartbeat   seconds without a message after which a parent that lives counts as dead, 0 = it may be silent
     """
-    return (len(text) + 2).to_bytes(2, "big") + round(beat * 1000).to_bytes(2, "big") + text
+    return (len(text) + 2).to_bytes(2, "big") + round(heartbeat * 1000).to_bytes(2, "big") + text
 
 
 def _heard(last: bytes, data: bytes) -> tuple[bytes, bytes]:

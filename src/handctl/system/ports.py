@@ -47,10 +47,10 @@ def cu_name(path: str) -> str:
 
 def descriptor(port: Any) -> int | None:
     """What an open port of pyserial can be waited for and written to by; None where there is no such thing."""
-    return None if sys.platform == "win32" else outlet(port)
+    return None if sys.platform == "win32" else raw_access(port)
 
 
-def outlet(port: Any) -> int | None:
+def raw_access(port: Any) -> int | None:
     """What another process can write to an open port of pyserial by: a descriptor, on Windows the handle; None where there is neither."""
     if handle := getattr(port, "_port_handle", None):
         return int(handle)

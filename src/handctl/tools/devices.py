@@ -19,7 +19,7 @@ from handctl.command.command_tree import Group
 from handctl.command.config import DEVICE_KEYS, NAME_HELP, Config, Device, is_name, read_config
 from handctl.command.config_edit import stable_name
 from handctl.command.family import Family, refuse_missing, refuse_serial
-from handctl.command.options import COMMAND_LINE, InFile, Source, own_options, said
+from handctl.command.options import COMMAND_LINE, InFile, Source, command_line, own_options
 from handctl.command.precedence import resolve
 from handctl.command.run import Run
 from handctl.errors import Hint, UsageError
@@ -157,7 +157,7 @@ def show(run: Run, name: str | None) -> Table:
     device, the configuration file (with the line) or the default.
     """
     settings = resolve(run.context, WIRES, name or "")
-    sources = said(run.context).sources
+    sources = command_line(run.context).sources
     own = {option.key: False if option.flag else None for option in own_options()}
     values = {key: getattr(settings, key) for key in Settings._fields if key != "own"}
     values |= {key: settings.own.get(key, own[key]) for key in sorted(own)}

@@ -30,8 +30,8 @@ from handctl.tools import ports as port_tool
 from handctl.tools.doctor_link import LinkChecks, failed_open, host_in, is_local, same_address, subnet
 from handctl.tools.port_inventory import Machine, Port, needed
 from handctl.tools.probes import family_of, has_speed, listened, probe_of, usual_ports, wire_of
-from handctl.tools.scan_order import LinkScan
 from handctl.tools.scan_report import Search, report
+from handctl.tools.scan_run import LinkScan
 
 if TYPE_CHECKING:
     from handctl.model.settings import Settings
@@ -55,7 +55,7 @@ def machine_checks(machine: Machine) -> list[Check]:
         python(),
         packages(),
         permissions(found),
-        *grabbers(machine, found),
+        *port_grabbing_programs(machine, found),
         *adapters(machine),
         clock(time.time(), installed),
         locale(),
@@ -120,11 +120,11 @@ def permissions(found: list[Port]) -> Check:
     return Check("permissions", "ok", f"can be opened: {', '.join(port.path for port in found)}")
 
 
-def grabbers(machine: Machine, found: list[Port]) -> list[Check]:
+def port_grabbing_programs(machine: Machine, found: list[Port]) -> list[Check]:
     """ModemManager and brltty, of Linux: in the way only where there are serial ports."""
     if not machine.linux:
         return []
-    running = {process.name: process for process in machine.grabbers()}
+    running = {process.name: process for process in machine.port_grabbing_programs()}
     checks = []
     for name in ("ModemManager", "brltty"):
         if name not in running:

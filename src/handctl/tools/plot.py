@@ -378,7 +378,7 @@ def drawn(found: Sequence[Plotted], *, whole: bool) -> str:
 def _outlines(one: Plotted) -> str:
     """The device of a log with the highest values of each finger, in its last position; "" where none is known."""
     from handctl.charts.curves import outline_svg
-    from handctl.model.outline import outline_of
+    from handctl.model.device_picture import outline_of
 
     outline = outline_of(one.kind) if one.kind else None
     if outline is None:

@@ -239,7 +239,7 @@ class Machine:
         except (ValueError, KeyError, TypeError, AttributeError):
             return {}
 
-    def grabbers(self) -> list[Process]:
+    def port_grabbing_programs(self) -> list[Process]:
         """Running programs that open serial ports by themselves."""
         return [process for process in processes(self.root) if process.name in GRABBERS]
 

@@ -64,7 +64,7 @@ def table(machine: Machine, journal: Journal) -> Table:
     """Everything `machine` has, one row per port; programs that grab ports are warnings."""
     ports = machine.ports()
     interfaces = machine.can_interfaces()
-    for process in machine.grabbers() if ports else ():
+    for process in machine.port_grabbing_programs() if ports else ():
         text, remedy = grabber_problem(process, ports)
         journal.warn(process.name.lower(), text, hint=remedy)
     for chip in machine.without_port():

@@ -14,7 +14,7 @@ import click
 from handctl.command.command_tree import Command
 from handctl.command.family import load
 from handctl.command.options import InFile, WholeRange
-from handctl.command.run import Act, Run
+from handctl.command.run import PlannedAction, Run
 from handctl.errors import DeviceRefused, HandctlError, Hint, Interrupted, UsageError
 from handctl.families import FAMILIES
 from handctl.model import facts
@@ -50,7 +50,7 @@ REPETITIONS = 3
 @click.option("--identify", is_flag=True, help="Keep the serial number and other identifying data in the facts file.")
 def cli(
     run: Run, what: str | None, files: tuple[str, ...], listing: bool, level: str, only: tuple[str, ...], repeat: int, identify: bool
-) -> Table | Act:  # fmt: skip
+) -> Table | PlannedAction:  # fmt: skip
     """Find out what the documents leave open about one device.
 
     Each experiment compares what the device does with what handctl assumes: as assumed, differs, not shown or refused. A
@@ -80,7 +80,7 @@ def cli(
         run.only_reads("--level")
         return prove(run.device())
     questions = ". ".join(dict.fromkeys(proof.question for proof in proofs if proof.question))
-    return Act(partial(_plan, run, proofs), prove, questions)
+    return PlannedAction(partial(_plan, run, proofs), prove, questions)
 
 
 def _plan(run: Run, proofs: Sequence[Proof]) -> list[Step]:

@@ -1,6 +1,6 @@
 """`handctl service --demo`: a simulated device has a fault, the trainee says which, and it is checked and explained.
 
-The faults of a family are those of PRACTICE in its module `remedies`; what each of them is the simulator says.
+The faults of a family are those of TRAINING_FAULTS in its module `remedies`; what each of them is the simulator says.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def practise(run: Run, kind: str, finding: str | None, seed: int | None, wishes:
     seed = random.randrange(MOST) if seed is None else seed
     draw = random.Random(seed)
     kind = kind or draw.choice(list(FAMILIES))
-    practice: dict[str, str] = load(kind, "remedies").PRACTICE
+    practice: dict[str, str] = load(kind, "remedies").TRAINING_FAULTS
     faults = tuple(practice)
     if finding is not None and finding not in faults:
         raise UsageError(f"--finding {finding}: no fault of a demo of {kind}", hint=f"give one of {', '.join(faults)}")

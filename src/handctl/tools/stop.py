@@ -145,7 +145,7 @@ def _replying_family(run: Run, link: str) -> str:
 
 def _asked(link: Link, wire: str, number: int | None, journal: Journal) -> Row | None:
     """The first row of a scan's questions, each family at its usual speed."""
-    from handctl.tools.scan_order import plan, port_of
+    from handctl.tools.scan_run import plan, port_of
 
     speeds = has_speed(link) and wire == "serial"
     bound = link.deadline(SECONDS)

@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from handctl.command.family import load, on_can
-from handctl.command.run import Act
+from handctl.command.run import PlannedAction
 from handctl.command.terminal_prompts import is_terminal
 from handctl.errors import (
     DeviceRefused,
@@ -244,7 +244,7 @@ class Conversation:
 # -- the command ------------------------------------------------------------------------------------------------------
 
 
-def terminal(run: Run, lines: Sequence[str], wait: float, *, as_hex: bool) -> Table | Act:
+def terminal(run: Run, lines: Sequence[str], wait: float, *, as_hex: bool) -> Table | PlannedAction:
     """Send the lines, or those of stdin; a prompt for them where stdin is a terminal."""
     if not lines and run.typed.isatty():
         return _at_prompt(run, wait, as_hex=as_hex)
@@ -274,7 +274,7 @@ def terminal(run: Run, lines: Sequence[str], wait: float, *, as_hex: bool) -> Ta
         text = lambda rows: "".join(line_of(row, width, as_hex=as_hex) + "\n" for row in rows)  # noqa: E731
         return Table(rows=rows, columns=(Column("t", unit="s"), *COLUMNS), text=text, failure=failure)
 
-    return Act([one.step for one in typed], act, question, asks=[one.step for one in asks])
+    return PlannedAction([one.step for one in typed], act, question, asks=[one.step for one in asks])
 
 
 def _at_prompt(run: Run, wait: float, *, as_hex: bool) -> Table:

@@ -17,7 +17,7 @@ from handctl.command.options import InFile
 from handctl.command.run import Run
 from handctl.errors import CheckFailed, HandctlError, UsageError
 from handctl.families import FAMILIES
-from handctl.light import NamedTuple, field, light
+from handctl.fast_classes import NamedTuple, fast_dataclass, field
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Value
 from handctl.model.result import Cell, Column, Grid, Row, Sample, Table, hex_bytes
 from handctl.tools.trace_read import (
@@ -45,7 +45,7 @@ WINDOW = 200
 """Exchanges that are looked ahead for the place where both meet again."""
 
 
-@light()
+@fast_dataclass()
 class Exchange:
     """key: what it is about, without values; request and answer in words; line where it begins."""
 

@@ -23,7 +23,7 @@ from handctl import files
 from handctl.command.family import load
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, TOLD
-from handctl.light import light
+from handctl.fast_classes import fast_dataclass
 from handctl.link.transcript import Entry, parse_line
 from handctl.model.explainer import DEVICE, HOST, SIDES, ExplainedBytes, Explainer
 from handctl.model.result import RoundTrips, Row
@@ -42,7 +42,7 @@ MARKS = {">": HOST, "<": DEVICE}
 PLAIN_HINT = "give a file that --trace FILE made. Its lines are `[SECONDS] > HEX BYTES`"
 
 
-class Line(NamedTuple):
+class TranscriptLine(NamedTuple):
     """One line of a transcript: an entry, or a comment."""
 
     number: int
@@ -62,7 +62,7 @@ def opened(path: str) -> Iterator[IO[str]]:
         yield file
 
 
-def lines_of(file: IO[str], source: str) -> Iterator[Line]:
+def lines_of(file: IO[str], source: str) -> Iterator[TranscriptLine]:
     """The lines of a transcript. Raises UsageError naming the line that is damaged."""
     number = 0
     while True:
@@ -78,12 +78,12 @@ def lines_of(file: IO[str], source: str) -> Iterator[Line]:
             raise UsageError(f"{source}, line {number}: longer than {LONGEST_LINE} characters", hint=PLAIN_HINT)
         stripped = text.strip()
         if stripped.startswith("#"):
-            yield Line(number, None, printable(stripped))
+            yield TranscriptLine(number, None, printable(stripped))
             continue
         if not stripped:
             continue
         try:
-            yield Line(number, parse_line(stripped, number))
+            yield TranscriptLine(number, parse_line(stripped, number))
         except ValueError as exc:
             raise UsageError(
                 f"{source}, line {number}: {printable(str(exc))}",
@@ -101,7 +101,7 @@ def explainer_of(family: str) -> Explainer:
     """The explainer of a family. Raises UsageError for a name that is none."""
     if family not in FAMILIES:
         raise UsageError(f"{family!r} is not a device family", hint=f"use one of {', '.join(TOLD)}")
-    made: Explainer = load(family, "explain").explainer()
+    made: Explainer = load(family, "explain_bytes").explainer()
     return made
 
 
@@ -122,11 +122,11 @@ def family_of_event(entry: Entry) -> str:
     return name if entry.text.startswith(FAMILY_EVENT) and name in FAMILIES else ""
 
 
-def chosen(lines: Iterator[Line], family: str, source: str) -> tuple[str, bool, Iterator[Line]]:
+def chosen(lines: Iterator[TranscriptLine], family: str, source: str) -> tuple[str, bool, Iterator[TranscriptLine]]:
     """(family, whether it was told from the bytes, all lines): from the option, the first comment, the first bytes, or
     an event before them that names it.
     """
-    seen: list[Line] = []
+    seen: list[TranscriptLine] = []
     for line in lines:
         seen.append(line)
         if line.entry is None and not family and line.number == 1:
@@ -155,7 +155,7 @@ class Stamp(NamedTuple):
     line: int
 
 
-@light()
+@fast_dataclass()
 class TranscriptRow:
     """One row of `trace show`: explained bytes, an event, a comment, or a request without a reply.
 
@@ -321,7 +321,7 @@ class TranscriptReader:
         self._stamps: dict[str, deque[list[Any]]] = {side: deque() for side in SIDES}
         self._open: dict[str, tuple[Stamp, ExplainedBytes]] = {}
 
-    def tell(self, lines: Iterable[Line]) -> Iterator[TranscriptRow]:
+    def tell(self, lines: Iterable[TranscriptLine]) -> Iterator[TranscriptRow]:
         """The rows, in the order in which they became complete."""
         for line in lines:
             if line.entry is None:

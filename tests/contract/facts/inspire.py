@@ -8,7 +8,7 @@ from tests.contract.facts import Passed
 def inspire(entry: Passed) -> bool:
     """Whether one of the frames in it is no read: flags 11 and 30, or CAN identifiers of type 0 and 4.
 
-    00 goes ahead of a read, FF between two (`registers.question`).
+    00 goes ahead of a read, FF between two (`register_bus.question`).
     """
     if entry.can_id is not None:
         return entry.can_id >> 26 in (1, 5)

@@ -234,7 +234,7 @@ ROWS = (
     mistake(
         "ekso-log-order-unchecked",
         "damaged log taken",
-        "handctl.devices.ekso.log_file",
+        "handctl.devices.ekso.log_reader",
         "LogFile._block",
         "return block if same and follows and all(map(le, block.t_ms, block.t_ms[1:])) else None",
         "return block",
@@ -243,7 +243,7 @@ ROWS = (
     mistake(
         "ekso-log-raw-unchecked",
         "damaged log taken",
-        "handctl.devices.ekso.log_file",
+        "handctl.devices.ekso.log_reader",
         "LogFile._raw_fits",
         "if list(map(quantity.raw_of, words[quantity.word])) != block.numbers(quantity, column):",
         "if False:",
@@ -252,7 +252,7 @@ ROWS = (
     mistake(
         "export-time-without-the-drift",
         "one witness believed",
-        "handctl.record.survey",
+        "handctl.record.clock_survey",
         "Line.utc_of",
         "return self.utc_s + self.a + self.b * (t_ms - self.t_ms) / 1000",
         "return self.utc_s + self.a + (t_ms - self.t_ms) / 1000",
@@ -261,7 +261,7 @@ ROWS = (
     mistake(
         "export-mark-at-its-row",
         "evidence believed",
-        "handctl.record.survey",
+        "handctl.record.clock_survey",
         "_marks",
         'yield Event(one.get("host_utc_s") or utc_s, MARKED, str(one.get("text")), row)',
         'yield Event(utc_s, MARKED, str(one.get("text")), row)',
@@ -279,7 +279,7 @@ ROWS = (
     mistake(
         "log-check-believes-one-clock",
         "one witness believed",
-        "handctl.record.survey",
+        "handctl.record.clock_survey",
         "Segment.apart",
         "return abs(self.apart_ms) > WITHIN_MS",
         "return False",

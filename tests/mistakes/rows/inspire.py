@@ -504,7 +504,7 @@ ROWS = (
     mistake(
         "save-refused-is-told-as-saved",
         "false success",
-        "handctl.devices.inspire.explain",
+        "handctl.devices.inspire.explain_bytes",
         "InspireExplainer._told",
         'if frame.data != b"\\x01" and self._accepted and self._is_result(frame):',
         'if frame.data != b"\\x01" and self._is_result(frame):',
@@ -513,7 +513,7 @@ ROWS = (
     mistake(
         "explained-by-the-next-finger",
         "finger swapped",
-        "handctl.devices.inspire.explain",
+        "handctl.devices.inspire.explain_bytes",
         "span_values",
         "Value(Element(register, index).full_name, register.decode(raw), register.unit)",
         "Value(Element(register, index and index - 1).full_name, register.decode(raw), register.unit)",

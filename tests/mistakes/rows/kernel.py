@@ -323,7 +323,7 @@ ROWS = (
     mistake(
         "finding-without-its-remedy",
         "swallowed error",
-        "handctl.model.outline",
+        "handctl.model.device_picture",
         "worst_of",
         "known = {UNKNOWN if key.startswith(UNKNOWN) else key for key in keys}",
         "known = {UNKNOWN for key in keys if key.startswith(UNKNOWN)}",

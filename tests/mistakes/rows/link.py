@@ -10,7 +10,7 @@ ROWS = (
         "shared device",
         "handctl.link.port_users",
         "rivals",
-        "return OtherUsers(_connected(outlet.descriptor) if IN_SYS else [])",
+        "return OtherUsers(_connected(raw_access.descriptor) if IN_SYS else [])",
         "return OtherUsers([])",
         "tests/link/test_rivals.py::test_a_second_connection_to_one_server_is_found_by_its_socket",
     ),
@@ -144,7 +144,7 @@ ROWS = (
     mistake(
         "scan-monitor-hears-ff",
         "boot trigger",
-        "handctl.tools.scan_order",
+        "handctl.tools.scan_run",
         "plan",
         "if guard is not None:",
         "if guard is not None and port:",
@@ -153,7 +153,7 @@ ROWS = (
     mistake(
         "scan-asks-rtu-before-a-barrett-hand",
         "boot trigger",
-        "handctl.tools.scan_order",
+        "handctl.tools.scan_run",
         "LinkScan.at",
         "self._each([step for step in steps if step.family not in aside])",
         "self._each(steps)",
@@ -200,8 +200,8 @@ ROWS = (
         "output half written",
         "handctl.link.tcp",
         "TcpLink.write",
-        'self._outlet.owes(bytes(view) if len(view) < len(data) else b"")',
-        'self._outlet.owes(b"")',
+        'self._raw_access.note_unfinished(bytes(view) if len(view) < len(data) else b"")',
+        'self._raw_access.note_unfinished(b"")',
         "tests/link/test_tcp.py::test_a_peer_that_takes_nothing_is_waited_for_until_the_deadline",
     ),
     mistake(
@@ -227,8 +227,8 @@ ROWS = (
         "output half written",
         "handctl.link.serial",
         "SerialLink._write_fd",
-        'self._outlet.owes(bytes(view) if len(view) < len(data) else b"")',
-        'self._outlet.owes(b"")',
+        'self._raw_access.note_unfinished(bytes(view) if len(view) < len(data) else b"")',
+        'self._raw_access.note_unfinished(b"")',
         "tests/link/test_links.py::test_a_port_that_takes_nothing_ends_at_the_deadline",
     ),
     mistake(

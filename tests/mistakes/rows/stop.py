@@ -122,8 +122,8 @@ ROWS = (
         "deadline ignored",
         "handctl.devices.barrett.realtime.session",
         "Session.tell_dead_man",
-        "beat = max(HEARTBEAT_TIMEOUT, 3 * self.cycle, 2 * self.patience)",
-        "beat = HEARTBEAT_TIMEOUT",
+        "heartbeat = max(HEARTBEAT_TIMEOUT, 3 * self.cycle, 2 * self.patience)",
+        "heartbeat = HEARTBEAT_TIMEOUT",
         "tests/stop/test_pulse.py::test_a_loop",
     ),
     mistake(
@@ -132,7 +132,7 @@ ROWS = (
         "handctl.devices.barrett.realtime.loop",
         "RealtimeLoop.run",
         "with self.hand.guarded(sequence=partial(power_off, prefix=self.flag_request.prefix)) as session.dead_man:",
-        "with self.hand.guarded(beat=0.5, sequence=partial(power_off, prefix=self.flag_request.prefix)) as session.dead_man:",
+        "with self.hand.guarded(heartbeat=0.5, sequence=partial(power_off, prefix=self.flag_request.prefix)) as session.dead_man:",
         "tests/stop/test_pulse.py::test_a_loop",
     ),
     mistake(

@@ -12,7 +12,7 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.options import NEGATIVE_NUMBERS, FiniteRange, suspendable
-from handctl.command.run import Act, Run
+from handctl.command.run import PlannedAction, Run
 from handctl.devices.aidin.device import AidinHand, object_of, step_of
 from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.exchange_settings import exchange_settings_of
@@ -61,14 +61,14 @@ ASSUME = click.option(
 
 
 @cli.verb("home", "Move", writes=True, asks=True)
-def home(run: Run) -> Act:
+def home(run: Run) -> PlannedAction:
     """DRIVE ALL FINGERS OPEN for 3.5 s, then make that position the origin.
 
     Asks first. Ctrl-C stops the hand. Home the hand after every power-on, because its encoders are incremental.
     """
     from handctl.devices.aidin import procedures
 
-    return Act(
+    return PlannedAction(
         [_step(run, f"homing, every 20 ms for {procedures.HOLD:g} s with nothing else in between", Mode.HOMING)],
         lambda hand: procedures.home(hand, run.prompts),
         f"All fingers will OPEN for {procedures.HOLD:g} s and drop any held object. Keep clear",
@@ -77,11 +77,11 @@ def home(run: Run) -> Act:
 
 @cli.verb("initial", "Move", writes=True, asks=True)
 @ASSUME
-def initial(run: Run, assume_homed: bool) -> Act:
+def initial(run: Run, assume_homed: bool) -> PlannedAction:
     """Open all fingers to the origin set by homing. Asks first. Ctrl-C stops the hand."""
     from handctl.devices.aidin import procedures
 
-    return Act(
+    return PlannedAction(
         [_step(run, "initial position, every 20 ms until it is reached", Mode.INITIAL)],
         lambda hand: procedures.initial(hand, run.prompts, assume_homed=assume_homed),
         "All fingers will OPEN to their origin and drop any held object",
@@ -89,16 +89,16 @@ def initial(run: Run, assume_homed: bool) -> Act:
 
 
 @cli.verb("bias", "Settings", writes=True)
-def bias(run: Run) -> Act:
+def bias(run: Run) -> PlannedAction:
     """Set the sensors to 0. Touch nothing: any load is subtracted from all later values."""
     from handctl.devices.aidin import procedures
 
-    return Act([_step(run, "sensor bias, every 20 ms for 0.5 s", Mode.BIAS)], procedures.bias)
+    return PlannedAction([_step(run, "sensor bias, every 20 ms for 0.5 s", Mode.BIAS)], procedures.bias)
 
 
 @cli.verb("max-torque", "Settings", writes=True)
 @click.argument("value", metavar="N")
-def max_torque(run: Run, value: str) -> Act:
+def max_torque(run: Run, value: str) -> PlannedAction:
     """Set the maximum torque (output current), 0 to 1000 in units of 0.1 %.
 
     700 to 1000 is recommended.
@@ -112,11 +112,11 @@ def max_torque(run: Run, value: str) -> Act:
     if number < RECOMMENDED:
         run.journal.warn("low-torque", f"maxtorque {number}: 700 to 1000 is recommended ({param.source})")
     question = "Without torque the fingers do not move, and may drop a held object" if number == 0 else ""
-    return Act(steps, lambda hand: procedures.max_torque(hand, number), question)
+    return PlannedAction(steps, lambda hand: procedures.max_torque(hand, number), question)
 
 
 @cli.verb("check", "Service", writes=True, asks=True)
-def check(run: Run) -> Act:
+def check(run: Run) -> PlannedAction:
     """Move each motor a little and back, one after the other, and report findings.
 
     Asks first. Ctrl-C stops the hand. The hand must be homed, open and empty: `handctl aidin home` or `initial` opens it.
@@ -125,7 +125,7 @@ def check(run: Run) -> Act:
     """
     from handctl.devices.aidin import check as checking
 
-    return Act(
+    return PlannedAction(
         lambda: checking.plan(run.device, exchange_settings_of(run.settings).end),
         lambda hand: checking.check(hand, run.prompts),
         checking.QUESTION,
@@ -141,13 +141,13 @@ def _values(body: Callable[..., Any]) -> Callable[..., Any]:
 
 def _move(
     run: Run, target: Target, values: tuple[str, ...], assume_homed: bool, expect: str | None, *, rad: bool = False
-) -> Act:
+) -> PlannedAction:
     from handctl.devices.aidin import motion
     from handctl.devices.aidin.motion import parse
 
     goal = parse(target, values, rad=rad)
     ending = expected(expect)
-    return Act(
+    return PlannedAction(
         lambda: motion.plan(run.device, goal, exchange_settings_of(run.settings).end),
         lambda hand: motion.move(hand, goal, run.prompts, assume_homed=assume_homed, expect=ending),
     )
@@ -157,7 +157,7 @@ def _move(
 @_values
 @ASSUME
 @expect
-def encoders(run: Run, values: tuple[str, ...], assume_homed: bool, expect: str | None) -> Act:
+def encoders(run: Run, values: tuple[str, ...], assume_homed: bool, expect: str | None) -> PlannedAction:
     """Move motors to encoder counts.
 
     Give all 15 (thumb, index, middle, ring, little, each m1 m2 m3), or only some, as NAME=VALUE: `encoders index.m3=85000`.
@@ -172,7 +172,7 @@ def encoders(run: Run, values: tuple[str, ...], assume_homed: bool, expect: str 
 @click.option("--rad", is_flag=True, help="Values are in radians, not degrees.")
 @ASSUME
 @expect
-def joints(run: Run, values: tuple[str, ...], rad: bool, assume_homed: bool, expect: str | None) -> Act:
+def joints(run: Run, values: tuple[str, ...], rad: bool, assume_homed: bool, expect: str | None) -> PlannedAction:
     """Move joints to angles in degrees.
 
     Give all 15 (thumb, index, middle, ring, little, each q1 q2 q3) or 20 (with q4), or only some, as NAME=VALUE:
@@ -187,7 +187,7 @@ def joints(run: Run, values: tuple[str, ...], rad: bool, assume_homed: bool, exp
 @_values
 @ASSUME
 @expect
-def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool, expect: str | None) -> Act:
+def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool, expect: str | None) -> PlannedAction:
     """Move fingertips to coordinates in mm.
 
     Give all 15 (thumb, index, middle, ring, little, each x y z in its finger's own frame), or only some, as NAME=VALUE:
@@ -212,7 +212,9 @@ def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool, expect: st
 )
 @click.option("--ramp-down", is_flag=True, help="Make Ctrl-C ramp the currents down to 0 before it stops.")
 @suspendable
-def currents(run: Run, values: tuple[str, ...], cap: float, duration: float, ramp_down: bool, may_suspend: bool) -> Act:
+def currents(
+    run: Run, values: tuple[str, ...], cap: float, duration: float, ramp_down: bool, may_suspend: bool
+) -> PlannedAction:
     """Drive motors by current: NO POSITION LIMIT.
 
     The fingers push as far as they can. Asks first. Ctrl-C stops immediately, and the fingers then move freely. With
@@ -231,11 +233,11 @@ def currents(run: Run, values: tuple[str, ...], cap: float, duration: float, ram
         raise UsageError(
             "all currents are 0, so there is nothing to do", hint=Hint("to switch the motors off, use {}", "aidin stop")
         )
-    beat = 0.0 if may_suspend else HEARTBEAT_TIMEOUT
-    return Act(
+    heartbeat = 0.0 if may_suspend else HEARTBEAT_TIMEOUT
+    return PlannedAction(
         lambda: [first, *motion.plan(run.device, goal, exchange_settings_of(run.settings).end), last],
         lambda hand: motion.currents(
-            hand, goal, run.prompts, seconds=duration, cap=cap, ramp_down=ramp_down, beat=beat
+            hand, goal, run.prompts, seconds=duration, cap=cap, ramp_down=ramp_down, heartbeat=heartbeat
         ),
         f"The motors will be driven by CURRENT for {duration:g} s: the fingers push without a position limit, "
         "and the maximum torque stays at 1000",

@@ -261,7 +261,9 @@ def in_force(what: str, *, moving: bool = True) -> AbstractContextManager[None]:
 
 
 @contextmanager
-def stopped_if_cut_short(hand: AidinHand, prompts: Prompts, what: str = "", *, beat: float = 0.0) -> Iterator[None]:
+def stopped_if_cut_short(
+    hand: AidinHand, prompts: Prompts, what: str = "", *, heartbeat: float = 0.0
+) -> Iterator[None]:
     """Around a movement: Ctrl-C and any unexpected error stop the hand before anything is reported.
 
     The death of this process stops it, too. Where the link was lost it is opened again for that, whatever was to be kept
@@ -269,7 +271,7 @@ def stopped_if_cut_short(hand: AidinHand, prompts: Prompts, what: str = "", *, b
     """
     driven = False
     try:
-        with hand.driven(prompts, beat=beat, what=what):
+        with hand.driven(prompts, heartbeat=heartbeat, what=what):
             hand.journal.moves(hand.stop)
             driven = True
             try:

@@ -12,7 +12,7 @@ from math import degrees, radians
 from typing import Any
 
 from handctl.errors import UsageError
-from handctl.light import field, light
+from handctl.fast_classes import fast_dataclass, field
 from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, TRIGGER, Element, Number, Param, ParamMap, elements_of
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
@@ -33,7 +33,7 @@ class Mode(IntEnum):
     CURRENT = 41
 
 
-@light(frozen=True, kw_only=True)
+@fast_dataclass(frozen=True, kw_only=True)
 class AidinParam(Param):
     """A Param with its JSON key.
 
@@ -208,7 +208,7 @@ def some(texts: Sequence[str], most: int = 4) -> str:
     return ", ".join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
 
 
-@light(frozen=True)
+@fast_dataclass(frozen=True)
 class Target:
     """A kind of target: its mode, what is commanded and what shows that it was reached.
 

@@ -42,7 +42,7 @@ from handctl.model.movement import (
     AxisReading,
     Stillness,
     Watch,
-    judged,
+    failure_of_arrivals,
     listed,
 )
 from handctl.model.param import Number, Step, elements_of, given
@@ -428,7 +428,7 @@ def mark(
         row["reached"] = one is None or one.verdict == REACHED
         row["arrival"] = None if one is None else one.verdict
     table.columns = (*hand.columns[:4], TARGET, hand.columns[4], ARRIVAL)
-    table.failure = judged(
+    table.failure = failure_of_arrivals(
         hand.link.name,
         arrivals,
         expect,
@@ -454,19 +454,19 @@ def currents(
     seconds: float,
     cap: float,
     ramp_down: bool = False,
-    beat: float = HEARTBEAT_TIMEOUT,
+    heartbeat: float = HEARTBEAT_TIMEOUT,
 ) -> Table:
     """Mode 41: maxtorque 1000 first, a ramp from 0, held for `seconds`, back to 0, stop; rows have `target` and `reached`.
 
     Ctrl-C stops at once; with `ramp_down` it takes the currents back to 0 on the same ramp first, and a second one stops
-    at once. Every error stops, and so does a `beat` of seconds in which this process stands still, 0 = it may. Raises CheckFailed when the currents were not there.
+    at once. Every error stops, and so does a `heartbeat` of seconds in which this process stands still, 0 = it may. Raises CheckFailed when the currents were not there.
     """
     blind = connect_or_command(hand)
     values = _values(hand, goal, cap, blind=blind)
     drive = _Drive(hand, goal, prompts)
     ledger = hand.journal.ledger
     ledger.plan([last_step(goal, values, hand.conversation.way.end)])
-    with stopped_if_cut_short(hand, prompts, beat=beat):
+    with stopped_if_cut_short(hand, prompts, heartbeat=heartbeat):
         with stopped_on_error(hand, prompts):
             try:
                 table = drive.run(values, seconds, blind=blind)

@@ -17,7 +17,7 @@ from handctl.devices.aidin.json_codec import TERMINATORS, Decoder
 from handctl.devices.aidin.map import AIDIN
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.model.decoder import frames_in
-from handctl.model.proofs import Disturbed, Proof, Seen
+from handctl.model.proofs import Disturbed, Observation, Proof
 from handctl.wording import plural
 
 WATCHED = 0.5
@@ -84,22 +84,22 @@ def _objects(hand: AidinHand) -> list[dict[str, object]]:
     return found
 
 
-def _exchange(hand: AidinHand) -> Seen:
+def _exchange(hand: AidinHand) -> Observation:
     talk = hand.conversation
     if talk.exchange is ExchangeMode.POLL:
         talk.drain()
         if talk.link.read(talk.link.deadline(LISTEN)):
             raise Disturbed("the hand speaks unasked, too")
-        return Seen("poll", "silent until it is asked, and answers an empty object")
-    return Seen("stream", f"{plural(len(_objects(hand)), 'object')} came unasked in {WATCHED:g} s")
+        return Observation("poll", "silent until it is asked, and answers an empty object")
+    return Observation("stream", f"{plural(len(_objects(hand)), 'object')} came unasked in {WATCHED:g} s")
 
 
-def _rate(hand: AidinHand) -> Seen:
+def _rate(hand: AidinHand) -> Observation:
     """The rate of a stream as it arrives, where its objects come evenly: lost or doubled ones make it uneven."""
     talk, times, key = hand.conversation, list[float](), f'"{ALL[0]}"'.encode()
     link = talk.link
     if talk.exchange is not ExchangeMode.STREAM:
-        return Seen(None, "the hand sends nothing unasked")
+        return Observation(None, "the hand sends nothing unasked")
     talk.drain()
     end, came = link.deadline(WATCHED), b""
     while chunk := link.read(end):
@@ -111,69 +111,69 @@ def _rate(hand: AidinHand) -> Seen:
     middle = median(gaps) if gaps else 0.0
     even = sum(abs(gap - middle) <= middle / 2 for gap in gaps)
     if not middle or even < EVEN * len(gaps):
-        return Seen(None, f"{plural(len(times), 'object')} in {WATCHED:g} s, not evenly")
-    return Seen(
+        return Observation(None, f"{plural(len(times), 'object')} in {WATCHED:g} s, not evenly")
+    return Observation(
         round(1 / middle), f"{plural(len(times), 'object')} in {WATCHED:g} s, mostly {1000 * middle:.1f} ms apart"
     )
 
 
-def _between(hand: AidinHand) -> Seen:
+def _between(hand: AidinHand) -> Observation:
     text = _came(hand)
     found = set(re.findall(rb"\}([ \t\r\n\0]*)(?=\{)", text)) or {text[text.rindex(b"}") + 1 :]}
     if len(found) > 1:
-        return Seen(None, f"more than one: {', '.join(map(repr, sorted(found)))}")
+        return Observation(None, f"more than one: {', '.join(map(repr, sorted(found)))}")
     (gap,) = found
-    return Seen(ENDS.get(gap, gap.hex(" ").upper()), f"behind an object: {gap!r}")
+    return Observation(ENDS.get(gap, gap.hex(" ").upper()), f"behind an object: {gap!r}")
 
 
-def _keys(hand: AidinHand) -> Seen:
+def _keys(hand: AidinHand) -> Observation:
     keys = sorted({key for one in _objects(hand) for key in one})
-    return Seen(", ".join(keys), plural(len(keys), "key"))
+    return Observation(", ".join(keys), plural(len(keys), "key"))
 
 
-def _split(hand: AidinHand) -> Seen:
+def _split(hand: AidinHand) -> Observation:
     most = max(len(set(one) & set(ALL)) for one in _objects(hand))
-    return Seen(
+    return Observation(
         "one" if most == len(ALL) else "separate" if most == 1 else f"{plural(most, 'key')} each",
         f"up to {plural(most, 'key')} in an object",
     )
 
 
-def _layout(hand: AidinHand) -> Seen:
+def _layout(hand: AidinHand) -> Observation:
     text = _came(hand)
     inside = text[: text.index(b"}")]
-    return Seen(
+    return Observation(
         "indented" if b"\n" in inside else "blanks" if b'": ' in inside else "compact",
         repr(inside[:40].decode("ascii", "replace")),
     )
 
 
-def _whole_numbers(hand: AidinHand) -> Seen:
+def _whole_numbers(hand: AidinHand) -> Observation:
     values = [value for one in _objects(hand) for value in _array(one, AIDIN["motor_pos"].key)]
     if not values:
-        return Seen(None, "no encoders came")
-    return Seen(
+        return Observation(None, "no encoders came")
+    return Observation(
         "integers" if all(isinstance(value, int) for value in values) else "decimals", f"motor_pos {values[0]!r}"
     )
 
 
-def _decimals(hand: AidinHand) -> Seen:
+def _decimals(hand: AidinHand) -> Observation:
     found = re.search(rb'"joint_pos"\s*:\s*\[([^\]]*)\]', _came(hand))
     if found is None:
-        return Seen(None, "no angles came")
+        return Observation(None, "no angles came")
     most = max(len(number.strip().partition(b".")[2]) for number in found[1].split(b","))
-    return Seen("full" if most >= FULL else most, f"joint_pos: up to {most} decimals")
+    return Observation("full" if most >= FULL else most, f"joint_pos: up to {most} decimals")
 
 
-def _coupled(hand: AidinHand) -> Seen:
+def _coupled(hand: AidinHand) -> Observation:
     """What q4 is beside q3, where all five fingers agree and no other answer fits as well."""
     angles = [value for one in _objects(hand) for value in _array(one, ANGLES_KEY)][:20]
     if len(angles) != 20:
-        return Seen(None, "no angles came")
+        return Observation(None, "no angles came")
     pairs = [(angles[place + 2], angles[place + 3]) for place in range(0, 20, 4)]
     ways = [("same", 1.0, 0.0), ("half", 0.5, QUARTER), ("zero", 0.0, 0.0)]
     fits = [name for name, share, more in ways if all(abs(q4 - share * q3 - more) < NEAR for q3, q4 in pairs)]
-    return Seen(fits[0] if len(fits) == 1 else None, f"thumb q3 {pairs[0][0]:.4f}, q4 {pairs[0][1]:.4f} rad")
+    return Observation(fits[0] if len(fits) == 1 else None, f"thumb q3 {pairs[0][0]:.4f}, q4 {pairs[0][1]:.4f} rad")
 
 
 def _array(one: dict[str, object], key: str) -> list[float]:
@@ -181,11 +181,11 @@ def _array(one: dict[str, object], key: str) -> list[float]:
     return found if isinstance(found, list) else []
 
 
-def _terminator(hand: AidinHand) -> Seen:
+def _terminator(hand: AidinHand) -> Observation:
     """The first that is answered. Where none is needed, each is: ours comes first."""
     talk = hand.conversation
     if talk.exchange is not ExchangeMode.POLL:
-        return Seen(None, "the hand is not asked, so it shows no terminator")
+        return Observation(None, "the hand is not asked, so it shows no terminator")
     given, answered = talk.way, list[str]()
     try:
         for name, end in TERMINATORS.items():
@@ -194,7 +194,7 @@ def _terminator(hand: AidinHand) -> Seen:
                 answered.append(name)
     finally:
         talk.way = given
-    return Seen(answered[0] if answered else None, f"answered behind {{}}: {', '.join(answered)}")
+    return Observation(answered[0] if answered else None, f"answered behind {{}}: {', '.join(answered)}")
 
 
 def _answers(hand: AidinHand) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from handctl.devices.aidin.map import FINGERS
 from handctl.errors import Hint
-from handctl.model.outline import Measure, Outline, Remedy, hand
+from handctl.model.device_picture import Measure, Outline, Remedy, hand
 
 REMEDIES = {
     "no-angle": Remedy("joint angles are no radians (possibly degrees)", "check the bytes with --trace FILE. Until then, move only with `encoders`", "aidin, Feedback keys"),
@@ -20,5 +20,5 @@ OUTLINE = Outline(
 )
 """The fingers of an AIDIN-hand in their place. It has no temperatures and no error bits."""
 
-PRACTICE = dict.fromkeys(("degrees", "missing-key", "not-json", "nan", "wrong-length", "wrong-type", "silent", "unclosed", "disconnect"), "")  # fmt: skip
+TRAINING_FAULTS = dict.fromkeys(("degrees", "missing-key", "not-json", "nan", "wrong-length", "wrong-type", "silent", "unclosed", "disconnect"), "")  # fmt: skip
 """Fault of the simulator that a trainee finds by reading alone (`handctl service --demo`) -> what else the simulator is told."""

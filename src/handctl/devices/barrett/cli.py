@@ -14,7 +14,7 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.options import ALWAYS, InFile, WholeRange
-from handctl.command.run import Act, Asked, Run
+from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.barrett.device import BarrettHand, step_of
 from handctl.devices.barrett.firmware.cli import add_firmware
 from handctl.devices.barrett.gcl.codec import (
@@ -124,11 +124,11 @@ def ask(run: Run, texts: Sequence[str]) -> None:
         run.confirm(question, asks)
 
 
-def _sends(texts: Sequence[str], do: Callable[[BarrettHand], Table], question: str = "") -> Act:
+def _sends(texts: Sequence[str], do: Callable[[BarrettHand], Table], question: str = "") -> PlannedAction:
     """What sends these lines; it asks what is to be asked before them, or `question`, which says that more exactly."""
     steps = [step_of(text) for text in texts]
     asks, words = asked_before(steps)
-    return Act(steps, do, (question or words) if asks else "", asks=asks)
+    return PlannedAction(steps, do, (question or words) if asks else "", asks=asks)
 
 
 # -- reading ------------------------------------------------------------------------------------------------------
@@ -212,7 +212,9 @@ def help_(run: Run, command: str | None) -> Table:
 @MOTORS_OPTION
 @FORCE
 @ALWAYS
-def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool = False, always: bool = False) -> Act:
+def set_(
+    run: Run, assignments: tuple[str, ...], motors: str | None, force: bool = False, always: bool = False
+) -> PlannedAction:
     """Set parameters in RAM and read them back.
 
     `MCV=80` sets all motors, or those in --motors. `HSG.F1=150` sets one.
@@ -228,13 +230,13 @@ def set_(run: Run, assignments: tuple[str, ...], motors: str | None, force: bool
         planned = hand.plan(these.look(hand))
         return Asked(SPEED if any(step.strands for step in planned) else "", planned)
 
-    return Act(steps, these.written, SPEED if any(step.strands for step in steps) else "", look=look)
+    return PlannedAction(steps, these.written, SPEED if any(step.strands for step in steps) else "", look=look)
 
 
 @cli.verb("baud", "Settings", writes=True, asks=True)
 @click.argument("rate", required=False, type=int)
 @click.option("--save", "save_too", is_flag=True, help="Also save the baud rate to EEPROM, so the hand starts with it.")
-def baud(run: Run, rate: int | None, save_too: bool) -> Table | Act:
+def baud(run: Run, rate: int | None, save_too: bool) -> Table | PlannedAction:
     """Show the baud rate, or change it.
 
     The hand and the port switch together. handctl then reads the baud rate back.
@@ -270,7 +272,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table | Act:
 
 
 @cli.verb("reset", "Service", writes=True, asks=True)
-def reset(run: Run) -> Act:
+def reset(run: Run) -> PlannedAction:
     """Restart the firmware, like a power-cycle, and show its banner. Asks first.
 
     Run `init` afterwards. The hand restarts at its saved baud rate, and handctl looks for it there.
@@ -290,7 +292,7 @@ def reset(run: Run) -> Act:
 @click.argument("commands", nargs=-1, metavar="[COMMAND]...")
 @click.option("--keep-going", is_flag=True, help="Keep going after an error.")
 @click.option("--file", "path", type=InFile(), metavar="FILE", help="Send the lines of this script.")
-def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool, path: str | None) -> Table | Act:
+def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool, path: str | None) -> Table | PlannedAction:
     """Send GCL commands, one per argument.
 
     --file sends a script: one command per line, each once the hand has replied to the one before. `DELAY 500` waits 500 ms, and # starts a comment.
@@ -383,11 +385,11 @@ MOVEMENTS = (
 def _movement(name: str, gcl_name: str, doc: str, argument: str) -> None:
     def body(
         run: Run, motors: str | None, expect: str | None, values: tuple[str, ...] = (), force: bool = False
-    ) -> Act:
+    ) -> PlannedAction:
         from handctl.devices.barrett import motion
 
         goals, ending = motion.goals_of(values, prefix_of(motors), gcl_name), expected(expect)
-        return Act(
+        return PlannedAction(
             [step_of(motion.command_text(motors, gcl_name, counts)) for motors, counts in goals],
             lambda hand: motion.move_each(hand, goals, gcl_name, run.prompts, force=force, expect=ending),
         )
@@ -428,7 +430,7 @@ def stop(run: Run, motors: str | None) -> Table:
 
 @cli.verb("load", "Settings", writes=True, asks=True)
 @MOTORS_OPTION
-def load(run: Run, motors: str | None) -> Act:
+def load(run: Run, motors: str | None) -> PlannedAction:
     """Load the saved settings from EEPROM into RAM (FLOAD, PLOAD).
 
     The baud rate may change, so handctl asks first and then looks for the hand. With --motors, only the settings of
@@ -439,7 +441,7 @@ def load(run: Run, motors: str | None) -> Act:
 
 @cli.verb("defaults", "Settings", writes=True, asks=True)
 @MOTORS_OPTION
-def defaults(run: Run, motors: str | None) -> Act:
+def defaults(run: Run, motors: str | None) -> PlannedAction:
     """Set all parameters in RAM to their factory values (FDEF, PDEF). Saves nothing.
 
     The baud rate changes to 9600 bit/s, so handctl asks first. With --motors, only the settings of those motors are
@@ -451,7 +453,7 @@ def defaults(run: Run, motors: str | None) -> Act:
 @cli.verb("save", "Settings", writes=True, asks=True)
 @MOTORS_OPTION
 @FORCE
-def save(run: Run, motors: str | None, force: bool) -> Act:
+def save(run: Run, motors: str | None, force: bool) -> PlannedAction:
     """Save the settings from RAM to EEPROM. Asks first.
 
     The EEPROM is rated for 5,000 saves. handctl counts them and refuses a save that changes nothing. With --motors,
@@ -472,7 +474,7 @@ def save(run: Run, motors: str | None, force: bool) -> Act:
 @click.argument("file", type=InFile())
 @click.option("--save", "save_too", is_flag=True, help="Then save to EEPROM.")
 @FORCE
-def restore(run: Run, file: str, save_too: bool, force: bool) -> Act:
+def restore(run: Run, file: str, save_too: bool, force: bool) -> PlannedAction:
     """Restore to RAM the values that differ from a snapshot, and read them back.
 
     The baud rate is written last.
@@ -503,7 +505,7 @@ def restore(run: Run, file: str, save_too: bool, force: bool) -> Act:
         return table
 
     steps = lambda: [*act.every(), *(step._replace(strands=False) for step in saves)]  # noqa: E731
-    return Act(steps, write, question, asks=asks, look=look)
+    return PlannedAction(steps, write, question, asks=asks, look=look)
 
 
 def _motors_first(motors: str | None, of_motors: str, of_hand: str) -> list[str]:
@@ -515,7 +517,7 @@ def _saves(motors: str | None) -> list[str]:
     return _motors_first(motors, "FSAVE", "PSAVE")
 
 
-def _plain_commands(commands: list[str]) -> Act:
+def _plain_commands(commands: list[str]) -> PlannedAction:
     from handctl.devices.barrett.gcl import passthrough
 
     return _sends(

@@ -11,7 +11,7 @@ from typing import Any
 
 from handctl.devices.barrett.gcl.codec import ERRORS, MOTORS
 from handctl.errors import UsageError
-from handctl.light import light
+from handctl.fast_classes import fast_dataclass
 from handctl.model.param import SETTING, Element, Number, Param, ParamMap, elements_of
 
 FINGERS = MOTORS[:3]
@@ -29,7 +29,7 @@ SPEEDS = (9600, 38400, 19200, 4800, 2400, 1200, 600)
 BAUD_CODES = {speed // 100: f"{speed} bit/s" for speed in sorted(SPEEDS)}
 
 
-@light(frozen=True, kw_only=True, eq=False)
+@fast_dataclass(frozen=True, kw_only=True, eq=False)
 class GclParam(Param):
     """A Param with its GCL mnemonic.
 

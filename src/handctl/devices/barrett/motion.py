@@ -13,7 +13,7 @@ from handctl.devices.barrett.gcl.codec import MOTORS, Answer, encode, explain_st
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, implausible, sample_seconds
 from handctl.devices.barrett.views import MOTOR, NOT_HOMED, row_of, why_impossible
 from handctl.errors import Aftermath, CheckFailed, Hint, NoAnswer, ProtocolError, UsageError
-from handctl.model.movement import ARRIVAL, BLOCKED, CONTACT, REACHED, SHORT, UNREAD, Arrival, Goal, judged
+from handctl.model.movement import ARRIVAL, BLOCKED, CONTACT, REACHED, SHORT, UNREAD, Arrival, Goal, failure_of_arrivals
 from handctl.model.param import Step
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Column, Row, Table
@@ -155,7 +155,7 @@ def move(
     if table.failure is not None:
         hand.name_heat(table.failure)
         return table
-    table.failure = judged(hand.link.name, arrivals, expect, hint=hint_for(NOT_REACHED) if missed else "")
+    table.failure = failure_of_arrivals(hand.link.name, arrivals, expect, hint=hint_for(NOT_REACHED) if missed else "")
     if missed and expect == REACHED and table.failure is None:
         refusal = hand.refusal(answer)
         table.failure = CheckFailed(

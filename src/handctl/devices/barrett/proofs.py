@@ -14,7 +14,7 @@ from handctl.devices.barrett.map import BARRETT, NO_GAUGE, standard
 from handctl.errors import Hint, NotPresent
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
-from handctl.model.proofs import MOVE, NONE, WRITE_BACK, Disturbed, Proof, Seen, put_back
+from handctl.model.proofs import MOVE, NONE, WRITE_BACK, Disturbed, Observation, Proof, put_back
 
 ENDS = {b"\n\r": "lfcr", b"\r\n": "crlf"}
 BLANK = 0.1
@@ -49,67 +49,67 @@ def _numbers(hand: BarrettHand, name: str) -> tuple[int, ...]:
     return tuple(values(answer, 1, 4)[0])
 
 
-def _prompt(hand: BarrettHand) -> Seen:
+def _prompt(hand: BarrettHand) -> Observation:
     raw, link = _said(hand, "PGET TEMP").raw, hand.line.link
     raw += b"" if raw.endswith(b" ") else link.read(link.deadline(BLANK), 1)  # on a slow line
-    return Seen("space" if raw.endswith(PROMPT + b" ") else "bare", f"the reply ends with {raw[-3:]!r}")
+    return Observation("space" if raw.endswith(PROMPT + b" ") else "bare", f"the reply ends with {raw[-3:]!r}")
 
 
-def _line_end(hand: BarrettHand) -> Seen:
+def _line_end(hand: BarrettHand) -> Observation:
     raw = _said(hand, "PGET TEMP").raw
     found = [name for end, name in ENDS.items() if raw.removesuffix(b" ").endswith(end + PROMPT)]
-    return Seen(found[0] if found else None, f"in front of the prompt: {raw[-5:]!r}")
+    return Observation(found[0] if found else None, f"in front of the prompt: {raw[-5:]!r}")
 
 
-def _version(hand: BarrettHand) -> Seen:
+def _version(hand: BarrettHand) -> Observation:
     text = " ".join(_said(hand, "VERS").lines)
-    return Seen(re.sub(r"\d+(\.\d+)+", "N", text), f"VERS: {text}")
+    return Observation(re.sub(r"\d+(\.\d+)+", "N", text), f"VERS: {text}")
 
 
-def _layout(command: str, word: str, hand: BarrettHand) -> Seen:
+def _layout(command: str, word: str, hand: BarrettHand) -> Observation:
     """What stands between a name and what belongs to it, in the first line that begins with the name; "" = the name is not printed."""
     lines = _said(hand, command).lines
     for line in lines:
         if found := re.match(rf"{re.escape(word)}(\W+)(?=\w)", line):
-            return Seen(f"name{found[1]}text", f"{command}: {line}")
+            return Observation(f"name{found[1]}text", f"{command}: {line}")
     numbers = all(re.fullmatch(r"-?\d+( -?\d+)*", line) for line in lines)
-    return Seen("values only" if numbers else None, f"{command}: {lines[0]}")
+    return Observation("values only" if numbers else None, f"{command}: {lines[0]}")
 
 
-def _unknown(hand: BarrettHand) -> Seen:
+def _unknown(hand: BarrettHand) -> Observation:
     answer = _clean(hand.line.ask("!"))
     text = answer.said or " ".join((*answer.lines, *([f"ERR {answer.status}"] if answer.status else ())))
-    return Seen(text, f"'!' is answered with {text!r}")
+    return Observation(text, f"'!' is answered with {text!r}")
 
 
-def _lower_case(hand: BarrettHand) -> Seen:
+def _lower_case(hand: BarrettHand) -> Observation:
     answer = _clean(hand.line.ask("pget temp"))
-    return Seen("accepted" if answer.lines and not answer.status else f"ERR {answer.status}", "pget temp")
+    return Observation("accepted" if answer.lines and not answer.status else f"ERR {answer.status}", "pget temp")
 
 
-def _longest_line(hand: BarrettHand) -> Seen:
+def _longest_line(hand: BarrettHand) -> Observation:
     longest = 0
     for length in LENGTHS:
         answer = hand.line.ask(f"FGET {'P'.rjust(length - 5)}")
         if answer.status == TOO_LONG or len(answer.lines) != 1:
-            return Seen(longest, f"a line of {length} characters: ERR {answer.status}")
+            return Observation(longest, f"a line of {length} characters: ERR {answer.status}")
         longest = length
-    return Seen(longest, f"{longest} characters and no limit met")
+    return Observation(longest, f"{longest} characters and no limit met")
 
 
-def _most_arguments(hand: BarrettHand) -> Seen:
+def _most_arguments(hand: BarrettHand) -> Observation:
     most = 0
     for count in COUNTS:
         answer = hand.line.ask(f"FGET {' '.join(SHORT[:count])}")
         if answer.status == TOO_MANY:
-            return Seen(most, f"{count} names: ERR {answer.status}")
+            return Observation(most, f"{count} names: ERR {answer.status}")
         if answer.status or len(answer.lines) != count:
-            return Seen(None, f"{count} names: ERR {answer.status}, which is not about their number")
+            return Observation(None, f"{count} names: ERR {answer.status}, which is not about their number")
         most = count
-    return Seen(most, f"{most} names and no limit met")
+    return Observation(most, f"{most} names and no limit met")
 
 
-def _absent(later: bool, hand: BarrettHand) -> Seen:
+def _absent(later: bool, hand: BarrettHand) -> Observation:
     """Of the parameters of every firmware, those that are missing; of the later ones, those that are there."""
     found = []
     for param in [one for one in BARRETT if one.optional] if later else standard():
@@ -118,7 +118,7 @@ def _absent(later: bool, hand: BarrettHand) -> Seen:
             raise reading.error
         if (reading.error is None) is later:
             found.append(param.mnemonic)
-    return Seen(", ".join(found) or NONE, "answered" if later else f"ERR {UNKNOWN_NAME}")
+    return Observation(", ".join(found) or NONE, "answered" if later else f"ERR {UNKNOWN_NAME}")
 
 
 def sign_of(printed: tuple[int, ...]) -> str | None:
@@ -127,12 +127,12 @@ def sign_of(printed: tuple[int, ...]) -> str | None:
     return None if not below else "signed" if below[0] < 0 else "unsigned"
 
 
-def _sign(hand: BarrettHand) -> Seen:
+def _sign(hand: BarrettHand) -> Observation:
     printed = _numbers(hand, "P")
-    return Seen(sign_of(printed), f"FGET P: {' '.join(map(str, printed))}")
+    return Observation(sign_of(printed), f"FGET P: {' '.join(map(str, printed))}")
 
 
-def _at_stop(hand: BarrettHand, prompts: Prompts) -> Seen:
+def _at_stop(hand: BarrettHand, prompts: Prompts) -> Observation:
     """How F1 prints its position at the open stop, IOFF counts below the origin. Raises what the movement ends with."""
     from handctl.devices.barrett.motion import move
 
@@ -141,25 +141,25 @@ def _at_stop(hand: BarrettHand, prompts: Prompts) -> Seen:
         raise table.failure
     printed, offset = _numbers(hand, "P")[0], _numbers(hand, "IOFF")[0]
     clamped = "clamped" if printed == 0 < offset else None
-    return Seen(sign_of((printed,)) or clamped, f"F1 at its open stop: P {printed}, IOFF {offset}")
+    return Observation(sign_of((printed,)) or clamped, f"F1 at its open stop: P {printed}, IOFF {offset}")
 
 
-def _gauges(hand: BarrettHand) -> Seen:
+def _gauges(hand: BarrettHand) -> Observation:
     printed = _numbers(hand, "SG")[:3]
-    return Seen(sum(value != NO_GAUGE for value in printed), f"SG of the fingers: {' '.join(map(str, printed))}")
+    return Observation(sum(value != NO_GAUGE for value in printed), f"SG of the fingers: {' '.join(map(str, printed))}")
 
 
-def _alias(hand: BarrettHand) -> Seen:
+def _alias(hand: BarrettHand) -> Observation:
     high, alias = _numbers(hand, "HSG"), _numbers(hand, "MSG")
-    return Seen("equal" if high == alias else "different", f"HSG {high}, MSG {alias}")
+    return Observation("equal" if high == alias else "different", f"HSG {high}, MSG {alias}")
 
 
-def _speed(hand: BarrettHand) -> Seen:
+def _speed(hand: BarrettHand) -> Observation:
     """The highest speed that works both ways; the speed of before is set again and answered at, whatever came in between."""
     line = hand.line
     was, best = line.link.baud or 9600, 0
     if not line.link.can_set_baud:
-        return Seen(None, "this link has no baud rate of its own")
+        return Observation(None, "this link has no baud rate of its own")
     for speed in SPEEDS:
         try:
             line.change_speed(speed // 100)
@@ -170,9 +170,9 @@ def _speed(hand: BarrettHand) -> Seen:
             put_back(partial(_put_back, hand, was))
             if not refused:
                 raise
-            return Seen(best or was, f"PSET BAUD {speed // 100} leaves it at {was} bit/s")
+            return Observation(best or was, f"PSET BAUD {speed // 100} leaves it at {was} bit/s")
         put_back(partial(_put_back, hand, was))
-    return Seen(best, f"replies at {best} bit/s, and at {was} bit/s again")
+    return Observation(best, f"replies at {best} bit/s, and at {was} bit/s again")
 
 
 def _put_back(hand: BarrettHand, speed: int) -> None:
@@ -191,12 +191,12 @@ def _speed_steps(hand: BarrettHand) -> list[Step]:
     ]
 
 
-def _idle_abort(hand: BarrettHand) -> Seen:
+def _idle_abort(hand: BarrettHand) -> Observation:
     """What ^C comes to at the prompt. It would end a movement, so it is no read."""
     answer = hand.line.abort()
     if answer is None:
-        return Seen("silence", "no prompt within 1.5 s")
-    return Seen(f"ERR {answer.status}" if answer.status else "prompt", f"^C at the prompt: {answer.raw!r}")
+        return Observation("silence", "no prompt within 1.5 s")
+    return Observation(f"ERR {answer.status}" if answer.status else "prompt", f"^C at the prompt: {answer.raw!r}")
 
 
 def _stop_steps(_: BarrettHand) -> list[Step]:

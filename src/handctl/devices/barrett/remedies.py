@@ -4,7 +4,7 @@ from handctl.devices.barrett.gcl.codec import ERRORS, MOTORS
 from handctl.devices.barrett.maintenance.health import LIMIT_TENTHS
 from handctl.devices.barrett.views import STROKE
 from handctl.errors import Hint
-from handctl.model.outline import Bar, Measure, Outline, Remedy
+from handctl.model.device_picture import Bar, Measure, Outline, Remedy
 
 _F1, _F2, _F3, _SPREAD = MOTORS
 
@@ -39,5 +39,5 @@ OUTLINE = Outline(
 )
 """The motors of a BarrettHand in their place: F1 and F2 turn round the palm with the spread, F3 is fixed across from them."""
 
-PRACTICE = dict.fromkeys(("hot", "no-board", "no-motor", "unknown-codes", "silent", "noise"), "initialized=1")  # fmt: skip
+TRAINING_FAULTS = dict.fromkeys(("hot", "no-board", "no-motor", "unknown-codes", "silent", "noise"), "initialized=1")  # fmt: skip
 """Fault of the simulator that a trainee finds by reading alone (`handctl service --demo`) -> what else the simulator is told."""

@@ -14,7 +14,7 @@ from handctl.command.command_tree import Command, Group
 from handctl.command.common_commands import NAMES, add_map_verbs
 from handctl.command.family import Family
 from handctl.command.options import EXPORTS_LISTED, LOG, RESAMPLE, SEGMENT, FamilyOption, InFile, OutFile, log_options
-from handctl.command.run import Act, Asked, Run
+from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.device import Ekso, one_setting, written_table
@@ -33,7 +33,7 @@ from handctl.model.settings import Settings
 if TYPE_CHECKING:
     from handctl.devices.ekso.audit import AuditLog
     from handctl.devices.ekso.export import Exported
-    from handctl.devices.ekso.log_file import LogFile
+    from handctl.devices.ekso.log_reader import LogFile
     from handctl.record.source import Source
 
 
@@ -90,7 +90,7 @@ def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -
         return EksoSource(run.device(), again, raw=raw, personal=include_pilot_id)
 
     def reading(path: str) -> LogFile:
-        from handctl.devices.ekso.log_file import LogFile
+        from handctl.devices.ekso.log_reader import LogFile
 
         return LogFile(path)
 
@@ -123,7 +123,7 @@ def export(
     """
     from handctl.command import export_command
     from handctl.devices.ekso import export as exports
-    from handctl.devices.ekso.log_file import LogFile
+    from handctl.devices.ekso.log_reader import LogFile
 
     as_rows = run.settings.format in ("json", "ndjson")
     kind = kind or ("csv" if run.settings.format == "csv" else None)
@@ -362,7 +362,7 @@ def _need_operator(run: Run) -> None:
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME=VALUE")
 @_audit_options
 @OVERRIDE
-def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bool) -> Act:
+def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bool) -> PlannedAction:
     """Write one setting, with every check.
 
     For example `step_length=15.5`, `walk_mode=ProStep` or `216='50 %'`. Shows the old and the new value and asks.
@@ -392,14 +392,14 @@ def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bo
             run.ledger.plan(ekso.plan([change]))
         return written_table(ekso, before, ekso.write([change]))
 
-    return Act(steps, write, CHANGES, look=look)
+    return PlannedAction(steps, write, CHANGES, look=look)
 
 
 @cli.verb("restore", "Files", writes=True, asks=True)
 @click.argument("file", type=InFile())
 @_audit_options
 @OVERRIDE
-def restore(run: Run, file: str, audit: str | None, override: bool) -> Act:
+def restore(run: Run, file: str, audit: str | None, override: bool) -> PlannedAction:
     """Write the settings that differ from a snapshot, one by one.
 
     Uses the same checks and confirmations as `set`. Reaches a distant value in permitted steps, one every 10 s, and
@@ -440,7 +440,7 @@ class _WordRange(click.IntRange):
     help="Command word, not 0. 0x0100 is 256.",
 )
 @_audit_options
-def cancel(run: Run, word: int, audit: str | None) -> Act:
+def cancel(run: Run, word: int, audit: str | None) -> PlannedAction:
     """Send CancelAction once. This MAY NOT STOP THE DEVICE.
 
     Never asks, and logs it. It is sent even if the log cannot be written.
@@ -462,7 +462,7 @@ def cancel(run: Run, word: int, audit: str | None) -> Act:
 
         return ekso.cancel(word, record)
 
-    return Act(run.planner().plan_cancel(word), act)
+    return PlannedAction(run.planner().plan_cancel(word), act)
 
 
 # -- every command -------------------------------------------------------------------------------------------------

@@ -165,7 +165,7 @@ class Ekso(Device):
 
     def plan_typed(self, data: bytes, can_id: int | None) -> tuple[Step, str] | None:
         """What writes is sent by its own command only, which writes the audit log."""
-        from handctl.devices.ekso.explain import explainer
+        from handctl.devices.ekso.explain_bytes import explainer
 
         writing: dict[object, str] = {Command.SET_VALUE: "set", Command.CANCEL_ACTION: "cancel"}
         found = [verb for piece in explainer().decode(data, HOST) if (verb := writing.get(piece.fields.get("command")))]

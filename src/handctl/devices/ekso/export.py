@@ -19,13 +19,13 @@ from operator import lt, neg
 from typing import Any, NamedTuple
 
 from handctl.devices.ekso.log import NAMED, column_of, to_si
-from handctl.devices.ekso.log_file import MOST_KNOWN, LogFile
+from handctl.devices.ekso.log_reader import MOST_KNOWN, LogFile
 from handctl.devices.ekso.map import DATA
 from handctl.errors import UsageError
 from handctl.files import Spool
-from handctl.record.log_file import Span
+from handctl.record.clock_survey import survey
+from handctl.record.log_reader import Span
 from handctl.record.source import MARK, clean, quoted
-from handctl.record.survey import survey
 from handctl.record.timeline import GAP_PERIODS, LEAST_PERIOD_MS
 from handctl.wording import plural
 

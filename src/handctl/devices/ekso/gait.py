@@ -16,7 +16,7 @@ from math import sqrt
 from typing import NamedTuple
 
 from handctl.devices.ekso.log import column_of
-from handctl.devices.ekso.log_file import LogFile
+from handctl.devices.ekso.log_reader import LogFile
 from handctl.devices.ekso.map import DATA
 from handctl.record.timeline import GAP_PERIODS
 

@@ -19,7 +19,7 @@ from handctl.model.result import Column, Row, Table
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.gait import Figure, Walk
-    from handctl.devices.ekso.log_file import LogFile
+    from handctl.devices.ekso.log_reader import LogFile
 
 FIGURES = (
     Column("name", "Figure"),
@@ -63,7 +63,7 @@ def add_gait(group: Group) -> None:
         recording itself. Strides that are not counted are listed with the reason. Not a diagnosis.
         """
         from handctl.devices.ekso.gait import compared, walk_of
-        from handctl.devices.ekso.log_file import LogFile
+        from handctl.devices.ekso.log_reader import LogFile
 
         source = LogFile(log)
         walk = walk_of(source)

@@ -11,7 +11,7 @@ from handctl import __version__
 from handctl.charts.curves import escape
 from handctl.charts.cycles import STYLE, Band, bands, histogram, timeline
 from handctl.devices.ekso.gait import SIDES, Walk, curve
-from handctl.devices.ekso.log_file import LogFile
+from handctl.devices.ekso.log_reader import LogFile
 from handctl.model.result import Grid, Table
 from handctl.report.html import facts, plain_page, table
 from handctl.wording import plural, sentence

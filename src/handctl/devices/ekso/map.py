@@ -12,7 +12,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, InvalidOperation
 from typing import Any
 
 from handctl.devices.ekso import write_checks
-from handctl.light import light
+from handctl.fast_classes import fast_dataclass
 from handctl.model.param import MEASURED, SETTING, Element, Number, Param, ParamMap, elements_of
 
 WALK = {0: "First Step", 1: "ActiveStep", 2: "ProStep", 3: "ProStep+"}
@@ -43,7 +43,7 @@ PERCENT_CODES = range(21)
 NOTHING_SENT = "Nothing was sent."
 
 
-@light(frozen=True, kw_only=True, eq=False)
+@fast_dataclass(frozen=True, kw_only=True, eq=False)
 class Word(Param):
     """A Param with its place in a message.
 
@@ -314,7 +314,7 @@ FEEDBACK: tuple[Word, ...] = (
 MESSAGES: dict[str, tuple[Word, ...]] = {"settings": SETTINGS, "data": DATA, "feedback": FEEDBACK}
 
 
-@light(frozen=True, kw_only=True, eq=False)
+@fast_dataclass(frozen=True, kw_only=True, eq=False)
 class Clock(Word):
     """GetTime or GetDate: a message of its own, whose bytes (`parts`, with their ranges) are told in words (`form`)."""
 

@@ -9,7 +9,7 @@ from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.device import Ekso
 from handctl.devices.ekso.frames import LENGTH_MODES, OVERHEAD, Command
 from handctl.devices.ekso.map import DATA, SETTINGS
-from handctl.model.proofs import NONE, Disturbed, Proof, Seen
+from handctl.model.proofs import NONE, Disturbed, Observation, Proof
 
 GRIDS = (20, 10)
 """Periods in ms on which answers may leave, the longest first."""
@@ -34,31 +34,33 @@ def prepare(device: Ekso) -> None:
     device.port.detect_length_mode()
 
 
-def _length(device: Ekso) -> Seen:
+def _length(device: Ekso) -> Observation:
     port = device.port
     port.exchange(Command.GET_TIME)
-    return Seen(port.mode, f"GetTime is answered with the length byte {LENGTH_MODES[port.mode]}")
+    return Observation(port.mode, f"GetTime is answered with the length byte {LENGTH_MODES[port.mode]}")
 
 
-def _answer_length(device: Ekso) -> Seen:
+def _answer_length(device: Ekso) -> Observation:
     frame = device.port.exchange(Command.GET_DATE)
-    return Seen(frame.mode, f"{len(frame.body)} body bytes, length byte {frame.data[1]}")
+    return Observation(frame.mode, f"{len(frame.body)} body bytes, length byte {frame.data[1]}")
 
 
-def _time_body(device: Ekso) -> Seen:
+def _time_body(device: Ekso) -> Observation:
     sizes = [len(device.port.exchange(command).body) for command in (Command.GET_TIME, Command.GET_DATE)]
-    return Seen(sizes[0] if sizes[0] == sizes[1] else None, f"GetTime {sizes[0]} bytes, GetDate {sizes[1]} bytes")
+    return Observation(
+        sizes[0] if sizes[0] == sizes[1] else None, f"GetTime {sizes[0]} bytes, GetDate {sizes[1]} bytes"
+    )
 
 
-def _echoed(device: Ekso) -> Seen:
+def _echoed(device: Ekso) -> Observation:
     """Both fields, or the exchange would not have been one: shown with a msgID whose two bytes differ."""
     frame = device.port.exchange(Command.GET_FEEDBACK)
-    return Seen(
+    return Observation(
         "command, msgID", f"{frame.data[:4].hex(' ').upper()} answers command {frame.command}, msgID {frame.msg_id}"
     )
 
 
-def _grid(device: Ekso) -> Seen:
+def _grid(device: Ekso) -> Observation:
     """Whether all answers leave at multiples of one period, although the requests do not."""
     port, moments = device.port, list[float]()
     for number in range(ANSWERS):
@@ -68,21 +70,23 @@ def _grid(device: Ekso) -> Seen:
     for period in GRIDS:
         off = [(moment - moments[0] + period / 2) % period - period / 2 for moment in moments]
         if max(off) - min(off) <= JITTER:
-            return Seen(period, f"{ANSWERS} answers lie within {max(off) - min(off):.1f} ms of a grid of {period} ms")
-    return Seen(0, f"{ANSWERS} answers lie on no grid of {' or '.join(map(str, GRIDS))} ms")
+            return Observation(
+                period, f"{ANSWERS} answers lie within {max(off) - min(off):.1f} ms of a grid of {period} ms"
+            )
+    return Observation(0, f"{ANSWERS} answers lie on no grid of {' or '.join(map(str, GRIDS))} ms")
 
 
-def _bad_crc(device: Ekso) -> Seen:
+def _bad_crc(device: Ekso) -> Observation:
     port = device.port
     request = port.request(Command.GET_TIME)
     port.exchange(Command.GET_TIME)  # takes that msgID, so that no later request has it
     damaged = request[:-1] + bytes([request[-1] ^ 0x55])
     came = _raw(port, damaged)
     if not came:
-        return Seen("silence", "GetTime with a wrong CRC: no reply")
+        return Observation("silence", "GetTime with a wrong CRC: no reply")
     if came[:1] != request[:1] or damaged in came or came[2:4] != request[2:4]:
         raise Disturbed("the reply to a damaged request is itself damaged")
-    return Seen(
+    return Observation(
         "acknowledged" if len(came) == OVERHEAD else "answered", f"GetTime with a wrong CRC: {came.hex(' ').upper()}"
     )
 
@@ -99,7 +103,7 @@ def _raw(port: DataPort, data: bytes) -> bytes:
     return came
 
 
-def _word_order(device: Ekso) -> Seen:
+def _word_order(device: Ekso) -> Observation:
     """Which of the two words of BootTime counts the high part: only one reading of them goes as fast as our clock."""
     port = device.port
     pairs, times = list[tuple[int, int]](), list[float]()
@@ -112,27 +116,27 @@ def _word_order(device: Ekso) -> Seen:
     high, low = ((pairs[1][a] - pairs[0][a]) * 65536 + pairs[1][b] - pairs[0][b] for a, b in ((0, 1), (1, 0)))
     told = f"{passed:.0f} ms passed here, BootTime {pairs[0]} became {pairs[1]}"
     if pairs[0] == pairs[1]:
-        return Seen("stands still", told)
+        return Observation("stands still", told)
     fits = [name for name, way in (("high first", high), ("low first", low)) if abs(way - passed) <= APART]
-    return Seen(fits[0] if len(fits) == 1 else None, told)
+    return Observation(fits[0] if len(fits) == 1 else None, told)
 
 
-def _codes(device: Ekso) -> Seen:
+def _codes(device: Ekso) -> Observation:
     raw = device.port.settings_raw()
     found = [
         param.name for param, value in zip(SETTINGS, raw, strict=True) if param.choices and value not in param.choices
     ]
-    return Seen(", ".join(found) or NONE, "GetSettings")
+    return Observation(", ".join(found) or NONE, "GetSettings")
 
 
-def _knees(device: Ekso) -> Seen:
+def _knees(device: Ekso) -> Observation:
     words = device.port.exchange(Command.GET_DATA).words
     index = {param.name: param.word for param in DATA}
     angles = [DATA[index[name]].from_raw(words[index[name]]) for name in ("left_knee_angle", "right_knee_angle")]
     told = f"state {words[index['state']] & 0xFFFF:04X}, knees {angles[0]} and {angles[1]} degrees"
     if (words[index["state"]] & 0xFFFF) >> 12 != SITTING or min(map(abs, angles)) < BENT or angles[0] * angles[1] < 0:
-        return Seen(None, f"{told}: the wearer does not sit")
-    return Seen("flexion positive" if angles[0] > 0 else "flexion negative", told)
+        return Observation(None, f"{told}: the wearer does not sit")
+    return Observation("flexion positive" if angles[0] > 0 else "flexion negative", told)
 
 
 PROOFS = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from handctl.errors import Hint
-from handctl.model.outline import Bar, Measure, Outline, Remedy
+from handctl.model.device_picture import Bar, Measure, Outline, Remedy
 
 _SERVICE = "run `handctl ekso report FILE`, and have the sensor checked by Ekso's service"
 
@@ -26,5 +26,5 @@ OUTLINE = Outline(
 )
 """The joints of an EksoNR in their place: hips below the trunk, knees below the hips."""
 
-PRACTICE = dict.fromkeys(("hip-offset", "frozen-clock", "clock-jump", "bad-checksum", "short-body", "wrong-command", "silent", "noise", "echo"), "")  # fmt: skip
+TRAINING_FAULTS = dict.fromkeys(("hip-offset", "frozen-clock", "clock-jump", "bad-checksum", "short-body", "wrong-command", "silent", "noise", "echo"), "")  # fmt: skip
 """Fault of the simulator that a trainee finds by reading alone (`handctl service --demo`) -> what else the simulator is told."""

@@ -13,7 +13,7 @@ import click
 
 from handctl.command import get_set_watch
 from handctl.command.options import OutFile
-from handctl.command.run import Act, Run
+from handctl.command.run import PlannedAction, Run
 from handctl.devices.inspire.map import address_in
 from handctl.errors import HandctlError, Hint, UsageError
 from handctl.model.param import Element, ParamMap, Step
@@ -65,7 +65,7 @@ def read(run: Run, address: str, count: int) -> Table:
     return device.answered(lambda: raw.read(device, place * device.bus.per, count))
 
 
-def send_raw(step: Step, question: str, exchange: Callable[[Any], Table]) -> Act:
+def send_raw(step: Step, question: str, exchange: Callable[[Any], Table]) -> PlannedAction:
     """`exchange` the bytes with the device; asks unless it only reads."""
     from handctl.devices.inspire import raw
 
@@ -74,10 +74,10 @@ def send_raw(step: Step, question: str, exchange: Callable[[Any], Table]) -> Act
             return exchange(device)
 
     _, question = raw.asked(step, question)
-    return Act([step], act, f"{question}: {step.meaning}" if question else "")
+    return PlannedAction([step], act, f"{question}: {step.meaning}" if question else "")
 
 
-def change_id(run: Run, params: ParamMap[Any], new: int | None) -> Table | Act:
+def change_id(run: Run, params: ParamMap[Any], new: int | None) -> Table | PlannedAction:
     """Show the id, or give the hand a new one."""
     if new is None:
         run.only_reads("a value")
@@ -85,10 +85,10 @@ def change_id(run: Run, params: ParamMap[Any], new: int | None) -> Table | Act:
     params["id"].check(new, "id")
     steps = run.planner().plan([(Element(params["id"], 0), new)])
     question = f"This changes the id to {new} at once, on every hand on this line that has the old id"
-    return Act(steps, lambda device: device.change_id(new), question)
+    return PlannedAction(steps, lambda device: device.change_id(new), question)
 
 
-def change_baud(run: Run, rate: int | None, question: str, *, save: bool, verify: bool) -> Table | Act:
+def change_baud(run: Run, rate: int | None, question: str, *, save: bool, verify: bool) -> Table | PlannedAction:
     """Show the speed code, or write the one that counts after a save and a power cycle, and see to both where that is wanted."""
     if rate is None:
         run.only_reads("a value")
@@ -104,7 +104,7 @@ def change_baud(run: Run, rate: int | None, question: str, *, save: bool, verify
     steps = planner.plan([(Element(planner.map["baud_code"], 0), code)])
     if save:
         steps.append(planner.trigger_step("save", "save to flash"))
-    return Act(steps, lambda device: _change_speed(run, device, rate, save=save, verify=verify), question)
+    return PlannedAction(steps, lambda device: _change_speed(run, device, rate, save=save, verify=verify), question)
 
 
 def _change_speed(run: Run, device: RegisterDevice, rate: int, *, save: bool, verify: bool) -> Table:
@@ -147,7 +147,7 @@ def _verify_speed(run: Run, device: RegisterDevice, rate: int, table: Table) -> 
         table.failure = device.not_at(rate)
 
 
-def clear_errors(run: Run) -> Act:
+def clear_errors(run: Run) -> PlannedAction:
     """Clear the actuator errors. Asks where that may move a finger."""
 
     def steps(device: RegisterDevice) -> Sequence[Step]:
@@ -160,10 +160,10 @@ def clear_errors(run: Run) -> Act:
         get_set_watch.ask_released(run, device, [(Element(device.map["clear_errors"], 0), 1)], steps(device))
         return procedures.clear_errors(device)
 
-    return Act(steps(run.planner()), clear)
+    return PlannedAction(steps(run.planner()), clear)
 
 
-def save(run: Run, question: str, *, looks: bool = True) -> Act:
+def save(run: Run, question: str, *, looks: bool = True) -> PlannedAction:
     """Save to flash. `looks` first who is there, as far as the family does more than any write."""
 
     def act(device: RegisterDevice) -> Table:
@@ -172,10 +172,10 @@ def save(run: Run, question: str, *, looks: bool = True) -> Act:
         device.confirm_identity(keeps=looks)
         return procedures.save(device, run.prompts)
 
-    return Act([run.planner().trigger_step("save", "save to flash")], act, question)
+    return PlannedAction([run.planner().trigger_step("save", "save to flash")], act, question)
 
 
-def factory_reset(run: Run, meaning: str, question: str, backup: str | None, *, looks: bool = True) -> Act:
+def factory_reset(run: Run, meaning: str, question: str, backup: str | None, *, looks: bool = True) -> PlannedAction:
     """Restore the factory defaults, after a snapshot into the file `backup`. The user types the word."""
     planner: RegisterDevice = run.planner()
     steps = [planner.trigger_step("factory_reset", meaning)]
@@ -194,7 +194,7 @@ def factory_reset(run: Run, meaning: str, question: str, backup: str | None, *, 
         snapshots.snapshot(run, path)
         return procedures.factory_reset(device)
 
-    return Act(steps, reset, question, word="reset")
+    return PlannedAction(steps, reset, question, word="reset")
 
 
 # -- for the manual pages -------------------------------------------------------------------------------------------

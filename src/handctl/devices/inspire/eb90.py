@@ -21,7 +21,7 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
 from handctl.errors import ProtocolError, UsageError
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 from handctl.model.decoder import Stream
 
 HOST = b"\xeb\x90"
@@ -115,7 +115,7 @@ def read_request(device_id: int, address: int, count: int, flag: int = READ) -> 
 def only_reads(data: bytes) -> bool:
     """Whether `data` is nothing but whole read requests, which change no device of this maker. Asked for each frame again.
 
-    What goes ahead of them and between them (`registers.question`) begins no frame.
+    What goes ahead of them and between them (`register_bus.question`) begins no frame.
     """
     found = False
     while data := data.lstrip(b"\0\xff"):

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from handctl.devices.inspire import eb90, modbus_frames
 from handctl.devices.inspire.register_bus import READS, RegisterBus, Span
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 from handctl.link import FrameLink
 from handctl.model.device import Gate
 from handctl.model.result import hex_bytes
@@ -58,7 +58,7 @@ WARM = frozenset((*range(5, 111), 255))
 
 
 ITS_CURRENT = READS[eb90.WRIST_READ][0]
-"""A current of a wrist. Its angles lie at 1020: FC 03, and 03 ends a movement of a BarrettHand (`registers.question`)."""
+"""A current of a wrist. Its angles lie at 1020: FC 03, and 03 ends a movement of a BarrettHand (`register_bus.question`)."""
 
 
 def is_wrist(at: At) -> str:
@@ -449,7 +449,7 @@ Row4 = tuple[str, str, str, str]
 """Check, status, evidence, remedy."""
 
 
-class Seen(NamedTuple):
+class Observation(NamedTuple):
     """What the reads show.
 
     verdict   "one", "two", or "" where answers are missing or damaged, and what both would hold alike as well
@@ -473,7 +473,7 @@ class _Tally:
         return self.destroyed / self.asked if self.asked else 0.0
 
 
-def look_for_duplicate_id(device: RegisterDevice, refusal: bool = False) -> Seen:
+def look_for_duplicate_id(device: RegisterDevice, refusal: bool = False) -> Observation:
     """Whether one device has this id; two may refuse alike to tell it, too. Raises LinkError where the line is lost."""
     bus, alike, readings = device.bus, _Tally(refusal=refusal), _Tally()
     spans, same = _readings(device), _alike(device)
@@ -493,15 +493,15 @@ def look_for_duplicate_id(device: RegisterDevice, refusal: bool = False) -> Seen
     number, asked = bus.id, readings.asked + alike.asked
     if readings.twice:
         text = f"one request got two different replies {readings.twice} of {readings.asked} times"
-        return Seen("two", f"{text}: two devices have id {number}")
+        return Observation("two", f"{text}: two devices have id {number}")
     enough = MOSTLY if readings.asked <= len(spans) * ROUNDS else SOME
     if readings.share >= enough and alike.whole == alike.asked:
         text = f"shared readings arrive intact, but {readings.destroyed} of {readings.asked} readings are destroyed"
-        return Seen("two", f"{text}: two devices with id {number} reply at the same time")
+        return Observation("two", f"{text}: two devices with id {number} reply at the same time")
     if readings.destroyed or readings.whole < readings.asked or alike.whole < alike.asked:
         missing = asked - readings.whole - alike.whole
-        return Seen("", f"{missing} of {asked} replies are missing or corrupted, and not only those of readings")
-    return Seen("one", f"{asked} replies arrived intact and alone: one device has id {number}")
+        return Observation("", f"{missing} of {asked} replies are missing or corrupted, and not only those of readings")
+    return Observation("one", f"{asked} replies arrived intact and alone: one device has id {number}")
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from handctl.errors import UsageError
-from handctl.light import light
+from handctl.fast_classes import fast_dataclass
 from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, TRIGGER, Element, Number, Param, ParamMap
 
 FINGERS = ("little", "ring", "middle", "index", "thumb")
@@ -29,7 +29,7 @@ BAUD_RATES = {0: 115200, 1: 57600, 2: 19200}
 """exo §2.3.2."""
 
 
-@light(frozen=True, kw_only=True, eq=False)
+@fast_dataclass(frozen=True, kw_only=True, eq=False)
 class Register(Param):
     """A Param with its place: `address` of element 0 in bytes, `size` in bytes of one element, `signed`.
 
@@ -69,7 +69,7 @@ class Register(Param):
         return self.to_raw(value).to_bytes(self.size, "little", signed=self.signed)
 
 
-@light(frozen=True, kw_only=True, eq=False)
+@fast_dataclass(frozen=True, kw_only=True, eq=False)
 class Angle(Register):
     """An angle of the wrist: 0.01 degree a count."""
 

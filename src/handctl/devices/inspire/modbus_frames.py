@@ -22,7 +22,7 @@ from functools import cache
 
 from handctl.devices.inspire import eb90
 from handctl.errors import ProtocolError, UsageError
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 from handctl.model.decoder import Stream
 
 READ, WRITE_ONE, WRITE_MANY = 0x03, 0x06, 0x10

@@ -15,7 +15,7 @@ from handctl.devices.inspire import eb90
 from handctl.devices.inspire.identity import identify_alone, naming_duplicate_id
 from handctl.devices.inspire.map import BAUD_RATES, OVER_TEMPERATURE, Register
 from handctl.devices.inspire.register_bus import FLOOD, RegisterBus
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink
 from handctl.model.param import Element, Reading, elements_of
@@ -61,7 +61,7 @@ def probe(bus: RegisterBus, device_id: int, *, seconds: float | None = None) -> 
     return True
 
 
-def find_speed(bus: Bus) -> int | None:
+def find_speed(bus: SerialBus) -> int | None:
     """The speed of the three documented ones at which the hand answers, or None. Leaves the port at that speed."""
     link, first = bus.link, bus.link.baud
     for rate in sorted(BAUD_RATES.values(), key=lambda rate: rate != first):
@@ -82,7 +82,7 @@ def explain_silence(hand: RegisterDevice, error: HandctlError) -> HandctlError:
     Late answers are waited for first: one that arrives after the speed was changed would name a wrong speed.
     """
     bus = hand.bus
-    if not isinstance(bus, Bus) or bus.link.replayed or len(error.came) > FLOOD:
+    if not isinstance(bus, SerialBus) or bus.link.replayed or len(error.came) > FLOOD:
         return error
     frame = bus.listen([eb90.DEVICE + bytes([bus.id])], max(LATE_SECONDS, bus.timeout))
     if frame is not None:
@@ -105,7 +105,7 @@ def explain_silence(hand: RegisterDevice, error: HandctlError) -> HandctlError:
     )
 
 
-def late(bus: Bus) -> NoAnswer:
+def late(bus: SerialBus) -> NoAnswer:
     """The error of a hand that answers, but too late."""
     longer = f"--timeout {max(1.0, 4 * bus.timeout):g}"
     written = any(message.code == "ack-lost" for message in bus.journal.messages)

@@ -14,10 +14,10 @@ from handctl.devices.inspire.identity import identify_alone
 from handctl.devices.inspire.procedures import probe
 from handctl.devices.inspire.register_bus import RegisterBus, Span
 from handctl.devices.inspire.register_device import RegisterDevice
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, DeviceRefused, Hint, NoAnswer
 from handctl.model.param import Step, elements_of
-from handctl.model.proofs import WRITE_BACK, Disturbed, Proof, Seen, put_back
+from handctl.model.proofs import WRITE_BACK, Disturbed, Observation, Proof, put_back
 
 ANSWERED, SILENT, REFUSED = "answered", "silent", "refused"
 SIZES = (MAX_COUNT, 200, 151, 100, 64, 32, 12)
@@ -28,7 +28,7 @@ TIMED = 9
 SPARE_IDS = range(253, 240, -1)
 
 
-COUNTS_WORDS = Seen(None, "the addresses of this generation count words, so these spans do not exist")
+COUNTS_WORDS = Observation(None, "the addresses of this generation count words, so these spans do not exist")
 
 
 def once(bus: RegisterBus, span: Span) -> tuple[str, bytes]:
@@ -60,36 +60,36 @@ def reply(bus: RegisterBus, span: Span, known: RegisterBus | None = None) -> tup
     return SILENT, b""
 
 
-def _across(span: Span, device: RegisterDevice) -> Seen:
+def _across(span: Span, device: RegisterDevice) -> Observation:
     if device.bus.per != 1:
         return COUNTS_WORDS
     if span[1] > device.bus.max_count:
-        return Seen(None, f"this wire reads {device.bus.max_count} bytes at most")
+        return Observation(None, f"this wire reads {device.bus.max_count} bytes at most")
     how, _ = reply(device.bus, span)
-    return Seen(how, f"{span[1]} bytes at {span[0]}: {how}")
+    return Observation(how, f"{span[1]} bytes at {span[0]}: {how}")
 
 
-def _in_gap(spans: Iterable[Span], device: RegisterDevice) -> Seen:
+def _in_gap(spans: Iterable[Span], device: RegisterDevice) -> Observation:
     """What bytes read that are in no manual; silence is told for itself, where every one of them is silent."""
     if device.bus.per != 1:
         return COUNTS_WORDS
     found = [(span, *reply(device.bus, span)) for span in spans]
     kinds = {("zeros" if not any(data) else "other values") if how == ANSWERED else how for _, how, data in found}
     told = "; ".join(f"{span[1]} at {span[0]}: {data.hex(' ').upper() or how}" for span, how, data in found)
-    return Seen(kinds.pop() if len(kinds) == 1 else "other values" if "other values" in kinds else None, told)
+    return Observation(kinds.pop() if len(kinds) == 1 else "other values" if "other values" in kinds else None, told)
 
 
-def _longest(start: int, device: RegisterDevice) -> Seen:
+def _longest(start: int, device: RegisterDevice) -> Observation:
     bus = device.bus
     if bus.per != 1 or bus.wire != "eb90":
-        return COUNTS_WORDS if bus.per != 1 else Seen(None, f"this wire reads {bus.max_count} bytes at most")
+        return COUNTS_WORDS if bus.per != 1 else Observation(None, f"this wire reads {bus.max_count} bytes at most")
     for size in SIZES:
         if reply(bus, (start, size))[0] == ANSWERED:
-            return Seen(size, f"{size} bytes at {start} in one reply")
-    return Seen(None, f"no read at {start} was answered")
+            return Observation(size, f"{size} bytes at {start} in one reply")
+    return Observation(None, f"no read at {start} was answered")
 
 
-def _reply_time(device: RegisterDevice) -> Seen:
+def _reply_time(device: RegisterDevice) -> Observation:
     """The time of an exchange, without that of its bits: the turnaround of the device, its adapter and the line."""
     bus, span, taken = device.bus, device.bus.first_questions[-1], list[float]()
     for _ in range(TIMED):
@@ -97,10 +97,12 @@ def _reply_time(device: RegisterDevice) -> Seen:
         bus.read(*span, retries=0)
         taken.append(device.link.now() - started)
     ms = 1000 * max(0.0, median(taken) - bus.wire_seconds(19 if bus.serial else 0))
-    return Seen(round(ms), f"median of {TIMED} reads {ms:.1f} ms, longest {1000 * max(taken):.1f} ms with its bits")
+    return Observation(
+        round(ms), f"median of {TIMED} reads {ms:.1f} ms, longest {1000 * max(taken):.1f} ms with its bits"
+    )
 
 
-def _sign(names: tuple[str, ...], device: RegisterDevice) -> Seen:
+def _sign(names: tuple[str, ...], device: RegisterDevice) -> Observation:
     """Of words that the manual prints without a sign: one above 32767 is a negative number."""
     readings = device.read([element for name in names for element in elements_of(device.own_map()[name])])
     for one in readings:
@@ -108,10 +110,12 @@ def _sign(names: tuple[str, ...], device: RegisterDevice) -> Seen:
             raise one.error
     values = [int(one.value or 0) for one in readings]
     told = f"{' '.join(names)}: {' '.join(map(str, values))}"
-    return Seen("signed" if min(values) < 0 else None, told if min(values) < 0 else f"{told}: none is below 0 now")
+    return Observation(
+        "signed" if min(values) < 0 else None, told if min(values) < 0 else f"{told}: none is below 0 now"
+    )
 
 
-def _speed_register(device: RegisterDevice) -> Seen:
+def _speed_register(device: RegisterDevice) -> Observation:
     """Where the code of this link's speed is, if it is one that the other place does not hold as well."""
     link = device.link
     codes = {rate: code for code, rate in device.speeds().items()}
@@ -122,39 +126,39 @@ def _speed_register(device: RegisterDevice) -> Seen:
     data = device.bus.read(1000, 4, retries=0)
     places = [place for place in (1001, 1002) if data[place - 1000] == code]
     told = f"{speed} bit/s is code {code}; 1001 holds {data[1]}, 1002 holds {data[2]}"
-    return Seen(places[0] if code and len(places) == 1 else None, told)
+    return Observation(places[0] if code and len(places) == 1 else None, told)
 
 
-def _set_points(name: str, device: RegisterDevice) -> Seen:
+def _set_points(name: str, device: RegisterDevice) -> Observation:
     readings = device.read(elements_of(device.own_map()[name]))
     values = [one.value for one in readings]
     told = f"{name}: {' '.join(map(str, values))}"
-    return Seen(
+    return Observation(
         -1 if set(values) == {-1} else None,
         told if set(values) == {-1} else f"{told}: it has been commanded since power-on",
     )
 
 
-def _acknowledged(device: RegisterDevice) -> Seen:
+def _acknowledged(device: RegisterDevice) -> Observation:
     """Which id acknowledges a change of the id. The id of before is given back, and read back there."""
     bus, old = device.bus, device.bus.id
-    if not isinstance(bus, Bus):
-        return Seen(None, "only on a serial line in EB90")
+    if not isinstance(bus, SerialBus):
+        return Observation(None, "only on a serial line in EB90")
     identify_alone(device)
     new = next((one for one in SPARE_IDS if one != old and not probe(bus, one)), None)
     if new is None:
-        return Seen(None, "no spare id from 241 to 253 is free")
+        return Observation(None, "no spare id from 241 to 253 is free")
     with bus.on_early_end(
         f"the hand may still have id {new}",
         f"find it with `handctl {device.kind} scan`. A power-cycle brings back the saved id",
     ):
         number = _there_and_back(device, bus, new)
-    return Seen(
+    return Observation(
         "new" if number == new else "old", f"id {old} was changed to {new} and back: acknowledged by id {number}"
     )
 
 
-def _there_and_back(device: RegisterDevice, bus: Bus, new: int) -> int:
+def _there_and_back(device: RegisterDevice, bus: SerialBus, new: int) -> int:
     """The id that acknowledges the change. Raises what kept it from being confirmed that the old one is back."""
     address, back = device.map["id"].address, bus.at(device_id=new)
     prefixes = [write_ack_prefix(one, address // bus.per, WRITE) for one in (bus.id, new)]
@@ -167,7 +171,7 @@ def _there_and_back(device: RegisterDevice, bus: Bus, new: int) -> int:
     return frame.id
 
 
-def _back_home(device: RegisterDevice, bus: Bus, back: Bus) -> None:
+def _back_home(device: RegisterDevice, bus: SerialBus, back: SerialBus) -> None:
     """Give it the id of `bus` again, unless it answers to that, and read it back. Raises CheckFailed, NoAnswer, ProtocolError."""
     register, old = device.map["id"], bytes([bus.id])
     if probe(bus, back.id) or not probe(bus, bus.id):
@@ -189,13 +193,13 @@ def _back_home(device: RegisterDevice, bus: Bus, back: Bus) -> None:
     )
 
 
-def _write_reply(name: str, device: RegisterDevice) -> Seen:
+def _write_reply(name: str, device: RegisterDevice) -> Observation:
     """What acknowledges a write on CAN: a setting gets the value that it has, and is read back."""
     from handctl.devices.inspire.can_bus import CanBus
 
     bus, register = device.bus, device.own_map()[name]
     if not isinstance(bus, CanBus):
-        return Seen(None, "only on CAN")
+        return Observation(None, "only on CAN")
     span = (register.place, register.size)
     data = bus.read(*span, retries=0)
     reply = bus.acknowledgement(span[0], data)
@@ -207,7 +211,7 @@ def _write_reply(name: str, device: RegisterDevice) -> Seen:
         )
     device.journal.ledger.confirm("read back", bus.write_step(span[0], data, f"{name} as it is"))
     how = {b"": "empty", bytes([len(data)]): "count"}.get(reply)
-    return Seen(how, f"{name} was written with the value it has: {reply.hex(' ').upper() or 'no data'}")
+    return Observation(how, f"{name} was written with the value it has: {reply.hex(' ').upper() or 'no data'}")
 
 
 def _id_steps(device: RegisterDevice) -> list[Step]:

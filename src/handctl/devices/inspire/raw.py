@@ -8,11 +8,11 @@ from functools import partial
 from itertools import groupby
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.explain import InspireExplainer, stretches
+from handctl.devices.inspire.explain_bytes import InspireExplainer, stretches
 from handctl.devices.inspire.map import ALONE, EXO, Register
 from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.devices.inspire.register_device import RegisterDevice
-from handctl.devices.inspire.serial_bus import PATIENCE, Bus, bad_reply, hint_for, others_speak, shorten
+from handctl.devices.inspire.serial_bus import PATIENCE, SerialBus, bad_reply, hint_for, others_speak, shorten
 from handctl.errors import CheckFailed, DeviceRefused, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
@@ -262,7 +262,7 @@ def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
     Where others go on speaking there is no last byte: then for a few times as long.
     """
     bus = hand.bus
-    assert isinstance(bus, Bus)
+    assert isinstance(bus, SerialBus)
     bus.pass_gate(data)
     bus.check_bound(hex_bytes(data))
     bus.drain()

@@ -1,6 +1,6 @@
 """The registers of one device id, over any wire: read, write, check the identity, deadlines.
 
-`bus.Bus` is the serial wire, `canbus.CanBus` the CAN bus; what the bytes mean is not known here.
+`serial_bus.SerialBus` is the serial wire, `can_bus.CanBus` the CAN bus; what the bytes mean is not known here.
 
 The first question to an id is a read upon whose bytes nobody else acts who may be there instead. Both addresses of a register
 space are documented, and the sums of their requests differ: for any id one of the two is quiet, but for 3 and 13, which are

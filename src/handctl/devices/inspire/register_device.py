@@ -28,10 +28,20 @@ from handctl.errors import (
     ProtocolError,
     UsageError,
 )
-from handctl.light import NamedTuple
+from handctl.fast_classes import NamedTuple
 from handctl.link import CanFrame
 from handctl.model.device import Device
-from handctl.model.movement import Arrival, AxisReading, Goal, Stillness, Watch, judged, marked, watch, with_arrival
+from handctl.model.movement import (
+    Arrival,
+    AxisReading,
+    Goal,
+    Stillness,
+    Watch,
+    failure_of_arrivals,
+    marked,
+    watch,
+    with_arrival,
+)
 from handctl.model.param import Element, Number, ParamMap, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Column, Row, Table, hex_bytes
@@ -461,7 +471,9 @@ class RegisterDevice(Device):
             arrivals = seen.arrivals(this.evidence(seen, last))
         at = {one.goal.name: one for one in arrivals}
         rows = [marked(self.row(reading), at.get(this.name(reading))) for reading in last]
-        failure = judged(self.bus.where, arrivals, expect, hint=Hint("check with {}", f"{self.kind} status"))
+        failure = failure_of_arrivals(
+            self.bus.where, arrivals, expect, hint=Hint("check with {}", f"{self.kind} status")
+        )
         return Table(rows=rows, columns=with_arrival(self.columns), failure=failure), arrivals
 
     # -- where it is found ---------------------------------------------------------------------------------------

@@ -20,8 +20,8 @@ from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.modbus_frames import RTU_SPEED
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, FEWER, RegisterBus, Span, at_speed, other_speed
 from handctl.devices.inspire.register_device import RegisterDevice
-from handctl.devices.inspire.scan_wire import CanSearch, Findings, Requester, RtuSearch, Scanner, Wanted
-from handctl.devices.inspire.serial_bus import Bus, frames_of_others, hint_for
+from handctl.devices.inspire.scan_wire import CanSearch, Findings, Requester, RtuSearch, Scanner, ScanRequest
+from handctl.devices.inspire.serial_bus import SerialBus, frames_of_others, hint_for
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline, FrameLink, Link
 from handctl.model.device import OTHER_FORM
@@ -162,8 +162,8 @@ class Sweep:
 
     # -- serial --------------------------------------------------------------------------------------------------
 
-    def _bus(self, link: ByteLink, target: Target) -> Bus:
-        return Bus(link, self.ids[0], self.journal, retries=0, bound=self.bound, family=target.family)
+    def _bus(self, link: ByteLink, target: Target) -> SerialBus:
+        return SerialBus(link, self.ids[0], self.journal, retries=0, bound=self.bound, family=target.family)
 
     def _on_line(self, link: ByteLink) -> None:
         speeds: list[int | None] = [link.baud]
@@ -194,7 +194,7 @@ class Sweep:
     def _in_eb90(self, link: ByteLink, target: Target, speeds: Sequence[int | None]) -> Findings:
         """What a scan in EB90 for one target saw; who was found is in the rows."""
         task, lead = self.task, target is self.lead
-        want = Wanted(
+        want = ScanRequest(
             find_all=task.find_all,
             probe=target.probe,
             twin=target.twin,
@@ -399,7 +399,7 @@ class Sweep:
             return None
         number = next(iter(found.damaged), found.came[2] if header else 0)
         number = number if number in self.ids else self.ids[0]
-        bus = Bus(link, number, self.journal, retries=0, bound=self.bound, family=self.lead.family)
+        bus = SerialBus(link, number, self.journal, retries=0, bound=self.bound, family=self.lead.family)
         try:
             with at_speed(link, speeds[0]):
                 bus.read(*bus.first_questions[0])
@@ -546,7 +546,7 @@ class Probing:
         A `long` answer is read for its packets. Whatever fails is left open: the series of reads tells that.
         """
         bus = device.bus
-        if not isinstance(bus, Bus):
+        if not isinstance(bus, SerialBus):
             return
         line = bus.journal.line
         if frames_of_others(unasked, b"", lambda _frame: False):
@@ -571,7 +571,7 @@ class Probing:
 def ignores_speed(device: RegisterDevice) -> bool:
     """Whether a device that has answered does so at another speed of the port as well. Leaves the port as it was."""
     bus = device.bus
-    if not isinstance(bus, Bus) or not bus.link.can_set_baud or bus.link.baud is None:
+    if not isinstance(bus, SerialBus) or not bus.link.can_set_baud or bus.link.baud is None:
         return False
     line, wait = bus.journal.line, max(0.05, 2 * (bus.round_trip or 0.0) + 0.03)
     try:

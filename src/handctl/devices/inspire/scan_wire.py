@@ -1,6 +1,6 @@
 """Search a serial line for devices, over ids and baud rates. Read-only; never mistakes an echo or noise for a device.
 
-A probe reads two bytes of a register that the id may be asked for on any line (`registers.question`): its reply is longer than the
+A probe reads two bytes of a register that the id may be asked for on any line (`register_bus.question`): its reply is longer than the
 request and names its id. One id is asked at a time, with room for its answer on the wire and no more: so answers collide with
 no probe on two wires (RS-485) either, and one that arrives here later still names its id, and counts whenever it comes.
 
@@ -27,7 +27,7 @@ from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.devices.inspire.identity import WRIST, IdentityCheck, Kind
 from handctl.devices.inspire.modbus_bus import QUIET_SECONDS
 from handctl.devices.inspire.register_bus import FRESH, READS, Span, ahead, at_speed, other_speed, question
-from handctl.devices.inspire.serial_bus import Bus, frames_of_others, headless
+from handctl.devices.inspire.serial_bus import SerialBus, frames_of_others, headless
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, CanFrame, Deadline
 from handctl.model.decoder import frames_in
@@ -72,7 +72,7 @@ def _prefixes(spans: tuple[Span, ...], flag: int) -> tuple[bytes, ...]:
 class Requester:
     """Asks ids on one line. `wait` = reply window in seconds; `probe` is asked of whoever has answered."""
 
-    def __init__(self, bus: Bus, wait: float, probe: Span) -> None:
+    def __init__(self, bus: SerialBus, wait: float, probe: Span) -> None:
         self._bus = bus
         self._wait = wait
         self._firsts = {*READS[bus.read_flag], probe}
@@ -263,7 +263,7 @@ TWIN_READS_SLOW = 6
 """On a slow line: each of them takes its round trip."""
 
 
-class Pass(NamedTuple):
+class ScanPass(NamedTuple):
     """Ids at one speed: how long each has for its answer (None: room on the wire), how long to listen behind the last, how
     many speeds come after it, and whether something else may be asked behind it."""
 
@@ -276,7 +276,7 @@ class Pass(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
+class ScanRequest:
     """What is wanted of the scan of one line.
 
     own, probe, twin  who is looked for, and what he is asked, see `scan.Target`
@@ -305,7 +305,7 @@ class Wanted:
 class Scanner(Requester):
     """Scans one line."""
 
-    def __init__(self, bus: Bus, prompts: Prompts, want: Wanted) -> None:
+    def __init__(self, bus: SerialBus, prompts: Prompts, want: ScanRequest) -> None:
         super().__init__(bus, TURNAROUND, want.probe)
         self._guide, self._want = prompts, want
         self._until: Deadline | None = None if want.silence is None else bus.link.deadline(want.silence)
@@ -352,7 +352,7 @@ class Scanner(Requester):
 
     # -- passes --------------------------------------------------------------------------------------------------
 
-    def _passes(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Iterator[Pass]:
+    def _passes(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Iterator[ScanPass]:
         """Id 1 at every speed first (factory default), then all, then all with more time where that can matter."""
         rest, patient = ids, self._want.additional
         if patient is None:
@@ -360,13 +360,13 @@ class Scanner(Requester):
         if not self._want.find_all and 1 in ids and len(ids) > 1:
             rest = [i for i in ids if i != 1]
             for speed in speeds:
-                yield Pass(speed, [1], DRAIN_SECONDS, patient)
+                yield ScanPass(speed, [1], DRAIN_SECONDS, patient)
         todo, asked = list(speeds), list[int | None]()
         while todo:
             speed = todo.pop(0)
             measured = len(self.line.trips)
             wait = ROOMLESS if self._want.both_ways and asked else None
-            yield Pass(speed, rest, wait if len(rest) > 1 else patient, DRAIN_SECONDS, between=True)
+            yield ScanPass(speed, rest, wait if len(rest) > 1 else patient, DRAIN_SECONDS, between=True)
             if self.line.speed_matters is False:
                 todo.clear()
             elif self.line.slow and not measured:
@@ -387,7 +387,7 @@ class Scanner(Requester):
         line.half_duplex = not any(self.overlaps(device_id, TOGETHER) for _ in range(2))
         return line.half_duplex
 
-    def _single_passes(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Iterator[Pass]:
+    def _single_passes(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Iterator[ScanPass]:
         """With more time for each. Where others speak, their speed is the likeliest, and a probe may have met their bytes."""
         for number, speed in enumerate(sorted(speeds, key=lambda speed: speed != self.others_at), 1):
             if number > 1 and self.line.speed_matters is False:
@@ -398,15 +398,15 @@ class Scanner(Requester):
                 break
             yield self._single(ids, self.others_at)
 
-    def _single(self, ids: Sequence[int], speed: int | None) -> Pass:
+    def _single(self, ids: Sequence[int], speed: int | None) -> ScanPass:
         """At the pace of the line as far as that is known."""
         wait = SINGLE_SECONDS
         if len(self.line.trips):
             wait = min(MOST_SINGLE, max(0.02, 2 * self.line.worst + 0.01))
         self.found.single = wait
-        return Pass(speed, ids, wait, SILENCE_SECONDS)
+        return ScanPass(speed, ids, wait, SILENCE_SECONDS)
 
-    def _pass(self, this: Pass) -> None:
+    def _pass(self, this: ScanPass) -> None:
         speed, ids = this.speed, this.ids
         self._set_speed(speed)
         # A question, and room for its answer.
@@ -441,7 +441,7 @@ class Scanner(Requester):
         heard = found.hits or found.damaged or found.headless or found.foreign or len(self.line.trips)
         return self._until is not None and self._until.expired and not heard
 
-    def _tell(self, this: Pass, device_id: int, part: float) -> None:
+    def _tell(self, this: ScanPass, device_id: int, part: float) -> None:
         """How far it is; of the pass with more time, which is long, why and how long, too."""
         at = f"{this.speed} bit/s, " if this.speed else ""
         text = f"{at}id {device_id}, found {len(self.found.hits)}"

@@ -205,7 +205,7 @@ PAUSE_SECONDS, SPEAKS_SECONDS = 0.005, 0.05
 """Who makes such a pause has said what he had to say; nobody is waited for longer."""
 
 
-class Bus(ByteBus):
+class SerialBus(ByteBus):
     """The serial wire: flags 11/12 for exo and hands, 30/31 for the wrist."""
 
     max_count = eb90.MAX_COUNT

@@ -19,8 +19,8 @@ from typing import Any
 from handctl.errors import UsageError
 from handctl.files import writing
 from handctl.model.export_formats import FORMATS
-from handctl.record.log_file import Block, LogFile
-from handctl.record.survey import Event, Line, Survey, Surveyor, survey
+from handctl.record.clock_survey import ClockLine, Event, Survey, Surveyor, survey
+from handctl.record.log_reader import Block, LogFile
 
 
 @dataclass
@@ -93,7 +93,7 @@ class Export:
 
         `surveyed`: the writer asks for the survey afterwards.
         """
-        self.rows, lines = 0, dict[int, Line]()
+        self.rows, lines = 0, dict[int, ClockLine]()
         first, reading, _ = None, Surveyor(self.log), self._fits
         finding = surveyed and "survey" not in self.__dict__
         if finding:
@@ -106,7 +106,7 @@ class Export:
                 if self.segment not in (None, number):
                     continue
                 if number not in lines:
-                    lines[number] = Line(
+                    lines[number] = ClockLine(
                         float(block.columns["host_utc_s"][0]), block.t_ms[0], *self._fits.get(number, ())
                     )
                 clocked = number in self._fits

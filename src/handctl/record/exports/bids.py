@@ -17,9 +17,9 @@ from datetime import datetime, timezone
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import UsageError
+from handctl.record.clock_survey import BREAK, GAP
 from handctl.record.exports import name_of
 from handctl.record.source import clean
-from handctl.record.survey import BREAK, GAP
 
 if TYPE_CHECKING:
     from handctl.record.exports import Export

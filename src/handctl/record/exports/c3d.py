@@ -20,7 +20,7 @@ from handctl.wording import plural
 
 if TYPE_CHECKING:
     from handctl.record.exports import Export
-    from handctl.record.log_file import Channel
+    from handctl.record.log_reader import Channel
 
 BLOCK = 512
 MOST = 255

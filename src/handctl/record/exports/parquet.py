@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl.files import atomic_write
-from handctl.record.log_file import LogFile
+from handctl.record.log_reader import LogFile
 
 if TYPE_CHECKING:
     from handctl.record.exports import Export

@@ -20,7 +20,7 @@ from handctl.record.source import clean
 
 if TYPE_CHECKING:
     from handctl.record.exports import Export
-    from handctl.record.log_file import Block
+    from handctl.record.log_reader import Block
 
 FILE_HEADER, STREAM_HEADER, SAMPLES, CLOCK_OFFSET, BOUNDARY, STREAM_FOOTER = range(1, 7)
 ROWS, MARKS = 1, 2

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from handctl.sim.aidin.hand import HOMING, JOINTS, STARTS, STROKES, TIPS, Hand, Motor, from_joints, from_tips
 from handctl.sim.aidin.text import RADIANS, TEXT_FAULTS, TEXT_OPTIONS, Reader, Writer
-from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, soonest
+from handctl.sim.engine.simulated_device import NOTHING, Model, Options, Random, Reply, soonest
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from handctl.sim.engine.model import NOTHING, Random
+from handctl.sim.engine.simulated_device import NOTHING, Random
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:

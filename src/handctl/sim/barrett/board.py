@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from handctl.sim.barrett.hand import NO_LOAD, TEMPERATURE, Hand
 from handctl.sim.barrett.tables import BAUDS, NO_BOARD, NO_MOTOR, STATUS, Memory
-from handctl.sim.engine.model import NOTHING, Model, Options, Random
+from handctl.sim.engine.simulated_device import NOTHING, Model, Options, Random
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from handctl.sim.barrett.board import Board
 from handctl.sim.barrett.gcl import Answer, execute
 from handctl.sim.barrett.hand import OFFSETS
 from handctl.sim.barrett.tables import TOO_HOT
-from handctl.sim.engine.model import NOTHING, Options, Random, Reply, soonest
+from handctl.sim.engine.simulated_device import NOTHING, Options, Random, Reply, soonest
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:

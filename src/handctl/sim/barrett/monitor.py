@@ -14,7 +14,7 @@ switch a monitor cannot tell the one from the other, for which there is image-re
 
 from __future__ import annotations
 
-from handctl.sim.engine.model import Random
+from handctl.sim.engine.simulated_device import Random
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:

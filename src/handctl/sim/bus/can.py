@@ -8,14 +8,14 @@ destroyed. A device at another bitrate hears and acknowledges nothing. For a cli
 from __future__ import annotations
 
 from handctl.sim.bus.file import BUS_FAULTS, Plan
-from handctl.sim.bus.rack import IDLE, SOON, Master, Rack
+from handctl.sim.bus.simulated_bus import IDLE, SOON, Master, SimulatedBus
 from handctl.sim.engine.can import BACKLOG, CanLine, Controller, Frame
-from handctl.sim.engine.model import soonest
+from handctl.sim.engine.simulated_device import soonest
 
 Sender = CanLine | Master | None  # None: the client
 
 
-class CanBus(Controller, Rack[CanLine]):
+class CanBus(Controller, SimulatedBus[CanLine]):
     """The bus as a client's CAN controller sees it: takes and gives frames."""
 
     deafened = False

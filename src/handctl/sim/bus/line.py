@@ -13,10 +13,10 @@ from collections import deque
 from typing import Any
 
 from handctl.sim.bus.file import Plan
-from handctl.sim.bus.rack import IDLE, Rack
+from handctl.sim.bus.simulated_bus import IDLE, SimulatedBus
 from handctl.sim.bus.wire_pair import EDGE, Pair, Receiver
 from handctl.sim.engine.line import TICK, Line
-from handctl.sim.engine.model import soonest
+from handctl.sim.engine.simulated_device import soonest
 
 PAUSE = 0.005  # s; what comes without such a pause between shares one random delay
 BACKLOG = 65536  # bytes on their way to the wire that are kept
@@ -206,7 +206,7 @@ class Station:
         self.wake = wake if wake is None or wake > now else now + IDLE
 
 
-class Bus(Rack[Line]):
+class Bus(SimulatedBus[Line]):
     """The wires with all that is on them. Clients join and leave."""
 
     def __init__(self, plan: Plan) -> None:

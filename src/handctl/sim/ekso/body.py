@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from math import cos, floor, pi, radians, sin
 
-from handctl.sim.engine.model import Random
+from handctl.sim.engine.simulated_device import Random
 
 LEAN_TIME, RISE_TIME = 7.8, 3.7  # s; trunk forward without current, then the joints driven
 FOOT_X, FOOT_Y = 2.75, 4.0  # in, from the leg equations

@@ -32,13 +32,13 @@ from handctl.sim.ekso.body import (
     Unrest,
     hips,
 )
-from handctl.sim.engine.model import NOTHING, Model, Options, Random, Reply, soonest
+from handctl.sim.engine.simulated_device import NOTHING, Model, Options, Random, Reply, soonest
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from handctl.sim.engine.model import Rows
+    from handctl.sim.engine.simulated_device import Rows
 
 # Per word of GetSettings: (name, ParameterID or None, values that SetValue takes, power-on value). The order of the
 # words is not that of the IDs. A range is a limit in hundredths (status 2 beyond it), a set is a list of codes (status

@@ -10,11 +10,11 @@ from __future__ import annotations
 import struct
 
 from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS, Cable
-from handctl.sim.engine.model import Model, Reply, soonest
+from handctl.sim.engine.simulated_device import Model, Reply, soonest
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
-    from handctl.sim.engine.model import Rows
+    from handctl.sim.engine.simulated_device import Rows
 
 CAN_OPTIONS: Rows = {
     **LINE_OPTIONS,

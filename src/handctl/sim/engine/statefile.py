@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from handctl.number_parsing import real_in
-from handctl.sim.engine.model import Model
+from handctl.sim.engine.simulated_device import Model
 from handctl.system import disk
 
 FORMAT = "handctl-sim/1"

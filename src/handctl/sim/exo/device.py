@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 
-from handctl.sim.engine.model import Options, Random
+from handctl.sim.engine.simulated_device import Options, Random
 from handctl.sim.exo.hand import Hand
 from handctl.sim.inspire.frames import SERIAL_OPTIONS, Serial, frame
 from handctl.sim.inspire.memory import Element, Space, differ

@@ -12,8 +12,8 @@ from typing import Any
 from handctl.number_parsing import whole
 from handctl.sim.engine.statefile import checked, columns, kept, rows_of, spread
 from handctl.sim.hand.fingers import COURSE, Body, Finger
-from handctl.sim.hand.model import ACTS, Front, Hand
 from handctl.sim.hand.register_maps import MEMORY
+from handctl.sim.hand.registers import ACTS, Front, Hand
 from handctl.sim.inspire.memory import poking
 
 FIELDS = {  # of a finger in a state file

@@ -20,8 +20,8 @@ from __future__ import annotations
 
 import struct
 
-from handctl.sim.engine.model import Options, Random, Reply
-from handctl.sim.hand.model import (
+from handctl.sim.engine.simulated_device import Options, Random, Reply
+from handctl.sim.hand.registers import (
     CAN_OPTIONS,
     FAULTS,
     MODBUS_FAULTS,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from copy import copy
 
-from handctl.sim.engine.model import Random
+from handctl.sim.engine.simulated_device import Random
 from handctl.sim.inspire.servo import CLEARABLE, LOCKED_ROTOR, OVER_CURRENT, OVER_TEMPERATURE, Servo, bounded
 
 TYPE_CHECKING = False

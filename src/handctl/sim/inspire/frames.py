@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 
-from handctl.sim.engine.model import Model, Reply
+from handctl.sim.engine.simulated_device import Model, Reply
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ seen here is evidence about a real wrist. Written from the manual alone, by othe
 
 from __future__ import annotations
 
-from handctl.sim.engine.model import Options, Random
+from handctl.sim.engine.simulated_device import Options, Random
 from handctl.sim.hand import register_maps
-from handctl.sim.hand.model import OPTIONS as OF_HAND
-from handctl.sim.hand.model import Hand
+from handctl.sim.hand.registers import OPTIONS as OF_HAND
+from handctl.sim.hand.registers import Hand
 from handctl.sim.inspire.frames import SERIAL_OPTIONS, Asked, Can, Serial
 from handctl.sim.inspire.memory import Element, Space
 from handctl.sim.inspire.servo import bounded, heat, latched_help, strike

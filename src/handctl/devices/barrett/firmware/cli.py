@@ -8,7 +8,7 @@ import click
 
 from handctl.command.command_tree import Group
 from handctl.command.options import InFile, WholeRange
-from handctl.command.run import Act, Run
+from handctl.command.run import PlannedAction, Run
 from handctl.devices.barrett.views import CHECKED, LABEL, MOTOR, NAME
 from handctl.errors import CheckFailed, UsageError
 from handctl.files import read
@@ -65,7 +65,7 @@ def add_firmware(group: Group) -> None:
         metavar="N",
         help="Bytes to send ahead of their echo, 1 to 4. 2 halves the time. More than 2 has not been tried on hardware.",
     )
-    def download(run: Run, file: str, force: bool, expect: str | None, window: int) -> Act:
+    def download(run: Run, file: str, force: bool, expect: str | None, window: int) -> PlannedAction:
         """Load a firmware FILE into the hand.
 
         handctl checks the file, asks you to switch the power supply off and on, and compares the echo of every byte. The
@@ -98,7 +98,7 @@ def add_firmware(group: Group) -> None:
             )
 
         question = f"{_summary(found)}. This replaces the hand's firmware. An interrupted download leaves the hand without firmware"
-        return Act(lambda: _steps(found), load, question)
+        return PlannedAction(lambda: _steps(found), load, question)
 
 
 def _load(path: str) -> Firmware:

@@ -46,7 +46,7 @@ OFF = (
 )
 ON = "Now switch the power supply ON. The download then starts automatically."
 KEEP_ON = "Keep the power on."
-"""Said first in every progress line of a download: half a firmware is none."""
+"""CommandLine first in every progress line of a download: half a firmware is none."""
 AGAIN = "check the cable, then run the download again"
 CYCLE = "Switch the power supply OFF, wait 5 seconds, switch it ON."
 MISSED = "The hand started its old firmware, so it was too late for the download. Switch it off and on again."

@@ -9,7 +9,7 @@ import click
 from handctl.command import get_set_watch
 from handctl.command.command_tree import Group
 from handctl.command.options import BOUNDS, WholeRange, watch_options
-from handctl.command.run import Act, Run
+from handctl.command.run import PlannedAction, Run
 from handctl.devices.barrett.gcl.codec import motor_prefix
 from handctl.devices.barrett.map import BARRETT
 from handctl.errors import Hint, UsageError
@@ -102,7 +102,7 @@ def add_care_commands(group: Group) -> None:
         limits: tuple[str, ...] = (),
         until: tuple[str, ...] = (),
         **timing: Any,
-    ) -> Table | Act:
+    ) -> Table | PlannedAction:
         """Measure the strain gauges without load, and show how to adjust them (§7.4).
 
         Checks 20 readings per finger against 100 to 140. Read-only. The gauges are unloaded only when the fingers
@@ -129,7 +129,7 @@ def add_care_commands(group: Group) -> None:
             run.only_reads("--open")
             return measure(run.device())
         run.streams = live and not run.settings.dry_run
-        return Act(gauges.preparation_steps, measure)
+        return PlannedAction(gauges.preparation_steps, measure)
 
     @group.verb("fingertips", "Inspect")
     @click.option(
@@ -184,7 +184,9 @@ def add_care_commands(group: Group) -> None:
     )
     @click.option("--motors", metavar="123", default="G", show_default=True, help="Fingers that --move may move.")
     @HAND_NAME
-    def diagnose(run: Run, symptom: str | None, listed: bool, move: bool, motors: str, name: str) -> Table | Act:
+    def diagnose(
+        run: Run, symptom: str | None, listed: bool, move: bool, motors: str, name: str
+    ) -> Table | PlannedAction:
         """Run the manual's troubleshooting checks (§8). With SYMPTOM, also list the steps to do by hand.
 
         The exit code is 7 if a check warns or fails, or if the hand does not answer.
@@ -218,7 +220,7 @@ def add_care_commands(group: Group) -> None:
         if not move:
             run.only_reads("--move")
             return examine(run.device())
-        return Act(
+        return PlannedAction(
             doctor.steps(names, digits),
             examine,
             "This moves the hand. Keep people and things out of its reach",

@@ -108,7 +108,7 @@ def firmware(patient: ExaminedHand) -> list[Finding]:
     return [doubtful("firmware", f"VERS reports {text!r}, which is not a version number")]
 
 
-def said(error: HandctlError) -> str:
+def command_line(error: HandctlError) -> str:
     """The reply of the hand, without the link and the command line."""
     return "ERR" + error.text.rpartition("ERR")[2] if error.code.startswith("err-") else error.text
 
@@ -162,7 +162,7 @@ def parameters(patient: ExaminedHand) -> list[Finding]:
     failed = [
         Finding("parameters", FAIL, f"some settings could not be read: {text}", hint)
         for text, hint in {
-            said(error): error.hint for name, error in values.errors.items() if name not in absent or not values
+            command_line(error): error.hint for name, error in values.errors.items() if name not in absent or not values
         }.items()
     ]
     return [*(failed or [Finding("parameters", OK, shown, source="barrett §5.3, §5.4")]), *found]
@@ -388,14 +388,16 @@ def examine(patient: ExaminedHand, names: Sequence[str], speed: int | None) -> t
             found[0] = Finding("communication", FAIL, exc.text, exc.hint, "barrett §3.3")
             return [*found, *_skipped(names[place:])], exc
         except NotPresent as exc:
-            found.append(Finding(name, SKIPPED, f"not on this firmware: {said(exc)}", exc.hint, "barrett §5.1.3"))
+            found.append(
+                Finding(name, SKIPPED, f"not on this firmware: {command_line(exc)}", exc.hint, "barrett §5.1.3")
+            )
         except (NoAnswer, ProtocolError) as exc:
             invalid += 1
             found.append(Finding(name, FAIL, exc.text, exc.hint, "barrett §8"))
             if isinstance(exc, NoAnswer) or invalid == MOST_INVALID:  # each has been repeated: waiting on is no use
                 return [*found, *_skipped(rest)], None
         except HandctlError as exc:
-            found.append(Finding(name, FAIL, said(exc), exc.hint, "barrett §5.1.3"))
+            found.append(Finding(name, FAIL, command_line(exc), exc.hint, "barrett §5.1.3"))
     return found, None
 
 

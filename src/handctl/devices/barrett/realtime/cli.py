@@ -10,7 +10,7 @@ import click
 
 from handctl.command.command_tree import Group
 from handctl.command.options import InFile, OutFile, WholeRange, mark_options, streaming, suspendable
-from handctl.command.run import Act, Run
+from handctl.command.run import PlannedAction, Run
 from handctl.devices.barrett.gcl.codec import encode
 from handctl.devices.barrett.map import BARRETT, TRAVEL
 from handctl.devices.barrett.views import DOUBT, MOTOR, NAME, UNIT, VALUE
@@ -131,7 +131,7 @@ def add_realtime(group: Group) -> None:
         count: int | None,
         duration: float | None,
         **marks: Any,
-    ) -> Act:
+    ) -> PlannedAction:
         """Run the RealTime loop (LOOP), shown live or written as NDJSON or CSV.
 
         Without control values nothing moves. With them, each motor keeps its last velocity until the next block. However
@@ -215,7 +215,7 @@ def add_realtime(group: Group) -> None:
             table.samples = _guarded(loop, table, rate, count, duration)
             return table
 
-        return Act(lambda: [*first, *steps], drive)
+        return PlannedAction(lambda: [*first, *steps], drive)
 
 
 def _recorder(

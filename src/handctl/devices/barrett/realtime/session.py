@@ -222,13 +222,13 @@ class Session:
         if line.risky and ends_alone(len(zero), line.link.baud):
             zero += line.abort_bytes
         answered = ANSWER_SECONDS + wire(self.layout.control_size + self.layout.feedback_size)  # of the block before
-        beat = max(HEARTBEAT_TIMEOUT, 3 * self.cycle, 2 * self.patience)
-        self._tell_first([EarlyWrite(b"", answered), EarlyWrite(zero, ANSWER_SECONDS + wire(len(zero) + 1))], beat)
+        heartbeat = max(HEARTBEAT_TIMEOUT, 3 * self.cycle, 2 * self.patience)
+        self._tell_first([EarlyWrite(b"", answered), EarlyWrite(zero, ANSWER_SECONDS + wire(len(zero) + 1))], heartbeat)
 
-    def _tell_first(self, shots: Sequence[EarlyWrite], beat: float) -> None:
+    def _tell_first(self, shots: Sequence[EarlyWrite], heartbeat: float) -> None:
         """The child's, for as long as this loop drives: before and behind it, an answer may take its time."""
         if self.dead_man is not None:
-            self.dead_man.update(shots, beat if self.flag_request.watched else 0.0)
+            self.dead_man.update(shots, heartbeat if self.flag_request.watched else 0.0)
 
     def _blame(self, exc: Exception, hint: str) -> None:
         text = f"while leaving the loop: {exc.text if isinstance(exc, HandctlError) else repr(exc)}"

@@ -10,13 +10,13 @@ from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.get_set_watch import going
 from handctl.command.options import NEGATIVE_NUMBERS, REPLY_WAIT, SECONDS
-from handctl.command.run import Act, Asked, Run
+from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire import identity
 from handctl.devices.inspire.exo import device
 from handctl.devices.inspire.exo.device import ExoHand, parse_command
 from handctl.devices.inspire.map import BAUD_RATES, EXO, address_in
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import Hint, UsageError
 from handctl.link import ByteLink
 from handctl.model.device import limits_of
@@ -26,7 +26,7 @@ from handctl.model.settings import Settings
 
 def open_exo(link: ByteLink, settings: Settings, journal: Journal) -> ExoHand:
     """An EH55BF1 behind `link` with the options the user gave."""
-    bus = Bus(link, settings.id if settings.id is not None else 1, journal, **limits_of(settings, link))
+    bus = SerialBus(link, settings.id if settings.id is not None else 1, journal, **limits_of(settings, link))
     bus.across_gaps = settings.own.get("across_gaps") != "no"
     bus.gate = identity.FamilyGate(identity.EXO, settings.assume_identity)
     return ExoHand(bus)
@@ -66,7 +66,7 @@ def read(run: Run, address: str, count: int) -> Table:
 @click.argument("address")
 @click.argument("data", metavar="HEX")
 @verbs.UNDOCUMENTED
-def write(run: Run, address: str, data: str, undocumented: bool) -> Act:
+def write(run: Run, address: str, data: str, undocumented: bool) -> PlannedAction:
     """Write bytes to ADDRESS, low byte first, and read them back. Asks first.
 
     The values are checked against the manual before anything is sent."""
@@ -75,7 +75,7 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> Act:
     place, payload = address_in(address), by_number.parse_hex(data)
     step = by_number.plan_write(run.planner(), place, payload, undocumented)
     question = f"This writes to a hand that a person may be wearing: {step.meaning}"
-    return Act([step], lambda hand: by_number.write(hand, place, payload), question)
+    return PlannedAction([step], lambda hand: by_number.write(hand, place, payload), question)
 
 
 @cli.verb("raw", "Service", writes=True, asks=True)
@@ -84,7 +84,7 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> Act:
 @verbs.forced(
     "Also send a frame that means something else to another Inspire device, or that has a value out of range."
 )
-def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Act:
+def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> PlannedAction:
     """Send exactly these bytes and show the decoded reply. Everything except a read asks first."""
     from handctl.devices.inspire import raw as by_number
 
@@ -98,7 +98,7 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
 
 @cli.verb("id", "Settings", writes=True, asks=True)
 @click.argument("new", required=False, type=int)
-def id_(run: Run, new: int | None) -> Table | Act:
+def id_(run: Run, new: int | None) -> Table | PlannedAction:
     """Show the id, or give the hand a NEW one (1 to 254).
 
     A new id is active at once, and `save` makes it permanent. Connect only one hand.
@@ -110,7 +110,7 @@ def id_(run: Run, new: int | None) -> Table | Act:
 @click.argument("rate", required=False, type=int)
 @verbs.SAVE_TOO
 @verbs.VERIFY
-def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table | Act:
+def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table | PlannedAction:
     """Show the baud rate code, or set a new RATE: 115200, 57600 or 19200 bit/s.
 
     The new baud rate takes effect after `save` and a power-cycle.
@@ -120,7 +120,7 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table | Ac
 
 
 @cli.verb("clear-errors", "Service", writes=True)
-def clear_errors(run: Run) -> Act:
+def clear_errors(run: Run) -> PlannedAction:
     """Clear actuator errors and show which remain. Asks first if a finger may move.
 
     A finger that an error stopped may then continue to its target.
@@ -134,7 +134,7 @@ SKIP_IDENTITY = click.option("--skip-identity-check", is_flag=True, help="Skip t
 
 @cli.verb("save", "Settings", writes=True, asks=True)
 @SKIP_IDENTITY
-def save(run: Run, skip_identity_check: bool) -> Act:
+def save(run: Run, skip_identity_check: bool) -> PlannedAction:
     """Save the present settings to flash and wait for the result (about 1 s)."""
     question = "This saves the present settings to flash. According to the manual, only id and baud_code are kept"
     return verbs.save(run, question, looks=not skip_identity_check)
@@ -148,7 +148,7 @@ def save(run: Run, skip_identity_check: bool) -> Act:
 )
 @verbs.backup_option("exo")
 @SKIP_IDENTITY
-def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip_identity_check: bool) -> Act:
+def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip_identity_check: bool) -> PlannedAction:
     """Restore the factory defaults, after a snapshot of the present settings.
 
     The manual gives no address for this: see --undocumented-address."""
@@ -168,7 +168,7 @@ FIVE = "LITTLE RING MIDDLE INDEX THUMB | FINGER=VALUE..."
 
 
 @cli.verb("calibrate", "Service", writes=True, asks=True)
-def calibrate(run: Run) -> Act:
+def calibrate(run: Run) -> PlannedAction:
     """Calibrate forces and positions, guided step by step.
 
     Ctrl-C does not stop the hand. To stop it, switch its power off.
@@ -178,12 +178,12 @@ def calibrate(run: Run) -> Act:
     for number, (seconds, text) in enumerate(device.CALIBRATION_STEPS if not run.settings.dry_run else (), 1):
         run.prompts.say(f"  step {number}: {text} (waits {seconds} s)")
     question = f"{device.POWER_OFF} Someone has to wear the hand, and it moves all fingers through the steps above"
-    return Act(steps, lambda hand: device.calibrate(hand, run.prompts), question)
+    return PlannedAction(steps, lambda hand: device.calibrate(hand, run.prompts), question)
 
 
 @cli.verb("force", "Move", writes=True, asks=True)
 @click.argument("values", nargs=-1, required=True, metavar=FIVE)
-def force(run: Run, values: tuple[str, ...]) -> Act:
+def force(run: Run, values: tuple[str, ...]) -> PlannedAction:
     """Command forces from -1000 (closes the hand) to 1000 (opens it). Asks first.
 
     Give all five in order, or name individual fingers: `force ring=100`.
@@ -202,7 +202,7 @@ def force(run: Run, values: tuple[str, ...]) -> Act:
     help="Wait up to S seconds for the fingers to stop moving. Ctrl-C makes them hold their position.",
 )
 @expect
-def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Act:
+def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> PlannedAction:
     """Command positions from 0 (bent) to 1000 (open). Asks first.
 
     Give all five in order, where -1 leaves a finger as it is, or name individual fingers: `position ring=900
@@ -216,7 +216,9 @@ for takes_numbers in (force, position):
     takes_numbers.context_settings.update(NEGATIVE_NUMBERS)
 
 
-def _command(run: Run, which: str, texts: tuple[str, ...], wait: float | None = None, expect: str | None = None) -> Act:
+def _command(
+    run: Run, which: str, texts: tuple[str, ...], wait: float | None = None, expect: str | None = None
+) -> PlannedAction:
     values = parse_command(which, texts)
     ending = expected(expect, waits=wait is not None)
     steps = run.planner().command_steps(which, values)
@@ -238,4 +240,4 @@ def _command(run: Run, which: str, texts: tuple[str, ...], wait: float | None = 
 
     question = "This moves a hand that a person may be wearing"
     meanings = "; ".join(step.meaning for step in steps)
-    return Act(steps, act, f"{question}: {meanings}", look=look)
+    return PlannedAction(steps, act, f"{question}: {meanings}", look=look)

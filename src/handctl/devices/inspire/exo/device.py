@@ -17,7 +17,7 @@ from handctl.devices.inspire.identity import identify_alone
 from handctl.devices.inspire.map import ALONE, BAUD_RATES, EXO, FINGERS, OVER_TEMPERATURE, pushes
 from handctl.devices.inspire.register_bus import may_still_move
 from handctl.devices.inspire.register_device import Movement, RegisterDevice
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.model.device import Release, SetpointPair
 from handctl.model.movement import REACHED, AxisReading, Goal, Stillness
@@ -87,7 +87,7 @@ def _remarks(name: str, rows: dict[str | None, Row]) -> list[str]:
 class ExoHand(RegisterDevice):
     """One hand on a bus. See `model.device`."""
 
-    bus: Bus
+    bus: SerialBus
     kind = "exo"
     product = "EH55BF1"
     map = EXO

@@ -2,7 +2,7 @@
 
 from handctl.devices.inspire.map import FINGERS
 from handctl.errors import Hint
-from handctl.model.outline import UNKNOWN, Measure, Outline, Remedy, hand
+from handctl.model.device_picture import UNKNOWN, Measure, Outline, Remedy, hand
 
 _CLEAR = "exo clear-errors"
 _AGAIN = Hint("run {}. If it comes back, power-cycle the hand, then contact the vendor", _CLEAR)
@@ -31,5 +31,5 @@ OUTLINE = Outline(
 )
 """The fingers of an EH55BF1 in their place. The ends of temperature and force are those of their ranges (exo §2.3.10, §2.3.13)."""
 
-PRACTICE = dict.fromkeys(("over-temperature", "locked-rotor", "over-current", "motor-abnormal", "communication", "unknown-bits"), "")  # fmt: skip
+TRAINING_FAULTS = dict.fromkeys(("over-temperature", "locked-rotor", "over-current", "motor-abnormal", "communication", "unknown-bits"), "")  # fmt: skip
 """Fault of the simulator that a trainee finds by reading alone (`handctl service --demo`) -> what else the simulator is told."""

@@ -17,7 +17,7 @@ from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.get_set_watch import Unequal, ask_released, bounds_of, tell_listed, within
 from handctl.command.options import ALWAYS, BOUNDS, COMMAND_LINE, NEGATIVE_NUMBERS, REPLY_WAIT, SECONDS, streaming
-from handctl.command.run import Act, Asked, Run
+from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generation import (
@@ -71,9 +71,9 @@ def _wires(link: ByteLink | FrameLink, settings: Settings, journal: Journal) -> 
     modbus = ModbusBus(link, number, journal, tcp=over_tcp(settings), **limits)
     if modbus.tcp or protocol == "modbus":
         return [modbus]
-    from handctl.devices.inspire.serial_bus import Bus
+    from handctl.devices.inspire.serial_bus import SerialBus
 
-    line = Bus(link, number, journal, family="hand", **limits)
+    line = SerialBus(link, number, journal, family="hand", **limits)
     return [line, modbus] if protocol == "auto" and asks_rtu(link) else [line]
 
 
@@ -110,7 +110,7 @@ add_map_verbs(
 @cli.verb("set", "Settings", writes=True, asks="of an angle or a stroke; of other quantities")
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME[.FINGER]=VALUE...")
 @ALWAYS
-def set_(run: Run, assignments: tuple[str, ...], always: bool = False) -> Act:
+def set_(run: Run, assignments: tuple[str, ...], always: bool = False) -> PlannedAction:
     """Write values by name and read them back. Example: `speed_set.index=300 force_limit.index=500`."""
     return write_asked(run, map_of(run.settings).assignments(assignments), always=always)
 
@@ -130,7 +130,7 @@ WAIT = click.option(
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
 @WAIT
 @expect
-def angle(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Act:
+def angle(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> PlannedAction:
     """Command angles from 0 (closed) to 1000 (open). Asks first.
 
     An RH56F1 or RH5DG2 takes angles in 0.1 degrees instead.
@@ -146,7 +146,7 @@ def angle(run: Run, values: tuple[str, ...], wait: float | None, expect: str | N
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
 @WAIT
 @expect
-def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> Act:
+def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str | None) -> PlannedAction:
     """Command strokes from 0 (open) to 2000 (closed). Asks first.
 
     Give a value for every finger (an RH5DG2 has 13, m1 to m13), where -1 leaves it as it is,
@@ -158,7 +158,7 @@ def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str 
 
 @cli.verb("force", "Move", writes=True)
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
-def force(run: Run, values: tuple[str, ...]) -> Act:
+def force(run: Run, values: tuple[str, ...]) -> PlannedAction:
     """Set the force limit in grams. Asks first if a finger may move.
 
     Give a value for every finger (an RH5DG2 has 13, m1 to m13), where -1 leaves it as it is,
@@ -171,7 +171,7 @@ def force(run: Run, values: tuple[str, ...]) -> Act:
 
 @cli.verb("speed", "Move", writes=True)
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
-def speed(run: Run, values: tuple[str, ...]) -> Act:
+def speed(run: Run, values: tuple[str, ...]) -> PlannedAction:
     """Set the speed of all movements from now on, 0 to 1000. Asks first if a finger may move.
 
     The hand keeps it until you set another speed or switch the power off.
@@ -193,7 +193,7 @@ def speed(run: Run, values: tuple[str, ...]) -> Act:
 
 
 @cli.verb("calibrate", "Service", writes=True, asks=True)
-def calibrate(run: Run) -> Act:
+def calibrate(run: Run) -> PlannedAction:
     """Calibrate the force sensors. The whole hand moves for about 6 s.
 
     Ctrl-C does not stop the hand. To stop it, switch its power off.
@@ -209,7 +209,7 @@ def calibrate(run: Run) -> Act:
         return Asked(question, steps(hand))
 
     question = f"{motion.POWER_OFF} The whole hand opens and closes. It must be open and empty"
-    return Act(steps(run.planner()), lambda hand: motion.calibrate(hand, run.prompts), question, look=look)
+    return PlannedAction(steps(run.planner()), lambda hand: motion.calibrate(hand, run.prompts), question, look=look)
 
 
 for takes_numbers in (angle, position, force, speed):
@@ -234,7 +234,7 @@ def write_asked(
     wait: float | None = None,
     expect: str | None = None,
     always: bool | None = None,
-) -> Act:
+) -> PlannedAction:
     """Write what was checked, and read it back. What moves the hand is shown with speed and force limit, and asked.
 
     With `always` it is a `set`: see `command.get_set_watch.Unequal`.
@@ -275,7 +275,7 @@ def write_asked(
             motion.tell_no_speed(hand, changes, before)
         return table
 
-    return Act(steps, act, _consequence(steps) if asks else "", look=look)
+    return PlannedAction(steps, act, _consequence(steps) if asks else "", look=look)
 
 
 def _consequence(steps: Sequence[Step]) -> str:
@@ -296,7 +296,7 @@ def _without_left(changes: Sequence[tuple[Element, Number]]) -> list[tuple[Eleme
 
 @cli.verb("id", "Settings", writes=True, asks=True)
 @click.argument("new", required=False, type=int)
-def id_(run: Run, new: int | None) -> Table | Act:
+def id_(run: Run, new: int | None) -> Table | PlannedAction:
     """Show the id, or give the hand a NEW one (1 to 254).
 
     A new id is active at once, and `save` makes it permanent. Connect only one hand. Modbus calls the id the unit.
@@ -308,7 +308,7 @@ def id_(run: Run, new: int | None) -> Table | Act:
 @click.argument("rate", required=False, type=int)
 @verbs.SAVE_TOO
 @verbs.VERIFY
-def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table | Act:
+def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table | PlannedAction:
     """Show the baud rate code, or set a new RATE in bit/s.
 
     A serial hand takes 115200, 57600 or 19200, and some take 921600. On CAN it is 1000000 or 500000.
@@ -319,7 +319,7 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table | Ac
 
 
 @cli.verb("clear-errors", "Service", writes=True)
-def clear_errors(run: Run) -> Act:
+def clear_errors(run: Run) -> PlannedAction:
     """Clear actuator errors and show which remain. Asks first if a finger may move.
 
     A finger that an error stopped may then continue to its target.
@@ -329,14 +329,14 @@ def clear_errors(run: Run) -> Act:
 
 
 @cli.verb("save", "Settings", writes=True, asks=True)
-def save(run: Run) -> Act:
+def save(run: Run) -> PlannedAction:
     """Save the present settings to flash and wait for the result (about 1 s)."""
     return verbs.save(run, "This saves the present settings to flash")
 
 
 @cli.verb("factory-reset", "Settings", writes=True, asks=True)
 @verbs.backup_option("hand")
-def factory_reset(run: Run, backup: str | None) -> Act:
+def factory_reset(run: Run, backup: str | None) -> PlannedAction:
     """Restore the factory defaults, after a snapshot of the present settings.
 
     This may set the id to 1, the baud rate to 115200 bit/s and the network address to 192.168.11.210.
@@ -362,7 +362,7 @@ def read(run: Run, address: str, count: int) -> Table:
 @click.argument("address")
 @click.argument("data", metavar="HEX")
 @verbs.UNDOCUMENTED
-def write(run: Run, address: str, data: str, undocumented: bool) -> Act:
+def write(run: Run, address: str, data: str, undocumented: bool) -> PlannedAction:
     """Write bytes to ADDRESS, low byte first, and read them back. Asks first.
 
     The values are checked against the documented ranges before anything is sent."""
@@ -390,14 +390,14 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> Act:
             hand.will_move()
         return by_number.write(hand, place, payload)
 
-    return Act([step], act, question, look=look)
+    return PlannedAction([step], act, question, look=look)
 
 
 @cli.verb("raw", "Service", writes=True, asks=True)
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
 @REPLY_WAIT
 @verbs.forced("Also send a frame that resets the hand, starts a stored movement or has a value out of range.")
-def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Act:
+def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> PlannedAction:
     """Send exactly these EB90 or Modbus bytes and show the decoded reply.
 
     Everything except a read asks first."""
@@ -415,7 +415,7 @@ def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> 
 
 @cli.verb("network", "Settings", writes=True, asks=True)
 @click.argument("address", required=False)
-def network(run: Run, address: str | None) -> Table | Act:
+def network(run: Run, address: str | None) -> Table | PlannedAction:
     """Show the IP address of a tactile hand, or give it a new ADDRESS.
 
     First switch off every other hand that has the old address. handctl asks you to type the new one to confirm.
@@ -439,7 +439,9 @@ def network(run: Run, address: str | None) -> Table | Act:
         return Asked(f"{question}. {computer}. To go back, run `handctl hand network {before}`", steps)
 
     question = f"This changes the IP address of the hand to {address}, after a power-cycle"
-    return Act(steps, lambda hand: place.change_network(hand, octets, run.prompts), question, word=address, look=look)
+    return PlannedAction(
+        steps, lambda hand: place.change_network(hand, octets, run.prompts), question, word=address, look=look
+    )
 
 
 SIDES = ("left", "right")

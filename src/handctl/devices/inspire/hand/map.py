@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from handctl.devices.inspire.map import Register
-from handctl.light import light
+from handctl.fast_classes import fast_dataclass
 from handctl.model.param import COMMAND, MOVES, SETTING, TRIGGER, ParamMap
 
 DF, TP, F1, DG2 = "df", "tp", "f1", "dg2"
@@ -54,7 +54,7 @@ IP_ADDRESS = "ip_address"
 OCTETS = ("a", "b", "c", "d")
 
 
-@light(frozen=True, kw_only=True, eq=False)
+@fast_dataclass(frozen=True, kw_only=True, eq=False)
 class HandRegister(Register):
     """A register of some generations: `models` names them."""
 

@@ -18,10 +18,10 @@ from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.modbus_frames import TCP_PORT
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.devices.inspire.scan import Probing, Target, ignores_speed, parse_ids, sweep
-from handctl.devices.inspire.serial_bus import SILENCE_HINTS, Bus
+from handctl.devices.inspire.serial_bus import SILENCE_HINTS, SerialBus
 from handctl.errors import HandctlError, Hint, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline, FrameLink
-from handctl.model.outline import hint_for
+from handctl.model.device_picture import hint_for
 from handctl.model.param import elements_of
 from handctl.model.result import Finding, Journal, Row
 
@@ -117,7 +117,7 @@ def _elsewhere(device: Hand) -> Iterator[Row4]:
     bus, link = device.bus, device.bus.link
     other: RegisterBus | None = None
     if isinstance(link, ByteLink) and bus.wire == "rtu":
-        other = Bus(link, bus.id, device.journal, retries=0, timeout=bus.timeout, family="hand")
+        other = SerialBus(link, bus.id, device.journal, retries=0, timeout=bus.timeout, family="hand")
     elif isinstance(link, ByteLink) and bus.wire == "eb90" and asks_rtu(link):
         other = ModbusBus(link, bus.id, device.journal, tcp=False, retries=0, timeout=bus.timeout)
     if other is not None:

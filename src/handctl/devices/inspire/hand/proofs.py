@@ -7,8 +7,8 @@ from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.modbus_bus import TEMPERATURES, ModbusBus
 from handctl.devices.inspire.modbus_frames import read_request
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS
-from handctl.devices.inspire.serial_bus import Bus
-from handctl.model.proofs import Proof, Seen
+from handctl.devices.inspire.serial_bus import SerialBus
+from handctl.model.proofs import Observation, Proof
 
 
 def prepare(hand: Hand) -> None:
@@ -16,21 +16,21 @@ def prepare(hand: Hand) -> None:
     hand.know()
 
 
-def _generation(hand: Hand) -> Seen:
+def _generation(hand: Hand) -> Observation:
     found = hand.gate.seen(hand.bus)
-    return Seen(
+    return Observation(
         found.model,
         "reads that are plausible for this generation only" if found.model else "more than one generation fits",
     )
 
 
-def _protocol(hand: Hand) -> Seen:
+def _protocol(hand: Hand) -> Observation:
     """Which of the two protocols of a serial line the hand answers."""
     if not hand.bus.serial:
-        return Seen(None, "not a serial line")
+        return Observation(None, "not a serial line")
     wires = hand.wires
     if hand.bus.wire == "rtu":  # EB90 was silent to the first question, or was never asked
-        line = Bus(hand.bus.link, hand.bus.id, hand.journal, family=hand.kind, timeout=hand.bus.timeout)
+        line = SerialBus(hand.bus.link, hand.bus.id, hand.journal, family=hand.kind, timeout=hand.bus.timeout)
         line.gate, line.per, line.presence = hand.gate, hand.bus.per, hand.bus.presence
         wires = [hand.bus, line]
     found = []
@@ -40,15 +40,15 @@ def _protocol(hand: Hand) -> Seen:
             found.append("modbus" if bus.wire == "rtu" else bus.wire)
     hand.bus.pause(BETWEEN_PROTOCOLS)
     if len(wires) < 2:
-        return Seen(None, "the other protocol was not asked at this speed")
-    return Seen("both" if len(found) == 2 else found[0] if found else None, f"answers in {' and '.join(found)}")
+        return Observation(None, "the other protocol was not asked at this speed")
+    return Observation("both" if len(found) == 2 else found[0] if found else None, f"answers in {' and '.join(found)}")
 
 
-def _halves(hand: Hand) -> Seen:
+def _halves(hand: Hand) -> Observation:
     """How Modbus packs what is one byte a finger: against EB90, which sends temperatures in the order of their addresses."""
     rtu = next((bus for bus in hand.wires if isinstance(bus, ModbusBus) and bus.wire == "rtu"), None)
     if rtu is None or hand.bus.wire != "eb90" or hand.bus.per != 1:
-        return Seen(None, "needs EB90 and Modbus RTU on one line")
+        return Observation(None, "needs EB90 and Modbus RTU on one line")
     address, count = TEMPERATURES
     plain = hand.bus.read(address, count, retries=0)
     rtu.pause(BETWEEN_PROTOCOLS)
@@ -60,7 +60,9 @@ def _halves(hand: Hand) -> Seen:
         "one a register": bytes(byte for value in plain[: count // 2] for byte in (0, value)),
     }
     fits = [name for name, shown in ways.items() if shown == words]
-    return Seen(fits[0] if len(fits) == 1 else None, f"EB90 {plain.hex(' ').upper()}, Modbus {words.hex(' ').upper()}")
+    return Observation(
+        fits[0] if len(fits) == 1 else None, f"EB90 {plain.hex(' ').upper()}, Modbus {words.hex(' ').upper()}"
+    )
 
 
 PROOFS = (

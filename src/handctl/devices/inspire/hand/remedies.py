@@ -2,7 +2,7 @@
 
 from handctl.devices.inspire.hand.map import FINGERS, HOT, STATUS
 from handctl.errors import Hint
-from handctl.model.outline import UNKNOWN, Measure, Outline, Remedy, hand
+from handctl.model.device_picture import UNKNOWN, Measure, Outline, Remedy, hand
 
 _CLEAR = "hand clear-errors"
 _AGAIN = Hint("run {}. If it comes back, power-cycle the hand, then contact the vendor", _CLEAR)
@@ -33,5 +33,5 @@ OUTLINE = Outline(
 )
 """The fingers of an RH56 in their place. Where the actuators of an RH5DG2 are is not known."""
 
-PRACTICE = dict.fromkeys(("over-temperature", "locked-rotor", "over-current", "motor-abnormal", "communication", "unknown-bits"), "")  # fmt: skip
+TRAINING_FAULTS = dict.fromkeys(("over-temperature", "locked-rotor", "over-current", "motor-abnormal", "communication", "unknown-bits"), "")  # fmt: skip
 """Fault of the simulator that a trainee finds by reading alone (`handctl service --demo`) -> what else the simulator is told."""

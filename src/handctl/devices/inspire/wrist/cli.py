@@ -11,11 +11,11 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.options import REPLY_WAIT, SECONDS
-from handctl.command.run import Act, Run
+from handctl.command.run import PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire import eb90, identity
 from handctl.devices.inspire.map import BAUD_RATES, WRIST, address_in
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.devices.inspire.wrist.device import Wrist
 from handctl.link import ByteLink, FrameLink
 from handctl.model.device import limits_of
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 def open_wrist(link: ByteLink | FrameLink, settings: Settings, journal: Journal) -> Wrist:
     """A wrist module behind a serial or a CAN link, with the options the user gave."""
     number, limits = settings.id if settings.id is not None else 1, limits_of(settings, link)
-    bus: Bus | CanBus
+    bus: SerialBus | CanBus
     if isinstance(link, FrameLink):
         from handctl.devices.inspire.can_bus import CanBus
 
         bus = CanBus(link, number, journal, **limits)
     else:
-        bus = Bus(link, number, journal, family="wrist", **limits)
+        bus = SerialBus(link, number, journal, family="wrist", **limits)
     bus.across_gaps = settings.own.get("across_gaps") != "no"
     bus.gate = identity.FamilyGate(identity.WRIST, settings.assume_identity)
     return Wrist(bus)
@@ -94,7 +94,9 @@ def hand_read(run: Run, address: str, count: int) -> Table:
 @click.option("--time", metavar="MS", help="Movement time in ms (default: the time set in the wrist).")
 @click.option("--wait", type=SECONDS, metavar="S", help="Wait at most S seconds for the wrist to arrive.")
 @expect
-def move(run: Run, pitch: str | None, yaw: str | None, time: str | None, wait: float | None, expect: str | None) -> Act:
+def move(
+    run: Run, pitch: str | None, yaw: str | None, time: str | None, wait: float | None, expect: str | None
+) -> PlannedAction:
     """Move to angles in degrees and wait until the wrist has stopped moving.
 
     Shows the angles it reached. Ctrl-C makes the wrist hold its position.
@@ -107,7 +109,7 @@ def move(run: Run, pitch: str | None, yaw: str | None, time: str | None, wait: f
 @cli.verb("center", "Move", writes=True)
 @click.option("--time", metavar="MS", help="Movement time in ms (default: the time set in the wrist).")
 @expect
-def center(run: Run, time: str | None, expect: str | None) -> Act:
+def center(run: Run, time: str | None, expect: str | None) -> PlannedAction:
     """Move both axes to 0 degrees and wait until they have stopped moving."""
     values = {"yaw_set": 0.0, "pitch_set": 0.0}
     if time is not None:
@@ -115,18 +117,18 @@ def center(run: Run, time: str | None, expect: str | None) -> Act:
     return _move(run, values, None, expect)
 
 
-def _move(run: Run, values: dict[str, Any], wait: float | None, expect: str | None) -> Act:
+def _move(run: Run, values: dict[str, Any], wait: float | None, expect: str | None) -> PlannedAction:
     planner: Wrist = run.planner()
     changes = planner.targets(values.get("pitch_set"), values.get("yaw_set"), values.get("move_time"))
     steps = planner.plan(changes)
     ending = expected(expect)
-    return Act(steps, lambda wrist: wrist.move(changes, run.prompts, wait=wait, expect=ending))
+    return PlannedAction(steps, lambda wrist: wrist.move(changes, run.prompts, wait=wait, expect=ending))
 
 
 @cli.verb("write", "Service", writes=True)
 @click.argument("address")
 @click.argument("data", metavar="HEX")
-def write(run: Run, address: str, data: str) -> Act:
+def write(run: Run, address: str, data: str) -> PlannedAction:
     """Write 2, 4 or 6 bytes to addresses 1038 to 1043 and read them back.
 
     Low byte first. This moves the wrist."""
@@ -135,14 +137,14 @@ def write(run: Run, address: str, data: str) -> Act:
 
     place, payload = address_in(address), by_number.parse_hex(data)
     step = wrist_raw.plan_write(run.planner(), place, payload)
-    return Act([step], lambda wrist: wrist_raw.write(wrist, place, payload))
+    return PlannedAction([step], lambda wrist: wrist_raw.write(wrist, place, payload))
 
 
 @cli.verb("hand-write", "Service", writes=True, asks=True)
 @click.argument("address")
 @click.argument("data", metavar="HEX")
 @FORCE
-def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Act:
+def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> PlannedAction:
     """Write bytes to registers of the hand, not of the wrist. Asks first.
 
     The wrist manual does not document these registers."""
@@ -152,14 +154,14 @@ def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> Act:
     place, payload = address_in(address), by_number.parse_hex(data)
     steps = wrist_raw.plan_hand_writes(run.planner(), place, payload, force_ambiguous)
     question = f"This changes the hand, not the wrist: {', then '.join(step.meaning for step in steps)}"
-    return Act(steps, lambda wrist: wrist_raw.hand_write(wrist, place, payload), question)
+    return PlannedAction(steps, lambda wrist: wrist_raw.hand_write(wrist, place, payload), question)
 
 
 @cli.verb("raw", "Service", writes=True, asks=True)
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
 @REPLY_WAIT
 @FORCE
-def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> Act:
+def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> PlannedAction:
     """Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show the decoded reply.
 
     Everything except a read asks first. With -n it only explains the frame, even if it is an example that the manual misprints.

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from handctl.devices.inspire import proofs
 from handctl.devices.inspire.wrist.device import Wrist
-from handctl.model.proofs import Proof, Seen
+from handctl.model.proofs import Observation, Proof
 
 HAND = (1546, 2)
 """Angles of the hand that carries the wrist."""
 
 
-def _carrier(wrist: Wrist) -> Seen:
+def _carrier(wrist: Wrist) -> Observation:
     how, data = proofs.reply(wrist.bus.at("hand"), HAND)
-    return Seen(how, f"{HAND[1]} bytes at {HAND[0]} with the hand's flag: {data.hex(' ').upper() or how}")
+    return Observation(how, f"{HAND[1]} bytes at {HAND[0]} with the hand's flag: {data.hex(' ').upper() or how}")
 
 
 PROOFS = (

@@ -9,12 +9,12 @@ from itertools import pairwise
 
 from handctl.devices.inspire import can_frames, eb90
 from handctl.devices.inspire.can_bus import CanBus, related
-from handctl.devices.inspire.explain import CAN_MISPRINTS, MISPRINTS, InspireExplainer
+from handctl.devices.inspire.explain_bytes import CAN_MISPRINTS, MISPRINTS, InspireExplainer
 from handctl.devices.inspire.identity import identify_alone
 from handctl.devices.inspire.map import EXO, WRIST
 from handctl.devices.inspire.raw import RAW_COLUMNS, changes_of, check_values, judge_read_back, nameless, refused
 from handctl.devices.inspire.register_device import RegisterDevice
-from handctl.devices.inspire.serial_bus import Bus
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import Aftermath, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
 from handctl.model.explainer import DEVICE, HOST
@@ -189,10 +189,10 @@ def exchange_can(wrist: RegisterDevice, frame: CanFrame, wait: float) -> Table:
 # -- the hand that carries it -----------------------------------------------------------------------------------------
 
 
-def hand_bus(wrist: RegisterDevice) -> Bus | CanBus:
+def hand_bus(wrist: RegisterDevice) -> SerialBus | CanBus:
     """A bus to the hand's own registers, through flags 11/12 or CAN flags 0/1."""
     bus = wrist.bus.at("hand")
-    assert isinstance(bus, Bus | CanBus)
+    assert isinstance(bus, SerialBus | CanBus)
     return bus
 
 
@@ -238,7 +238,7 @@ def plan_hand_writes(wrist: RegisterDevice, address: int, data: bytes, force: bo
     return [plan_hand_write(wrist, place, part, force) for place, part in pieces]
 
 
-def _in_frames(bus: Bus | CanBus, address: int, data: bytes) -> list[tuple[int, bytes]]:
+def _in_frames(bus: SerialBus | CanBus, address: int, data: bytes) -> list[tuple[int, bytes]]:
     """The pieces of a write, each one frame; they meet at even addresses, so that no register of 2 bytes is cut."""
     if not isinstance(bus, CanBus) or len(data) <= can_frames.MAX_COUNT:
         return [(address, data)]
@@ -270,7 +270,7 @@ def hand_write(wrist: RegisterDevice, address: int, data: bytes) -> Table:
         return table
 
 
-def _hand_write(wrist: RegisterDevice, bus: Bus | CanBus, address: int, data: bytes) -> Table:
+def _hand_write(wrist: RegisterDevice, bus: SerialBus | CanBus, address: int, data: bytes) -> Table:
     bytes_at = dict(enumerate(data, address))
     starts = [register.name for register in EXO if register.trigger and bytes_at.get(register.address) == 1]
     new = bytes_at.get(EXO["id"].address, bus.id)
@@ -299,7 +299,7 @@ def _hand_write(wrist: RegisterDevice, bus: Bus | CanBus, address: int, data: by
     return table
 
 
-def _read_back(bus: Bus | CanBus, address: int, count: int, new: int) -> bytes:
+def _read_back(bus: SerialBus | CanBus, address: int, count: int, new: int) -> bytes:
     """What stands there now, read through the id `new`, or through the old one when nobody has that."""
     old, bus.id = bus.id, new
     try:

@@ -1,7 +1,7 @@
 """What a wrist module's error bits and readings mean, and what to do. Its bits are assumed to be those of the hand."""
 
 from handctl.errors import Hint
-from handctl.model.outline import UNKNOWN, Bar, Measure, Outline, Remedy
+from handctl.model.device_picture import UNKNOWN, Bar, Measure, Outline, Remedy
 
 _CYCLE = "then power-cycle the wrist: the manual has no command to clear its errors"
 
@@ -23,5 +23,5 @@ OUTLINE = Outline(
 )
 """The two actuators of the wrist module, side by side. Which is on which side is not in the manual."""
 
-PRACTICE = dict.fromkeys(("over-temperature", "locked-rotor", "over-current", "motor-abnormal", "communication", "unknown-bits"), "")  # fmt: skip
+TRAINING_FAULTS = dict.fromkeys(("over-temperature", "locked-rotor", "over-current", "motor-abnormal", "communication", "unknown-bits"), "")  # fmt: skip
 """Fault of the simulator that a trainee finds by reading alone (`handctl service --demo`) -> what else the simulator is told."""

@@ -1,6 +1,6 @@
 """What recorded bytes of the EH55BF1 mean, and which of them write."""
 
-from handctl.devices.inspire.explain import InspireExplainer, InspireWriteRules
+from handctl.devices.inspire.explain_bytes import InspireExplainer, InspireWriteRules
 from handctl.devices.inspire.map import EXO
 
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-__all__ = ("NamedTuple", "field", "light", "replace")
+__all__ = ("NamedTuple", "fast_dataclass", "field", "replace")
 
 if TYPE_CHECKING:
-    from dataclasses import dataclass as light
+    from dataclasses import dataclass as fast_dataclass
     from dataclasses import field, replace
     from typing import NamedTuple
 else:
@@ -39,7 +39,7 @@ else:
         def __init__(self, *, default_factory: Any) -> None:
             self.make = default_factory
 
-    def light(_: None = None, *, frozen: bool = False, kw_only: bool = False, eq: bool = True) -> Any:
+    def fast_dataclass(_: None = None, *, frozen: bool = False, kw_only: bool = False, eq: bool = True) -> Any:
         """Decorator: a class whose annotations are the arguments of its `__init__`, after those of the class above."""
 
         def make(cls: type) -> type:

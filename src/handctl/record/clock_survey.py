@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from handctl.model.sampling import WITHIN_MS, Moment
 from handctl.record import timeline
-from handctl.record.log_file import LATEST_S, Block, LogFile, damaged
+from handctl.record.log_reader import LATEST_S, Block, LogFile, damaged
 from handctl.record.source import MARK
 from handctl.record.timeline import Place
 
@@ -28,7 +28,7 @@ SMALLEST_MS = 0.0005
 BREAK, GAP, MARKED = "break", "gap", "mark"
 
 
-class Line(NamedTuple):
+class ClockLine(NamedTuple):
     """The clock fit of a segment: from its first row, which was at `utc_s` since 1970 by the host and at `t_ms`."""
 
     utc_s: float
@@ -84,10 +84,10 @@ class Segment(timeline.Segment):
         self.last = Place(None, Moment(mono[-1] - rtt[-1] / 2000, mono[-1] + rtt[-1] / 2000), t_ms[-1], self.number)
 
     @property
-    def line(self) -> Line:
+    def line(self) -> ClockLine:
         """The fit of all rows that were read."""
         fit = self.fit.as_row()
-        return Line(self.utc_s, self.first.t_ms, *((fit["a_s"], fit["b"]) if fit else ()))
+        return ClockLine(self.utc_s, self.first.t_ms, *((fit["a_s"], fit["b"]) if fit else ()))
 
     @property
     def ends(self) -> tuple[float, float]:

@@ -1,6 +1,6 @@
 """What recorded bytes of the wrist module and the hand behind it mean, on both wires, and which of them write."""
 
-from handctl.devices.inspire.explain import InspireExplainer, InspireWriteRules
+from handctl.devices.inspire.explain_bytes import InspireExplainer, InspireWriteRules
 from handctl.devices.inspire.map import WRIST
 
 

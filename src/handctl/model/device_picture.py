@@ -12,7 +12,7 @@ from itertools import product
 
 from handctl.errors import reworded
 from handctl.families import FAMILIES
-from handctl.light import NamedTuple, field, light
+from handctl.fast_classes import NamedTuple, fast_dataclass, field
 from handctl.model.result import Cell, Finding, Grid, Row
 
 UNKNOWN = "unknown_bit"
@@ -81,7 +81,7 @@ class Measure(NamedTuple):
     most: float | None = None
 
 
-@light(frozen=True)
+@fast_dataclass(frozen=True)
 class Outline:
     """bars      from left to right
     measures  what `--picture` takes -> the quantity, the usual one first

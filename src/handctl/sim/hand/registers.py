@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 
 from handctl.number_parsing import number_in
-from handctl.sim.engine.model import Model, Options, Random
+from handctl.sim.engine.simulated_device import Model, Options, Random
 from handctl.sim.hand import MODELS, register_maps
 from handctl.sim.hand.fingers import Body, Finger
 from handctl.sim.hand.register_maps import FACTORY_ADDRESS, GENERATIONS, MEMORY, Generation

@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import Any
 
 
-def stand_in() -> None:
+def defer_unused_modules() -> None:
     """Stand in for those that are not loaded yet."""
     _late("inspect", cleandoc=_cleandoc, isclass=lambda found: isinstance(found, type))
     _late("uuid", UUID=None)

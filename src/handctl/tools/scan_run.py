@@ -198,7 +198,7 @@ class LinkScan:
         become a boot monitor meanwhile, which takes the bytes of other speeds for a firmware download (barrett §8)."""
         return self._safe is None or step.speed is None or step.speed in self._safe or self._guard(step) is not None
 
-    def _guard(self, done: Step | None) -> Guard | None:
+    def _guard(self, done: Step | None) -> BootMonitorStep | None:
         """The guard that this step is, None for most."""
         guard = guard_of(done.family) if done is not None else None
         return guard if guard is not None and guard.step == done else None
@@ -268,13 +268,13 @@ def plan(wire: str, families: Sequence[str], speeds: bool, port: int | None = No
     return steps
 
 
-def _turn(guard: Guard, step: Step) -> int:
+def _turn(guard: BootMonitorStep, step: Step) -> int:
     """The harmless speeds, each set once; the guard's own step; the other speeds."""
     harmless_to_others = dict(zip(guard.harmless_to_others, range(-len(guard.harmless_to_others), 0), strict=True))
     return harmless_to_others.get(step.speed or 0, 0 if step == guard.step else 1)
 
 
-class Guard(NamedTuple):
+class BootMonitorStep(NamedTuple):
     """A step that comes before those at speeds that are not `harmless_to_others`, and how long the port is open before them."""
 
     step: Step
@@ -287,10 +287,10 @@ def port_of(link: str) -> int | None:
     return number_in(link.rpartition(":")[2])
 
 
-def guard_of(family: str) -> Guard | None:
+def guard_of(family: str) -> BootMonitorStep | None:
     """What a family's probe says of it, None for most."""
     found = getattr(probe_of(family), "GUARD", None)
-    return None if found is None else Guard(Step(family, found[0]), found[1], found[2])
+    return None if found is None else BootMonitorStep(Step(family, found[0]), found[1], found[2])
 
 
 def safe_speeds(steps: Sequence[Step]) -> frozenset[int] | None:

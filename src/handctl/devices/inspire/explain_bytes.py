@@ -22,7 +22,7 @@ from handctl.devices.inspire.eb90 import FORCE_COMMAND, READ, WRIST_READ, WRIST_
 from handctl.devices.inspire.identity import At, within
 from handctl.devices.inspire.map import EXO, FINGERS, WRIST, Register
 from handctl.devices.inspire.modbus_frames import RTU, TCP, mode_of, pdu_of
-from handctl.light import replace
+from handctl.fast_classes import replace
 from handctl.model.explainer import DEVICE, HOST, Cut, Cutter, ExplainedBytes, LazySequence, Part, Value, stray
 from handctl.model.param import Element, ParamMap
 from handctl.model.write_ledger import Frame as Written

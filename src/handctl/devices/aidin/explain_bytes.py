@@ -16,7 +16,7 @@ from collections.abc import Hashable, Iterable, Sequence
 from handctl.devices.aidin.json_codec import BETWEEN, Decoder, MalformedObject, numbers
 from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, MODES, AidinParam, Mode
 from handctl.errors import ProtocolError
-from handctl.light import replace
+from handctl.fast_classes import replace
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Part, Value, stray
 from handctl.model.write_ledger import Frame
 from handctl.wording import plural

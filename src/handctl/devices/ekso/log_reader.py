@@ -15,8 +15,8 @@ from typing import NamedTuple
 from handctl.devices.ekso.log import LEAD, NAMED, RowLayout, parse
 from handctl.devices.ekso.map import DATA, Word, boot_ms, state_text
 from handctl.files import opened
-from handctl.record import log_file
-from handctl.record.log_file import (
+from handctl.record import log_reader
+from handctl.record.log_reader import (
     CHUNK,
     LONGEST_LINE,
     Channel,
@@ -88,7 +88,7 @@ class Known:
                 known.clear()
 
 
-class Block(log_file.Block):
+class Block(log_reader.Block):
     """Some rows, with the texts that were found right."""
 
     def __init__(self, columns: dict[str, Sequence[str]], known: Known, text: str = "") -> None:
@@ -146,7 +146,7 @@ def _integers(texts: Sequence[str]) -> list[int]:
     return list(map(int, "\n".join(texts).replace(".", "").split("\n")))
 
 
-class LogFile(log_file.LogFile):
+class LogFile(log_reader.LogFile):
     """A log of an EksoNR. Raises UsageError when it cannot be read, or is none."""
 
     def __init__(self, path: str) -> None:

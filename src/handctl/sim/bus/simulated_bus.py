@@ -9,7 +9,7 @@ from handctl.number_parsing import number_in
 from handctl.sim import model_class
 from handctl.sim.bus.file import Plan
 from handctl.sim.engine.line import PLUG_COMMANDS, Cable, Plug, Switched
-from handctl.sim.engine.model import Model, Random, soonest
+from handctl.sim.engine.simulated_device import Model, Random, soonest
 
 SOON = 0.000000001  # s, rounding
 IDLE = 0.001  # s until a device is asked again that says that it acts now, and does not
@@ -48,7 +48,7 @@ class Master:
 Wire = TypeVar("Wire", bound=Cable)
 
 
-class Rack(Switched, Generic[Wire]):
+class SimulatedBus(Switched, Generic[Wire]):
     """The devices of a file, each at a cable of its own, and the masters. `now`: None before the moment of power-on."""
 
     now: float | None = None
