@@ -41,7 +41,7 @@ ENDED = {
     **dict.fromkeys(("wrist hand-write", "wrist raw", "wrist restore", "wrist set", "wrist write"), STAYS),
     **dict.fromkeys(
         [f"barrett {name}" for name in ("home", "init", "move", "open", "step-close", "step-open", "torque-close",
-                                        "torque-open", "strain", "diagnose")], AS_CLOSE
+                                        "torque-open", "strain", "diagnose", "first-light")], AS_CLOSE
     ),
     **dict.fromkeys(
         [f"barrett {name}" for name in ("baud", "defaults", "load", "reset", "restore", "save", "set")], VALUES

@@ -70,6 +70,7 @@ class Proof(NamedTuple):
     measured the value is a measurement: attempts need only come close, and their median counts
     steps    what it writes, for the plan
     question what is asked before, for a level other than reading
+    alone    it happens once and nothing may be sent next to it: it is asked once, between no other exchanges
     """
 
     name: str
@@ -82,6 +83,7 @@ class Proof(NamedTuple):
     measured: bool = False
     steps: Callable[[Any], Sequence[Step]] = lambda _: ()
     question: str = ""
+    alone: bool = False
 
     @property
     def expected(self) -> str:
@@ -179,6 +181,8 @@ def _attempt(proof: Proof, device: Any, healthy: Callable[[], object], prompts: 
 
     What reads is done twice running: of a fault that meets every second request, never both are hit and no healthy one.
     """
+    if proof.alone:
+        return proof.ask(device, prompts)
     counters = device.journal.counters
     healthy()
     before = _damage(counters, proof)

@@ -136,13 +136,7 @@ def _prove(run: Run, proofs: Sequence[Proof], repeat: int, path: str | None, ide
             break
     run.prompts.done()
     if path is not None and outcomes:
-        named = {"kind": kind, **device.about} if identify else None
-        facts.write(
-            path, facts.document(kind, outcomes, simulated=run.simulated, time=device.link.wall(), device=named)
-        )
-        run.journal.info(
-            "facts", f"facts written to {path}", hint=Hint("use them with {}", f"{kind} status --facts {path}")
-        )
+        facts.keep(path, device, outcomes, identify=identify)
     table = table_of(outcomes, kind)
     table.failure = failure
     return table

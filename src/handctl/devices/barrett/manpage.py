@@ -82,6 +82,7 @@ EXAMPLES = (
     ("handctl barrett defaults -p /dev/ttyUSB0", "Load the factory parameters into RAM. Asks first."),
     ("handctl barrett diagnose -p /dev/ttyUSB0", "Run all checks that only read."),
     ("handctl barrett diagnose --list", "List the symptoms in the manual."),
+    ("handctl barrett first-light -p /dev/ttyUSB0", "Bring a hand from the cupboard into use. Asks before each step."),
     ("handctl barrett maintenance -p /dev/ttyUSB0", "Show any maintenance that is due."),
     ("handctl barrett maintenance --steps lubrication", "List the steps for greasing. Needs no device."),
     ("handctl barrett strain -p /dev/ttyUSB0", "Measure the strain gauges without load."),
