@@ -8,8 +8,27 @@ LANGUAGE = "handctl.devices.barrett.gcl.codec"
 BLOCKS = "handctl.devices.barrett.realtime.blocks"
 FIRST_LIGHT = "handctl.devices.barrett.maintenance.first_light"
 LIGHT = "tests/barrett/test_first_light.py::test"
+ANGLES = "handctl.devices.barrett.realtime.angles"
 
 ROWS = (
+    mistake(
+        "barrett-angles-with-another-ratio",
+        "false value",
+        "handctl.devices.barrett.maintenance.fingertips",
+        "joints",
+        "return Joints(turned, position / 125, position / 375)",
+        "return Joints(turned, position / 125, position / 125)",
+        "tests/barrett/test_angles.py::test_the_ratios_of_the_links_while_the_clutch_holds",
+    ),
+    mistake(
+        "barrett-an-angle-that-cannot-be-known",
+        "false value",
+        ANGLES,
+        "Angles.driven",
+        'self._certain -= {index for index, names in values.items() if names.get("velocity", 0) > 0}',
+        "pass",
+        "tests/barrett/test_angles.py::test_the_outer_joint_of_a_finger_that_is_driven_to_close_is_unknown",
+    ),
     mistake(
         "first-light-moves-without-a-question",
         "no confirmation",
