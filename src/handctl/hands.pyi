@@ -599,6 +599,7 @@ class Barrett(Device):
         motors: str | None = None,
         send: str | None = None,
         receive: str | None = None,
+        angles: bool = False,
         velocity: str | None = None,
         gain: str | None = None,
         control: Path | None = None,
