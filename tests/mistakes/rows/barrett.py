@@ -12,6 +12,15 @@ ANGLES = "handctl.devices.barrett.realtime.angles"
 
 ROWS = (
     mistake(
+        "barrett-a-law-sees-the-change-with-the-wrong-sign",
+        "false value",
+        "handctl.devices.barrett.realtime.laws",
+        "Known.see",
+        "self.feedback[index, name] = value * factors.get(name, 1)",
+        'self.feedback[index, name] = value * factors.get(name, 1) * (-1 if name == "delta" else 1)',
+        "tests/barrett/test_laws.py::test_a_pd_hold_brings_a_pushed_finger_back",
+    ),
+    mistake(
         "barrett-angles-with-another-ratio",
         "false value",
         "handctl.devices.barrett.maintenance.fingertips",
