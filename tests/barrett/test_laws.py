@@ -62,7 +62,7 @@ def test_a_law_holds_a_finger() -> None:
     assert end["stream"]["rate_hz"] >= 0.95 * end["loop"]["line_limit_hz"]["sequential"]
 
 
-PD = "velocity.F1 = clamp((9000 - P)/10 - D/8, -40, 40)"
+PD = "velocity.F1 = clamp((9000 - P)/4 - D/4, -40, 40)"
 
 
 @contextmanager
@@ -82,7 +82,7 @@ def at_moments(spy: Spy, *moments: tuple[float, str]) -> Iterator[None]:
 
 
 def test_a_pd_hold_brings_a_pushed_finger_back() -> None:
-    """Pushed by 2500 counts to either side: within 20 counts again 0.6 s later, no farther than 20 beyond its place, and no guard acts."""
+    """Pushed by 2500 counts to either side: within 20 counts again 0.4 s later, no farther than 10 beyond its place, and no guard acts."""
     with spying() as spy, at_moments(spy, (5, "jump F1 -2500"), (9, "jump F1 2500")):
         result = do("--law", PD, "--receive", "position", "--duration", "12")
     _, end = result.stream
@@ -92,8 +92,8 @@ def test_a_pd_hold_brings_a_pushed_finger_back() -> None:
     assert len(pushes) == 2 and pushes[1] - pushes[0] == pytest.approx(4, abs=0.1)
     for push, side in zip(pushes, (-1, 1), strict=True):
         behind = [off for t, off in at if push <= t < push + 3]
-        assert behind[0] * side > 2000 and min(off * side for off in behind) >= -20
-    calm = [off for t, off in at if t > 2 and not any(push <= t < push + 0.6 for push in pushes)]
+        assert behind[0] * side > 2000 and min(off * side for off in behind) >= -10
+    calm = [off for t, off in at if t > 2 and not any(push <= t < push + 0.4 for push in pushes)]
     assert max(map(abs, calm)) <= 20
 
 

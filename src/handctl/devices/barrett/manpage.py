@@ -68,7 +68,7 @@ EXAMPLES = (
         "Move finger 1 to position 9000 with a control law. Starts immediately.",
     ),
     (
-        "handctl barrett realtime --motors 1 --law 'velocity.F1 = clamp((9000 - P)/10 - D/8, -40, 40)' --duration 60 -p /dev/ttyUSB0",
+        "handctl barrett realtime --motors 1 --law 'velocity.F1 = clamp((9000 - P)/4 - D/4, -40, 40)' --duration 60 -p /dev/ttyUSB0",
         "Hold finger 1 at position 9000 against pushes, for a minute. Starts immediately.",
     ),
     (
