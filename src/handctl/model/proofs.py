@@ -15,7 +15,8 @@ from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Counters, Grid, Row, Table
 
-READ, WRITE_BACK, MOVE = LEVELS = ("read", "write-back", "move")
+READ, WRITE_BACK, MOVE, PERMANENT = LEVELS = ("read", "write-back", "move", "permanent")
+"""What an experiment does to the device at the most. `permanent` writes what cannot be put back, such as flash: it is asked for by name."""
 AS_ASSUMED, DIFFERS, NOT_SHOWN, REFUSED = "as-assumed", "differs", "not-shown", "refused"
 SHOWN = (AS_ASSUMED, DIFFERS)
 """Verdicts on a value that was shown."""
@@ -64,12 +65,13 @@ class Proof(NamedTuple):
     says     what the manual or the dossier says, with its source
     assumed  the value that handctl goes by; a tuple = any of these; () = any at all
     how      the experiment in words
-    ask      carries it out on the device; what moves gets the prompts as well. Raises NoAnswer or ProtocolError where the line failed; what the device's silence or refusal means it knows itself
+    ask      carries it out on the device; what moves or stays gets the prompts as well. Raises NoAnswer or ProtocolError where the line failed; what the device's silence or refusal means it knows itself
     level    what it does to the device
     limit    the value is a number: as assumed up to it ("most"), or from it on ("least")
     measured the value is a measurement: attempts need only come close, and their median counts
     steps    what it writes, for the plan
     question what is asked before, for a level other than reading
+    typed    what a person reads from an instrument for it, as a question; `ask` gets that number, None = nobody typed one
     alone    it happens once and nothing may be sent next to it: it is asked once, between no other exchanges
     """
 
@@ -83,6 +85,7 @@ class Proof(NamedTuple):
     measured: bool = False
     steps: Callable[[Any], Sequence[Step]] = lambda _: ()
     question: str = ""
+    typed: str = ""
     alone: bool = False
 
     @property
@@ -141,11 +144,12 @@ def in_words(value: Any) -> str:
 
 
 def carry_out(proof: Proof, device: Any, healthy: Callable[[], object], repeat: int, prompts: Prompts) -> Outcome:
-    """Carry one proof out `repeat` times. `healthy` is the cheapest documented read.
+    """Carry one proof out `repeat` times, what stays once. `healthy` is the cheapest documented read.
 
     Raises LinkError, and whatever a proof that writes or moves raises: then it is not known that the value was put back, or it is a
     sign of harm.
     """
+    repeat = 1 if proof.level == PERMANENT else repeat
     found: list[Seen] = []
     spoiled: list[Outcome] = []
     while len(found) < repeat and len(spoiled) <= SPARE:
@@ -186,7 +190,7 @@ def _attempt(proof: Proof, device: Any, healthy: Callable[[], object], prompts: 
     counters = device.journal.counters
     healthy()
     before = _damage(counters, proof)
-    first = proof.ask(device, prompts) if proof.level == MOVE else proof.ask(device)
+    first = proof.ask(device, prompts) if proof.level in (MOVE, PERMANENT) else proof.ask(device)
     second = proof.ask(device) if proof.level == READ else first
     healthy()
     if _damage(counters, proof) != before or not alike(proof, first.value, second.value):

@@ -12,6 +12,33 @@ BACK = "tests/tools/test_prove.py::test_what_was_written_is_put_back"
 
 ROWS = (
     mistake(
+        "what-cannot-be-put-back-runs-unnamed",
+        "no confirmation",
+        "handctl.tools.prove",
+        "_asked_by_name",
+        "left = [proof for proof in proofs if proof.level != PERMANENT or proof.name in only]",
+        "left = list(proofs)",
+        "tests/tools/test_prove.py::test_what_cannot_be_put_back_is_asked_for_by_name",
+    ),
+    mistake(
+        "a-save-is-repeated",
+        "written twice",
+        PROOFS,
+        "carry_out",
+        "repeat = 1 if proof.level == PERMANENT else repeat",
+        "pass",
+        "tests/tools/test_prove.py::test_a_save_happens_once_however_often_is_asked",
+    ),
+    mistake(
+        "ctrl-c-behind-the-loop-waits-for-the-end",
+        "no stop",
+        "handctl.devices.barrett.realtime.aftermath",
+        "_LeftRunning._go_out",
+        "if interrupts.asked():",
+        "if False:",
+        "tests/tools/test_prove.py::test_ctrl_c_behind_the_loop_stops_at_once",
+    ),
+    mistake(
         "a-proof-believes-a-disturbed-line",
         "evidence believed",
         PROOFS,

@@ -203,6 +203,21 @@ def _stop_steps(_: BarrettHand) -> list[Step]:
     return [Step("1TO", encode("1TO"), moves=True)]
 
 
+def _after_loop_steps(_: BarrettHand) -> list[Step]:
+    return [
+        Step("1LOOP", encode("1LOOP")),
+        Step("control block: velocity 2, or -2", b"C\x02", moves=True),
+        Step("^C", b"\3"),
+        Step("1T", encode("1T")),
+    ]
+
+
+def _after_loop(hand: BarrettHand, prompts: Prompts) -> Seen:
+    from handctl.devices.barrett.realtime.aftermath import motors_after_loop
+
+    return motors_after_loop(hand, prompts)
+
+
 LAYOUTS = ("name text", "name - text", "name: text")
 PROOFS = (
     Proof("prompt", "§5.1.1 prints '=>'; other drivers expect a blank behind it (dossier 1.1)", "space", "PGET TEMP: how its reply ends", _prompt),
@@ -230,5 +245,10 @@ PROOFS = (
         "position-at-stop", "not documented whether a position below 0 has a sign (dossier 15)", "signed",
         "1TO, then FGET P: F1 stands IOFF counts below its origin. It stays there", _at_stop, MOVE,
         steps=_stop_steps, question="F1 will OPEN to its stop and drop any held object. Keep clear",
+    ),
+    Proof(
+        "motors-after-loop", "no watchdog is described, nor what ^C does to a velocity (§6.1; dossier 6.6)", "run on",
+        "F1 driven by velocity 2 for 0.2 s, RealTime left by ^C alone, P ten times in 1 s, then T", _after_loop, MOVE,
+        steps=_after_loop_steps, question="F1 moves by up to 700 counts, and may go on moving for a second after the loop. Keep clear",
     ),
 )  # fmt: skip
