@@ -783,8 +783,8 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set args 'none'
             set lacks -p --port --fake --facts -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'prove'
-            set opts '--list	List the experiments and send nothing. Needs no device.' '--level	The most that an experiment may do: read, write and put back, or move the device. Default: read.' '--only	Only this fact. Can be repeated.' '--repeat	Repeat each experiment N times. All of them must agree. Default: 3.' '--identify	Keep the serial number and other identifying data in the facts file.' '-h	Show this help.' '--help	Show this help.'
-            set takes --level=choice:read,write-back,move --only=none --repeat=none
+            set opts '--list	List the experiments and send nothing. Needs no device.' '--level	The most that an experiment may do: read, write and put back, move the device, or write what cannot be put back, such as flash. The last kind also has to be named with --only. Default: read.' '--only	Only this fact. Can be repeated.' '--repeat	Repeat each experiment N times. All of them must agree. Default: 3.' '--meter	The reading of a voltmeter at the supply of the device.' '--identify	Keep the serial number and other identifying data in the facts file.' '-h	Show this help.' '--help	Show this help.'
+            set takes --level=choice:read,write-back,move,permanent --only=none --repeat=none --meter=none
             set args 'choice:exo,wrist,barrett,ekso,aidin,hand,diff' 'file*'
         case 'doctor'
             set opts '--family	The family of the device on the link. Without it, and without -d NAME, handctl detects the device.' '--count	Read the device N times to measure the error rate. Default: 100.' '-h	Show this help.' '--help	Show this help.'
