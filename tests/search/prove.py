@@ -57,6 +57,7 @@ CHANGED: list[tuple[str, str, str, object, tuple[str, ...]]] = [
     ("exo", "fault=no-late-frames", "calibration-frames", "not reported", (*STAYS, "calibration-frames")),
     ("hand", "result-flag=18", "save-frames", "acknowledged, result 00 with flag 12", (*STAYS, "save-frames")),
     ("hand", "fault=no-late-frames", "calibration-frames", "not reported", (*STAYS, "calibration-frames")),
+    ("aidin", "start=open&q4=half", "q4-range", "147.5 to 177.5", ("--level", "move", "-y", "--only", "q4-range")),
     ("aidin", "exchange=poll", "exchange", "poll", ()),
     ("aidin", "rate=40", "rate", 40, ()),
     ("aidin", "between=nul", "between-objects", "nul", ()),
@@ -129,7 +130,7 @@ def healthy(family: str, said: str = "", *words: str) -> dict[str, Any]:
 
 def state_of(said: str) -> str:
     """Of what a simulator is told that which no fact tells."""
-    return "&".join(pair for pair in said.split("&") if pair[:5] in ("baud=", "initi", "postu", "bus=c"))
+    return "&".join(pair for pair in said.split("&") if pair[:5] in ("baud=", "initi", "postu", "start", "bus=c"))
 
 
 class Twins(Listed):

@@ -60,7 +60,7 @@ ENDED = {
     "aidin stop": STOPS,
     **dict.fromkeys(("devices add", "devices remove", "completion"), HERE),
     "stop": STOPS,
-    "prove": "its movement is that of torque-open, which is driven; a value that it did not put back is volatile",
+    "prove": "its movements are those of commands that are tried here: torque-open, realtime, home, encoders, joints; a value that it did not put back is volatile, and a calibration goes on to its end",
     **dict.fromkeys(("batch", "shell"), LINES),
     **{f"{family} terminal": "from a line that may move the device on, it is guarded as a movement is" for family in FAMILIES},
     **dict.fromkeys(("exo stop", "hand stop", "wrist stop", "ekso stop"), STOPS),

@@ -13,7 +13,9 @@ from jsonschema import Draft202012Validator
 from handctl.command.family import load
 from handctl.devices.inspire.serial_bus import Bus
 from handctl.families import FAMILIES
+from handctl.link.fake import FakeLink
 from handctl.model.proofs import LEVELS, READ
+from handctl.sim.aidin.device import Device as AidinSimulator
 from handctl.sim.engine.facts import Twin
 from tests.search.prove import CHANGED, STAYS, STOP, WRITES, healthy, prove, shown, state_of
 from tests.support.bus_file import text
@@ -114,6 +116,35 @@ def test_ctrl_c_behind_the_loop_stops_at_once(seconds: float) -> None:
     assert seen.code == 130, seen.data
     device = spy.lines[-1].device
     assert device.hand.motors[0].drive is None and device.now < seconds + 0.6
+
+
+HOMING = ("--level", "move", "-y", "--only", "homing-lasts", "--repeat", "2")
+
+
+def test_whether_the_homing_belongs_to_the_connection(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The simulator keeps its origin, as no manual says otherwise; a hand that forgets it is made of it here."""
+    assert shown(prove("aidin", "start=homed", *HOMING)) == {"homing-lasts": "kept"}
+    said = AidinSimulator.reconnected
+
+    def forgetful(device: AidinSimulator) -> None:
+        said(device)
+        device.hand.homed = False
+
+    monkeypatch.setattr(AidinSimulator, "reconnected", forgetful)
+    assert shown(prove("aidin", "start=homed", *HOMING)) == {"homing-lasts": "lost"}
+
+
+def test_a_finger_that_does_not_obey_shows_nothing_of_the_homing() -> None:
+    result = prove("aidin", "start=homed&fault=held&motor=3", *HOMING)
+    assert shown(result) == {} and result.code in (0, 7)
+
+
+def test_a_link_that_cannot_be_opened_again_moves_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    trace = tmp_path / "t.txt"
+    monkeypatch.setattr(FakeLink, "reconnect", lambda self, seconds: False)
+    (row,) = prove("aidin", "start=homed", *HOMING, "--trace", str(trace)).rows
+    assert (row["verdict"], row["why"]) == ("not-shown", "no-sign")
+    assert b"hand_mode".hex(" ").upper() not in trace.read_text()
 
 
 # -- the facts file -----------------------------------------------------------------------------------------------------

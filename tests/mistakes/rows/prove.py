@@ -12,6 +12,15 @@ BACK = "tests/tools/test_prove.py::test_what_was_written_is_put_back"
 
 ROWS = (
     mistake(
+        "a-proof-moves-what-it-cannot-prove",
+        "safety check missing",
+        "handctl.devices.aidin.proofs",
+        "_homing_lasts",
+        "if not hand.conversation.reconnect(RECONNECT):  # asked before anything moves",
+        "if False:",
+        "tests/tools/test_prove.py::test_a_link_that_cannot_be_opened_again_moves_nothing",
+    ),
+    mistake(
         "what-cannot-be-put-back-runs-unnamed",
         "no confirmation",
         "handctl.tools.prove",
