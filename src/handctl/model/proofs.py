@@ -7,6 +7,7 @@ with no damage on the line meanwhile, twice running and the same every time. Any
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from typing import Any
 
 from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, ProtocolError
@@ -14,6 +15,7 @@ from handctl.light import NamedTuple
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Counters, Grid, Row, Table
+from handctl.model.stop_sequence import stopped_by_ctrl_c
 
 READ, WRITE_BACK, MOVE, PERMANENT = LEVELS = ("read", "write-back", "move", "permanent")
 """What an experiment does to the device at the most. `permanent` writes what cannot be put back, such as flash: it is asked for by name."""
@@ -146,7 +148,7 @@ def in_words(value: Any) -> str:
 def carry_out(proof: Proof, device: Any, healthy: Callable[[], object], repeat: int, prompts: Prompts) -> Outcome:
     """Carry one proof out `repeat` times, what stays once. `healthy` is the cheapest documented read.
 
-    Raises LinkError, and whatever a proof that writes or moves raises: then it is not known that the value was put back, or it is a
+    Between two movements Ctrl-C stops the device as in one. Raises LinkError, and whatever a proof that writes or moves raises: then it is not known that the value was put back, or it is a
     sign of harm.
     """
     repeat = 1 if proof.level == PERMANENT else repeat
@@ -154,7 +156,8 @@ def carry_out(proof: Proof, device: Any, healthy: Callable[[], object], repeat: 
     spoiled: list[Outcome] = []
     while len(found) < repeat and len(spoiled) <= SPARE:
         try:
-            seen = _attempt(proof, device, healthy, prompts)
+            with stopped_by_ctrl_c(device.stop, prompts) if proof.level == MOVE else nullcontext():
+                seen = _attempt(proof, device, healthy, prompts)
         except LinkError:
             raise
         except HandctlError as exc:

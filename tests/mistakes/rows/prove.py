@@ -12,6 +12,15 @@ BACK = "tests/tools/test_prove.py::test_what_was_written_is_put_back"
 
 ROWS = (
     mistake(
+        "ctrl-c-between-two-movements-of-a-proof-stops-nothing",
+        "no stop",
+        PROOFS,
+        "carry_out",
+        "with stopped_by_ctrl_c(device.stop, prompts) if proof.level == MOVE else nullcontext():",
+        "with nullcontext():",
+        "tests/kernel/test_proofs.py::test_ctrl_c_between_two_movements_stops_the_device",
+    ),
+    mistake(
         "a-proof-moves-what-it-cannot-prove",
         "safety check missing",
         "handctl.devices.aidin.proofs",

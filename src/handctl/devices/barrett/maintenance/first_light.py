@@ -8,7 +8,6 @@ whether HI has found the origin. No answer to a question can replace that.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from contextlib import nullcontext
 from functools import partial
 from typing import NamedTuple
 
@@ -45,7 +44,6 @@ from handctl.model.proofs import (
     carry_out,
 )
 from handctl.model.result import Row
-from handctl.model.stop_sequence import stopped_by_ctrl_c
 
 HEAT = 8192
 """Status of a motor command above OTEMP (barrett §5.4.1)."""
@@ -389,11 +387,9 @@ class FirstLight:
         if not self._ask(step):
             return _none(step, DECLINED, "declined")
         self._moved = self._moved or proof.level == MOVE
-        stops = stopped_by_ctrl_c(self.hand.stop, self.prompts, "") if proof.level == MOVE else nullcontext()
         times = repeat if proof.level == READ and not proof.alone else 1
         try:
-            with stops:
-                return carry_out(proof, self.hand, self._healthy, times, self.prompts)
+            return carry_out(proof, self.hand, self._healthy, times, self.prompts)
         except HandctlError as exc:
             if proof.level == MOVE and is_harm(exc):
                 raise
