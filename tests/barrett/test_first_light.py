@@ -131,6 +131,9 @@ def test_a_person_is_asked_before_each_step_and_a_no_moves_nothing(tmp_path: Pat
     assert moved(trace) == ["1HI", "2HI", "3HI", "4HI"], shown.data
     lines = sent_lines(trace)
     assert lines.index("1HI") > lines.index("VERS")
+    assert shown.data.index("as assumed: HI: F1") < shown.data.index("origin: "), (
+        "each result is told before the next question"
+    )
 
 
 def test_the_clutch_needs_an_object_and_somebody_who_answers(tmp_path: Path) -> None:

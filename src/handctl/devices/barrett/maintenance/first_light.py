@@ -351,8 +351,10 @@ class FirstLight:
         """Raises nothing but a bug: what ends the steps early is the `failure`."""
         for number, step in enumerate(steps, 1):
             self.prompts.progress(f"{number} of {len(steps)}: {step.proof.name}")
-            self.outcomes.append(self._outcome(step, step.proof.name in skip, repeat))
+            self.outcomes.append(one := self._outcome(step, step.proof.name in skip, repeat))
             self.prompts.done()
+            if self._attended and one.why not in (SKIP, ENDED):  # who decides on the next step has to know
+                self.prompts.say(f"  {one.verdict.replace('-', ' ')}: {one.evidence}")
 
     @property
     def findings(self) -> list[str]:
