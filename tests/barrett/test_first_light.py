@@ -88,6 +88,7 @@ def test_nothing_is_sent_before_the_hand_has_spoken(tmp_path: Path) -> None:
         ("fault=no-board", "init", "F2: No motor board found (1)"),
         ("initialized=1&fault=blocked", "finger-speed", "F1 C: stalled short of the target at 0; F2 C: stalled short of the target at 0; F3 C: stalled short of the target at 0"),
         ("firmware=4.34&fault=breakaway", "early-breakaway", "F3"),
+        ("initialized=1&fault=blocked", "position-at-stop", "no-sign"),
         ("firmware=4.33", "early-breakaway", "not-present"),
         ("firmware=4.33", "power-on", "no-sign"),
         ("found=boot", "power-on", "':' banner"),
@@ -241,6 +242,6 @@ def test_what_is_a_sign_of_harm(error: HandctlError, harm: bool) -> None:
 def test_a_dry_run_shows_every_movement() -> None:
     rows = run("barrett", "first-light", "--fake", "-n", "--json", "--skip", "init").rows
     lines = [bytes.fromhex(row["bytes"]).decode().strip() for row in rows]
-    assert lines[:5] == ["1HOME", "2HOME", "3HOME", "4HOME", "1TO"]
+    assert lines[:5] == ["1HOME", "2HOME", "3HOME", "4HOME", "1IC 200"]
     assert len(MOTORS) == 4 and "3C" in lines
     assert run("barrett", "first-light", COLD, "-p", COLD, "-n").code == 2

@@ -12,6 +12,15 @@ BACK = "tests/tools/test_prove.py::test_what_was_written_is_put_back"
 
 ROWS = (
     mistake(
+        "a-finger-that-does-not-move-is-at-a-clamped-stop",
+        "evidence believed",
+        OF_BARRETT,
+        "_at_stop",
+        "if printed == away:",
+        "if False:",
+        "tests/barrett/test_first_light.py::test_what_a_step_finds",
+    ),
+    mistake(
         "ctrl-c-between-two-movements-of-a-proof-stops-nothing",
         "no stop",
         PROOFS,

@@ -165,7 +165,7 @@ def _heat(hand: BarrettHand) -> tuple[int, int]:
 
 def _temperature(hand: BarrettHand) -> Seen:
     now, limit = _heat(hand)
-    return Seen(now / 10, f"limit {limit / 10:.1f} °C")
+    return Seen(now / 10, f"{now / 10:.1f} °C now, and the limit is {limit / 10:.1f} °C")
 
 
 def refuse_hot(hand: BarrettHand) -> None:
