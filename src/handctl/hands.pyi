@@ -599,6 +599,7 @@ class Barrett(Device):
         motors: str | None = None,
         send: str | None = None,
         receive: str | None = None,
+        angles: bool = False,
         velocity: str | None = None,
         gain: str | None = None,
         control: Path | None = None,
@@ -686,6 +687,36 @@ class Barrett(Device):
         dry_run: bool = False,
     ) -> Rows:
         """Run the manual's troubleshooting checks (§8). With SYMPTOM, also list the steps to do by hand."""
+    def first_light(
+        self,
+        link: Value | None = None,
+        *,
+        skip: Sequence[
+            Literal[
+                "power-on",
+                "firmware",
+                "settings",
+                "temperature",
+                "init",
+                "strain",
+                "origin",
+                "position-at-stop",
+                "finger-speed",
+                "spread-speed",
+                "highest-speed",
+                "early-breakaway",
+                "breakaway",
+                "grease",
+            ]
+        ] = (),
+        repeat: int = 2,
+        identify: bool = False,
+        keep: Path | None = None,
+        hand: str = "",
+        confirm: Confirm = False,
+        dry_run: bool = False,
+    ) -> Rows:
+        """Bring a hand from the cupboard into use, step by step. MOVES the hand."""
 
 class Ekso(Device):
     """EksoNR DataPort (serial over USB)."""

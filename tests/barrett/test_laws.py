@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pytest
 from hypothesis import given
@@ -14,8 +17,9 @@ from hypothesis import strategies as st
 from handctl.devices.barrett.realtime.laws import FUNCTIONS, Known, Rules
 from handctl.devices.barrett.realtime.schedule import COLUMNS, Controls, Live
 from handctl.errors import CheckFailed, UsageError
+from handctl.link import fake as links
 from tests.barrett.commands import fake
-from tests.support.cli import Result, run, spying
+from tests.support.cli import Result, Spy, run, spying
 from tests.support.each_row import each_row
 
 PORT = fake(clock="virtual", initialized=1, wire="auto")
@@ -56,6 +60,52 @@ def test_a_law_holds_a_finger() -> None:
     assert at[-1][0] - 1.5 >= 9.9 and max(abs(value - 9000) for value in held) < 50
     assert max(map(abs, values(result, "velocity_command"))) == 40
     assert end["stream"]["rate_hz"] >= 0.95 * end["loop"]["line_limit_hz"]["sequential"]
+
+
+PD = "velocity.F1 = clamp((9000 - P)/4 - D/4, -40, 40)"
+
+
+@contextmanager
+def at_moments(spy: Spy, *moments: tuple[float, str]) -> Iterator[None]:
+    """What happens to the simulated hand, each at its second of virtual time: (second, control command)."""
+    left, sleep = list(moments), links._Simulated._sleep_until
+
+    def until(link: Any, moment: float) -> None:
+        while left and link._virtual is not None and moment >= left[0][0]:
+            sleep(link, left[0][0])
+            spy.lines[-1].device.command(left.pop(0)[1].split())
+        sleep(link, moment)
+
+    with mock.patch.object(links._Simulated, "_sleep_until", until):
+        yield
+    assert not left, "it ended before"
+
+
+def test_a_pd_hold_brings_a_pushed_finger_back() -> None:
+    """Pushed by 2500 counts to either side: within 20 counts again 0.4 s later, no farther than 10 beyond its place, and no guard acts."""
+    with spying() as spy, at_moments(spy, (5, "jump F1 -2500"), (9, "jump F1 2500")):
+        result = do("--law", PD, "--receive", "position", "--duration", "12")
+    _, end = result.stream
+    assert result.code == 0 and end["loop"]["guard_events"] == []
+    at = [(row["t"], row["value"] - 9000) for row in result.stream[0] if row["name"] == "position"]
+    pushes = [now[0] for before, now in pairwise(at) if abs(now[1] - before[1]) > 1000]
+    assert len(pushes) == 2 and pushes[1] - pushes[0] == pytest.approx(4, abs=0.1)
+    for push, side in zip(pushes, (-1, 1), strict=True):
+        behind = [off for t, off in at if push <= t < push + 3]
+        assert behind[0] * side > 2000 and min(off * side for off in behind) >= -10
+    calm = [off for t, off in at if t > 2 and not any(push <= t < push + 0.4 for push in pushes)]
+    assert max(map(abs, calm)) <= 20
+
+
+def test_guards_are_stronger_than_a_pd_hold() -> None:
+    with spying() as spy, at_moments(spy, (5, "jump F1 -2500"), (5, "block F1")):
+        result = do("--law", PD, "--receive", "position", "--duration", "8")
+    (event,) = result.stream[1]["loop"]["guard_events"]
+    assert (event["guard"], event["motor"]) == ("stall", "F1")
+    assert values(result, "velocity_command")[-1] == 0, "although the law goes on asking for 40"
+    result = do("--law", PD.replace("9000", "20000"), "--receive", "position", "--duration", "8")
+    assert {event["guard"] for event in result.stream[1]["loop"]["guard_events"]} == {"window"}
+    assert max(values(result, "position")) <= 17000 and values(result, "velocity_command")[-1] == 0
 
 
 def test_it_ends_when_the_condition_is_true() -> None:

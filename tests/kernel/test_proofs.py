@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer
+from handctl.errors import DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer
 from handctl.model.prompts import Prompts
 from handctl.model.proofs import (
     AS_ASSUMED,
@@ -24,6 +24,7 @@ from handctl.model.proofs import (
     carry_out,
 )
 from handctl.model.result import Journal
+from handctl.model.stop_sequence import Stopped
 
 FAILS = {
     "silent": NoAnswer("n", hint="h"),
@@ -36,7 +37,7 @@ FAILS = {
 def outcome(*answers: Any, level: str = READ, healthy: Callable[[], object] = lambda: None, **more: Any) -> Outcome:
     """What comes of answers in this order, the last of them again and again; a word of FAILS raises."""
     rest: Iterator[Any] = iter(answers)
-    device = SimpleNamespace(journal=Journal(), last=None)
+    device = SimpleNamespace(journal=Journal(), last=None, stop=more.pop("stop", None))
 
     def ask(_device: Any, _prompts: Prompts | None = None) -> Observation:
         device.last = next(rest, device.last)
@@ -84,3 +85,21 @@ def test_what_writes_or_moves_fails_with_its_error() -> None:
     assert outcome("own").verdict == NOT_SHOWN
     with pytest.raises(LinkError):
         outcome("lost")
+
+
+def test_ctrl_c_between_two_movements_stops_the_device() -> None:
+    stopped: list[bool] = []
+
+    def stop() -> Stopped:
+        stopped.append(True)
+        return Stopped("stopped")
+
+    def pressed() -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises((Interrupted, KeyboardInterrupt)) as ended:
+        outcome(4, level=MOVE, healthy=pressed, stop=stop)
+    assert (stopped, ended.type) == ([True], Interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        outcome(4, healthy=pressed, stop=stop)
+    assert stopped == [True], "what only reads has nothing to stop"

@@ -269,6 +269,7 @@ CASES = [
     Case("barrett", "strain --open", 1.8, near(F1, 0, 0, 0), ("close",), still=F1),
     # It tells that a motor needs `init`, as after an interrupted HI, and tries nothing more.
     Case("barrett", "diagnose wrong-direction --move -y --motors 1", 2.8, standing, ("init",), still=F1, again=(0, 7)),
+    Case("barrett", "first-light --skip power-on --skip highest-speed -y", 6.0, standing, ("init",), still=F1, again=(0, 7)),
     Case("barrett", "maintenance --greased spur.F1", 0.2, greased),
     Case("barrett", "baud 38400 -y", 0.6, is_("ram BAUD", "384"), ("baud 9600 -y",)),
     Case("barrett", "baud 38400 -y --save", 1.9, both(is_("ram BAUD", "384"), is_("eeprom BAUD", "384")), ("baud 9600 -y",)),

@@ -17,6 +17,7 @@ from tests.search.suite import Listed, key, parts
 from tests.support.cli import Result, run
 
 WRITES = ("--level", "write-back", "-y", "--only")
+STAYS = ("--level", "permanent", "-y", "--only")
 STOP = ("--level", "move", "-y", "--only", "position-at-stop")
 LATER = "BD, BP, BS, BDAT"
 CHANGED: list[tuple[str, str, str, object, tuple[str, ...]]] = [
@@ -35,6 +36,13 @@ CHANGED: list[tuple[str, str, str, object, tuple[str, ...]]] = [
     ("barrett", "max-baud=19200", "highest-speed", 19200, (*WRITES, "highest-speed")),
     ("barrett", "initialized=1&position-sign=unsigned", "position-at-stop", "unsigned", STOP),
     ("barrett", "initialized=1&position-sign=clamped", "position-at-stop", "clamped", STOP),
+    (
+        "barrett",
+        "initialized=1&loop-exit=stop",
+        "motors-after-loop",
+        "stop",
+        ("--level", "move", "-y", "--only", "motors-after-loop"),
+    ),
     ("ekso", "length=frame", "length-convention", "frame", ()),
     ("ekso", "length=n-2", "length-convention", "n-2", ()),
     ("ekso", "answer-length=n-4", "answer-length", "n-4", ()),
@@ -44,6 +52,12 @@ CHANGED: list[tuple[str, str, str, object, tuple[str, ...]]] = [
     ("ekso", "bad-crc=acknowledge", "bad-crc", "acknowledged", ()),
     ("ekso", "fault=frozen-clock", "boot-time-words", "stands still", ()),
     ("ekso", "posture=sitting", "knee-sign", "flexion positive", ()),
+    ("exo", "result-flag=18", "save-frames", "acknowledged, result 00 with flag 12", (*STAYS, "save-frames")),
+    ("exo", "fault=no-late-frames", "save-frames", "acknowledged", (*STAYS, "save-frames")),
+    ("exo", "fault=no-late-frames", "calibration-frames", "not reported", (*STAYS, "calibration-frames")),
+    ("hand", "result-flag=18", "save-frames", "acknowledged, result 00 with flag 12", (*STAYS, "save-frames")),
+    ("hand", "fault=no-late-frames", "calibration-frames", "not reported", (*STAYS, "calibration-frames")),
+    ("aidin", "start=open&q4=half", "q4-range", "147.5 to 177.5", ("--level", "move", "-y", "--only", "q4-range")),
     ("aidin", "exchange=poll", "exchange", "poll", ()),
     ("aidin", "rate=40", "rate", 40, ()),
     ("aidin", "between=nul", "between-objects", "nul", ()),
@@ -116,7 +130,7 @@ def healthy(family: str, said: str = "", *words: str) -> dict[str, Any]:
 
 def state_of(said: str) -> str:
     """Of what a simulator is told that which no fact tells."""
-    return "&".join(pair for pair in said.split("&") if pair[:5] in ("baud=", "initi", "postu", "bus=c"))
+    return "&".join(pair for pair in said.split("&") if pair[:5] in ("baud=", "initi", "postu", "start", "bus=c"))
 
 
 class Twins(Listed):

@@ -41,7 +41,7 @@ ENDED = {
     **dict.fromkeys(("wrist hand-write", "wrist raw", "wrist restore", "wrist set", "wrist write"), STAYS),
     **dict.fromkeys(
         [f"barrett {name}" for name in ("home", "init", "move", "open", "step-close", "step-open", "torque-close",
-                                        "torque-open", "strain", "diagnose")], AS_CLOSE
+                                        "torque-open", "strain", "diagnose", "first-light")], AS_CLOSE
     ),
     **dict.fromkeys(
         [f"barrett {name}" for name in ("baud", "defaults", "load", "reset", "restore", "save", "set")], VALUES
@@ -60,7 +60,7 @@ ENDED = {
     "aidin stop": STOPS,
     **dict.fromkeys(("devices add", "devices remove", "completion"), HERE),
     "stop": STOPS,
-    "prove": "its movement is that of torque-open, which is driven; a value that it did not put back is volatile",
+    "prove": "its movements are those of commands that are tried here: torque-open, realtime, home, encoders, joints; a value that it did not put back is volatile, and a calibration goes on to its end",
     **dict.fromkeys(("batch", "shell"), LINES),
     **{f"{family} terminal": "from a line that may move the device on, it is guarded as a movement is" for family in FAMILIES},
     **dict.fromkeys(("exo stop", "hand stop", "wrist stop", "ekso stop"), STOPS),

@@ -13,12 +13,15 @@ from jsonschema import Draft202012Validator
 from handctl.command.family import load
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.families import FAMILIES
+from handctl.link.fake import FakeLink
 from handctl.model.proofs import LEVELS, READ
+from handctl.sim.aidin.device import Device as AidinSimulator
 from handctl.sim.engine.facts import Twin
-from tests.search.prove import CHANGED, STOP, WRITES, healthy, prove, shown, state_of
+from tests.search.prove import CHANGED, STAYS, STOP, WRITES, healthy, prove, shown, state_of
 from tests.support.bus_file import text
-from tests.support.cli import run
+from tests.support.cli import run, spying
 from tests.support.each_row import each_row
+from tests.support.person import person, pressed_at
 
 
 @each_row("family,said,fact,value,words", CHANGED)
@@ -50,13 +53,98 @@ def test_silence_at_the_start_is_the_error_of_every_command() -> None:
 
 def test_the_list_needs_no_device_and_says_everything() -> None:
     for family in FAMILIES:
-        rows = run("prove", family, "--list", "--level", "move", "--json").rows
+        rows = run("prove", family, "--list", "--level", "permanent", "--json").rows
         assert [row["fact"] for row in rows] == [proof.name for proof in load(family, "proofs").PROOFS]
         assert all(
             row[key] for row in rows for key in ("fact", "family", "level", "says", "assumed", "how", "verdicts")
         )
         assert all(row["level"] in LEVELS for row in rows)
     assert {row["level"] for row in run("prove", "exo", "--list", "--json").rows} == {READ}
+
+
+# -- what stays, what is typed, what goes on --------------------------------------------------------------------------
+
+
+def test_what_cannot_be_put_back_is_asked_for_by_name(tmp_path: Path) -> None:
+    trace = tmp_path / "t.txt"
+    link = ("-p", "fake://exo?clock=virtual")
+    assert run("prove", "exo", *link, "--level", "move", "--only", "save-frames", "-y", "--json").code == 2
+    assert run("prove", "exo", *link, "--level", "permanent", "--only", "save-frames", "--json").code == 8
+    result = run("prove", "exo", *link, "--level", "permanent", "-y", "--trace", str(trace), "--json")
+    assert result.code == 0 and not {"save-frames", "calibration-frames"} & {row["fact"] for row in result.rows}
+    assert "EB 90 01 04 12 ED 03" not in trace.read_text(), "a save"
+
+
+def test_a_save_happens_once_however_often_is_asked(tmp_path: Path) -> None:
+    result = prove("exo", "", *STAYS, "save-frames", "--repeat", "5")
+    assert [row["repetitions"] for row in result.rows] == [1] and len(result.json["writes"]) == 1
+    assert {row["state"] for row in result.json["writes"]} == {"confirmed"}
+    failed = prove("exo", "fault=save-fails", *STAYS, "save-frames", "--only", "calibration-frames")
+    assert (failed.code, failed.error["code"], failed.rows) == (6, "save-failed", []), "it ends there"
+
+
+def test_the_supply_against_a_voltmeter() -> None:
+    for family, model in (("exo", ""), ("hand", "model=df")):
+        found = shown(prove(family, model, "--only", "supply-scale", "--meter", "24"))
+        assert found["supply-scale"] == 23.25, "558 counts"
+    assert shown(prove("hand", "model=tp", "--only", "supply-scale", "--meter", "24")) == {}, "it has no such register"
+    (row,) = prove("exo", "", "--only", "supply-scale").rows
+    assert (row["verdict"], row["why"]) == ("not-shown", "no-sign"), "nobody typed a reading"
+    assert prove("exo", "", "--only", "gap-bytes", "--meter", "24").code == 2
+    typed = person("prove", "exo", "-p", "fake://exo?clock=virtual", "--only", "supply-scale", answers=["23,9"])
+    assert "23.35" in typed.data
+
+
+def test_a_motor_that_goes_on_after_the_loop_is_stopped_by_t(tmp_path: Path) -> None:
+    state, trace = tmp_path / "hand.json", tmp_path / "t.txt"
+    words = ("--level", "move", "-y", "--only", "motors-after-loop")
+    with spying() as spy:
+        result = prove("barrett", f"initialized=1&state={state}", *words, "--repeat", "2", "--trace", str(trace))
+        assert shown(result) == {"motors-after-loop": "run on"}
+        motor = spy.lines[-1].device.hand.motors[0]
+    assert motor.drive is None and not motor.powered
+    sent = [line.split(" > ")[1] for line in trace.read_text().splitlines() if " > " in line]
+    assert "43 02" in sent and "43 00" not in sent and "63 00" not in sent, "it was left with its velocity"
+    assert sent.count("31 54 0D") == 2
+    assert prove("barrett", "", *words).code == 6, "not initialized: nothing moves"
+
+
+@each_row("seconds", [1.0, 1.3, 1.6, 1.9, 2.2, 2.5])
+def test_ctrl_c_behind_the_loop_stops_at_once(seconds: float) -> None:
+    with spying() as spy, pressed_at(seconds):
+        seen = person("prove", "barrett", "-p", "fake://barrett?clock=virtual&initialized=1&wire=auto", "--level", "move", "-y", "--only", "motors-after-loop")  # fmt: skip
+    assert seen.code == 130, seen.data
+    device = spy.lines[-1].device
+    assert device.hand.motors[0].drive is None and device.now < seconds + 0.6
+
+
+HOMING = ("--level", "move", "-y", "--only", "homing-lasts", "--repeat", "2")
+
+
+def test_whether_the_homing_belongs_to_the_connection(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The simulator keeps its origin, as no manual says otherwise; a hand that forgets it is made of it here."""
+    assert shown(prove("aidin", "start=homed", *HOMING)) == {"homing-lasts": "kept"}
+    said = AidinSimulator.reconnected
+
+    def forgetful(device: AidinSimulator) -> None:
+        said(device)
+        device.hand.homed = False
+
+    monkeypatch.setattr(AidinSimulator, "reconnected", forgetful)
+    assert shown(prove("aidin", "start=homed", *HOMING)) == {"homing-lasts": "lost"}
+
+
+def test_a_finger_that_does_not_obey_shows_nothing_of_the_homing() -> None:
+    result = prove("aidin", "start=homed&fault=held&motor=3", *HOMING)
+    assert shown(result) == {} and result.code in (0, 7)
+
+
+def test_a_link_that_cannot_be_opened_again_moves_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    trace = tmp_path / "t.txt"
+    monkeypatch.setattr(FakeLink, "reconnect", lambda self, seconds: False)
+    (row,) = prove("aidin", "start=homed", *HOMING, "--trace", str(trace)).rows
+    assert (row["verdict"], row["why"]) == ("not-shown", "no-sign")
+    assert b"hand_mode".hex(" ").upper() not in trace.read_text()
 
 
 # -- the facts file -----------------------------------------------------------------------------------------------------

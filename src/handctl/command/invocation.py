@@ -87,6 +87,14 @@ class Invocation:
             raise UsageError(text, hint="run it without -n, it changes nothing")
         self.writes = False
 
+    def reach(self, link: str | None) -> None:
+        """Take LINK as the argument of a command for the device that is meant; None = as the options say. Raises UsageError."""
+        if link is None:
+            return
+        if self.settings.device or self.sources.get("port") == COMMAND_LINE:
+            raise UsageError("two devices given", hint="give LINK, -p or -d", code="two-devices")
+        self.settings = self.settings._replace(port=link, fake=False)
+
     def mapped(self, params: ParamMap[Any]) -> ParamMap[Any]:
         """The map of the device that is meant."""
         own = self.family.map_of if self.family is not None else None

@@ -96,10 +96,21 @@ def _method(method: Method) -> list[str]:
     result = "Stream" if command.streams else "Rows"
     head = f"    def {method.name}({', '.join(words)}) -> {result}:"
     if len(head) > WIDTH:
-        head = "\n".join([f"    def {method.name}(", *(f"        {word}," for word in words), f"    ) -> {result}:"])
+        head = "\n".join([f"    def {method.name}(", *map(_line, words), f"    ) -> {result}:"])
     told = " ".join((command.help or "").split("\n\n")[0].split())
     text = textwrap.wrap(f'"""{told}"""', WIDTH - 8, break_on_hyphens=False, break_long_words=False)
     return [head, *(f"        {line}" for line in text)]
+
+
+def _line(word: str) -> str:
+    """An argument on a line of its own; choices that do not fit there below each other, as ruff has them."""
+    line = f"        {word},"
+    before, nested, rest = word.partition(": Sequence[Literal[")
+    if len(line) <= WIDTH or not nested:
+        return line
+    choices, _, default = rest.partition("]]")
+    each = "".join(f"                {choice},\n" for choice in choices.split(", "))
+    return f"        {before}: Sequence[\n            Literal[\n{each}            ]\n        ]{default},"
 
 
 def _positional(argument: Argument) -> list[str]:

@@ -195,6 +195,14 @@ class FakeLink(_Simulated, ByteLink):
         self._line.reconnect()
         return True
 
+    def reconnect(self, seconds: float) -> bool:
+        self._line.advance(self.now())
+        if self._line.hung_up:
+            return False  # for good: the fault disconnect
+        self._rest = b""
+        self._line.reconnect()
+        return True
+
     def power_cycle(self) -> bool:
         self._rest = b""
         return super().power_cycle()

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from handctl import __version__
-from handctl.errors import CheckFailed, UsageError
+from handctl.errors import CheckFailed, Hint, UsageError
 from handctl.families import FAMILIES
 from handctl.files import atomic_write, read_text, writing
 from handctl.model.proofs import SHOWN, Outcome, in_words
@@ -35,6 +35,16 @@ def write(path: str, content: Mapping[str, Any]) -> None:
     with writing(path), atomic_write(path) as file:
         json.dump(content, file, indent=2, ensure_ascii=False)
         file.write("\n")
+
+
+def keep(path: str, device: Any, outcomes: Iterable[Outcome], *, identify: bool) -> None:
+    """Write what was found on `device` to `path`, and say what it is for. Raises OutputError."""
+    kind, link = device.kind, device.link
+    named = {"kind": kind, **device.about} if identify else None
+    write(path, document(kind, outcomes, simulated=link.fake, time=link.wall(), device=named))
+    device.journal.info(
+        "facts", f"facts written to {path}", hint=Hint("use them with {}", f"{kind} status --facts {path}")
+    )
 
 
 def read(path: str) -> dict[str, Any]:

@@ -7,6 +7,7 @@ with no damage on the line meanwhile, twice running and the same every time. Any
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from typing import Any
 
 from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, ProtocolError
@@ -14,8 +15,10 @@ from handctl.fast_classes import NamedTuple
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Counters, Grid, Row, Table
+from handctl.model.stop_sequence import stopped_by_ctrl_c
 
-READ, WRITE_BACK, MOVE = LEVELS = ("read", "write-back", "move")
+READ, WRITE_BACK, MOVE, PERMANENT = LEVELS = ("read", "write-back", "move", "permanent")
+"""What an experiment does to the device at the most. `permanent` writes what cannot be put back, such as flash: it is asked for by name."""
 AS_ASSUMED, DIFFERS, NOT_SHOWN, REFUSED = "as-assumed", "differs", "not-shown", "refused"
 SHOWN = (AS_ASSUMED, DIFFERS)
 """Verdicts on a value that was shown."""
@@ -64,12 +67,14 @@ class Proof(NamedTuple):
     says     what the manual or the dossier says, with its source
     assumed  the value that handctl goes by; a tuple = any of these; () = any at all
     how      the experiment in words
-    ask      carries it out on the device; what moves gets the prompts as well. Raises NoAnswer or ProtocolError where the line failed; what the device's silence or refusal means it knows itself
+    ask      carries it out on the device; what moves or stays gets the prompts as well. Raises NoAnswer or ProtocolError where the line failed; what the device's silence or refusal means it knows itself
     level    what it does to the device
     limit    the value is a number: as assumed up to it ("most"), or from it on ("least")
     measured the value is a measurement: attempts need only come close, and their median counts
     steps    what it writes, for the plan
     question what is asked before, for a level other than reading
+    typed    what a person reads from an instrument for it, as a question; `ask` gets that number, None = nobody typed one
+    alone    it happens once and nothing may be sent next to it: it is asked once, between no other exchanges
     """
 
     name: str
@@ -82,6 +87,8 @@ class Proof(NamedTuple):
     measured: bool = False
     steps: Callable[[Any], Sequence[Step]] = lambda _: ()
     question: str = ""
+    typed: str = ""
+    alone: bool = False
 
     @property
     def expected(self) -> str:
@@ -139,16 +146,18 @@ def in_words(value: Any) -> str:
 
 
 def carry_out(proof: Proof, device: Any, healthy: Callable[[], object], repeat: int, prompts: Prompts) -> Outcome:
-    """Carry one proof out `repeat` times. `healthy` is the cheapest documented read.
+    """Carry one proof out `repeat` times, what stays once. `healthy` is the cheapest documented read.
 
-    Raises LinkError, and whatever a proof that writes or moves raises: then it is not known that the value was put back, or it is a
+    Between two movements Ctrl-C stops the device as in one. Raises LinkError, and whatever a proof that writes or moves raises: then it is not known that the value was put back, or it is a
     sign of harm.
     """
+    repeat = 1 if proof.level == PERMANENT else repeat
     found: list[Observation] = []
     spoiled: list[Outcome] = []
     while len(found) < repeat and len(spoiled) <= SPARE:
         try:
-            seen = _attempt(proof, device, healthy, prompts)
+            with stopped_by_ctrl_c(device.stop, prompts) if proof.level == MOVE else nullcontext():
+                seen = _attempt(proof, device, healthy, prompts)
         except LinkError:
             raise
         except HandctlError as exc:
@@ -179,10 +188,12 @@ def _attempt(proof: Proof, device: Any, healthy: Callable[[], object], prompts: 
 
     What reads is done twice running: of a fault that meets every second request, never both are hit and no healthy one.
     """
+    if proof.alone:
+        return proof.ask(device, prompts)
     counters = device.journal.counters
     healthy()
     before = _damage(counters, proof)
-    first = proof.ask(device, prompts) if proof.level == MOVE else proof.ask(device)
+    first = proof.ask(device, prompts) if proof.level in (MOVE, PERMANENT) else proof.ask(device)
     second = proof.ask(device) if proof.level == READ else first
     healthy()
     if _damage(counters, proof) != before or not alike(proof, first.value, second.value):

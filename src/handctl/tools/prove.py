@@ -13,21 +13,22 @@ import click
 
 from handctl.command.command_tree import Command
 from handctl.command.family import load
-from handctl.command.options import InFile, WholeRange
+from handctl.command.options import FiniteRange, InFile, WholeRange
 from handctl.command.run import PlannedAction, Run
 from handctl.errors import DeviceRefused, HandctlError, Hint, Interrupted, UsageError
 from handctl.families import FAMILIES
 from handctl.model import facts
 from handctl.model.param import Step
-from handctl.model.proofs import LEVELS, LISTED, READ, Outcome, Proof, carry_out, table_of
+from handctl.model.proofs import LEVELS, LISTED, PERMANENT, READ, Outcome, Proof, carry_out, table_of
 from handctl.model.result import Table
 from handctl.tools.probes import family_of, probe_of
 
 DIFF = "diff"
+LISTS = "`--list --level permanent` lists all experiments, and --only names one"
 REPETITIONS = 3
 
 
-@click.command("prove", cls=Command, writes=True, asks="with --level write-back or move")
+@click.command("prove", cls=Command, writes=True, asks="with any --level but read")
 @click.argument("what", type=click.Choice([*FAMILIES, DIFF]), metavar=f"FAMILY|{DIFF}", required=False)
 @click.argument("files", nargs=-1, type=InFile(), metavar="[A B]")
 @click.option("--list", "listing", is_flag=True, help="List the experiments and send nothing. Needs no device.")
@@ -36,7 +37,7 @@ REPETITIONS = 3
     type=click.Choice(LEVELS),
     default=READ,
     show_default=True,
-    help="The most that an experiment may do: read, write and put back, or move the device.",
+    help="The most that an experiment may do: read, write and put back, move the device, or write what cannot be put back, such as flash. The last kind also has to be named with --only.",
 )
 @click.option("--only", multiple=True, metavar="NAME", help="Only this fact. Can be repeated.")
 @click.option(
@@ -47,9 +48,12 @@ REPETITIONS = 3
     metavar="N",
     help="Repeat each experiment N times. All of them must agree.",
 )
+@click.option(
+    "--meter", type=FiniteRange(0.1, 100), metavar="V", help="The reading of a voltmeter at the supply of the device."
+)
 @click.option("--identify", is_flag=True, help="Keep the serial number and other identifying data in the facts file.")
 def cli(
-    run: Run, what: str | None, files: tuple[str, ...], listing: bool, level: str, only: tuple[str, ...], repeat: int, identify: bool
+    run: Run, what: str | None, files: tuple[str, ...], listing: bool, level: str, only: tuple[str, ...], repeat: int, meter: float | None, identify: bool
 ) -> Table | PlannedAction:  # fmt: skip
     """Find out what the documents leave open about one device.
 
@@ -74,6 +78,10 @@ def cli(
     run.family = family_of(what)
     if run.family.check is not None:
         run.family.check(run.settings)
+    proofs = _asked_by_name(proofs, only)
+    if meter is not None and not any(proof.typed for proof in proofs):
+        raise UsageError("none of these experiments needs --meter", hint=f"leave it out. {LISTS}")
+    proofs = [_with_reading(run, proof, meter) if proof.typed else proof for proof in proofs]
     path, run.settings = run.settings.output, run.settings._replace(output=None)
     prove = partial(_prove, run, proofs, repeat, path, identify)
     if level == READ:
@@ -81,6 +89,24 @@ def cli(
         return prove(run.device())
     questions = ". ".join(dict.fromkeys(proof.question for proof in proofs if proof.question))
     return PlannedAction(partial(_plan, run, proofs), prove, questions)
+
+
+def _asked_by_name(proofs: Sequence[Proof], only: Sequence[str]) -> list[Proof]:
+    """Without those that write what stays, unless they are named. Raises UsageError where nothing is left."""
+    left = [proof for proof in proofs if proof.level != PERMANENT or proof.name in only]
+    if not left:
+        raise UsageError("no experiment is left", hint=LISTS)
+    return left
+
+
+def _with_reading(run: Run, proof: Proof, meter: float | None) -> Proof:
+    """The proof with what a person reads from an instrument: --meter, or typed now."""
+    if meter is None and run.asks and not run.settings.dry_run:
+        try:
+            meter = float(run.prompts.text(f"{proof.typed} Enter leaves it out.").replace(",", "."))
+        except ValueError:
+            meter = None
+    return proof._replace(ask=partial(proof.ask, meter))
 
 
 def _plan(run: Run, proofs: Sequence[Proof]) -> list[Step]:
@@ -104,9 +130,7 @@ def _chosen(family: str, level: str, only: Sequence[str]) -> list[Proof]:
     most = LEVELS.index(level)
     found = [proof for proof in every if LEVELS.index(proof.level) <= most and (not only or proof.name in only)]
     if missing := set(only) - {proof.name for proof in found}:
-        raise UsageError(
-            f"{min(missing)} does more than {level}", hint="see `--list --level move`, and give its --level"
-        )
+        raise UsageError(f"{min(missing)} does more than {level}", hint=f"give its --level. {LISTS}")
     return found
 
 
@@ -136,13 +160,7 @@ def _prove(run: Run, proofs: Sequence[Proof], repeat: int, path: str | None, ide
             break
     run.prompts.done()
     if path is not None and outcomes:
-        named = {"kind": kind, **device.about} if identify else None
-        facts.write(
-            path, facts.document(kind, outcomes, simulated=run.simulated, time=device.link.wall(), device=named)
-        )
-        run.journal.info(
-            "facts", f"facts written to {path}", hint=Hint("use them with {}", f"{kind} status --facts {path}")
-        )
+        facts.keep(path, device, outcomes, identify=identify)
     table = table_of(outcomes, kind)
     table.failure = failure
     return table

@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from handctl.command.command_tree import Command
-from handctl.command.options import COMMAND_LINE, FiniteRange, InFile, OutFile, WholeRange, page_options, reads_option
+from handctl.command.options import FiniteRange, InFile, OutFile, WholeRange, page_options, reads_option
 from handctl.command.run import Run
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
@@ -87,12 +87,9 @@ def cli(
     """
     from handctl.tools.service_steps import Service, Wishes
 
-    if link is not None and (run.settings.device or run.sources.get("port") == COMMAND_LINE):
-        raise UsageError("two devices given", hint="give LINK, -p or -d", code="two-devices")
+    run.reach(link)
     if demo is None and (finding is not None or seed is not None):
         raise UsageError("--finding and --seed belong to --demo", hint="add --demo")
-    if link is not None:
-        run.settings = run.settings._replace(port=link, fake=False)
     run.said.include_ids = given["include_ids"]
     wishes = Wishes(STEPS, reads=given.pop("count"), **given)
     if demo is not None:

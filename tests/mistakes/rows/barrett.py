@@ -6,8 +6,92 @@ CONNECTING = "handctl.devices.barrett.gcl.connect_table"
 LINE = "handctl.devices.barrett.gcl.line"
 LANGUAGE = "handctl.devices.barrett.gcl.codec"
 BLOCKS = "handctl.devices.barrett.realtime.blocks"
+FIRST_LIGHT = "handctl.devices.barrett.maintenance.first_light"
+LIGHT = "tests/barrett/test_first_light.py::test"
+ANGLES = "handctl.devices.barrett.realtime.angles"
 
 ROWS = (
+    mistake(
+        "barrett-a-law-sees-the-change-with-the-wrong-sign",
+        "false value",
+        "handctl.devices.barrett.realtime.laws",
+        "Known.see",
+        "self.feedback[index, name] = value * factors.get(name, 1)",
+        'self.feedback[index, name] = value * factors.get(name, 1) * (-1 if name == "delta" else 1)',
+        "tests/barrett/test_laws.py::test_a_pd_hold_brings_a_pushed_finger_back",
+    ),
+    mistake(
+        "barrett-angles-with-another-ratio",
+        "false value",
+        "handctl.devices.barrett.maintenance.fingertips",
+        "joints",
+        "return Joints(turned, position / 125, position / 375)",
+        "return Joints(turned, position / 125, position / 125)",
+        "tests/barrett/test_angles.py::test_the_ratios_of_the_links_while_the_clutch_holds",
+    ),
+    mistake(
+        "barrett-an-angle-that-cannot-be-known",
+        "false value",
+        ANGLES,
+        "Angles.driven",
+        'self._certain -= {index for index, names in values.items() if names.get("velocity", 0) > 0}',
+        "pass",
+        "tests/barrett/test_angles.py::test_the_outer_joint_of_a_finger_that_is_driven_to_close_is_unknown",
+    ),
+    mistake(
+        "first-light-moves-without-a-question",
+        "no confirmation",
+        FIRST_LIGHT,
+        "FirstLight._carried_out",
+        "if not self._ask(step):",
+        "if not self._ask(step) and proof.level == READ:",
+        f"{LIGHT}_a_person_is_asked_before_each_step_and_a_no_moves_nothing",
+    ),
+    mistake(
+        "first-light-does-not-stop-at-harm",
+        "no stop",
+        FIRST_LIGHT,
+        "FirstLight._outcome",
+        "self._stop(exc)",
+        "pass",
+        f"{LIGHT}_heat_in_the_middle_ends_the_run_behind_that_motor",
+    ),
+    mistake(
+        "first-light-goes-on-after-silence-in-a-movement",
+        "no stop",
+        FIRST_LIGHT,
+        "is_harm",
+        'return error.code == "hot" or not isinstance(error, DeviceRefused | CheckFailed | UsageError)',
+        'return error.code == "hot"',
+        f"{LIGHT}_what_is_a_sign_of_harm",
+    ),
+    mistake(
+        "first-light-does-not-look-at-the-heat",
+        "safety check missing",
+        FIRST_LIGHT,
+        "_driven",
+        "refuse_hot(hand)",
+        "pass",
+        f"{LIGHT}_heat_in_the_middle_ends_the_run_behind_that_motor",
+    ),
+    mistake(
+        "first-light-moves-before-hi",
+        "safety check missing",
+        FIRST_LIGHT,
+        "FirstLight._objection",
+        'states = self.hand.numbers(BARRETT.elements("S")) if step.homed else []',
+        "states: list[int] = []",
+        f"{LIGHT}_nothing_moves_before_hi",
+    ),
+    mistake(
+        "first-light-moves-with-a-harmful-setting",
+        "safety check missing",
+        FIRST_LIGHT,
+        "FirstLight._objection",
+        "if harmful := _harmful(self._values):",
+        "if harmful := _harmful(self._values)[:0]:",
+        f"{LIGHT}_a_harmful_setting_moves_nothing_even_where_its_step_is_skipped",
+    ),
     mistake(
         "gcl-script-goes-on-after-a-refusal",
         "safety check missing",

@@ -1,6 +1,6 @@
 """What the manual of the AIDIN-hand leaves open, as experiments (dossier 1, 2, 5, 6). See `model.proofs`.
 
-Nothing here has a mode: the hand is listened to, and where it wants to be asked, asked with the empty object.
+What only reads has no mode: the hand is listened to, and where it wants to be asked, asked with the empty object.
 """
 
 from __future__ import annotations
@@ -10,14 +10,18 @@ from dataclasses import replace
 from itertools import pairwise
 from statistics import median
 
+from handctl.devices.aidin import motion, procedures
 from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.exchange import ALL, LISTEN
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.json_codec import TERMINATORS, Decoder
-from handctl.devices.aidin.map import AIDIN
-from handctl.errors import NoAnswer, ProtocolError
+from handctl.devices.aidin.map import AIDIN, ANGLES, ENCODERS, Target
+from handctl.errors import CheckFailed, NoAnswer, ProtocolError
 from handctl.model.decoder import frames_in
-from handctl.model.proofs import Disturbed, Observation, Proof
+from handctl.model.movement import ANY
+from handctl.model.param import elements_of
+from handctl.model.prompts import Prompts
+from handctl.model.proofs import MOVE, Disturbed, Observation, Proof
 from handctl.wording import plural
 
 WATCHED = 0.5
@@ -32,6 +36,12 @@ EVEN = 0.8
 """Share of the gaps of a stream that are near their median."""
 QUARTER = 1.570796
 """90 degrees in rad."""
+MOTOR, NEAR_COUNTS, FAR_COUNTS, LEAST_COUNTS = "index.m1", 44000, 88000, 9000
+"""Places of one motor, a tenth and a fifth of its stroke, and the counts by which it has moved, or is there."""
+INDEX_Q3 = 6
+ARRIVED = 2.0
+"""Degrees within which a joint has arrived."""
+RECONNECT = 3.0
 NEAR = 0.002
 """rad by which q4 may differ from what it is compared with."""
 
@@ -206,6 +216,52 @@ def _answers(hand: AidinHand) -> bool:
         return False
 
 
+# -- what moves ---------------------------------------------------------------------------------------------------------
+
+
+def _went(hand: AidinHand, target: Target, text: str, prompts: Prompts) -> float:
+    """Where the named element is after it was sent to its place, whether it arrived or not. Raises what the movement ends with."""
+    (name,) = [text.partition("=")[0]]
+    table = motion.move(hand, motion.parse(target, [text]), prompts, assume_homed=True, expect=ANY)
+    if table.failure is not None and not isinstance(table.failure, CheckFailed):
+        raise table.failure
+    (row,) = [row for row in table.rows if f"{row['finger']}.{row['element']}" == name]
+    return float(row["value"])
+
+
+def _homing_lasts(hand: AidinHand, prompts: Prompts) -> Observation:
+    """Whether position commands still count in a connection in which the hand was not homed."""
+    if not hand.conversation.reconnect(RECONNECT):  # asked before anything moves
+        return Observation(None, "this link cannot be opened again")
+    homed = procedures.home(hand, prompts)
+    if homed.failure is not None and homed.failure.code != "homing-unproven":
+        raise homed.failure
+    before = _went(hand, ENCODERS, f"{MOTOR}={NEAR_COUNTS}", prompts)
+    hand.conversation.reconnect(RECONNECT)
+    after = _went(hand, ENCODERS, f"{MOTOR}={FAR_COUNTS}", prompts)
+    _went(hand, ENCODERS, f"{MOTOR}=0", prompts)
+    told = f"{MOTOR} went to {before:.0f} in the connection of the homing, and to {after:.0f} of {FAR_COUNTS} in the next one"
+    if abs(before - NEAR_COUNTS) > LEAST_COUNTS:
+        return Observation(None, f"{told}: it did not obey in the first one, either")
+    return Observation("kept" if after - before > LEAST_COUNTS else "lost", told)
+
+
+def _coupled_range(hand: AidinHand, prompts: Prompts) -> Observation:
+    """q4 of the index finger at both ends of its q3."""
+    procedures.check_homed(hand, assume=None)
+    low, high = AIDIN["joint_pos"].limit(INDEX_Q3) or (0.0, 0.0)
+    ends = []
+    for place in (low, high):
+        _went(hand, ANGLES, f"index.q3={place:g}", prompts)
+        readings = hand.read(elements_of(AIDIN["joint_pos"]))
+        ends.append([float(readings[index].value or 0.0) for index in (INDEX_Q3, INDEX_Q3 + 1)])
+    told = ", ".join(f"q3 {q3:.1f} q4 {q4:.1f}" for q3, q4 in ends)
+    if max(abs(q3 - place) for (q3, _), place in zip(ends, (low, high), strict=True)) > ARRIVED:
+        return Observation(None, f"q3 did not arrive at its ends: {told}")
+    first, last = (round(2 * q4) / 2 for _, q4 in ends)
+    return Observation(f"{first:g} to {last:g}", f"index: {told} degrees")
+
+
 ANGLES_KEY = "joint_pos"
 PROOFS = (
     Proof("exchange", "not documented who speaks first (dossier 6)", (), "listen, then an empty object", _exchange),
@@ -218,4 +274,13 @@ PROOFS = (
     Proof("whole-numbers", "int for encoders and currents (Feedback keys)", "integers", "motor_pos: with a decimal point?", _whole_numbers),
     Proof("decimals", "double (Feedback keys)", (), "decimals of joint_pos", _decimals),
     Proof("q4", "q4 follows q3, and how is not documented (Ranges, dossier 4)", "same", "joint_pos: q4 against q3 of all fingers", _coupled),
+    Proof(
+        "homing-lasts", "not documented whether the homing belongs to the connection (dossier 2, Modes; 5, row 7)", "kept",
+        "home, move index.m1, connect again, and move it once more", _homing_lasts, MOVE,
+        question="All fingers OPEN for 3.5 s and drop any held object, then the index finger moves by a fifth of its stroke and back. Keep clear",
+    ),
+    Proof(
+        "q4-range", "no range is documented for q4 (Ranges)", "115 to 175", "index.q3 to both ends of its range: q4 there", _coupled_range, MOVE,
+        question="The index finger closes and opens over the whole range of q3. The hand must be homed. Keep clear",
+    ),
 )  # fmt: skip

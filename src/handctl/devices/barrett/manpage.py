@@ -68,6 +68,10 @@ EXAMPLES = (
         "Move finger 1 to position 9000 with a control law. Starts immediately.",
     ),
     (
+        "handctl barrett realtime --motors 1 --law 'velocity.F1 = clamp((9000 - P)/4 - D/4, -40, 40)' --duration 60 -p /dev/ttyUSB0",
+        "Hold finger 1 at position 9000 against pushes, for a minute. Starts immediately.",
+    ),
+    (
         "handctl barrett realtime --receive position --duration 5 --log run.csv -p /dev/ttyUSB0",
         "Record the positions to a new file with a sidecar.",
     ),
@@ -82,6 +86,7 @@ EXAMPLES = (
     ("handctl barrett defaults -p /dev/ttyUSB0", "Load the factory parameters into RAM. Asks first."),
     ("handctl barrett diagnose -p /dev/ttyUSB0", "Run all checks that only read."),
     ("handctl barrett diagnose --list", "List the symptoms in the manual."),
+    ("handctl barrett first-light -p /dev/ttyUSB0", "Bring a hand from the cupboard into use. Asks before each step."),
     ("handctl barrett maintenance -p /dev/ttyUSB0", "Show any maintenance that is due."),
     ("handctl barrett maintenance --steps lubrication", "List the steps for greasing. Needs no device."),
     ("handctl barrett strain -p /dev/ttyUSB0", "Measure the strain gauges without load."),

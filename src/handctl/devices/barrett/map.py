@@ -235,6 +235,11 @@ def sample_seconds(sample: int) -> float:
     return 16 * (sample + 1) / 2e6
 
 
+def travel_seconds(index: int, velocity: int, sample: int) -> float:
+    """How long motor `index` takes for its whole travel at MOV or MCV `velocity`, in 1/16 count a sample, without its ramps (dossier 13)."""
+    return TRAVEL[index == 3] * 16 / max(1, velocity) * sample_seconds(sample)
+
+
 def implausible(index: int, position: int) -> bool:
     """Whether motor `index` cannot be there: beyond its travel by more than fingers differ."""
     return not -BEYOND <= position <= TRAVEL[index == 3] + BEYOND

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS, Answer, encode, explain_status, hint_for, motor_prefix
-from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, implausible, sample_seconds
+from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, implausible, travel_seconds
 from handctl.devices.barrett.views import MOTOR, NOT_HOMED, row_of, why_impossible
 from handctl.errors import Aftermath, CheckFailed, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.model.movement import ARRIVAL, BLOCKED, CONTACT, REACHED, SHORT, UNREAD, Arrival, Goal, failure_of_arrivals
@@ -129,6 +129,20 @@ def move(
     What the hand refuses, and a motor that did not end as expected, is the table's failure. Raises UsageError for an opening faster than IVEL may be, and for targets that turn it around, unless `force`;
     DeviceRefused for ERR 4 and other refusals; Interrupted after Ctrl-C, with where the motors are.
     """
+    return timed(hand, prefix, name, argument, prompts, force=force, expect=expect)[0]
+
+
+def timed(
+    hand: BarrettHand,
+    prefix: str,
+    name: str,
+    argument: int | None,
+    prompts: Prompts,
+    *,
+    force: bool = False,
+    expect: str = REACHED,
+) -> tuple[Table, float]:
+    """The same, and the seconds from the command to its prompt."""
     text = command_text(prefix, name, argument)
     motors = _indices(prefix)
     hand.line.connect()
@@ -142,7 +156,9 @@ def move(
     goals, seconds = _before(hand, name, argument, motors, force)
     prompts.progress(f"{text}: moving. The hand sends nothing until it stops.", CTRL_C)
     with hand.driven(prompts, powered=True):
+        began = hand.link.now()
         answer = hand.line.ask(text, at_least=3 * seconds)
+        took = hand.link.now() - began
     prompts.done()
     try:
         table, arrivals = _result(hand, name, answer, motors, goals, all_motors=not prefix)
@@ -154,14 +170,14 @@ def move(
     table.failure = hand.objection(answer._replace(status=0) if missed else answer)
     if table.failure is not None:
         hand.name_heat(table.failure)
-        return table
+        return table, took
     table.failure = failure_of_arrivals(hand.link.name, arrivals, expect, hint=hint_for(NOT_REACHED) if missed else "")
     if missed and expect == REACHED and table.failure is None:
         refusal = hand.refusal(answer)
         table.failure = CheckFailed(
             f"{refusal.text}, although each motor is within MPE of its target now", hint=refusal.hint, code=refusal.code
         )
-    return table
+    return table, took
 
 
 def moved(
@@ -198,8 +214,7 @@ def _before(
             refuse_harm(name, index, at, goal)
         speeds = [at[key] for key in velocity if at.get(key)]
         if speeds and "SAMPLE" in at:
-            samples = TRAVEL[index == 3] * 16 / min(speeds)  # 1/16 count a sample
-            slowest = max(slowest, samples * sample_seconds(at["SAMPLE"]))
+            slowest = max(slowest, travel_seconds(index, min(speeds), at["SAMPLE"]))
     return goals, slowest
 
 

@@ -12,6 +12,7 @@ from handctl.devices.barrett.device import UNKNOWN_NAME, BarrettHand
 from handctl.devices.barrett.gcl.codec import MAX_ARGUMENTS, MAX_LINE, PROMPT, Answer, encode, values
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, standard
 from handctl.errors import Hint, NotPresent
+from handctl.model.movement import ANY
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.proofs import MOVE, NONE, WRITE_BACK, Disturbed, Observation, Proof, put_back
@@ -24,6 +25,8 @@ LENGTHS = (40, 50, 60, 70, 80, 96, 112, 128)
 COUNTS = (8, 12, 16, 18, 20, 24)
 SHORT = ("P", "S", "SG", "DP", "DS", "CT", "OT", "EN", "OD", "HSG", "LSG", "MOV", "MCV", "FDZ", "FIP", "FPG", "MPE", "LFV", "LFS", "LCV", "HOLD", "IHIT", "IOFF", "IVEL")  # fmt: skip
 """24 names in 96 characters, as the vendor's library sends them."""
+AWAY = 200
+"""Counts by which F1 closes first, so that a motor that does not move is told from a position that is printed as 0."""
 TOO_LONG, TOO_MANY = 32, 1024
 SPEEDS = (19200, 38400)
 
@@ -134,12 +137,14 @@ def _sign(hand: BarrettHand) -> Observation:
 
 def _at_stop(hand: BarrettHand, prompts: Prompts) -> Observation:
     """How F1 prints its position at the open stop, IOFF counts below the origin. Raises what the movement ends with."""
-    from handctl.devices.barrett.motion import move
+    from handctl.devices.barrett.motion import moved
 
-    table = move(hand, "1", "TO", None, prompts, expect="any")
-    if table.failure is not None:
-        raise table.failure
+    moved(hand, "1", "IC", AWAY, prompts, expect=ANY)
+    away = _numbers(hand, "P")[0]
+    moved(hand, "1", "TO", None, prompts, expect=ANY)
     printed, offset = _numbers(hand, "P")[0], _numbers(hand, "IOFF")[0]
+    if printed == away:
+        return Observation(None, f"F1 does not move: P {printed}")
     clamped = "clamped" if printed == 0 < offset else None
     return Observation(sign_of((printed,)) or clamped, f"F1 at its open stop: P {printed}, IOFF {offset}")
 
@@ -200,7 +205,22 @@ def _idle_abort(hand: BarrettHand) -> Observation:
 
 
 def _stop_steps(_: BarrettHand) -> list[Step]:
-    return [Step("1TO", encode("1TO"), moves=True)]
+    return [Step(text, encode(text), moves=True) for text in (f"1IC {AWAY}", "1TO")]
+
+
+def _after_loop_steps(_: BarrettHand) -> list[Step]:
+    return [
+        Step("1LOOP", encode("1LOOP")),
+        Step("control block: velocity 2, or -2", b"C\x02", moves=True),
+        Step("^C", b"\3"),
+        Step("1T", encode("1T")),
+    ]
+
+
+def _after_loop(hand: BarrettHand, prompts: Prompts) -> Observation:
+    from handctl.devices.barrett.realtime.aftermath import motors_after_loop
+
+    return motors_after_loop(hand, prompts)
 
 
 LAYOUTS = ("name text", "name - text", "name: text")
@@ -228,7 +248,12 @@ PROOFS = (
     ),
     Proof(
         "position-at-stop", "not documented whether a position below 0 has a sign (dossier 15)", "signed",
-        "1TO, then FGET P: F1 stands IOFF counts below its origin. It stays there", _at_stop, MOVE,
-        steps=_stop_steps, question="F1 will OPEN to its stop and drop any held object. Keep clear",
+        f"1IC {AWAY} and 1TO, then FGET P: F1 is IOFF counts below its origin. It stays there", _at_stop, MOVE,
+        steps=_stop_steps, question="F1 will CLOSE a little, then OPEN to its stop and drop any held object. Keep clear",
+    ),
+    Proof(
+        "motors-after-loop", "no watchdog is described, nor what ^C does to a velocity (§6.1; dossier 6.6)", "run on",
+        "F1 driven by velocity 2 for 0.2 s, RealTime left by ^C alone, P ten times in 1 s, then T", _after_loop, MOVE,
+        steps=_after_loop_steps, question="F1 moves by up to 700 counts, and may go on moving for a second after the loop. Keep clear",
     ),
 )  # fmt: skip

@@ -366,11 +366,36 @@ def save(hand: RegisterDevice, prompts: Prompts) -> Table:
         return _save(hand, prompts)
 
 
-def _save(hand: RegisterDevice, prompts: Prompts) -> Table:
+def save_frames(hand: RegisterDevice, prompts: Prompts) -> tuple[HandctlError | None, eb90.Frame | None]:
+    """Send the save and wait for its result: why it was not acknowledged, None = it was, and the frame of its result, if one came."""
     bus, register = hand.bus, hand.map["save"]
     place = register.place
     results = [eb90.write_ack_prefix(bus.id, place), eb90.read_reply_prefix(bus.id, place, 1)]
     lost = bus.try_write(register.address, register.encode(1), "the save", "handctl only waits for its result")
+    if not bus.reports:
+        return lost, None
+    prompts.progress("saving to flash")
+    end = bus.link.deadline(SAVE_RESULT_SECONDS)
+    frame = bus.listen(results, end.remaining)
+    while frame is not None and frame.flag == eb90.WRITE and frame.data == b"\x01":
+        lost = None  # late, or twice
+        frame = bus.listen(results, end.remaining)
+    prompts.done()
+    return lost, frame
+
+
+def save_failed(bus: RegisterBus, frame: eb90.Frame) -> DeviceRefused:
+    """The error of a result that is not 00."""
+    return DeviceRefused(
+        f"{bus.where}: the save failed: result {hex_bytes(frame.data)} (00 = saved, FF = failed)",
+        hint="check the supply, then save again: the values are still in RAM",
+        code="save-failed",
+    )
+
+
+def _save(hand: RegisterDevice, prompts: Prompts) -> Table:
+    bus, register = hand.bus, hand.map["save"]
+    lost, frame = save_frames(hand, prompts)
     if not bus.reports:
         if lost is not None:
             raise lost
@@ -381,13 +406,6 @@ def _save(hand: RegisterDevice, prompts: Prompts) -> Table:
         )
         bus.pause(SAVE_RESULT_SECONDS)  # nothing is written meanwhile (rh56 §9)
         return outcome(hand, register, "sent", None)
-    prompts.progress("saving to flash")
-    end = bus.link.deadline(SAVE_RESULT_SECONDS)
-    frame = bus.listen(results, end.remaining)
-    while frame is not None and frame.flag == eb90.WRITE and frame.data == b"\x01":
-        lost = None  # late, or twice
-        frame = bus.listen(results, end.remaining)
-    prompts.done()
     if frame is None:
         bus.out_of_time("the result of the save")
         if lost is not None:
@@ -404,11 +422,7 @@ def _save(hand: RegisterDevice, prompts: Prompts) -> Table:
         )
         return outcome(hand, register, "accepted", None)
     if frame.data != b"\x00":
-        raise DeviceRefused(
-            f"{bus.where}: the save failed: result {hex_bytes(frame.data)} (00 = saved, FF = failed)",
-            hint="check the supply, then save again: the values are still in RAM",
-            code="save-failed",
-        )
+        raise save_failed(bus, frame)
     return outcome(hand, register, "saved", frame.data)
 
 

@@ -1,23 +1,26 @@
 """What the manuals of the Inspire devices leave open alike, as experiments over any of their wires. See `model.proofs`.
 
-Each is a read by the bus, which takes nothing but a whole reply with the right id, address, length and checksum.
+A save and a calibration cannot be put back: flash has no other copy, and what is written there is not known before. Everything else is a read by the bus, which takes nothing but a whole reply with the right id, address, length and checksum.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
 from statistics import median
+from typing import Any
 
 from handctl.devices.inspire.eb90 import MAX_COUNT, WRITE, write_ack_prefix, write_request
 from handctl.devices.inspire.identity import identify_alone
-from handctl.devices.inspire.procedures import probe
+from handctl.devices.inspire.procedures import probe, save_failed, save_frames
 from handctl.devices.inspire.register_bus import RegisterBus, Span
 from handctl.devices.inspire.register_device import RegisterDevice
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, DeviceRefused, Hint, NoAnswer
 from handctl.model.param import Step, elements_of
-from handctl.model.proofs import WRITE_BACK, Disturbed, Observation, Proof, put_back
+from handctl.model.prompts import Prompts
+from handctl.model.proofs import PERMANENT, WRITE_BACK, Disturbed, Observation, Proof, put_back
+from handctl.model.result import Table
 
 ANSWERED, SILENT, REFUSED = "answered", "silent", "refused"
 SIZES = (MAX_COUNT, 200, 151, 100, 64, 32, 12)
@@ -214,6 +217,45 @@ def _write_reply(name: str, device: RegisterDevice) -> Observation:
     return Observation(how, f"{name} was written with the value it has: {reply.hex(' ').upper() or 'no data'}")
 
 
+def _save_frames(device: RegisterDevice, prompts: Prompts) -> Observation:
+    """How a save is answered: at once, about a second later, both, and with which flag and data the result comes."""
+    bus = device.bus
+    identify_alone(device, refusal=True)
+    if not bus.reports:
+        return Observation(None, "this connection has no frame that reports the result")
+    with bus.on_early_end(
+        "the save was sent, but its result is not known", f"check with `handctl {device.kind} get id baud_code`"
+    ):
+        lost, frame = save_frames(device, prompts)
+    if lost is not None and frame is None:
+        raise lost
+    first = "" if lost is not None else "acknowledged"
+    second = "" if frame is None else f"result {frame.data.hex(' ').upper()} with flag {frame.flag:02X}"
+    if frame is not None and frame.data != b"\0":
+        raise save_failed(bus, frame)
+    if frame is not None:
+        device.journal.ledger.confirm("its result was 00: saved")
+    return Observation(
+        ", ".join(filter(None, (first, second))), f"save: {first or 'no acknowledgement'}, {second or 'no result'}"
+    )
+
+
+def _supply(name: str, meter: float | None, device: RegisterDevice) -> Observation:
+    """Counts of the supply register to a volt, by a voltmeter."""
+    if meter is None:
+        return Observation(None, "needs the reading of a voltmeter at the supply: --meter V")
+    if name not in device.own_map():
+        return Observation(None, f"this device has no {name}")
+    (reading,) = device.read(elements_of(device.own_map()[name]))
+    if reading.error is not None or reading.value is None:
+        raise reading.error or Disturbed(f"{name} was not read")
+    return Observation(round(reading.value / meter, 2), f"{name} {reading.value} at {meter:g} V")
+
+
+def _trigger_steps(name: str) -> Callable[[RegisterDevice], list[Step]]:
+    return lambda device: [device.trigger_step(name, name)]
+
+
 def _id_steps(device: RegisterDevice) -> list[Step]:
     bus, address = device.bus, device.map["id"].address
     new = next(one for one in SPARE_IDS if one != bus.id)
@@ -272,3 +314,26 @@ ID_ACK = Proof(
     "give it a free id and the one of before again: who acknowledges the first write", _acknowledged, WRITE_BACK,
     steps=_id_steps, question="The hand gets another id for a moment, and its own again. It stays volatile",
 )  # fmt: skip
+SAVE_FRAMES = Proof(
+    "save-frames", "one acknowledgement in print (exo §2.2.4), two frames on the RH56, and its result flag is printed both ways (dossier 5, E12)",
+    ("acknowledged, result 00 with flag 11", "acknowledged, result 00 with flag 12"), "save, then listen for 2.5 s: which frames come", _save_frames, PERMANENT,
+    steps=_trigger_steps("save"), question="This saves the present settings to flash. It cannot be put back, and counts against the life of the flash",
+)  # fmt: skip
+
+
+def supply(name: str, source: str) -> Proof:
+    """What a count of the supply register is worth."""
+    return Proof(
+        "supply-scale", f"no unit is documented ({source}); handctl shows the raw number", (), f"{name} against the voltmeter: counts to a volt", partial(_supply, name),
+        typed="What does a voltmeter show at the supply of the device, in V?",
+    )  # fmt: skip
+
+
+def calibration_frames(trigger: str, run: Callable[[Any, Prompts], Table], says: str, question: str) -> Proof:
+    """Whether the end of a calibration is reported."""
+
+    def ask(device: RegisterDevice, prompts: Prompts) -> Observation:
+        (row,) = [row for row in run(device, prompts).rows if row["value"] in ("completed", "not reported")]
+        return Observation("reported" if row["value"] == "completed" else "not reported", f"calibration: {row['value']}, data {row['raw'] or 'none'}")  # fmt: skip
+
+    return Proof("calibration-frames", says, "reported", "calibrate, then listen for the frame that reports the end", ask, PERMANENT, steps=_trigger_steps(trigger), question=question)  # fmt: skip

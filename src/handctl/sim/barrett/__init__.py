@@ -23,6 +23,7 @@ FACTS: dict[str, dict[object, str]] = {
     "idle-abort": {"prompt": ""},
     "strain-gauges": {3: "", 0: "fault=no-gauges"},
     "strain-alias": {"equal": ""},
+    "motors-after-loop": {"run on": "", "stop": "loop-exit=stop"},
     "highest-speed": {38400: "", "*": "max-baud={}"},
 }
 """What a fact about a real one makes of the simulated one, see `engine.facts`."""

@@ -29,5 +29,11 @@ FACTS: dict[str, dict[object, str]] = {
     "set-points-at-power-on": {-1: ""},
     "write-acknowledgement": {"*": "ack={}"},
     "id-acknowledged-by": {"new": "", "old": "ack-id=old"},
+    "save-frames": {
+        "acknowledged, result 00 with flag 11": "",
+        "acknowledged, result 00 with flag 12": "result-flag=18",
+        "acknowledged": "fault=no-late-frames",
+    },
+    "calibration-frames": {"reported": "", "not reported": "fault=no-late-frames"},
 }
 """What a fact about a real one makes of the simulated one, see `engine.facts`."""

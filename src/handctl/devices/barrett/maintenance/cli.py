@@ -8,16 +8,20 @@ import click
 
 from handctl.command import get_set_watch
 from handctl.command.command_tree import Group
-from handctl.command.options import BOUNDS, WholeRange, watch_options
-from handctl.command.run import PlannedAction, Run
+from handctl.command.options import BOUNDS, OutFile, WholeRange, watch_options
+from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.barrett.gcl.codec import motor_prefix
 from handctl.devices.barrett.map import BARRETT
-from handctl.errors import Hint, UsageError
+from handctl.errors import Hint, NotConfirmed, OutputError, UsageError
+from handctl.files import why_unwritable
+from handctl.model.param import Step
 from handctl.model.result import Column, Table
 
 if TYPE_CHECKING:
     from handctl.devices.barrett.device import BarrettHand
 
+LIGHT_STEPS = ("power-on", "firmware", "settings", "temperature", "init", "strain", "origin", "position-at-stop", "finger-speed", "spread-speed", "highest-speed", "early-breakaway", "breakaway", "grease")  # fmt: skip
+"""Names of `first_light.steps_for`, here so that help needs no more: a test holds them together."""
 PROCEDURE_NAMES = ("lubrication", "fasteners", "pretension", "strain", "firmware")
 HAND_NAME = click.option(
     "--hand", "name", default="", metavar="NAME", help="Name for this hand in the journal if its serial number is 0."
@@ -225,3 +229,81 @@ def add_care_commands(group: Group) -> None:
             examine,
             "This moves the hand. Keep people and things out of its reach",
         )
+
+    @group.verb("first-light", "Service", writes=True, asks=True)
+    @click.argument("link", required=False)
+    @click.option(
+        "--skip",
+        type=click.Choice(LIGHT_STEPS),
+        multiple=True,
+        metavar="STEP",
+        help=f"Skip this step. Can be repeated. Steps: {', '.join(LIGHT_STEPS)}.",
+    )
+    @click.option(
+        "--repeat",
+        type=WholeRange(2, 20),
+        default=2,
+        show_default=True,
+        metavar="N",
+        help="Repeat each reading step N times. All of them must agree.",
+    )
+    @click.option(
+        "--identify", is_flag=True, help="Keep the serial number and other identifying data in the facts file."
+    )
+    @click.option(
+        "--keep",
+        "path",
+        type=OutFile(),
+        metavar="FILE",
+        help="Also keep the facts in FILE (JSON), as `prove -o` does, for --facts and `prove diff`.",
+    )
+    @HAND_NAME
+    def first_light(
+        run: Run, link: str | None, skip: tuple[str, ...], repeat: int, identify: bool, path: str | None, name: str
+    ) -> PlannedAction:
+        """Bring a hand from the cupboard into use, step by step. MOVES the hand.
+
+        Listens while you switch the power on, then checks firmware, settings, temperature, HI, strain, origin, speeds, the
+        clutches (firmware 4.34 and later) and greasing. Each step asks first, and what moves says what will move. A step
+        that fails is a row of the result, and the next one is offered. At the first sign of harm the hand is stopped and
+        the run ends. Even with --yes, nothing moves while the hand is too hot or has a harmful setting, and HI comes first.
+        """
+        from handctl.devices.barrett.maintenance import first_light as light
+        from handctl.devices.barrett.probe import ping
+        from handctl.model import facts
+        from handctl.model.proofs import READ, table_of
+
+        run.reach(link)
+        if path is not None and (why := why_unwritable(path)):
+            raise OutputError(
+                f"{path}: cannot be written: {why}", hint="choose another file for --keep. Nothing was sent."
+            )
+        attended = run.asks and run.prompts.present
+        steps = light.steps_for(name, attended=attended)
+        wanted = [step for step in steps if step.proof.name not in skip]
+        question = light.QUESTION if any(step.proof.question for step in wanted) else ""
+
+        def carry_out(hand: BarrettHand) -> Table:
+            def ask(step: light.LightStep) -> bool:
+                proof = step.proof
+                if proof.level == READ:
+                    text = f"{proof.name}: {proof.how}. Enter starts it, s skips it."
+                    return not run.asks or run.prompts.text(text).casefold() not in ("s", "skip")
+                try:
+                    run.confirm(f"{proof.name}: {proof.question}", proof.steps(hand))
+                except NotConfirmed:
+                    return False
+                return True
+
+            hour = light.FirstLight(hand, run.prompts, ask, lambda: ping(hand), attended=attended)
+            hour.run(steps, skip, repeat)
+            if path is not None:
+                facts.keep(path, hand, hour.outcomes, identify=identify)
+            table = table_of(hour.outcomes, hand.kind)
+            table.failure = light.verdict_of(hour)
+            return table
+
+        def plan() -> list[Step]:
+            return [write for step in wanted for write in step.proof.steps(run.planner())]
+
+        return PlannedAction(plan, carry_out, question, look=lambda _hand: Asked())

@@ -38,6 +38,8 @@ TOLERANCE = 0.4
 BEFORE, AFTER, ASSUMED = "before breakaway", "after breakaway", "assumed before breakaway"
 COLUMNS = (NAME, MOTOR, VALUE, UNIT, Column("limit", "Limit", right=True), Column("state", "Breakaway"), DOUBT)
 JOINTS = ("joint_spread", "joint_inner", "joint_outer")
+RANGES = {name: (0.0, limit) for name, limit in zip(JOINTS, LIMITS, strict=True)}
+"""Joint -> the ends of its bar in a live view."""
 AXES = ("tip_x", "tip_y", "tip_z")
 REACH = 320.0
 """No tip gets farther from the palm's centre, in mm: the ends of the live view's bars."""
@@ -232,13 +234,12 @@ def now(hand: BarrettHand) -> Table:
 
 
 def stream(hand: BarrettHand, **timing: Any) -> Table:
-    ranges = dict(zip(JOINTS, ((0.0, limit) for limit in LIMITS), strict=True))
     return live(
         hand,
         Tips(hand).rows,
         **timing,
         columns=COLUMNS,
-        ranges=ranges | {"tip_x": (-REACH, REACH), "tip_y": (-REACH, REACH), "tip_z": (0.0, REACH)},
+        ranges=RANGES | {"tip_x": (-REACH, REACH), "tip_y": (-REACH, REACH), "tip_z": (0.0, REACH)},
         decimals=dict.fromkeys((*JOINTS, *AXES), 1),
     )
 

@@ -47,6 +47,11 @@ def add_realtime(group: Group) -> None:
         help="Values in feedback: velocity, strain, position, delta, temperature, none. `strain@12` limits it to some motors "
         "(default: the hand's own flags).",
     )
+    @click.option(
+        "--angles",
+        is_flag=True,
+        help="Also show the joint angles in degrees, calculated from the positions. See ANGLES.",
+    )
     @click.option("--velocity", metavar="V", help="Constant control velocity, -127 to 127: 20, or 20,5, or F1=20,F2=5.")
     @click.option("--gain", metavar="K", help="Constant proportional gain, 0 to 255, in the same form.")
     @click.option(
@@ -113,6 +118,7 @@ def add_realtime(group: Group) -> None:
         motors: str | None,
         send: str | None,
         receive: str | None,
+        angles: bool,
         velocity: str | None,
         gain: str | None,
         path: str | None,
@@ -150,9 +156,15 @@ def add_realtime(group: Group) -> None:
         sign, floor, round, sqrt, sin, cos. The result is rounded and limited to -127 to 127 (gain: 1 to 255). If it is not a number,
         velocity 0 is sent and the loop ends with exit code 7. No law can override a guard.
 
+        ANGLES: with --angles, each block also has joint_inner and joint_outer of each finger and joint_spread of the spread,
+        in degrees. A clutch that lets go locks the inner link, and the loop does not show it. joint_outer is therefore
+        empty unless the firmware (4.34 and later) reported before the loop that the clutch holds, and once the finger has
+        been driven to close. `state` in a row says which it is, and joint_inner is correct as long as the clutch holds.
+
         `doubt` in a row says why its value may be wrong: a delta did not fit into its byte, or the bytes after a block did
         not confirm its position in the stream.
         """
+        from handctl.devices.barrett.maintenance.fingertips import RANGES
         from handctl.devices.barrett.motion import moved
         from handctl.devices.barrett.realtime import schedule
         from handctl.devices.barrett.realtime.flags import FlagRequest, refuse_disabled
@@ -161,6 +173,8 @@ def add_realtime(group: Group) -> None:
         from handctl.devices.barrett.realtime.rows import measured
         from handctl.devices.barrett.realtime.session import steps_of
 
+        if measure is not None and angles:
+            raise UsageError("--angles cannot be combined with --measure", hint="leave one of them out")
         if measure is not None and (count is not None or duration is not None):
             raise UsageError(
                 "--measure cannot be combined with --count or --duration", hint="leave --count and --duration out"
@@ -187,7 +201,8 @@ def add_realtime(group: Group) -> None:
             frozenset(GUARDS) - off,
             delta_unit,
             not may_suspend,
-            rules.needs,
+            rules.needs | (frozenset((index, "position") for index in indices) if angles else frozenset()),
+            angles,
         )
         homing = f"{flag_request.prefix}HI"
         first = [Step(f"{homing}: initialize", encode(homing), moves=True)] if initialize else []
@@ -210,7 +225,7 @@ def add_realtime(group: Group) -> None:
             if recorder is not None:
                 return recorder(hand, loop, {"laws": list(laws), "until": until})
             table = Table(columns=COLUMNS, plain=("name", "motor", "value", "unit"), summary=loop.summary, wide=True)
-            table.ranges = {"strain": (0, 255), "position": (0, TRAVEL[0])}
+            table.ranges = {"strain": (0, 255), "position": (0, TRAVEL[0]), **(RANGES if angles else {})}
             table.steer = loop.steer
             table.samples = _guarded(loop, table, rate, count, duration)
             return table

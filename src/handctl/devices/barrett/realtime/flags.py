@@ -37,6 +37,7 @@ class FlagRequest(NamedTuple):
     delta_unit   LFDPC as the user wants it; None = as velocity and rate need it
     watched      the motors are stopped where the command that drives them stands still
     needs        (motor index, name) of feedback that is taken in, and not shown
+    angles       the joint angles are shown
     """
 
     motors: tuple[int, ...]
@@ -47,6 +48,7 @@ class FlagRequest(NamedTuple):
     delta_unit: int | None = None
     watched: bool = True
     needs: frozenset[tuple[int, str]] = frozenset()
+    angles: bool = False
 
     @property
     def prefix(self) -> str:

@@ -17,6 +17,7 @@ from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import DISTURBED, Answer
 from handctl.devices.barrett.gcl.line import COLON_ALONE, restarted_in
 from handctl.devices.barrett.map import BARRETT
+from handctl.devices.barrett.realtime.angles import clutches
 from handctl.devices.barrett.realtime.blocks import (
     FEEDBACK_ONLY,
     NEITHER,
@@ -114,6 +115,8 @@ class RealtimeLoop:
         session = self.session
         try:
             self._prepare(rate)
+            if self.flag_request.angles:
+                self.intake.angles = clutches(self.hand, self.flag_request.motors)
             if outline:
                 yield self.intake.outline(self.controls.first if self.controls is not None else {})
             self._enter()

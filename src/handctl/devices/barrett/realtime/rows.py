@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, implausible
+from handctl.devices.barrett.realtime.angles import Angles
 from handctl.devices.barrett.realtime.blocks import (
     FEEDBACK,
     UNITS,
@@ -102,6 +103,7 @@ class Intake:
     start     of the blocks, `started` the same as a time of day; rate = blocks a second that were asked for, 0 = as many as go; late = blocks behind it
     cycle     s that pass from one chance to act to the next, as seen lately
     end       why a guard ends the loop
+    angles    what makes joint angles of the positions, None = they were not asked for
     moment    when the block of the last sample was sent, and when its feedback had come
     """
 
@@ -109,6 +111,7 @@ class Intake:
         self._hand, self._wish, self._measuring = hand, flag_request, measuring
         self.prepared = Prepared(Layout({}), {}, False, {}, 0, False)
         self.guards: Guards | None = None
+        self.angles: Angles | None = None
         self.end: CheckFailed | None = None
         self.moment = Moment(0.0, 0.0)
         self.velocity_points: dict[int, list[tuple[float, int, int]]] = {index: [] for index in flag_request.motors}
@@ -149,6 +152,8 @@ class Intake:
                 self.guards.heat(feedback.temperature)
             self._tell(self.guards.events)
         self._in_force = sent.values
+        if self.angles is not None:
+            self.angles.driven(sent.values)
         return Taken(feedback, sent.values, sent.held, places, saturated, now, sent.at)
 
     def outline(self, values: Values) -> Sample:
@@ -156,7 +161,10 @@ class Intake:
         layout = self.prepared.layout
         motors = {index: dict.fromkeys(motor.feedback, 0) for index, motor in layout.motors.items()}
         blank = Taken(Feedback(motors, 0), values, {}, dict.fromkeys(motors, 0), {}, 0.0)
-        return Sample(0.0, tuple(rows_of(blank, layout, self.prepared.shown, self.prepared.temperature, "")))
+        rows = list(rows_of(blank, layout, self.prepared.shown, self.prepared.temperature, ""))
+        if self.angles is not None:
+            rows += self.angles.rows(blank.positions, {})
+        return Sample(0.0, tuple(rows))
 
     def _tell(self, events: list[Event]) -> None:
         """What the guards did since the last time."""
@@ -190,7 +198,10 @@ class Intake:
                 "a delta did not fit into its byte, so the position that is summed from deltas lags (its rows say so)",
                 hint="use more counts in --delta-unit, position in --receive, or a higher --rate (barrett §6.2.3)",
             )
-        rows = rows_of(taken, layout, self.prepared.shown, self.prepared.temperature, doubt)
+        rows = list(rows_of(taken, layout, self.prepared.shown, self.prepared.temperature, doubt))
+        if self.angles is not None:
+            places = taken.positions
+            rows += self.angles.rows(places, {index: doubt or _doubt(taken, index) for index in places})
         t = taken.at - self.start
         return Sample(t, tuple(rows), None if self.started is None else self.started + t)
 
@@ -269,8 +280,14 @@ def _motor_rows(taken: Taken, layout: Layout, index: int, shown: tuple[str, ...]
         row = _row(key, FEEDBACK[key], name, scaled, UNITS.get(key), why)
         yield {**row, "label": "no gauge"} if key == "strain" and value == NO_GAUGE else row
     if "delta" in found and "delta" in shown and "position" not in found:
-        why = doubt or saturated or ("beyond the joint's travel" if implausible(index, taken.positions[index]) else "")
+        why = doubt or _doubt(taken, index)
         yield _row("position", "LFDP", name, taken.positions[index], "cts", why)
+
+
+def _doubt(taken: Taken, index: int) -> str:
+    """What speaks against the position of a motor, "" = nothing."""
+    beyond = "beyond the joint's travel" if implausible(index, taken.positions[index]) else ""
+    return taken.saturated.get(index, "") or beyond
 
 
 def _row(name: str, parameter: str, motor: str | None, value: Number, unit: str | None, doubt: str = "") -> Row:

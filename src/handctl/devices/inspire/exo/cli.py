@@ -175,10 +175,9 @@ def calibrate(run: Run) -> PlannedAction:
     Someone has to wear the hand, and it moves the wearer's fingers.
     """
     steps = [run.planner().trigger_step("calibrate", "calibrate")]
-    for number, (seconds, text) in enumerate(device.CALIBRATION_STEPS if not run.settings.dry_run else (), 1):
-        run.prompts.say(f"  step {number}: {text} (waits {seconds} s)")
-    question = f"{device.POWER_OFF} Someone has to wear the hand, and it moves all fingers through the steps above"
-    return PlannedAction(steps, lambda hand: device.calibrate(hand, run.prompts), question)
+    if not run.settings.dry_run:
+        device.say_calibration_steps(run.prompts)
+    return PlannedAction(steps, lambda hand: device.calibrate(hand, run.prompts), device.CALIBRATION_QUESTION)
 
 
 @cli.verb("force", "Move", writes=True, asks=True)

@@ -339,6 +339,13 @@ CALIBRATION_STEPS = (
     (2, "thumb and index finger touch, the others bend alike"),
 )
 """Seconds of the documented wait and what the wearer does (exo §2.3.6)."""
+CALIBRATION_QUESTION = f"{POWER_OFF} Someone has to wear the hand, and it moves all fingers through the steps above"
+
+
+def say_calibration_steps(prompts: Prompts) -> None:
+    """Tell the wearer what is going to happen."""
+    for number, (seconds, text) in enumerate(CALIBRATION_STEPS, 1):
+        prompts.say(f"  step {number}: {text} (waits {seconds} s)")
 
 
 def calibrate(hand: ExoHand, prompts: Prompts) -> Table:

@@ -3,6 +3,15 @@
 from __future__ import annotations
 
 from handctl.devices.inspire import proofs
+from handctl.devices.inspire.exo import device
+from handctl.model.prompts import Prompts
+from handctl.model.result import Table
+
+
+def _calibrate(hand: device.ExoHand, prompts: Prompts) -> Table:
+    device.say_calibration_steps(prompts)
+    return device.calibrate(hand, prompts)
+
 
 PROOFS = (
     proofs.across((1472, 151), "exo §2.2.3"),
@@ -11,5 +20,11 @@ PROOFS = (
     proofs.reply_time("dossier 6"),
     proofs.speed_register(1001, "exo §2.3.2, RH56 §2.4"),
     proofs.set_points("position_set", "sibling, dossier 7"),
+    proofs.supply("system_voltage", "exo §2.3"),
     proofs.ID_ACK,
-)
+    proofs.SAVE_FRAMES,
+    proofs.calibration_frames(
+        "calibrate", _calibrate, "no report in print (exo §2.3.6); a frame with address 2 on the RH56 (chapter 3, example 5)",
+        f"{device.POWER_OFF} Someone has to wear the hand, and the calibration moves all fingers and replaces the present one",
+    ),
+)  # fmt: skip

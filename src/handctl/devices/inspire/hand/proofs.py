@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from handctl.devices.inspire import proofs
+from handctl.devices.inspire.hand import motion
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.modbus_bus import TEMPERATURES, ModbusBus
 from handctl.devices.inspire.modbus_frames import read_request
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS
 from handctl.devices.inspire.serial_bus import SerialBus
+from handctl.model.prompts import Prompts
 from handctl.model.proofs import Observation, Proof
+from handctl.model.result import Table
 
 
 def prepare(hand: Hand) -> None:
@@ -65,6 +68,11 @@ def _halves(hand: Hand) -> Observation:
     )
 
 
+def _calibrate(hand: Hand, prompts: Prompts) -> Table:
+    motion.fit_to_move(hand)
+    return motion.calibrate(hand, prompts)
+
+
 PROOFS = (
     Proof("generation", "no register holds it (rh56 §1.1)", ("df", "tp", "f1", "dg2"), "reads that are plausible for one generation only", _generation),
     Proof("protocol", "EB90 on every serial pair; whether TP's answers it is open (rh56 §8)", ("both", "eb90", "modbus"), "the same read in EB90 and in Modbus RTU", _protocol),
@@ -77,5 +85,11 @@ PROOFS = (
     proofs.speed_register(1002, "rh56 §6, Q1"),
     proofs.set_points("angle_set", "rh56 §6"),
     proofs.write_reply("default_speed", "wrist §2.3.2, sibling capture"),
+    proofs.supply("system_voltage", "rh56 §3.1"),
     proofs.ID_ACK,
+    proofs.SAVE_FRAMES,
+    proofs.calibration_frames(
+        "calibrate_force", _calibrate, "a frame with address 2 (chapter 3, example 5; rh56 §6 Q9)",
+        f"{motion.POWER_OFF} The whole hand opens and closes, and the calibration replaces the present one. It must be open and empty",
+    ),
 )  # fmt: skip

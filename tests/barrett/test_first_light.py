@@ -1,0 +1,247 @@
+"""`barrett first-light`: every step of the hour, what is asked, what is refused whatever is answered, and what ends it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from handctl.devices.barrett.maintenance import first_light
+from handctl.devices.barrett.maintenance.cli import LIGHT_STEPS
+from handctl.errors import (
+    CheckFailed,
+    DeviceRefused,
+    HandctlError,
+    Interrupted,
+    LinkError,
+    NoAnswer,
+    ProtocolError,
+    UsageError,
+)
+from handctl.model.proofs import MOVE
+from tests.barrett.commands import MOTORS, fake, sent_lines
+from tests.support.cli import Result, run, spying
+from tests.support.each_row import each_row
+from tests.support.person import once, person, pressed_at
+
+COLD = "fake://barrett?clock=virtual"
+MOVES = ("HI", "HOME", "TO", "C", "O")
+
+
+@pytest.fixture(autouse=True)
+def state_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+
+def light(link: str = COLD, *words: str | Path, skip: tuple[str, ...] = ()) -> Result:
+    skipped = [word for name in skip for word in ("--skip", name)]
+    return run("barrett", "first-light", link, *skipped, *words, "--json")
+
+
+def why(result: Result) -> dict[str, Any]:
+    """What each step came to: its value, or why it has none."""
+    return {row["fact"]: row["value"] if row["why"] is None else row["why"] for row in result.rows}
+
+
+def moved(trace: Path) -> list[str]:
+    return [line for line in sent_lines(trace) if line.lstrip("1234") in MOVES]
+
+
+def test_the_names_of_the_steps_are_those_of_the_help() -> None:
+    steps = first_light.steps_for("", attended=True)
+    assert tuple(step.proof.name for step in steps) == LIGHT_STEPS
+    assert all(step.proof.question and step.proof.steps for step in steps if step.proof.level == MOVE)
+
+
+def test_a_hand_out_of_the_cupboard(tmp_path: Path) -> None:
+    """The power comes on after 3 s: the whole hour, its facts, and the motors in the order in which they were driven."""
+    trace, path = tmp_path / "t.txt", tmp_path / "facts.json"
+    result = light(f"{COLD}&switch=0.5,3&firmware=4.34", "-y", "--trace", trace, "--keep", path)
+    assert result.code == 7 and result.error["code"] == "findings", result.err
+    assert why(result) == {
+        "power-on": "':' banner", "firmware": "4.34", "settings": "factory values", "temperature": 41.2, "init": "ready",
+        "strain": "in range", "origin": "reached", "position-at-stop": "signed", "finger-speed": "as set", "spread-speed": "as set",
+        "highest-speed": 38400, "early-breakaway": "none", "breakaway": "needs-person", "grease": "due",
+    }  # fmt: skip
+    assert {row["verdict"] for row in result.rows if row["fact"] not in ("breakaway", "grease")} == {"as-assumed"}
+    assert moved(trace)[:9] == ["1HI", "2HI", "3HI", "4HI", "1HOME", "2HOME", "3HOME", "4HOME", "1TO"]
+    assert {row["state"] for row in result.json["writes"]} == {"confirmed"}
+    content = json.loads(path.read_text(encoding="utf-8"))
+    assert content["facts"]["position-at-stop"]["value"] == "signed" and "device" not in content
+    assert run("prove", "diff", str(path), str(path), "--json").code == 0
+
+
+def test_nothing_is_sent_before_the_hand_has_spoken(tmp_path: Path) -> None:
+    trace = tmp_path / "t.txt"
+    light(f"{COLD}&switch=0.5,3", "-y", "--trace", trace)
+    marks = [line.split()[1] for line in trace.read_text().splitlines() if line.split()[1] in "<>"]
+    assert marks[0] == "<"
+
+
+@each_row(
+    "query,step,value",
+    [
+        ("fault=strain-offset", "strain", "outside: F3"),
+        ("fault=no-gauges", "strain", "no gauges"),
+        ("fault=no-board", "init", "F2: No motor board found (1)"),
+        ("initialized=1&fault=blocked", "finger-speed", "F1 C: stalled short of the target at 0; F2 C: stalled short of the target at 0; F3 C: stalled short of the target at 0"),
+        ("firmware=4.34&fault=breakaway", "early-breakaway", "F3"),
+        ("initialized=1&fault=blocked", "position-at-stop", "no-sign"),
+        ("firmware=4.33", "early-breakaway", "not-present"),
+        ("firmware=4.33", "power-on", "no-sign"),
+        ("found=boot", "power-on", "':' banner"),
+        ("max-baud=19200", "highest-speed", 19200),
+    ],
+)  # fmt: skip
+def test_what_a_step_finds(query: str, step: str, value: object) -> None:
+    assert why(light(f"{COLD}&{query}", "-y"))[step] == value
+
+
+def test_a_failed_step_is_data_and_the_next_is_offered(tmp_path: Path) -> None:
+    trace = tmp_path / "t.txt"
+    result = light(f"{COLD}&fault=no-motor", "-y", "--trace", trace)
+    found = why(result)
+    assert result.code == 7 and result.error["code"] == "findings"
+    assert found["init"].startswith("F3: ") and found["origin"] == "err-2" and found["position-at-stop"] == "signed"
+    assert "4HI" in moved(trace)
+
+
+# -- what is asked --------------------------------------------------------------------------------------------------
+
+
+def test_nobody_to_ask_and_nothing_is_sent(tmp_path: Path) -> None:
+    trace = tmp_path / "t.txt"
+    assert light(COLD, "--trace", trace).code == 8
+    assert not trace.exists() or sent_lines(trace) == []
+
+
+def test_with_all_that_moves_skipped_nobody_is_asked(tmp_path: Path) -> None:
+    trace = tmp_path / "t.txt"
+    asking = tuple(step.proof.name for step in first_light.steps_for("", attended=False) if step.proof.question)
+    result = light(COLD, "--trace", trace, skip=asking)
+    assert result.code == 7 and moved(trace) == []
+    assert {why(result)[name] for name in asking} == {"skipped"}
+
+
+def test_a_person_is_asked_before_each_step_and_a_no_moves_nothing(tmp_path: Path) -> None:
+    trace = tmp_path / "t.txt"
+    answers = ["", "", "", "s", "", "y", "", "n", "n", "n", "n", "n", "n", ""]
+    shown = person("barrett", "first-light", "-p", f"{COLD}&found=boot", "--trace", trace, answers=answers)
+    assert moved(trace) == ["1HI", "2HI", "3HI", "4HI"], shown.data
+    lines = sent_lines(trace)
+    assert lines.index("1HI") > lines.index("VERS")
+    assert shown.data.index("as assumed: HI: F1") < shown.data.index("origin: "), (
+        "each result is told before the next question"
+    )
+
+
+def test_the_clutch_needs_an_object_and_somebody_who_answers(tmp_path: Path) -> None:
+    """The fault `breakaway` stands for the object at F3."""
+    trace, done = tmp_path / "t.txt", [word for name in LIGHT_STEPS[:-2] for word in ("--skip", name)]
+    link = fake(firmware="4.34", fault="breakaway")
+    shown = person("barrett", "first-light", link, *done, "--json", "--trace", trace, answers=["y", ""])
+    assert moved(trace) == ["3C", "3O"] and '"lets go and resets"' in shown.data
+    unanswered = light(link, "-y", skip=LIGHT_STEPS[:-2])
+    assert why(unanswered)["breakaway"] == "needs-person"
+
+
+# -- what no answer can replace -------------------------------------------------------------------------------------
+
+
+@each_row(
+    "query,skip,step,reason",
+    [
+        ("", ("init",), "origin", "not-initialized"),
+        ("", ("init", "settings"), "finger-speed", "not-initialized"),
+    ],
+)
+def test_nothing_moves_before_hi(query: str, skip: tuple[str, ...], step: str, reason: str, tmp_path: Path) -> None:
+    trace = tmp_path / "t.txt"
+    assert why(light(f"{COLD}&{query}", "-y", "--trace", trace, skip=skip))[step] == reason
+    assert moved(trace) == []
+
+
+def test_a_harmful_setting_moves_nothing_even_where_its_step_is_skipped(tmp_path: Path) -> None:
+    state, trace = tmp_path / "hand.json", tmp_path / "t.txt"
+    link = f"{COLD}&state={state}"
+    assert run("barrett", "gcl", "1FSET IVEL 1000", "1FSAVE", "-y", "-p", link).code == 0
+    result = light(link, "-y", "--trace", trace, skip=("settings",))
+    assert why(result)["init"] == "settings" and moved(trace) == []
+    assert why(light(link, "-y"))["settings"] == "harmful"
+
+
+def test_heat_ends_the_run_before_anything_moves(tmp_path: Path) -> None:
+    trace = tmp_path / "t.txt"
+    result = light(f"{COLD}&fault=hot", "-y", "--trace", trace, skip=("temperature",))
+    assert (result.code, result.error["code"]) == (7, "hot")
+    assert moved(trace) == [] and why(result)["grease"] == "ended"
+
+
+def test_heat_in_the_middle_ends_the_run_behind_that_motor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    trace, read = tmp_path / "t.txt", first_light._heat
+    count = [0]
+
+    def warmer(hand: Any) -> tuple[int, int]:
+        count[0] += 1
+        return (651, 650) if count[0] > 7 else read(hand)  # temperature twice over, init before, then behind each motor
+
+    monkeypatch.setattr(first_light, "_heat", warmer)
+    result = light(COLD, "-y", "--trace", trace)
+    assert (result.code, result.error["code"]) == (7, "hot")
+    assert 1 <= len(moved(trace)) < 4
+    assert sent_lines(trace)[-1] == "T", "the motors' power is off"
+
+
+@each_row("after", range(100, 112, 4))
+def test_no_reply_in_a_movement_stops_the_hand(after: int, tmp_path: Path) -> None:
+    trace = tmp_path / "t.txt"
+    result = light(f"{COLD}&fault=hang&after={after}", "-y", "--trace", trace)
+    assert result.code == 4 and why(result)["grease"] == "ended"
+    lines = sent_lines(trace)
+    assert lines[-1] == "T" and moved(trace)
+
+
+@each_row("seconds", [6.2, 7.0, 8.0, 9.5, 12.0, 14.0, 16.0])
+def test_ctrl_c_stops_it_anywhere(seconds: float) -> None:
+    with spying() as spy, pressed_at(seconds):
+        shown = person("barrett", "first-light", COLD, "-y")
+    assert shown.code == 130, shown.data
+    motors = spy.lines[-1].device.hand.motors
+    assert not any(motor.drive for motor in motors)
+
+
+def test_ctrl_c_at_a_question_ends_with_the_table() -> None:
+    shown = person(
+        "barrett", "first-light", COLD, answers=["", "", "", "", "", ""], press=once(lambda seen: "init:" in seen)
+    )
+    assert shown.code == 130 and "not done" in shown.data
+
+
+@each_row(
+    "error,harm",
+    [
+        (NoAnswer("x"), True),
+        (ProtocolError("x"), True),
+        (LinkError("x"), True),
+        (Interrupted("x"), True),
+        (CheckFailed("x", code="hot"), True),
+        (DeviceRefused("x", code="err-8192"), True),
+        (DeviceRefused("x", code="err-8196"), True),
+        (DeviceRefused("x", code="err-16"), False),
+        (DeviceRefused("x", code="err-4"), False),
+        (CheckFailed("x"), False),
+        (UsageError("x", code="opening-speed"), False),
+    ],
+)
+def test_what_is_a_sign_of_harm(error: HandctlError, harm: bool) -> None:
+    assert first_light.is_harm(error) is harm
+
+
+def test_a_dry_run_shows_every_movement() -> None:
+    rows = run("barrett", "first-light", "--fake", "-n", "--json", "--skip", "init").rows
+    lines = [bytes.fromhex(row["bytes"]).decode().strip() for row in rows]
+    assert lines[:5] == ["1HOME", "2HOME", "3HOME", "4HOME", "1IC 200"]
+    assert len(MOTORS) == 4 and "3C" in lines
+    assert run("barrett", "first-light", COLD, "-p", COLD, "-n").code == 2
