@@ -79,7 +79,7 @@ def main() -> int:
     following, seen = Following(), dict[str, Shown]()
     for suite in chosen:
         for cell in candidates(suite, args.seed, args.only, args.more):
-            shown = following.shown(suite, cell)
+            shown = following.shown(suite, cell, lines=not args.only)
             what = bare(suite, args.only, shown.what) if args.only else shown.what - elsewhere
             seen[cell] = shown._replace(what=what)
             if shown.wrong:
