@@ -38,9 +38,9 @@ from handctl.model.proofs import (
     NOT_SHOWN,
     READ,
     REFUSED,
+    Observation,
     Outcome,
     Proof,
-    Seen,
     carry_out,
 )
 from handctl.model.result import Row
@@ -81,7 +81,7 @@ Ask = Callable[[LightStep], bool]
 # -- power -----------------------------------------------------------------------------------------------------------
 
 
-def _power_on(hand: BarrettHand, prompts: Prompts, *, attended: bool) -> Seen:
+def _power_on(hand: BarrettHand, prompts: Prompts, *, attended: bool) -> Observation:
     """What the hand says by itself from power-on to its prompt; nothing is sent."""
     link = hand.line.link
     if attended:
@@ -105,19 +105,19 @@ def _power_on(hand: BarrettHand, prompts: Prompts, *, attended: bool) -> Seen:
     prompts.done()
     hand.overheard(came)
     if not came:
-        return Seen(
+        return Observation(
             None, f"no data for {ALONE if not attended else ATTENDED:.0f} s: the hand was already on, or is off"
         )
     moments = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in at.items())
     speed = f" at {link.baud} bit/s" if link.baud else ""
     value = " ".join(name for name in at if name != "prompt") or "other bytes"
     told = f"{moments} after the first byte" if moments else "neither ':' nor banner nor prompt"
-    return Seen(value, f"{told}{speed}: {came[:80]!r}")
+    return Observation(value, f"{told}{speed}: {came[:80]!r}")
 
 
-def _firmware(hand: BarrettHand) -> Seen:
+def _firmware(hand: BarrettHand) -> Observation:
     text = hand.version()
-    return Seen(text or None, f"VERS: {text}")
+    return Observation(text or None, f"VERS: {text}")
 
 
 # -- reading ---------------------------------------------------------------------------------------------------------
@@ -132,7 +132,7 @@ def _harmful(values: Values) -> list[str]:
     return [one.evidence for one in health.settings(values) if one.status == FAIL]
 
 
-def _settings(hand: BarrettHand) -> Seen:
+def _settings(hand: BarrettHand) -> Observation:
     """All settings of RAM, read twice: decayed RAM gives other values (§3.7, §8)."""
     once, again = _read(hand), _read(hand)
     written = {key: value for key, value in once.items() if BARRETT.by_mnemonic(key[0]).writable}
@@ -141,19 +141,19 @@ def _settings(hand: BarrettHand) -> Seen:
         f"{names[key]} {value} then {again.get(key)}" for key, value in written.items() if again.get(key) != value
     ]
     if unstable:
-        return Seen("not stable", f"differs when read twice: {', '.join(unstable[:4])}")
+        return Observation("not stable", f"differs when read twice: {', '.join(unstable[:4])}")
     changed = [
         f"{names[name, motor]}={value}"
         for (name, motor), value in written.items()
         if value != BARRETT.by_mnemonic(name).default_of(MOTORS.index(motor) if motor else 0)
     ]
     if harmful := _harmful(once):
-        return Seen("harmful", "; ".join(harmful[:3]))
+        return Observation("harmful", "; ".join(harmful[:3]))
     absent = [name for name, error in once.errors.items() if isinstance(error, NotPresent)]
     missing = f". Not on this firmware: {', '.join(absent)}" if absent else ""
     told = f"changed: {', '.join(changed[:8])}{f' and {len(changed) - 8} more' if len(changed) > 8 else ''}"
     text = told if changed else f"{len(written)} values, all read alike twice"
-    return Seen("changed" if changed else "factory values", text + missing)
+    return Observation("changed" if changed else "factory values", text + missing)
 
 
 def _heat(hand: BarrettHand) -> tuple[int, int]:
@@ -163,9 +163,9 @@ def _heat(hand: BarrettHand) -> tuple[int, int]:
     return at["TEMP", None], min(limit or health.LIMIT_TENTHS, health.LIMIT_TENTHS)
 
 
-def _temperature(hand: BarrettHand) -> Seen:
+def _temperature(hand: BarrettHand) -> Observation:
     now, limit = _heat(hand)
-    return Seen(now / 10, f"{now / 10:.1f} °C now, and the limit is {limit / 10:.1f} °C")
+    return Observation(now / 10, f"{now / 10:.1f} °C now, and the limit is {limit / 10:.1f} °C")
 
 
 def refuse_hot(hand: BarrettHand) -> None:
@@ -179,22 +179,22 @@ def refuse_hot(hand: BarrettHand) -> None:
         )
 
 
-def _strain(hand: BarrettHand) -> Seen:
+def _strain(hand: BarrettHand) -> Observation:
     if loaded := strain.loaded_fingers(hand):
-        return Seen(None, f"not without load: {', '.join(loaded)}")
+        return Observation(None, f"not without load: {', '.join(loaded)}")
     found = health.no_load(strain.measure(hand, READINGS))
     if found[0].status == SKIPPED:
-        return Seen("no gauges", found[0].evidence)
+        return Observation("no gauges", found[0].evidence)
     wrong = [one.check.rpartition(".")[2] for one in found if one.status != OK]
-    return Seen(f"outside: {', '.join(wrong)}" if wrong else "in range", "; ".join(f"{one.check.rpartition('.')[2]} {one.evidence}" for one in found))  # fmt: skip
+    return Observation(f"outside: {', '.join(wrong)}" if wrong else "in range", "; ".join(f"{one.check.rpartition('.')[2]} {one.evidence}" for one in found))  # fmt: skip
 
 
-def _grease(name: str, hand: BarrettHand) -> Seen:
+def _grease(name: str, hand: BarrettHand) -> Observation:
     rows = lubrication.MaintenanceLog(hand, simulated=hand.link.fake, name=name).lubrication()
     due: list[Row] = [row for row in rows if row["status"] != OK]
     text = "; ".join(f"{row['point']} {row['value']} strokes, {row['label']}" for row in due[:3])
     more = f"; and {len(due) - 3} more points" if len(due) > 3 else ""
-    return Seen("due" if due else "not due", (text or f"all below {health.LUBRICATION} strokes") + more)
+    return Observation("due" if due else "not due", (text or f"all below {health.LUBRICATION} strokes") + more)
 
 
 # -- movement --------------------------------------------------------------------------------------------------------
@@ -209,7 +209,7 @@ def _driven(hand: BarrettHand, prefix: str, name: str, prompts: Prompts) -> tupl
     return table.rows, seconds
 
 
-def _initialize(hand: BarrettHand, prompts: Prompts) -> Seen:
+def _initialize(hand: BarrettHand, prompts: Prompts) -> Observation:
     """HI, one motor after the other, so that the first sign of harm shows before the rest has moved."""
     seen, wrong = [], []
     for digit, motor in enumerate(MOTORS, 1):
@@ -225,10 +225,10 @@ def _initialize(hand: BarrettHand, prompts: Prompts) -> Seen:
             wrong.append(f"{motor}: {explain_status(status)}")
         else:
             seen.append(f"{motor} {seconds:.2f} s")
-    return Seen("; ".join(wrong) or "ready", f"HI: {', '.join([*seen, *wrong])}")
+    return Observation("; ".join(wrong) or "ready", f"HI: {', '.join([*seen, *wrong])}")
 
 
-def _origin(hand: BarrettHand, prompts: Prompts) -> Seen:
+def _origin(hand: BarrettHand, prompts: Prompts) -> Observation:
     """HOME of each motor ends at 0, within MPE."""
     places, wrong = [], []
     for digit, motor in enumerate(MOTORS, 1):
@@ -236,10 +236,10 @@ def _origin(hand: BarrettHand, prompts: Prompts) -> Seen:
         places.append(f"{motor} {row['value']}")
         if row["arrival"] != REACHED:
             wrong.append(f"{motor} at {row['value']}")
-    return Seen("; ".join(wrong) or "reached", f"P after HOME: {', '.join(places)}")
+    return Observation("; ".join(wrong) or "reached", f"P after HOME: {', '.join(places)}")
 
 
-def _speed(motors: Collection[int], hand: BarrettHand, prompts: Prompts) -> Seen:
+def _speed(motors: Collection[int], hand: BarrettHand, prompts: Prompts) -> Observation:
     """Each of `motors` closes and opens alone: where it ends, and how long it takes against its own settings."""
     set_to = hand.by_name("MCV", "MOV", "SAMPLE", motors=motors)
     _driven(hand, "123", "O", prompts)  # the spread may move beside open fingers only
@@ -254,7 +254,7 @@ def _speed(motors: Collection[int], hand: BarrettHand, prompts: Prompts) -> Seen
                 usual = travel_seconds(index, set_to[velocity, motor], set_to["SAMPLE", motor])
                 times.append(f"{motor} {name} {seconds:.2f} s, set to {usual:.2f} s")
                 wrong += [f"{motor} {name} slow"] if seconds > slowest(usual) else []
-    return Seen("; ".join(wrong) or "as set", "; ".join(times))
+    return Observation("; ".join(wrong) or "as set", "; ".join(times))
 
 
 def _broken(hand: BarrettHand, index: int) -> int | None:
@@ -263,7 +263,7 @@ def _broken(hand: BarrettHand, index: int) -> int | None:
     return place if gone else None
 
 
-def _free(hand: BarrettHand, prompts: Prompts) -> Seen:
+def _free(hand: BarrettHand, prompts: Prompts) -> Observation:
     """Each finger closes in free air: no clutch may let go (barrett §8, premature breakaway)."""
     early, ends = [], []
     for index, motor in enumerate(FINGERS):
@@ -273,10 +273,10 @@ def _free(hand: BarrettHand, prompts: Prompts) -> Seen:
         ends.append(f"{motor} closed to {row['value']}" + ("" if place is None else f", let go at {place}"))
         early += [] if place is None else [motor]
         _driven(hand, str(index + 1), "O", prompts)
-    return Seen(", ".join(early) or "none", "; ".join(ends))
+    return Observation(", ".join(early) or "none", "; ".join(ends))
 
 
-def _grasp(hand: BarrettHand, prompts: Prompts) -> Seen:
+def _grasp(hand: BarrettHand, prompts: Prompts) -> Observation:
     """F3 closes on an object that meets its inner link: its clutch lets go, and opening resets it (barrett §9.3.1, §9.5)."""
     index = int(GRASPING) - 1
     _driven(hand, GRASPING, "C", prompts)
@@ -284,7 +284,7 @@ def _grasp(hand: BarrettHand, prompts: Prompts) -> Seen:
     _driven(hand, GRASPING, "O", prompts)
     left = _broken(hand, index)
     value = "did not let go" if place is None else "stays broken away" if left is not None else "lets go and resets"
-    return Seen(value, f"{FINGERS[index]}: " + ("BD 0 after C" if place is None else f"BP {place}") + f", BD {int(left is not None)} after O")  # fmt: skip
+    return Observation(value, f"{FINGERS[index]}: " + ("BD 0 after C" if place is None else f"BP {place}") + f", BD {int(left is not None)} after O")  # fmt: skip
 
 
 # -- the steps -------------------------------------------------------------------------------------------------------
