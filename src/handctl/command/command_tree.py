@@ -9,7 +9,7 @@ import gc
 import importlib
 import os
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -65,7 +65,7 @@ class Command(Described):
         super().__init__(*args, **more)
         self.wires = self.family.wires if self.family is not None else ()
 
-    @property
+    @cached_property
     def only_reads(self) -> bool:
         """Whether it asks a device, and neither writes to it nor opens a file."""
         files = any(isinstance(param.type, InFile | OutFile) and param.name != "output" for param in self.params)

@@ -167,7 +167,10 @@ class Run(Invocation):
     @property
     def stopped(self) -> HandctlError | None:
         """How a device of this command was stopped on the wish of another process; None where none was."""
-        return next(filter(None, (run.connection.stopped for run in (self, *self.others))), None)
+        for run in (self, *self.others):
+            if (stopped := run.connection.stopped) is not None:
+                return stopped
+        return None
 
     @contextmanager
     def viewed(self, pressed: Callable[[str], bool]) -> Iterator[bool]:

@@ -218,6 +218,7 @@ class Device(ABC):
     setpoint_pairs  set points and the quantities that follow them, `releases` the writes that let an axis go there (`SetpointPair`, `Release`)
     not_covered  what a snapshot cannot contain; `restore` reports it
     line_end     what ends a typed line of text, None where the protocol is no text
+    options      what the user said of it
 
     A family writes `read`, `element_keys`, `value_keys` and `view`; `plan` and `write` where values can be set by name; and overrides
     what its device does otherwise, by calling this one first where it adds to it.
@@ -237,11 +238,10 @@ class Device(ABC):
     releases: Sequence[Release] = ()
     not_covered: tuple[str, ...] = ()
     line_end: bytes | None = None
+    options = Settings()
 
     def __init__(self, line: Line) -> None:
         self._line = line
-        self.options = Settings()
-        """What the user said of it."""
         self.about: dict[str, str] = {}
         """Model, firmware and serial number as far as they were read, whatever for."""
 

@@ -132,14 +132,16 @@ class RoundTrips:
         self._count = 0
         self._total = 0.0
         self._sorted: list[int] = []
-        self._fresh: list[int] = []  # values that are not among them yet
-        self._median, self._below = 0, 0  # when it was last asked for, and how many have come that are smaller
+        self._ordered = True
+        self._median, self._at, self._below = 0, 0, 0  # when it was last asked for, its place, and how many are smaller
 
     def add(self, seconds: float) -> None:
         """One more."""
         value = round(seconds * 1e6)
         if value not in self._counts:
-            self._fresh.append(value)
+            self._sorted.append(value)
+            self._ordered = False
+            self._at += value < self._median
         self._counts[value] += 1
         self._count += 1
         self._total += seconds
@@ -161,14 +163,14 @@ class RoundTrips:
     def _quantile(self, part: float) -> int:
         if not self._count:
             return 0
-        if self._fresh:
-            self._sorted = sorted(self._sorted + self._fresh)
-            self._fresh.clear()
+        if not self._ordered:
+            self._sorted.sort()
+            self._ordered = True
         if part in (0.0, 1.0):
             return self._sorted[-1 if part else 0]
         place, at, seen = min(self._count - 1, int(part * self._count)), 0, 0
         if part == 0.5 and self._median:  # it moves little: asked for with each line of a batch
-            at, seen = self._sorted.index(self._median), self._below
+            at, seen = self._at, self._below
             while seen > place:
                 at -= 1
                 seen -= self._counts[self._sorted[at]]
@@ -176,7 +178,7 @@ class RoundTrips:
             seen += self._counts[self._sorted[at]]
             at += 1
         if part == 0.5:
-            self._median, self._below = self._sorted[at], seen
+            self._median, self._at, self._below = self._sorted[at], at, seen
         return self._sorted[at]
 
     def as_row(self) -> dict[str, Any]:

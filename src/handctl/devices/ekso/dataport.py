@@ -264,9 +264,7 @@ class DataPort(Line):
             self.identify()
         if not self._settled:
             self.resynchronise()
-        self._decoder.feed(
-            self.link.read(self.link.deadline(0))
-        )  # it answers nothing any more: looked at to be counted
+        self._decoder.feed(self.link.read(self.link.at_once))  # it answers nothing any more: looked at to be counted
         self._drop_frames()
         self.check_bound(row.name)
         if not row.writes and not self._met and not self.link.replayed:

@@ -310,16 +310,15 @@ class Bus(ByteBus):
         self.pass_gate(request)
         if self.bound is not None:
             self.check_bound(hex_bytes(request))
-        if _begins_request(self.drain()) or self._disturbed:
+        if ((stale := self.drain()) and _begins_request(stale)) or self._disturbed:
             self._let_speak()
         started = self.link.now()
-        wire = self.wire_seconds(len(request) + reply_size)
-        deadline, last = self.deadline(wire + self.timeout), self.deadline(wire + PATIENCE * self.timeout)
+        deadline = self.deadline(self.wire_seconds(len(request) + reply_size) + self.timeout)
         first = self._ahead(request)
         self.count(request)
         self.link.write(first + request, deadline)
         decoder = Decoder(prefixes)
-        frame, received, pieces = self._heard(decoder, deadline, last)
+        frame, received, pieces = self._heard(decoder, deadline, (PATIENCE - 1) * self.timeout)
         came = received.removeprefix(first)
         if frame is None:
             self.journal.counters.stray_bytes += decoder.pending
@@ -330,24 +329,31 @@ class Bus(ByteBus):
         self._learn(request, came, decoder.skipped, pieces)
         return frame
 
-    def _heard(self, decoder: Decoder, deadline: Deadline, last: Deadline) -> tuple[Frame | None, bytes, list[int]]:
+    def _heard(
+        self, decoder: Decoder, deadline: Deadline, patience: float = 0.0
+    ) -> tuple[Frame | None, bytes, list[int]]:
         """The first frame that comes, None for none until the `deadline`; all that came, and the sizes of its pieces.
 
-        Part of an answer, with no more junk ahead of it, may go on coming until `last`.
+        Part of an answer, with no more junk ahead of it, may go on coming for `patience` seconds after the deadline.
         """
-        received, pieces, junk = bytearray(), list[int](), 0
-        frame = next(frames_in(decoder, self.count_damaged), None) if decoder.pending else None
-        while frame is None:
-            chunk = b"" if received and deadline.expired else self.link.read(deadline)
-            if not chunk:
+        received, pieces = bytearray(), list[int]()
+        last, trickles, junk = deadline.at + patience, False, 0
+        while True:
+            try:
+                frame = decoder.next()
+            except ProtocolError:
+                self.journal.counters.bad_frames += 1
+                continue
+            if frame is not None:
+                break
+            if trickles and deadline.remaining < self.timeout:
+                deadline = self.deadline(min(self.timeout, last - self.link.now()))
+            if (received and deadline.expired) or not (chunk := self.link.read(deadline)):
                 break
             received += chunk
             pieces.append(len(chunk))
-            decoder.feed(chunk)
             trickles, junk = decoder.skipped == junk, decoder.skipped
-            frame = next(frames_in(decoder, self.count_damaged), None)
-            if frame is None and trickles and deadline.remaining < self.timeout:
-                deadline = self.link.deadline(self.timeout).earlier(last)
+            decoder.feed(chunk)
         self.journal.counters.received += frame is not None
         self.journal.counters.stray_bytes += decoder.skipped
         return frame, bytes(received), pieces
@@ -360,10 +366,10 @@ class Bus(ByteBus):
 
     def _learn(self, request: bytes, received: bytes, skipped: int, pieces: Sequence[int]) -> None:
         """What a good exchange shows of the line."""
-        line = self.journal.line
-        if len(received) < SHORT + len(request) and self.round_trip is not None:
+        line, size = self.journal.line, len(received)
+        if size < SHORT + len(request) and self.round_trip is not None:
             line.trips.add(self.round_trip)
-        if len(received) >= SHORT and not skipped:
+        if size >= SHORT and not skipped:
             line.pieces(pieces)
         if line.echo is None:
             line.echo = received.startswith(request)
@@ -411,7 +417,7 @@ class Bus(ByteBus):
         """
         deadline, decoder = self.deadline(seconds), Decoder(prefixes)
         decoder.feed(self._rest)
-        frame, _, _ = self._heard(decoder, deadline, deadline)
+        frame, _, _ = self._heard(decoder, deadline)
         self._rest = decoder.rest()
         return frame
 
