@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from functools import partial
+from functools import lru_cache, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypedDict, TypeVar
 
@@ -23,6 +23,7 @@ from handctl.errors import (
     ProtocolError,
     joined,
 )
+from handctl.families import FAMILIES
 from handctl.light import NamedTuple
 from handctl.model.param import Changes, Element, Number, ParamMap, Reading, ValueChange, elements_of
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table, hex_bytes
@@ -62,6 +63,16 @@ class Limits(TypedDict):
     timeout: float | None
     retries: int | None
     bound: Deadline | None
+
+
+@lru_cache(256)
+def harmless_to_others(data: bytes, baud: int | None) -> bool:
+    """Whether no other device on the line can act on these bytes. `baud` None = every device receives them unchanged.
+
+    A device that listens at a slower baud rate than `baud` receives garbage.
+    """
+    triggers = (row.trigger for row in FAMILIES.values() if row.trigger is not None)
+    return not any(set(data) & set(bytes_) for most, bytes_ in triggers if baud is None or baud <= most)
 
 
 def limits_of(settings: Settings, link: Link) -> Limits:
@@ -118,7 +129,8 @@ class Line:
 
     def deadline(self, seconds: float) -> Deadline:
         """The deadline `seconds` from now, or the command's own where that is earlier."""
-        return self.link.deadline(seconds).earlier(self.bound)
+        end = self.link.deadline(seconds)
+        return end if self.bound is None else end.earlier(self.bound)
 
     def check_bound(self, unsent: str = "") -> None:
         """Raise NoAnswer when --deadline is over; nothing is sent then, `unsent` neither: the device may be worn."""

@@ -260,13 +260,13 @@ class Grid(NamedTuple):
 
     def with_texts(self, say: Callable[[str], str]) -> Grid:
         """The same, each of its texts as `say` has it."""
-
-        def told(cell: str | Cell) -> str | Cell:
-            return cell._replace(text=say(cell.text)) if isinstance(cell, Cell) else say(cell)
-
+        lines = (
+            tuple(cell._replace(text=say(cell.text)) if isinstance(cell, Cell) else say(cell) for cell in line)
+            for line in self.lines
+        )
         return self._replace(
             headings=tuple(map(say, self.headings)),
-            lines=tuple(tuple(map(told, line)) for line in self.lines),
+            lines=tuple(lines),
             title=say(self.title),
             notes=tuple(map(say, self.notes)),
         )

@@ -22,8 +22,7 @@ from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Frame
 from handctl.errors import Aftermath, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, CanFrame, Link
-from handctl.model.device import Line
-from handctl.model.other_devices import harmless_to_others
+from handctl.model.device import Line, harmless_to_others
 from handctl.model.param import Step
 from handctl.model.result import Journal
 from handctl.model.stop_sequence import on_early_end
