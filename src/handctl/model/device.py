@@ -357,7 +357,7 @@ class Device(ABC):
         """The time within which the last reading arrived, if it may have waited in a buffer; None = since its request."""
         return None
 
-    def of_this_device(self, elements: list[Element]) -> list[Element]:
+    def of_this_device(self, elements: Sequence[Element]) -> Sequence[Element]:
         """Those of `elements` that this particular device has; another generation may have other parts. Raises what `read` raises."""
         return elements
 

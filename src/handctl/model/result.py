@@ -5,7 +5,6 @@ Knows no terminal, no device and no file; imports only the standard library. Row
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -128,7 +127,7 @@ class RoundTrips:
     """Collects round trips in seconds; counts each microsecond value, so that a loop of hours takes no more memory."""
 
     def __init__(self) -> None:
-        self._counts: Counter[int] = Counter()
+        self._counts: dict[int, int] = {}
         self._count = 0
         self._total = 0.0
         self._sorted: list[int] = []
@@ -138,14 +137,15 @@ class RoundTrips:
     def add(self, seconds: float) -> None:
         """One more."""
         value = round(seconds * 1e6)
-        if value not in self._counts:
+        known, smaller = self._counts.get(value, 0), value < self._median
+        if not known:
             self._sorted.append(value)
             self._ordered = False
-            self._at += value < self._median
-        self._counts[value] += 1
+            self._at += smaller
+        self._counts[value] = known + 1
         self._count += 1
         self._total += seconds
-        self._below += value < self._median
+        self._below += smaller
 
     def __len__(self) -> int:
         return self._count

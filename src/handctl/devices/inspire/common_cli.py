@@ -78,7 +78,7 @@ def change_id(run: Run, params: ParamMap[Any], new: int | None) -> Table | Act:
     """Show the id, or give the hand a new one."""
     if new is None:
         run.only_reads("a value")
-        return get_set_watch.get(run, params, ["id"])
+        return get_set_watch.get(run, params, ("id",))
     params["id"].check(new, "id")
     steps = run.planner().plan([(Element(params["id"], 0), new)])
     question = f"This changes the id to {new} at once, on every hand on this line that has the old id"
