@@ -187,7 +187,8 @@ class Decoder(Stream[Frame]):
 
     def next(self) -> Frame | None:
         """The next frame, or None until more bytes come. Raises ProtocolError for a candidate whose sum is wrong."""
-        buffer = self._buffer
+        if not (buffer := self._buffer):
+            return None
         if self._first is None or not buffer.startswith(self._first):
             start = self._candidate()
             self.skipped += start
