@@ -68,6 +68,10 @@ class _Simulated(Link):
         self.name = link
         kind, options = split_url(link)
         options.update(more)
+        if "transcript" in options:
+            from handctl.link.twin import values_of
+
+            options["values"] = values_of(kind, options.pop("transcript"))
         said = options.pop("clock", "real")
         kept, _, began = said.partition("@")
         moment = number_in(began) if began else VIRTUAL_BEGAN
@@ -180,6 +184,12 @@ class FakeLink(_Simulated, ByteLink):
             self._check()
             if not self._wait(now, deadline):
                 return b""
+
+    @property
+    def speed(self) -> int | None:
+        """That of the simulated device, in bit/s; None where its wire has none."""
+        found: int | None = self._line.device.speed
+        return found
 
     def set_baud(self, baud: int) -> None:
         self.baud = baud

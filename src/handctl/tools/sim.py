@@ -1,4 +1,6 @@
-"""`handctl sim`: the commands of the simulators, and `forget`, which resets the saved state of plain --fake."""
+"""`handctl sim`: the commands of the simulators with their option --transcript, which needs a decoder, and `forget`, which resets
+the saved state of plain --fake.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +8,22 @@ import click
 
 from handctl.families import FAMILIES
 from handctl.link import fake
+from handctl.link.twin import values_of
 from handctl.sim.cli import SimError, cli
 
 __all__ = ["cli"]
+TRANSCRIPT = (
+    "Show the values of the device that was recorded (`--trace FILE`), as it was left, and take as long to answer."
+)
+
+
+def _values(ctx: click.Context, param: click.Parameter, path: str | None) -> str | None:
+    return None if path is None else values_of(str(ctx.info_name), path)
+
+
+for _kind in FAMILIES:
+    _option = click.Option(["--transcript", "values"], metavar="FILE", callback=_values, help=TRANSCRIPT)
+    cli.commands[_kind].params.append(_option)
 
 
 @cli.command("forget", short_help="Reset the devices that --fake simulates.")

@@ -334,6 +334,11 @@ class TranscriptReader:
         yield from self.over()
 
     @property
+    def open_lines(self) -> set[int]:
+        """The lines of the requests without a reply so far."""
+        return {stamp.line for stamp, _ in self._open.values()}
+
+    @property
     def waits(self) -> bool:
         """Whether the reply to a request is missing."""
         return bool(self._open)
