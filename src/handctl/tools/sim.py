@@ -4,6 +4,10 @@ the saved state of plain --fake.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
 import click
 
 from handctl.families import FAMILIES
@@ -17,13 +21,18 @@ TRANSCRIPT = (
 )
 
 
-def _values(ctx: click.Context, param: click.Parameter, path: str | None) -> str | None:
-    return None if path is None else values_of(str(ctx.info_name), path)
+def _serve(kind: str, serve: Callable[..., None], transcript: str | None, **given: Any) -> None:
+    """Serve with the values of the transcript, if there is one."""
+    if transcript is not None:
+        given["values"] = values_of(kind, transcript)
+    serve(**given)
 
 
 for _kind in FAMILIES:
-    _option = click.Option(["--transcript", "values"], metavar="FILE", callback=_values, help=TRANSCRIPT)
-    cli.commands[_kind].params.append(_option)
+    _command = cli.commands[_kind]
+    assert _command.callback is not None
+    _command.params.append(click.Option(["--transcript"], metavar="FILE", help=TRANSCRIPT))
+    _command.callback = partial(_serve, _kind, _command.callback)
 
 
 @cli.command("forget", short_help="Reset the devices that --fake simulates.")

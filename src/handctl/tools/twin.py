@@ -44,7 +44,7 @@ CLOSE = 0.1
 SHOWN, SHOWN_VALUES = 20, 4
 """Differences that a person is shown, and values of each."""
 
-cli = Group("twin", help="Compare a twin, the simulator of one particular device, with a recording of that device.")
+cli = Group("twin", help="Compare the simulator of one particular device with its recording.")
 
 
 def simulated(link: str, family: str, on_can: bool) -> str:
