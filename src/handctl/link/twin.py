@@ -12,9 +12,8 @@ from importlib import import_module
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
 from handctl.files import transcript
-from handctl.link.transcript import parse
+from handctl.link.transcript import DIRECTIONS, parse
 
-DIRECTIONS = {">": "host", "<": "device"}
 MOST_TIMES = 100_000
 """Reply times that are looked at."""
 QUANTILES = 20
@@ -64,6 +63,7 @@ def values_of(kind: str, path: str, *, found: bool = False) -> str:
         )
     times.sort()
     some = sorted({times[int((part + 0.5) * len(times) / QUANTILES)] for part in range(QUANTILES)}) if times else []
-    told = [f"id={who}"] if who is not None else []
-    told += [f"reply-times={','.join(f'{seconds:.6f}' for seconds in some)}"] if some else []
+    if isinstance(who, int):
+        values.setdefault("id", who)  # whose replies they are, where it was not read
+    told = [f"reply-times={','.join(f'{seconds:.6f}' for seconds in some)}"] if some else []
     return ";".join([*told, *explainer.simulated(values, moments)])

@@ -47,8 +47,8 @@ SHOWN, SHOWN_VALUES = 20, 4
 cli = Group("twin", help="Compare the simulator of one particular device with its recording.")
 
 
-def simulated(link: str, family: str, on_can: bool) -> str:
-    """The LINK of a simulator in this process, on virtual time and the recorded wire. Raises UsageError for anything else.
+def simulated(link: str, family: str, wire: str) -> str:
+    """The LINK of a simulator in this process, on virtual time and the recorded `wire` ("" = serial). Raises UsageError for anything else.
 
     A transcript can hold movements and saves, so it must never reach a device by accident.
     """
@@ -61,7 +61,7 @@ def simulated(link: str, family: str, on_can: bool) -> str:
         )
     options |= {
         "clock": "virtual",
-        **({"bus": "can"} if on_can else {}),
+        **({"bus": wire} if wire else {}),
         **({"save": "never"} if "state" in options else {}),
     }
     from urllib.parse import quote
@@ -285,16 +285,16 @@ class Recording:
         with opened(path) as file:
             self.family, self.by_bytes, _ = chosen(lines_of(file, path), self.family, path)
         self.streams: dict[str, Stream] = {}
-        self.on_can = False
+        self.wire = ""
         self.reader = TranscriptReader(self.family)
-        self.answered = [row.request.line for row in self.reader.tell(self._watched()) if row.request is not None]
+        self.answered: list[int] = []
+        for row in self.reader.tell(self.lines()):
+            if row.piece is not None and not self.wire:
+                self.wire = "can" if row.piece.can_id is not None else str(row.piece.fields.get("wire") or "")
+            if row.request is not None:
+                self.answered.append(row.request.line)
         if len(self.reader.statistics.families) > 1:
             raise UsageError(f"{path}: holds several devices", hint="give a transcript of one device", code="several")
-
-    def _watched(self) -> Iterator[Line]:
-        for line in self.lines():
-            self.on_can = self.on_can or (line.entry is not None and line.entry.can_id is not None)
-            yield line
 
     def lines(self) -> Iterator[Line]:
         """From the beginning."""
@@ -366,7 +366,7 @@ def check(
         raise UsageError("a recording is read several times, so it cannot come from stdin", hint="give a file")
     family = family or (read_facts(facts)["family"] if facts is not None else None)
     recording = Recording(transcript, family)
-    link = simulated(base or f"{SIMULATOR}{recording.family}", recording.family, recording.on_can)
+    link = simulated(base or f"{SIMULATOR}{recording.family}", recording.family, recording.wire)
     known = {"values": values_of(recording.family, values or transcript, found=values is None)}
     known |= {"facts": facts} if facts is not None else {}
     twin, manual = (recording.against(*each) for each in (("twin", link, known), ("manual", link, {})))

@@ -21,8 +21,8 @@ ROWS = (
         "recorded movements reach a device",
         TWIN,
         "check",
-        'link = simulated(base or f"{SIMULATOR}{recording.family}", recording.family, recording.on_can)',
-        'link = base or simulated(f"{SIMULATOR}{recording.family}", recording.family, recording.on_can)',
+        'link = simulated(base or f"{SIMULATOR}{recording.family}", recording.family, recording.wire)',
+        'link = base or simulated(f"{SIMULATOR}{recording.family}", recording.family, recording.wire)',
         f"{HERE}test_a_recording_is_sent_to_no_device",
     ),
     mistake(

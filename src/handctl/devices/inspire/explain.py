@@ -323,6 +323,8 @@ class InspireExplainer(Cutter):
         """See Explainer: the generation, and the bytes of each register that is no trigger."""
         if self._generations.name:
             yield f"model={self._generations.name}"
+        if values.get("id") in eb90.IDS:  # Modbus TCP has others, which mean none
+            yield f"id={values['id']}"
         for register in self.params:
             for index, element in enumerate(elements_of(register)):
                 value = values.get(element.full_name)
@@ -697,7 +699,7 @@ class InspireExplainer(Cutter):
         return ExplainedBytes(
             direction=direction, raw=raw, meaning=f"{meaning}, {where}", title=title, problem=problem,
             asks=key if direction == HOST else "", answers=key if fits else "",
-            fields={"id": unit, "function": pdu[0], "address": address},
+            fields={"id": unit, "function": pdu[0], "address": address, "wire": "modbus-tcp" if mode == TCP else None},
             values=LazySequence(lambda: span_values(params, at, data) if at is not None else ()),
             parts=LazySequence(lambda: _modbus_parts(raw, mode, [] if at is None or not data else span_parts(params, at, data), len(data))),
         )  # fmt: skip

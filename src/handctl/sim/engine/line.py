@@ -184,8 +184,8 @@ class Cable(Switched):
         self._acts = 0.0  # when it acts next
         self._reply_times = [float(text) for text in (given["reply-times"] or "").split(",") if text]
         self._chance, self._floor = Random(given["seed"] + 1), 0.0  # of its own: what the device does stays the same
-        self._load()
-        self.values = self._taught((given["values"] or "").split(";"))
+        known = self._load()
+        self.values = self._taught([] if known else (given["values"] or "").split(";"))
         if given["use"] == "on":
             self._user = self.device.user()
         if given["power-cycle"]:
@@ -287,12 +287,16 @@ class Cable(Switched):
         self.requests += 1
         return self._hits(self.requests)
 
-    def _load(self) -> None:
-        if self.given["state"] is not None:
-            from handctl.sim.engine import statefile
+    def _load(self) -> bool:
+        """Whether there is a state from an earlier run; then the device is in it."""
+        if self.given["state"] is None:
+            return False
+        from handctl.sim.engine import statefile
 
-            if statefile.load(self.given["state"], self.device) and self.given["elapse"] is not None:
-                self.device.elapse(self.given["elapse"])
+        known = statefile.load(self.given["state"], self.device)
+        if known and self.given["elapse"] is not None:
+            self.device.elapse(self.given["elapse"])
+        return known
 
     def _taught(self, told: list[str]) -> Taught:
         """Carry out control commands that make the device show what another one showed."""
