@@ -135,6 +135,14 @@ def test_what_the_simulator_does_not_have_is_counted(family: str, tmp_path: Path
     assert f"values: {len(taken)} taken" in found.words((taken, left))
 
 
+def test_reply_times_are_handed_on_as_often_as_they_came(tmp_path: Path) -> None:
+    link = "fake://exo?clock=virtual&reply-times=0.002,0.002,0.002,0.009"
+    path = recorded("exo", tmp_path, link, "own", ("watch id --rate 0 --count 200",))
+    times = values_of("exo", str(path)).split(";")[0].removeprefix("reply-times=").split(",")
+    assert (len(times), set(times)) == (20, {"0.002000", "0.009000"})
+    assert 13 <= times.count("0.002000") <= 17
+
+
 def test_reply_times_are_those_that_were_recorded_and_keep_the_order_of_the_replies() -> None:
     line = create("exo", {"reply-times": "0.002,0.030", "seed": "3"})
     line.advance(0.0)

@@ -62,7 +62,7 @@ def values_of(kind: str, path: str, *, found: bool = False) -> str:
             code="no-values",
         )
     times.sort()
-    some = sorted({times[int((part + 0.5) * len(times) / QUANTILES)] for part in range(QUANTILES)}) if times else []
+    some = [times[int((part + 0.5) * len(times) / QUANTILES)] for part in range(QUANTILES)] if times else []
     if isinstance(who, int):
         values.setdefault("id", who)  # whose replies they are, where it was not read
     told = [f"reply-times={','.join(f'{seconds:.6f}' for seconds in some)}"] if some else []
