@@ -89,10 +89,18 @@ class _Simulated(Link):
             raise UsageError(
                 f"{link}: {exc.filename or ''}: {exc.strerror or exc}", hint="check the file and its folder"
             ) from exc
+        self._told = kind, options
         self._virtual: float | None = 0.0 if kept == "virtual" else None
         self._stands: tuple[float, int] = (0.0, 0)  # since when time has stood still, and how much was sent since
         self._closed = False
         self._line.advance(self.now())
+
+    @property
+    def twin(self) -> str:
+        """What the simulator took of the facts and values of a device, in words, and what it cannot show."""
+        from handctl.sim.engine.facts import Twin
+
+        return Twin(*self._told).words(self._line.values)
 
     def now(self) -> float:
         return clock.now() if self._virtual is None else self._virtual

@@ -240,6 +240,8 @@ class Comparison:
     counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(WORDS, 0))
     trips: RoundTrips = field(default_factory=RoundTrips)
     differences: list[Row] = field(default_factory=list)
+    made: str = ""
+    """What became of the facts and values."""
 
     def note(self, kind: str, row: Row) -> None:
         """One exchange or stream."""
@@ -311,6 +313,7 @@ class Recording:
             recorded = exchanges(asked(TranscriptReader(self.family).tell(self.lines()), ours))
             for step in compare(recorded, exchanges(asked(player.rows(self.lines()), theirs))):
                 found.note(*_exchange(step.a, step.b))
+            found.made = getattr(simulator, "twin", "")
         found.trips = player.reader.statistics.trips
         for title in {**ours, **theirs}:
             a, b = ours.get(title, Stream()), theirs.get(title, Stream())
@@ -378,6 +381,7 @@ def check(
         ),
         view=lambda rows: [_side_by_side(rows), *_listed(twin)],
     )
+    run.journal.info("twin", f"the twin has {twin.made}")
     if twin.share is None:
         run.journal.warn("nothing-answered", "neither the recorded device nor the twin answered anything")
     elif twin.share < 1:

@@ -757,6 +757,8 @@ class BarrettExplainer:
                     yield f"{'position' if word == 'P' else 'strain'} {who} {value}"
                 case "TEMP":
                     yield f"temperature {value}"
+                case "UPSECS":
+                    yield f"ram UPSECS - {max(0, int(value) - int(moments[name]))}"
                 case word:
                     yield f"ram {word} {who or '-'} {value}"
 

@@ -55,6 +55,7 @@ IMAGE: Fields = {
     "spoiled": ("spoiled", bool, 0, 1),
     "decayed": ("decayed", bool, 0, 1),
 }
+COUNTED = {"UPSECS": "uptime", "PTEMP": "peak", "SN": "serial"}
 CRUISE = 16  # LCV that somebody has left: 1 count a sample (§6.2.1)
 FINGER, SPREAD = 2400.0, 350.0  # counts/s
 GRASP, HOLD, RELEASE, REST = 4.5, 1.5, 4.5, 1.0  # s
@@ -173,7 +174,14 @@ def _stored(memory: Memory, name: str, saved: bool) -> str:
 
 
 def _put_ram(device: Device, name: str, who: str, value: str) -> None:
-    """A stored parameter, of these motors or (M is -) of the whole hand."""
+    """A parameter of these motors or (M is -) of the whole hand, also one of those that only the hand itself counts."""
+    if who == "-" and name in COUNTED:
+        setattr(device.hand, COUNTED[name], whole(value, 0, 4294967295))
+        return
+    if name == "OD":
+        for motor in _motors(device, who):
+            motor.counts = 1000.0 * whole(value, 0, 4294967295)
+        return
     bank = device.memory.common if who == "-" else device.memory.motor
     numbers = (0,) if who == "-" else tuple(motor.number for motor in _motors(device, who))
     if bank.put(name, value, numbers):

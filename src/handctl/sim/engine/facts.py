@@ -66,7 +66,7 @@ class Twin:
 def _counted(what: str, taken: list[str], left: list[str]) -> str:
     more = ", …" if len(left) > SHOWN_LEFT else ""
     names = f", {len(left)} not simulated ({', '.join(left[:SHOWN_LEFT])}{more})" if left else ""
-    return f"{what}: {len(taken)} taken{names}"
+    return f"{len(taken)} {what} taken{names}"
 
 
 def _facts(kind: str, path: str) -> dict[str, Any]:
