@@ -319,7 +319,7 @@ def test_a_file_that_does_not_fit_is_refused(tmp_path: Path) -> None:
     several.write_text(
         "! family exo on a\n> EB 90 01 04 11 E8 03 01 02\n! family wrist on b\n> EB 90 01 04 30 FC 03 02 36\n"
     )
-    assert check(several).error["code"] == "several"
+    assert check(several).error["code"] == "several-devices"
     with pytest.raises(UsageError):
         values_of("exo", str(several))
 

@@ -296,7 +296,9 @@ class Recording:
             if row.request is not None:
                 self.answered.append(row.request.line)
         if len(self.reader.statistics.families) > 1:
-            raise UsageError(f"{path}: holds several devices", hint="give a transcript of one device", code="several")
+            raise UsageError(
+                f"{path}: holds several devices", hint="give a transcript of one device", code="several-devices"
+            )
 
     def lines(self) -> Iterator[Line]:
         """From the beginning."""
