@@ -98,9 +98,9 @@ class _Simulated(Link):
     @property
     def twin(self) -> str:
         """What the simulator took of the facts and values of a device, in words, and what it cannot show."""
-        from handctl.sim.engine.facts import Twin
+        from handctl.sim import words_of_twin
 
-        return Twin(*self._told).words(self._line.values)
+        return words_of_twin(*self._told, self._line.values)
 
     def now(self) -> float:
         return clock.now() if self._virtual is None else self._virtual

@@ -81,6 +81,12 @@ def create(kind: str, options: dict[str, str]) -> Line | Any:
     return Line(model_class(kind, options.get("bus", "serial")), options)
 
 
+def words_of_twin(kind: str, options: dict[str, str], values: tuple[list[str], list[str]]) -> str:
+    """What became of the facts and values of a device, see engine/facts.py; `values` are those of its `Line`."""
+    found: str = importlib.import_module(f"{__name__}.engine.facts").Twin(kind, options).words(values)
+    return found
+
+
 def carries_frames(kind: str, options: dict[str, str]) -> bool:
     """Whether `create` gives a CAN bus; of a whole bus its file tells."""
     if kind == "bus":
