@@ -128,7 +128,7 @@ def test_what_the_simulator_does_not_have_is_counted(family: str, tmp_path: Path
     path = recorded(family, tmp_path, link_of(family), "own", ("dump",))
     found = Twin(family, {"values": values_of(family, str(path))})
     taken, left = create(family, found.raw).values
-    lacks = {"barrett": {"ram S F1", "ram S F2"}, "ekso": {"set 18"}}.get(family, set())
+    lacks = {"ram S F1", "ram S F2"} if family == "barrett" else set()
     assert len(taken) > 5
     assert lacks <= {" ".join(words.split()[:-1]) for words in left}
     assert bool(left) == bool(lacks)

@@ -33,7 +33,7 @@ PATIENCE = 2.0
 """Seconds that an answer may come later than the recorded one came. Virtual: they cost nothing."""
 ROUNDED = 2e-6
 """Seconds by which two recorded moments may be off: they have six decimals."""
-EQUAL, VALUES, RATE, FORM, NONE, EXTRA = "equal", "values", "rate", "form", "no-answer", "unexpected"
+EQUAL, VALUES, RATE, FORM, NONE, EXTRA = "equal", "values", "rate", "form", "no_answer", "unexpected"
 WORDS = {
     EQUAL: "equal", VALUES: "only values differ", RATE: "another rate", FORM: "another form", NONE: "no answer", EXTRA: "answer where none was",
 }  # fmt: skip
@@ -59,12 +59,10 @@ def simulated(link: str, family: str, wire: str) -> str:
             hint=f"give {SIMULATOR}{family}, with options if needed",
             code="not-simulated",
         )
-    options |= {
-        "clock": "virtual",
-        **({"bus": wire} if wire else {}),
-        **({"save": "never"} if "state" in options else {}),
-    }
     from urllib.parse import quote
+
+    options |= {"clock": "virtual"} | ({"bus": wire} if wire else {})
+    options |= {"save": "never"} if "state" in options else {}
 
     return f"{SIMULATOR}{kind}?{'&'.join(f'{name}={quote(value)}' for name, value in options.items())}"
 
@@ -259,35 +257,24 @@ class Comparison:
 
     def row(self) -> Row:
         """Its row."""
-        share = self.share
-        counts = {name.replace("-", "_"): count for name, count in self.counts.items()}
-        return {
-            "name": self.name,
-            "link": self.link,
-            "share": None if share is None else round(share, 4),
-            **counts,
-            **timing(self.trips),
-        }
+        share = None if self.share is None else round(self.share, 4)
+        return {"name": self.name, "link": self.link, "share": share, **self.counts, **timing(self.trips)}
 
 
 def timing(trips: RoundTrips) -> Row:
     """Reply times in ms."""
-    return {
-        f"{name}_ms": round(1000 * trips.quantile(part), 3) if len(trips) else None
-        for name, part in (("median", 0.5), ("p90", 0.9))
-    }
+    parts = (("median_ms", 0.5), ("p90_ms", 0.9))
+    return {key: round(1000 * trips.quantile(part), 3) if len(trips) else None for key, part in parts}
 
 
 class Recording:
     """A transcript that is read as often as it takes."""
 
     def __init__(self, path: str, family: str | None) -> None:
-        """Raises UsageError for a file that is none, of several families, or without a request."""
-        self.path, self.family = path, family or ""
+        """Raises UsageError for a file that is none, or of several devices."""
+        self.path, self.wire = path, ""
         with opened(path) as file:
-            self.family, self.by_bytes, _ = chosen(lines_of(file, path), self.family, path)
-        self.streams: dict[str, Stream] = {}
-        self.wire = ""
+            self.family = chosen(lines_of(file, path), family or "", path)[0]
         self.reader = TranscriptReader(self.family)
         self.answered: list[int] = []
         for row in self.reader.tell(self.lines()):
@@ -378,9 +365,7 @@ def check(
     own: Row = {"name": "recording", "link": transcript, "share": None, **timing(recording.reader.statistics.trips)}
     table = Table(
         rows=[own, {**twin.row(), "differences": twin.differences}, manual.row()],
-        columns=tuple(
-            Column(key) for key in ("name", "share", *(kind.replace("-", "_") for kind in WORDS), "median_ms", "p90_ms")
-        ),
+        columns=tuple(Column(key) for key in ("name", "share", *WORDS, "median_ms", "p90_ms")),
         view=lambda rows: [_side_by_side(rows), *_listed(twin)],
     )
     run.journal.info("twin", f"the twin has {twin.made}")
@@ -393,17 +378,20 @@ def check(
 
 
 def _side_by_side(rows: list[Row]) -> Grid:
-    lines: list[tuple[Cell | str, ...]] = [("Equal answers", *(_percent(row.get("share")) for row in rows))]
-    lines += [
-        (text.capitalize(), *(str(row.get(kind.replace("-", "_"), "")) for row in rows)) for kind, text in WORDS.items()
-    ]
-    for title, key in (("Reply time, median [ms]", "median_ms"), ("Reply time, 90 % below [ms]", "p90_ms")):
-        lines.append((title, *("–" if row[key] is None else f"{row[key]:g}" for row in rows)))
-    return Grid(("", "Recording", "Twin", "Manual's simulator"), tuple(lines))
+    def cell(row: Row, key: str) -> Cell | str:
+        value = row.get(key, "")
+        if key == "share" and value is not None:
+            return Cell(f"{100 * value:.1f} %", "good" if value == 1 else "warn")
+        return "–" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
 
-
-def _percent(share: float | None) -> Cell | str:
-    return "" if share is None else Cell(f"{100 * share:.1f} %", "good" if share == 1 else "warn")
+    titles = {
+        "share": "equal answers",
+        **WORDS,
+        "median_ms": "reply time, median [ms]",
+        "p90_ms": "reply time, 90 % below [ms]",
+    }
+    lines = tuple((title.capitalize(), *(cell(row, key) for row in rows)) for key, title in titles.items())
+    return Grid(("", "Recording", "Twin", "Manual's simulator"), lines)
 
 
 def _listed(twin: Comparison) -> list[Grid]:
@@ -412,11 +400,8 @@ def _listed(twin: Comparison) -> list[Grid]:
         for row in twin.differences[:SHOWN]
     )
     more = f", the first {SHOWN} of {len(twin.differences)}" if len(twin.differences) > SHOWN else ""
-    return (
-        [Grid(("Line", "Answer", "Request", "Recorded", "Twin"), lines, f"Differences of the twin{more}")]
-        if lines
-        else []
-    )
+    title = f"Differences of the twin{more}"
+    return [Grid(("Line", "Answer", "Request", "Recorded", "Twin"), lines, title)] if lines else []
 
 
 def _told(row: Row, side: str) -> str:

@@ -55,7 +55,8 @@ class EksoExplainer(Cutter):
         for word in EKSO:
             value = values.get(word.name)
             if isinstance(value, int | float) and word.name not in TWICE:
-                yield f"{'set' if word.message == 'settings' else word.message} {word.id or word.word} {word.to_raw(value)}"
+                place = f"set {word.id or word.name}" if word.message == "settings" else f"{word.message} {word.word}"
+                yield f"{place} {word.to_raw(value)}"
         high, low = (values.get(name) for name in ("boot_time_high", "boot_time_low"))
         if isinstance(high, int | float) and isinstance(low, int | float):
             began = (int(high) << 16) + int(low) - round(1000 * moments["boot_time_low"])
