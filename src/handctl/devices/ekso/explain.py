@@ -12,6 +12,7 @@ which may be an echo, proves nothing.
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import lru_cache
 
 from handctl.devices.ekso.frames import (
@@ -64,8 +65,9 @@ class EksoExplainer(Cutter):
         if "date" in values and "time" in values:
             from datetime import datetime, timedelta
 
-            shown = datetime.fromisoformat(f"{values['date']}T{values['time']}")
-            yield f"rtc {shown - timedelta(seconds=int(moments['time'])):%Y-%m-%dT%H:%M:%S}"
+            with suppress(ValueError, OverflowError):  # a damaged clock
+                shown = datetime.fromisoformat(f"{values['date']}T{values['time']}")
+                yield f"rtc {shown - timedelta(seconds=int(moments['time'])):%Y-%m-%dT%H:%M:%S}"
 
     # -- finding frames -----------------------------------------------------------------------------------------------
 
