@@ -106,15 +106,8 @@ class Export:
                 if self.segment not in (None, number):
                     continue
                 if number not in lines:
-                    lines[number] = Line(
-                        float(block.columns["host_utc_s"][0]), block.t_ms[0], *self._fits.get(number, ())
-                    )
-                clocked = number in self._fits
-                utc = (
-                    list(map(lines[number].utc_of, block.t_ms))
-                    if clocked
-                    else [float(text) for text in block.columns["host_utc_s"]]
-                )
+                    lines[number] = Line(block.floats("host_utc_s")[0], block.t_ms[0], *self._fits.get(number, ()))
+                utc = lines[number].all_utc(block.t_ms) if number in self._fits else block.floats("host_utc_s")
                 self.rows += len(utc)
                 first = utc[0] if first is None else first
                 self.seconds = round(utc[-1] - first, 3)

@@ -85,7 +85,7 @@ def _frames(export: Export, rate: float, begin: float, count: int) -> Iterator[F
     segment = 0
     row = export.survey.segments[export.segments[0]].first_row
     for number, block, utc in export.blocks():
-        rows = zip(*(block.values(channel) for channel in export.log.channels), strict=True)
+        rows = zip(*(block.values(channel.column) for channel in export.log.channels), strict=True)
         for time, values in zip(utc, rows, strict=True):
             joined = earlier is not None and number == segment and row not in gaps
             while frame < count and (at := begin + frame / rate) < time - 1e-9:
