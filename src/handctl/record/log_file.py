@@ -14,7 +14,7 @@ import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import compress, islice
-from math import isfinite
+from math import isfinite, nan
 from operator import itemgetter
 from typing import Any, BinaryIO, NamedTuple
 
@@ -86,26 +86,26 @@ class Numbers(dict[str, Any]):
             self.clear()
 
 
-def number_of(text: str) -> float | None:
-    """A number, None where nothing was read. Raises ValueError."""
-    if text and not isfinite(number := float(text)):
+def number_of(text: str) -> float:
+    """A number, NaN where nothing was read. Raises ValueError."""
+    if not isfinite(number := float(text or "0")):
         raise ValueError(f"{text!r} is not a number")
-    return number if text else None
+    return number if text else nan
 
 
 class Block:
     """Some rows that follow each other: their texts by column, device times, segments.
 
     `text` is all of it as the recorder wrote it, but for the last line's end; "" where something is quoted or unusual.
+    `known` are the columns whose numbers are known already.
     """
 
-    def __init__(self, columns: dict[str, Sequence[str]], numbers: Numbers, text: str = "") -> None:
+    def __init__(self, columns: dict[str, Sequence[str]], text: str = "") -> None:
         self.columns = columns
         self.text = text
         self.t_ms: list[int] = []
         self.segments: list[int] = []
-        self._numbers = numbers
-        self._floats: dict[str, list[float]] = {}
+        self.known: dict[str, Sequence[float]] = {}
 
     def of(self, segment: int | None) -> Block:
         """Only the rows of a segment."""
@@ -113,19 +113,16 @@ class Block:
             return self
         keep = [number == segment for number in self.segments]
         columns: dict[str, Sequence[str]] = {n: tuple(compress(texts, keep)) for n, texts in self.columns.items()}
-        found = Block(columns, self._numbers)
+        found = Block(columns)
         found.t_ms, found.segments = list(compress(self.t_ms, keep)), [segment] * sum(keep)
         return found
 
-    def floats(self, name: str) -> list[float]:
-        """A column of the recorder as numbers."""
-        if name not in self._floats:
-            self._floats[name] = list(map(float, self.columns[name]))
-        return self._floats[name]
-
-    def values(self, name: str) -> Sequence[float | None]:
-        """A column of the device as numbers, None where nothing was read."""
-        return self._numbers.of(self.columns[name])
+    def floats(self, name: str) -> Sequence[float]:
+        """A column as numbers, NaN where nothing was read."""
+        if name not in self.known:
+            texts = self.columns[name]
+            self.known[name] = list(map(number_of if "" in texts else float, texts))
+        return self.known[name]
 
 
 class LogFile:
@@ -300,7 +297,7 @@ class LogFile:
         if found is None:
             return None
         whole = "" if '"' in text else text if text.endswith("\r") else text.replace("\n", "\r\n") + "\r"
-        block = Block(dict(zip(self.names, found, strict=True)), self._numbers, whole)
+        block = Block(dict(zip(self.names, found, strict=True)), whole)
         lead = {name: joined(block.columns[name], decimals) for name, decimals in self.lead}
         segments = block.columns["segment"]
         if None in lead.values() or not constant(segments) or not self._right(block):
@@ -313,7 +310,7 @@ class LogFile:
         """Whether the device's columns are right."""
         try:
             for channel in self.channels:
-                self._numbers.of(block.columns[channel.column])
+                block.known[channel.column] = self._numbers.of(block.columns[channel.column])
         except ValueError:
             return False
         return True
@@ -328,7 +325,7 @@ class LogFile:
             if place < last or place[0] > last[0] + 1:
                 raise out_of_order(self.path, at)
             places.append(last := place)
-        block = Block(dict(zip(self.names, zip(*rows, strict=True), strict=True)), self._numbers)
+        block = Block(dict(zip(self.names, zip(*rows, strict=True), strict=True)))
         block.segments, block.t_ms = map(list, zip(*places, strict=True))
         return block
 
@@ -369,18 +366,18 @@ def _columns(text: str, rows: int, width: int) -> Sequence[Sequence[str]] | None
     return found
 
 
-DIGITS = str.maketrans("123456789", "0" * 9)
+DIGITS = bytes.maketrans(b"123456789", b"0" * 9)
 
 
 def joined(texts: Sequence[str], decimals: int) -> str | None:
     """All of a column, a line each, if `parse_fixed` takes them: texts that differ only in their digits are looked at once."""
     text = "\n".join(texts)
-    shape = text.translate(DIGITS)
-    one = shape[: len(texts[0])]
-    shapes = {one} if f"{shape}\n" == f"{one}\n" * len(texts) else set(shape.split("\n"))
+    shape = text.encode().translate(DIGITS) + b"\n"
+    one, _, _ = shape.partition(b"\n")
+    shapes = {one} if shape == (one + b"\n") * len(texts) else set(shape[:-1].split(b"\n"))
     try:
         for one in shapes:
-            parse_fixed(one, decimals)
+            parse_fixed(one.decode(), decimals)
     except ValueError:
         return None
     return text
@@ -434,8 +431,10 @@ def cut_short(path: str, line: int) -> UsageError:
 def _load_sidecar(path: str, wanted: str) -> dict[str, Any] | None:
     """The sidecar, None when there is none. Raises UsageError for one that is damaged or of another kind."""
     try:
-        content = json.loads(read_text(path, "a sidecar", 16_000_000))
-        json.dumps(content, ensure_ascii=False).encode()  # half a surrogate is no text
+        text = read_text(path, "a sidecar", 16_000_000)
+        content = json.loads(text)
+        if "\\u" in text:
+            json.dumps(content, ensure_ascii=False).encode()  # half a surrogate is no text
     except NoFile:
         return None
     except (ValueError, RecursionError) as exc:

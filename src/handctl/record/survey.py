@@ -76,16 +76,16 @@ class Segment(timeline.Segment):
         times = [ms - begin for ms in t_ms]
         sent = [(middle - trip / 2000) * 1000 - ms for ms, middle, trip in zip(times, mono, rtt, strict=True)]
         answered = list(map(add, sent, rtt))
+        top, low = max(sent), min(answered)
         if clocked:
-            self._contradicted(sent, answered)
+            self._contradicted(sent, answered, top, low)
             self.fit.extend([ms / 1000 for ms in times], [middle - at for middle in mono])
-        self.sent_most, self.answered_least = max(self.sent_most, *sent), min(self.answered_least, *answered)
+        self.sent_most, self.answered_least = max(self.sent_most, top), min(self.answered_least, low)
         self.rows += len(sent)
         self.last = Place(None, Moment(mono[-1] - rtt[-1] / 2000, mono[-1] + rtt[-1] / 2000), t_ms[-1], self.number)
 
-    def _contradicted(self, sent: Sequence[float], answered: Sequence[float]) -> None:
+    def _contradicted(self, sent: Sequence[float], answered: Sequence[float], top: float, low: float) -> None:
         """Find the most by which these rows contradict those before them. What shows no more than is known needs no look at each."""
-        top, low = max(sent), min(answered)
         known = max(abs(self.apart_ms), SMALLEST_MS)
         if max(max(self.sent_most, top) - low, top - min(self.answered_least, low)) <= known:
             return
@@ -181,7 +181,7 @@ class Surveyor:
 
     def _follow(self, mono: Sequence[float], utc: Sequence[float]) -> None:
         """Raise UsageError for a row at which the host's clock fell back, or is none."""
-        if mono[0] < self._last or mono != sorted(mono) or not (min(utc) >= 0 and max(utc) < LATEST_S):
+        if mono[0] < self._last or mono != sorted(mono) or not 0 <= (walls := sorted(utc))[0] <= walls[-1] < LATEST_S:
             last = self._last
             for at, (moment, wall) in enumerate(zip(mono, utc, strict=True), self._row + 1):
                 if moment < last or not 0 <= wall < LATEST_S:

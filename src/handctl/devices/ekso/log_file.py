@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterator
 
 from handctl.devices.ekso.log import LEAD, NAMED, RowLayout, parse
 from handctl.devices.ekso.map import DATA, Word, boot_ms, state_text
@@ -42,7 +41,7 @@ class LogFile(log_file.LogFile):
     """A log of an EksoNR. Raises UsageError when it cannot be read, or is none."""
 
     def __init__(self, path: str) -> None:
-        self._known: dict[tuple[int, bool], Numbers] = {}
+        self._known: dict[tuple[int, bool, int], Numbers] = {}
         self._words, self._named = Numbers(_word), set[tuple[str, str]]()
         super().__init__(path, "ekso")
 
@@ -67,9 +66,17 @@ class LogFile(log_file.LogFile):
 
     def numbers(self, quantity: Word) -> Numbers:
         """Integers of a quantity's last decimal by text: one table for all of the same decimals and sign."""
-        kind = (quantity.decimals, quantity.signed)
+        return self._table(quantity, 1)
+
+    def _values(self, quantity: Word) -> Numbers:
+        return self._table(quantity, 10**quantity.decimals)
+
+    def _table(self, quantity: Word, scale: int) -> Numbers:
+        kind = (quantity.decimals, quantity.signed, scale)
         if kind not in self._known:
-            self._known[kind] = Numbers(partial(parse, quantity))
+            self._known[kind] = Numbers(
+                lambda text: parse(quantity, text) if scale == 1 else parse(quantity, text) / scale
+            )
         return self._known[kind]
 
     def _forget(self) -> None:
@@ -101,26 +108,25 @@ class LogFile(log_file.LogFile):
 
     def _right(self, block: Block) -> bool:
         try:
-            numbers = {
-                quantity.name: self.numbers(quantity).of(block.columns[column])
-                for quantity, column in zip(self.layout.shown, self.layout.columns, strict=True)
-            }
+            for quantity, column in zip(self.layout.shown, self.layout.columns, strict=True):
+                block.known[column] = self._values(quantity).of(block.columns[column])
             states, names = block.columns[f"{NAMED}_raw"], block.columns[f"{NAMED}_name"]
             some = 1 if constant(states) and constant(names) else len(states)
             new = set(zip(states[:some], names, strict=False)) - self._named
             if any(text != state_text(self.numbers(STATE)[number]) for number, text in new):
                 return False
             self._named |= new
-            return not self.layout.raw or self._raw_fits(block, numbers)
+            return not self.layout.raw or self._raw_fits(block)
         except ValueError:
             return False
 
-    def _raw_fits(self, block: Block, numbers: Mapping[str, Sequence[int]]) -> bool:
+    def _raw_fits(self, block: Block) -> bool:
         """Whether the words as they came are those of the columns. Raises ValueError."""
         names = self.layout.names
         words = [self._words.of(block.columns[name]) for name in names[names.index(MARK) + 1 :]]
-        for quantity in self.layout.shown:
-            if list(map(quantity.raw_of, words[quantity.word])) != list(numbers[quantity.name]):
+        for quantity, column in zip(self.layout.shown, self.layout.columns, strict=True):
+            numbers = self.numbers(quantity).of(block.columns[column])
+            if list(map(quantity.raw_of, words[quantity.word])) != list(numbers):
                 return False
         return list(map(boot_ms, zip(*words, strict=True))) == integers("\n".join(block.columns["boot_ms"]))
 

@@ -10,7 +10,7 @@ A writer is `write(export)`; it raises OSError where the disk fails. What it nee
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
@@ -88,14 +88,14 @@ class Export:
             return not about["gaps"]
         return len(self.segments) == 1 and not self.survey.segments[self.segments[0]].gaps
 
-    def blocks(self, *, surveyed: bool = True) -> Iterator[tuple[int, Block, list[float]]]:
+    def blocks(self, *, surveyed: bool = True) -> Iterator[tuple[int, Block, Sequence[float]]]:
         """The rows: segment, rows of it, and the host's time of each by the clock fit, seconds since 1970.
 
         `surveyed`: the writer asks for the survey afterwards.
         """
         self.rows, lines = 0, dict[int, Line]()
         first, reading, _ = None, Surveyor(self.log), self._fits
-        finding = surveyed and "survey" not in self.__dict__
+        finding = surveyed and not self.surveyed
         if finding:
             self.survey = reading.found
         for whole in self.log.blocks():
@@ -117,10 +117,20 @@ class Export:
         if finding:
             reading.end()
 
+    @property
+    def surveyed(self) -> bool:
+        """Whether the survey is there already, or is being made."""
+        return "survey" in self.__dict__
+
+    def refitted(self) -> bool:
+        """Take the clock fits from the survey from now on. Returns whether they are others than `blocks` took from the sidecar."""
+        before = self.__dict__.pop("_fits", None)
+        return before is not None and before != self._fits
+
     @cached_property
     def _fits(self) -> dict[int, tuple[float, float]]:
         """a and b by segment: from the sidecar, which spares a pass, or from the rows."""
-        if "survey" not in self.__dict__ and (said := self.log.fits) is not None:
+        if not self.surveyed and (said := self.log.fits) is not None:
             return said
         return {number: one.line[2:] for number, one in self.survey.segments.items() if one.fit.count}
 
