@@ -13,10 +13,15 @@ from handctl.files import atomic_write
 
 if TYPE_CHECKING:
     from handctl.record.exports import Export
+    from handctl.record.log_reader import Block
 
 NS = 1_000_000_000
 MOST_KNOWN = 1 << 15
 """Texts of a column that are remembered."""
+PLAIN = 1 << 32
+"""Below it doubles are closer than 6 decimals are, so that the text without its last zeros is the shortest one."""
+UNIQUE = ("host_utc_s", "host_mono_s", "t_s", "seq")
+"""Columns that do not repeat themselves."""
 
 
 def write(export: Export) -> None:
@@ -34,16 +39,16 @@ def write(export: Export) -> None:
         data = _channel(writer, f"/{log.kind}/data", rows)
         marks = _channel(writer, f"/{log.kind}/marks", {"kind": {"type": "string"}, "text": {"type": "string"}, "row": {"type": "integer"}})  # fmt: skip
         writer.add_metadata("handctl", {key: json.dumps(said) for key, said in export.about().items()})
-        form = "{" + ", ".join(f"{json.dumps(name)}: ".replace("%", "%%") + "%s" for name in rows) + "}"
         kinds: dict[str, Any] = {name: float if decimals else int for name, decimals in log.lead}
         kinds |= {one.column: int if one.decimals == 0 else float for one in log.channels}
-        known: dict[str, dict[str, str]] = {name: {} for name in (*(one.column for one in log.channels), *log.texts)}
+        own = [Told(name, kinds.get(name, str), known=name not in UNIQUE) for name in rows]
         for _, block, utc in export.blocks():
-            columns = [_told(block.columns[name], kinds.get(name, str), known.get(name)) for name in rows]
-            came = [round(float(text) * NS) for text in block.columns["host_utc_s"]]
+            columns = [one.column(block) for one in own]
+            told = map(", ".join, zip(*columns, strict=True))
+            came = [round(time * NS) for time in block.floats("host_utc_s")]
             asked = [int(text) & 0xFFFFFFFF for text in block.columns["seq"]]
-            for time, at, number, row in zip(utc, came, asked, zip(*columns, strict=True), strict=True):
-                writer.add_message(data, round(time * NS), (form % row).encode(), at, number)
+            for time, at, number, row in zip(utc, came, asked, told, strict=True):
+                writer.add_message(data, round(time * NS), f"{{{row}}}".encode(), at, number)
         for at, one in enumerate(export.events):
             text = json.dumps({"kind": one.kind, "text": one.text, "row": one.row}).encode()
             time = round(one.utc_s * NS)
@@ -51,16 +56,35 @@ def write(export: Export) -> None:
         writer.finish()
 
 
-def _told(texts: Sequence[str], kind: Any, known: dict[str, str] | None) -> list[str]:
-    """A column as JSON has it; `known` remembers what a device repeats."""
-    if known is None:
-        return list(map(repr, map(kind, texts)))
-    if not all(map(known.__contains__, texts)):
-        if len(known) > MOST_KNOWN:
-            known.clear()
-        nothing = '""' if kind is str else "null"
-        known.update({one: json.dumps(kind(one)) if one else nothing for one in set(texts).difference(known)})
-    return list(map(known.__getitem__, texts))
+class Told(dict[str, str]):
+    """A column as JSON has it, with its name; a text that is not known yet is read and, with `known`, remembered."""
+
+    def __init__(self, name: str, kind: Any, *, known: bool) -> None:
+        super().__init__()
+        self._name, self._head, self._kind, self._known = name, f"{json.dumps(name)}: ", kind, known
+
+    def __missing__(self, text: str) -> str:
+        nothing = '""' if self._kind is str else "null"
+        told = self[text] = self._head + (json.dumps(self._kind(text)) if text else nothing)
+        return told
+
+    def column(self, block: Block) -> list[str]:
+        """That of a block."""
+        texts, head = block.columns[self._name], self._head
+        if not self._known:
+            numbers = block.floats(self._name) if self._kind is float else list(map(int, texts))
+            if self._kind is float and _plain(numbers, texts):
+                return [head + (one if one[-1] != "." else f"{one}0") for one in [text.rstrip("0") for text in texts]]
+            return [f"{head}{number!r}" for number in numbers]
+        if len(self) > MOST_KNOWN:
+            self.clear()
+        return list(map(self.__getitem__, texts))
+
+
+def _plain(numbers: Sequence[float], texts: Sequence[str]) -> bool:
+    """Whether the shortest text of each number is its own without the last zeros."""
+    lines = "\n" + "\n".join(texts)
+    return min(numbers) >= 0.001 and max(numbers) < PLAIN and lines.count("\n0") == lines.count("\n0.")
 
 
 def _channel(writer: Any, topic: str, properties: dict[str, Any]) -> int:
