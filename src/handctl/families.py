@@ -110,7 +110,9 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.barrett.gcl.codec",
         scan=4,
         tell=4,
-        facts=dict.fromkeys(("position-sign", "position-at-stop"), ("position_sign", ("signed", "unsigned", "clamped"))),
+        facts=dict.fromkeys(
+            ("position-sign", "position-at-stop"), ("position_sign", ("signed", "unsigned", "clamped"))
+        ),
         options=(
             OwnOption(
                 "interrupt",
