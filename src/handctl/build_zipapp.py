@@ -89,7 +89,8 @@ def build(target: Path) -> Version:
                 compiled = _byte_code({inside: path for inside, path in files.items() if path.suffix == ".py"}, scratch)
                 for inside, path in files.items():
                     if inside in compiled:
-                        _add(archive, f"{inside}c", Path(compiled[inside]).read_bytes())
+                        # not compressed: to take it out of the archive would be a tenth of a start
+                        _add(archive, f"{inside}c", Path(compiled[inside]).read_bytes(), zipfile.ZIP_STORED)
                     _add(archive, inside, path.read_bytes())
         os.chmod(name, stat.S_IMODE(os.stat(name).st_mode) | 0o755)  # noqa: S103 - a program for all
         os.replace(name, target)
@@ -115,9 +116,9 @@ def oldest_here() -> Version:
     return here
 
 
-def _add(archive: zipfile.ZipFile, inside: str, content: bytes) -> None:
+def _add(archive: zipfile.ZipFile, inside: str, content: bytes, how: int = zipfile.ZIP_DEFLATED) -> None:
     entry = zipfile.ZipInfo(inside, EPOCH)
-    entry.compress_type = zipfile.ZIP_DEFLATED
+    entry.compress_type = how
     entry.external_attr = 0o644 << 16
     archive.writestr(entry, content)
 

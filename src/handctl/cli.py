@@ -24,14 +24,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         defer_unused_modules()
         gc.disable()  # until the command runs: what is imported stays, and looking through it costs a twentieth of the start
-    from handctl.command.command_tree import run_root
+    from handctl.command.command_tree import exit_code, root
+    from handctl.interrupts import done
     from handctl.screen.sanitize import substitute_what_is_missing
 
     substitute_what_is_missing()
-
-    from handctl.interrupts import done
-
-    code = _finish(run_root(args, _on_several))
+    try:
+        if not _on_several(args):
+            root.main(args=list(args), prog_name="handctl", standalone_mode=False)
+        code = 0
+    except BaseException as exc:  # noqa: BLE001 - what it does not know goes on
+        code = exit_code(exc, args)
+    code = _finish(code)
     done(last=argv is None)
     return code
 

@@ -59,7 +59,8 @@ class FamilyRow:
     scan      its turn in `handctl scan`, the lowest first: what could disturb others comes late
     tell      its turn when recorded bytes tell whose they are: who takes more for his own comes later
     options   those that only this family has
-    facts     fact of its `proofs` -> the setting that it stands for, and what each value of the fact makes of that ("" = nothing)
+    facts     fact of its `proofs` -> the setting that it stands for, and what each value of the fact makes of that ("" = nothing);
+              of words alone each is the value of the setting, too
     trigger   fastest speed in bit/s at which its device listens, and the bytes on which it acts wherever they stand
     """
 
@@ -69,7 +70,7 @@ class FamilyRow:
     scan: int = 100
     tell: int = 100
     options: tuple[OwnOption, ...] = ()
-    facts: dict[str, tuple[str, dict[str, str]]] = field(default_factory=dict)
+    facts: dict[str, tuple[str, dict[str, str] | tuple[str, ...]]] = field(default_factory=dict)
     trigger: tuple[int, bytes] | None = None
 
     def module(self, role: str) -> str:
@@ -81,12 +82,9 @@ _WITHIN = {"write_rules": "explain_bytes", "outline": "remedies"}
 """Role -> the role in whose module it lies."""
 
 
-def _same(*values: str) -> dict[str, str]:
-    """Each value of a fact is the value of the setting, too."""
-    return {value: value for value in values}
-
-
-_GAPS = {"reads-across-gaps": ("across_gaps", {"answered": "yes", "silent": "no", "refused": "no"})}
+_GAPS: dict[str, tuple[str, dict[str, str] | tuple[str, ...]]] = {
+    "reads-across-gaps": ("across_gaps", {"answered": "yes", "silent": "no", "refused": "no"})
+}
 
 
 FAMILIES: dict[str, FamilyRow] = {
@@ -112,10 +110,9 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.barrett.gcl.codec",
         scan=4,
         tell=4,
-        facts={
-            name: ("position_sign", _same("signed", "unsigned", "clamped"))
-            for name in ("position-sign", "position-at-stop")
-        },
+        facts=dict.fromkeys(
+            ("position-sign", "position-at-stop"), ("position_sign", ("signed", "unsigned", "clamped"))
+        ),
         options=(
             OwnOption(
                 "interrupt",
@@ -133,7 +130,7 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.ekso.frames",
         scan=1,
         tell=5,
-        facts={"length-convention": ("length_mode", _same("body", "n-4", "n-2", "frame"))},
+        facts={"length-convention": ("length_mode", ("body", "n-4", "n-2", "frame"))},
         options=(
             OwnOption("operator", "Your name, for the audit log. Required with --yes.", metavar="NAME", asked=True),
             OwnOption(
@@ -151,8 +148,8 @@ FAMILIES: dict[str, FamilyRow] = {
         scan=5,
         tell=3,
         facts={
-            "exchange": ("exchange", _same("stream", "poll")),
-            "request-terminator": ("tx_terminator", _same("newline", "none", "nul", "crlf")),
+            "exchange": ("exchange", ("stream", "poll")),
+            "request-terminator": ("tx_terminator", ("newline", "none", "nul", "crlf")),
         },
         options=(
             OwnOption(
@@ -183,7 +180,7 @@ FAMILIES: dict[str, FamilyRow] = {
         tell=6,
         facts={
             **_GAPS,
-            "generation": ("model", _same("df", "tp", "f1", "dg2")),
+            "generation": ("model", ("df", "tp", "f1", "dg2")),
             "protocol": ("protocol", {"eb90": "eb90", "modbus": "modbus", "both": ""}),
         },
         options=(
@@ -248,7 +245,7 @@ HISTORY = ("devices", "all", "off")
 """Which writes are kept for later: to devices, to simulators and transcripts too, or none."""
 
 COMMANDS: dict[str, tuple[str, str]] = {
-    **{name: (row.module("cli"), row.help) for name, row in FAMILIES.items()},
+    **{name: (f"{row.package}.cli", row.help) for name, row in FAMILIES.items()},
     **{name: tool for tools in TOOLS.values() for name, tool in tools.items()},
 }
 

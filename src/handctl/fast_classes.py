@@ -73,7 +73,7 @@ else:
 
     def replace(one: Any, /, **changes: Any) -> Any:
         """As of dataclasses."""
-        return type(one)(**{**vars(one), **changes})
+        return type(one)(**{**{name: getattr(one, name) for name in one.__match_args__}, **changes})
 
     def _values(one: Any) -> tuple[Any, ...]:
         return tuple(getattr(one, name) for name in one.__match_args__)

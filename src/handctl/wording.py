@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
+from functools import lru_cache
 
 from handctl.errors import reworded
 from handctl.families import FAMILIES
@@ -46,6 +47,7 @@ def _open(text: str) -> bool:
     return number or not IN_NAMES & set(last)
 
 
+@lru_cache(8)
 def utc(seconds: float, decimals: int = 0) -> str:
     """The time of day as results have it, ISO 8601: seconds since 1970 -> ``2026-11-20T14:05:37Z``, with `decimals` of a second."""
     whole = round(seconds * 10**decimals)

@@ -103,7 +103,7 @@ def act(hand: BarrettHand, link: ScriptedLink, text: str) -> str:
         case "gcl":
             return command_line(hand.line.ask(rest))
         case "get":
-            readings = hand.read(select(BARRETT, rest.split()))
+            readings = hand.read(select(BARRETT, tuple(rest.split())))
         case "set":
             readings = hand.write(BARRETT.assignments_on(rest.split(), BARRETT["position"].elements))
         case "baud":

@@ -96,7 +96,7 @@ def test_rows_of_the_vectors() -> None:
 def test_elements_are_read_with_one_request_a_message() -> None:
     unit = Unit()
     ekso = ekso_on(unit)
-    readings = ekso.read(select(EKSO, ["202", "Torso Pitch Angle", "walk", "left_knee_angle"]))
+    readings = ekso.read(select(EKSO, ("202", "Torso Pitch Angle", "walk", "left_knee_angle")))
     assert [reading.value for reading in readings] == [15.5, 4.5, 2, 3.2]
     assert [reading.raw for reading in readings] == [b"\x06\x0e", b"\x01\xc2", b"\x00\x02", b"\x01\x40"]
     assert unit.commands() == [SETTINGS, DATA]
@@ -106,14 +106,14 @@ def test_a_message_that_fails_leaves_the_others() -> None:
     unit = Unit()
     unit.on = {DATA: lambda _msg_id, _body: []}
     ekso = ekso_on(unit)
-    table = ekso.table(ekso.read(select(EKSO, ["step_length", "torso_pitch"])))
+    table = ekso.table(ekso.read(select(EKSO, ("step_length", "torso_pitch"))))
     assert table.rows[0]["value"] == 15.5
     assert "value" not in table.rows[1]
     assert "no reply to GetData" in table.rows[1]["error"]
     assert table.failure is not None
     assert (table.failure.exit_code, table.failure.code) == (4, "no-answer")
     with pytest.raises(NoAnswer):
-        ekso.read(select(EKSO, ["torso_pitch"]))
+        ekso.read(select(EKSO, ("torso_pitch",)))
 
 
 def test_the_dump_has_everything_and_what_failed() -> None:
@@ -414,7 +414,7 @@ def test_lines_for_people() -> None:
     (grid,) = words_view(ekso.shown("data").rows)
     assert texts(grid)[22] == ["weight_shift", "0.125", "", ""]
     assert grid.notes[0].startswith("boot 1 h 23 m 20.")
-    elements = select(EKSO, ["step_length"])
+    elements = select(EKSO, ("step_length",))
     (grid,) = words_view([ekso.row(Reading(elements[0], None, b"", NoAnswer("silence")))])
     assert grid.lines[0][2] == Cell("?", "bad")
     assert grid.notes == ("step_length: silence",)

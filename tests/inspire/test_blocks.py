@@ -85,7 +85,7 @@ def test_a_dump_is_exactly_two_requests() -> None:
 
 def test_one_element_is_one_request_for_its_group() -> None:
     hand, link = fake_hand()
-    (reading,) = hand.read(select(EXO, ["position_actual.index"]))
+    (reading,) = hand.read(select(EXO, ("position_actual.index",)))
     assert (reading.value, hexed(reading.raw)) == (440, "B8 01")
     assert [hexed(request) for request in link.sent] == ["EB 90 01 04 11 0A 06 0C 32"]
 
@@ -126,7 +126,7 @@ def test_silence_to_the_first_block_and_its_first_group_is_nobody() -> None:
 
 def test_a_single_group_is_never_asked_as_a_block() -> None:
     hand, link = fake_hand("fault=block-silent")
-    assert [reading.value for reading in hand.read(select(EXO, ["current"]))] == [21, 22, 23, 24, 25]
+    assert [reading.value for reading in hand.read(select(EXO, ("current",)))] == [21, 22, 23, 24, 25]
     assert requests_of(link) == [(1594, 10)]
     assert codes(hand) == []
 

@@ -42,7 +42,7 @@ def changes(*texts: str) -> list[tuple[object, object]]:
 
 def test_rows_have_the_keys_of_the_contract() -> None:
     hand, _ = fake_hand()
-    rows = hand.table(hand.read(select(EXO, ["system_voltage", "current.index", "error.index"]))).rows
+    rows = hand.table(hand.read(select(EXO, ("system_voltage", "current.index", "error.index")))).rows
     assert rows[0] == {
         "name": "system_voltage", "finger": None, "address": 1472, "value": 558, "unit": None, "raw": "2E 02",
         "label": "raw, scale unknown", "path": "system_voltage",
@@ -75,7 +75,7 @@ def test_addresses_are_those_of_the_elements() -> None:
 def test_the_manuals_error_example() -> None:
     """exo §2.3.12: ERROR(3) = 06 means over temperature and over current of the index finger."""
     hand, _ = fake_hand("fault=faults")
-    rows = {row["finger"]: row["label"] for row in hand.table(hand.read(select(EXO, ["error"]))).rows}
+    rows = {row["finger"]: row["label"] for row in hand.table(hand.read(select(EXO, ("error",)))).rows}
     assert rows == {
         "little": "locked_rotor",
         "ring": "over_temperature",
@@ -87,7 +87,7 @@ def test_the_manuals_error_example() -> None:
 
 def test_undefined_error_bits_are_named_as_such() -> None:
     hand, _ = fake_hand("fault=unknown-bits")
-    (row,) = hand.table(hand.read(select(EXO, ["error.index"]))).rows
+    (row,) = hand.table(hand.read(select(EXO, ("error.index",)))).rows
     assert (row["value"], row["raw"], row["label"]) == (160, "A0", "unknown_bit_5, unknown_bit_7")
 
 
@@ -286,7 +286,7 @@ def test_an_error_wins_over_findings() -> None:
 
     hand = hand_on(ScriptedLink(answer))
     hand.bus.retries = 0
-    table = hand.table(hand.read(select(EXO, ["error", "baud_code"])))
+    table = hand.table(hand.read(select(EXO, ("error", "baud_code"))))
     assert table.failure is not None
     assert (table.failure.exit_code, table.failure.code) == (4, "no-answer")
     assert "error" in table.failure.text

@@ -116,7 +116,7 @@ def act(hand: ExoHand, words: list[str]) -> Table | str:
     prompts = Prompts()
     match words:
         case ["get", *names]:
-            return hand.table(hand.read(select(EXO, names)))
+            return hand.table(hand.read(select(EXO, tuple(names))))
         case ["dump"]:
             return hand.dump()
         case ["read", address, count]:

@@ -141,7 +141,7 @@ def test_dump_is_three_can_reads_of_the_same_values() -> None:
 @pytest.mark.parametrize("wire", WIRES)
 def test_rows_have_the_keys_of_the_contract(wire: str) -> None:
     wrist, _ = fake_wrist(wire)
-    rows = wrist.table(wrist.read(select(WRIST, ["yaw_actual", "current_1024", "error_1", "temperature_2"]))).rows
+    rows = wrist.table(wrist.read(select(WRIST, ("yaw_actual", "current_1024", "error_1", "temperature_2")))).rows
     assert rows[0] == {
         "name": "yaw_actual", "finger": None, "address": 1022, "value": 11.25, "unit": "°", "raw": "65 04", "label": None,
         "path": "yaw_actual",

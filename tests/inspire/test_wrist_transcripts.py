@@ -168,7 +168,7 @@ def act(wrist: Wrist, words: list[str]) -> str:
     """Let the host do what a `# host` line says; what it gives as text."""
     match words:
         case ["get", *names]:
-            table = wrist.table(wrist.read(select(WRIST, names)))
+            table = wrist.table(wrist.read(select(WRIST, tuple(names))))
         case ["dump"]:
             table = wrist.dump()
         case ["read", address, count]:

@@ -50,10 +50,10 @@ class Took(Exception):
 def settings_of(words: Sequence[str], env: Mapping[str, str]) -> Any:
     """What a line comes to, without running it. Raises what is refused."""
 
-    def take(run: Any, _body: Any) -> None:
+    def take(run: Any) -> None:
         raise Took(run.settings)
 
-    with environment(clean_environment(env)), mock.patch.object(Run, "execute", take):
+    with environment(clean_environment(env)), mock.patch.object(Run, "shown", take):
         try:
             root.main(list(words), "handctl", standalone_mode=False)
         except Took as took:

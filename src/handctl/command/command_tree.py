@@ -9,7 +9,7 @@ import gc
 import importlib
 import os
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -65,7 +65,7 @@ class Command(Described):
         super().__init__(*args, **more)
         self.wires = self.family.wires if self.family is not None else ()
 
-    @property
+    @cached_property
     def only_reads(self) -> bool:
         """Whether it asks a device, and neither writes to it nor opens a file."""
         files = any(isinstance(param.type, InFile | OutFile) and param.name != "output" for param in self.params)
@@ -96,7 +96,8 @@ class Command(Described):
         if not gc.isenabled():  # see `cli.main`; no loop is held up by a look through what was imported
             gc.freeze()
             gc.enable()
-        run.execute(self.body(run))
+        with run.shown():
+            run.carry_out(self.body(run))
 
     def body(self, run: Run) -> Callable[[], Table | PlannedAction | None]:
         """What a run of the parsed line carries out: it gets the run first, then what was parsed."""
@@ -281,16 +282,14 @@ def typed(args: Sequence[str]) -> tuple[str, click.Command]:
     return " ".join(names), node
 
 
-def run_root(args: Sequence[str], otherwise: Callable[[Sequence[str]], bool] = lambda args: False) -> int:
-    """Parse and run, unless `otherwise` does; every error becomes one message on stderr and an exit code."""
+def exit_code(ended: BaseException, args: Sequence[str]) -> int:
+    """How the command line `args` ended: one message on stderr for every error, and its exit code."""
     debug = "--debug" in args or bool(os.environ.get("HANDCTL_DEBUG"))
     streams, command = False, ""
     extra: dict[str, Any] = {}
     error: HandctlError
     try:
-        if not otherwise(args):
-            root.main(args=list(args), prog_name="handctl", standalone_mode=False)
-        return 0
+        raise ended
     except click.exceptions.Exit as exc:
         return exc.exit_code
     except (BrokenPipeError, SystemExit):

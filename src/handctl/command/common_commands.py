@@ -72,7 +72,11 @@ def add_map_verbs(
     named = f"NAME[.{part}]" if part else "NAME"
     shown = f", such as `{example}`" if example else ""
 
-    with_setpoints = SETPOINTS if any(one.param.kind == COMMAND for one in params.kept()) else combined_options()
+    with_setpoints = (
+        SETPOINTS
+        if any(one.kind == COMMAND and one.writable and not one.optional for one in params)
+        else combined_options()
+    )
     with_ids = IDS if any(param.tells == "serial" for param in params) else combined_options()
 
     @click.option("--check", is_flag=True, help="Exit with code 7 if anything is unhealthy.")

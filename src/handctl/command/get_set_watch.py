@@ -21,13 +21,9 @@ if TYPE_CHECKING:
     from handctl.model.limits import Bound, Named
 
 
-def select(params: ParamMap[Any], names: Sequence[str]) -> list[Element]:
-    """Readable elements by name, in the order asked, each once. Raises UsageError."""
-    return list(_selected(params, tuple(names)))
-
-
 @lru_cache(256)
-def _selected(params: ParamMap[Any], names: tuple[str, ...]) -> list[Element]:
+def select(params: ParamMap[Any], names: tuple[str, ...]) -> Sequence[Element]:
+    """Readable elements by name, in the order asked, each once. Raises UsageError."""
     chosen: dict[str, Element] = {}
     for name in names:
         param, elements = params.find(name)
@@ -65,7 +61,7 @@ def _knows(params: ParamMap[Any], name: str) -> bool:
     return True
 
 
-def get(run: Run, params: ParamMap[Any], names: Sequence[str], limits: Sequence[str] = ()) -> Table:
+def get(run: Run, params: ParamMap[Any], names: tuple[str, ...], limits: Sequence[str] = ()) -> Table:
     """Read the named quantities in as few transactions as the device allows."""
     params = run.mapped(params)
     bounds = bounds_of(run, params, limits)
@@ -308,7 +304,7 @@ SLOWLY_FAILED_SECONDS = 10.0
 def watch(
     run: Run,
     params: ParamMap[Any],
-    names: Sequence[str],
+    names: tuple[str, ...],
     *,
     rate: float,
     count: int | None,
@@ -319,7 +315,6 @@ def watch(
 
     `seen`: a person looks at the live view, and sees what the device shows beside. That may fail.
     """
-    from functools import partial
 
     from handctl.model.sampling import Sampler
 
@@ -327,7 +322,7 @@ def watch(
     elements = select(params, names)  # a wrong name is told before the link is opened
     device: Device = run.device()
     more, slowly = (
-        select(params, names) if seen and not elements and names else [] for names in (device.additional, device.slowly)
+        select(params, names) if seen and not elements and names else () for names in (device.additional, device.slowly)
     )
     elements = device.of_this_device(elements or select(params, device.live))
     ranges = {
@@ -366,7 +361,7 @@ def watch(
         rate=rate,
         count=count,
         duration=duration,
-        ahead=partial(ask_ahead, elements) if ask_ahead is not None else None,
+        ahead=ask_ahead(elements) if ask_ahead is not None else None,
     )
     table = Table(
         columns=device.columns,
@@ -441,7 +436,7 @@ def bounds_of(
 
     if isinstance(named, ParamMap):
         params = meant(run, named, [text.partition("=")[0].strip() for text in (*limits, *until)])
-        named = lambda name: [element.path for element in select(params, [name])]  # noqa: E731
+        named = lambda name: [element.path for element in select(params, (name,))]  # noqa: E731
     kept = [bound_in(text, named, "--limit") for text in limits], [bound_in(text, named, "--until") for text in until]
     return Bounds(*kept, run.link_name(), run.journal)
 

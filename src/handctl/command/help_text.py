@@ -57,8 +57,10 @@ def _show_help(ctx: click.Context, _param: click.Parameter, value: bool) -> None
         ctx.exit()
 
 
-HELP_NAMES = ["-h", "--help"]
-"""In any context: click and we keep the option that the first one made."""
+HELP = click.Option(
+    ["-h", "--help"], is_flag=True, expose_value=False, is_eager=True, callback=_show_help, help="Show this help."
+)
+"""Of every command. It goes to stdout as it is: click would make a stream in ASCII UTF-8, and leave nothing to a substitute."""
 
 
 class NoCommand(click.UsageError):
@@ -74,14 +76,13 @@ def need_command(ctx: click.Context, args: Sequence[str]) -> None:
 def plain_help(command: click.Command) -> None:
     """Help of a command that is not one of ours, and of those below it, goes where ours does and shows examples."""
     if "get_help_option" not in vars(command):
-        command.get_help_option_names = lambda ctx: HELP_NAMES  # type: ignore[method-assign]
-        made, options = command.get_help_option, command.format_options
+        options = command.format_options
 
         def with_examples(ctx: click.Context, formatter: click.HelpFormatter) -> None:
             options(ctx, formatter)
             write_examples(ctx, formatter)
 
-        command.get_help_option = lambda ctx: _written_plainly(made(ctx))  # type: ignore[method-assign]
+        command.get_help_option = lambda ctx: HELP  # type: ignore[method-assign]
         command.format_options = with_examples  # type: ignore[method-assign]
     if isinstance(command, click.Group) and "parse_args" not in vars(command):
         parse = command.parse_args
@@ -93,14 +94,6 @@ def plain_help(command: click.Command) -> None:
         command.parse_args = parse_args  # type: ignore[method-assign]
         for below in command.commands.values():
             plain_help(below)
-
-
-def _written_plainly(option: click.Option | None) -> click.Option | None:
-    """Help goes to stdout as it is: click would make a stream in ASCII UTF-8, and leave nothing to a substitute."""
-    if option is not None:
-        option.callback = _show_help
-        option.help = "Show this help."
-    return option
 
 
 class Described(click.Command):
@@ -163,11 +156,8 @@ class Described(click.Command):
         parser.ctx = ctx
         return parser
 
-    def get_help_option_names(self, ctx: click.Context) -> list[str]:
-        return HELP_NAMES
-
-    def get_help_option(self, ctx: click.Context) -> click.Option | None:
-        return _written_plainly(super().get_help_option(ctx))
+    def get_help_option(self, ctx: click.Context) -> click.Option:
+        return HELP
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         common = [param for param in self.get_params(ctx) if isinstance(param, SharedOption)]

@@ -170,12 +170,12 @@ def place_of(run: Run, file: str, wishes: RequestedOptions) -> tuple[str, str, i
 def of_map(run: Run, names: Sequence[str], again: Callable[[], bool], *, every: bool = False) -> Source:
     """The named quantities of the device, or those that change by themselves; `every` = all that it says unasked."""
     if names and run.family is not None and run.family.map_of is None:
-        select(run.planner().map, names)  # a wrong name is told before the link is opened
+        select(run.planner().map, tuple(names))  # a wrong name is told before the link is opened
     device = run.device()
     if every:
         device.follow()
     blocks = {name: read for name in names if (read := device.block(name)) is not None}
-    wanted = [name for name in names if name not in blocks] if names else device.live
+    wanted = tuple(name for name in names if name not in blocks) if names else device.live
     return MapSource(device, device.of_this_device(select(device.map, wanted)), again, [*blocks.values()])
 
 

@@ -60,7 +60,8 @@ def resolve(ctx: click.Context, wires: tuple[str, ...] = (), device: str = "", *
                 raise
             passed.append(exc)
     try:
-        _take_facts(ctx, chosen, told.own)
+        if "facts" in chosen.values:
+            _take_facts(ctx, chosen, told.own)
     except UsageError as exc:
         if not urgent:
             raise
@@ -73,11 +74,9 @@ def resolve(ctx: click.Context, wires: tuple[str, ...] = (), device: str = "", *
 
 def _take_facts(ctx: click.Context, chosen: _Chosen, own: Mapping[str, Any]) -> None:
     """What the facts file says where nothing else does. Raises UsageError for a file of another family."""
-    path = chosen.values.get("facts")
-    if path is None:
-        return
     from handctl.model import facts
 
+    path = chosen.values["facts"]
     content = facts.read(path)
     family = getattr(ctx.command, "family", None)
     if family is not None and family.kind != content["family"]:
@@ -123,7 +122,9 @@ def _take_environment(
             continue
         if option.fixed is None or value:
             found[variable] = option, value if option.fixed is None else option.fixed
-    for name in _pairs({name: option.key for name, (option, value) in found.items() if value}, "environment", passed):
+    for name in found and _pairs(
+        {name: option.key for name, (option, value) in found.items() if value}, "environment", passed
+    ):
         del found[name]
     for variable, (option, value) in found.items():
         chosen.offer(option.key, value, Source(ENVIRONMENT, variable))

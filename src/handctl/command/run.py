@@ -167,7 +167,10 @@ class Run(Invocation):
     @property
     def stopped(self) -> HandctlError | None:
         """How a device of this command was stopped on the wish of another process; None where none was."""
-        return next(filter(None, (run.connection.stopped for run in (self, *self.others))), None)
+        for run in (self, *self.others):
+            if (stopped := run.connection.stopped) is not None:
+                return stopped
+        return None
 
     @contextmanager
     def viewed(self, pressed: Callable[[str], bool]) -> Iterator[bool]:
@@ -244,12 +247,13 @@ class Run(Invocation):
         self.journal.info("dry-run", f"dry run: nothing was sent{looks}")
         return plan_table(steps)
 
-    def execute(self, body: Callable[[], Table | PlannedAction | None]) -> None:
-        """Run the body, show its table while the link is open, close, and raise what went wrong."""
+    @contextmanager
+    def shown(self) -> Iterator[None]:
+        """Around `carry_out`: answer to signals, close the link, show the table, and raise what went wrong."""
         end_on_signals(suspend=self.writes)
         with self.after_output:
             try:
-                self.carry_out(body)
+                yield
             except BaseException:  # a bug of ours: the link and its lock are let go all the same
                 finish_on_signals()
                 self.close(None)

@@ -245,7 +245,7 @@ class _Replayed(Link):
         """A device that speaks unasked does so at its time, also where the next recorded request stays away."""
         index, asked = self._cursor, self._asked + self._recording.pause(self._cursor)
         first = next(self._recording.replies(index), None)
-        if first is not None and asked + first[0] <= deadline.at:
+        if first is not None and asked + first[0] <= max(self._clock, deadline.at):
             self._asked, self._cursor = asked, index + 1
             self._incoming.add(self._recording.replies(index), asked)
 

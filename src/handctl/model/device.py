@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from functools import partial
+from functools import lru_cache, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypedDict, TypeVar
 
@@ -23,6 +23,7 @@ from handctl.errors import (
     ProtocolError,
     joined,
 )
+from handctl.families import FAMILIES
 from handctl.fast_classes import NamedTuple
 from handctl.model.param import Changes, Element, Number, ParamMap, Reading, ValueChange, elements_of
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table, hex_bytes
@@ -62,6 +63,16 @@ class Limits(TypedDict):
     timeout: float | None
     retries: int | None
     bound: Deadline | None
+
+
+@lru_cache(256)
+def harmless_to_others(data: bytes, baud: int | None) -> bool:
+    """Whether no other device on the line can act on these bytes. `baud` None = every device receives them unchanged.
+
+    A device that listens at a slower baud rate than `baud` receives garbage.
+    """
+    triggers = (row.trigger for row in FAMILIES.values() if row.trigger is not None)
+    return not any(set(data) & set(bytes_) for most, bytes_ in triggers if baud is None or baud <= most)
 
 
 def limits_of(settings: Settings, link: Link) -> Limits:
@@ -118,7 +129,8 @@ class Line:
 
     def deadline(self, seconds: float) -> Deadline:
         """The deadline `seconds` from now, or the command's own where that is earlier."""
-        return self.link.deadline(seconds).earlier(self.bound)
+        end = self.link.deadline(seconds)
+        return end if self.bound is None else end.earlier(self.bound)
 
     def check_bound(self, unsent: str = "") -> None:
         """Raise NoAnswer when --deadline is over; nothing is sent then, `unsent` neither: the device may be worn."""
@@ -218,6 +230,7 @@ class Device(ABC):
     setpoint_pairs  set points and the quantities that follow them, `releases` the writes that let an axis go there (`SetpointPair`, `Release`)
     not_covered  what a snapshot cannot contain; `restore` reports it
     line_end     what ends a typed line of text, None where the protocol is no text
+    options      what the user said of it
 
     A family writes `read`, `element_keys`, `value_keys` and `view`; `plan` and `write` where values can be set by name; and overrides
     what its device does otherwise, by calling this one first where it adds to it.
@@ -237,11 +250,10 @@ class Device(ABC):
     releases: Sequence[Release] = ()
     not_covered: tuple[str, ...] = ()
     line_end: bytes | None = None
+    options = Settings()
 
     def __init__(self, line: Line) -> None:
         self._line = line
-        self.options = Settings()
-        """What the user said of it."""
         self.about: dict[str, str] = {}
         """Model, firmware and serial number as far as they were read, whatever for."""
 
@@ -351,7 +363,7 @@ class Device(ABC):
         """The time within which the last reading arrived, if it may have waited in a buffer; None = since its request."""
         return None
 
-    def of_this_device(self, elements: list[Element]) -> list[Element]:
+    def of_this_device(self, elements: Sequence[Element]) -> Sequence[Element]:
         """Those of `elements` that this particular device has; another generation may have other parts. Raises what `read` raises."""
         return elements
 

@@ -72,8 +72,8 @@ def settings_of(content: Mapping[str, Any], path: str) -> dict[str, str]:
             raise UsageError(
                 f"{path}: {name} is {value!r}", hint=f"known: {', '.join(allowed)}. Nothing was sent.", code="facts"
             )
-        if allowed[value]:
-            found[key] = allowed[value]
+        if setting := allowed[value] if isinstance(allowed, dict) else value:
+            found[key] = setting
     return found
 
 

@@ -1,13 +1,12 @@
-"""Bytes of other families: recognize whose they are, and check whether any device on the line could act on ours.
+"""Bytes of other families: recognize whose they are.
 
-Knows no bytes itself: each family's own code says what it recognises, the registry what it acts upon.
+Knows no bytes itself: each family's own code says what it recognises.
 """
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Iterable
-from functools import lru_cache
 
 from handctl.errors import DeviceRefused, HandctlError, joined
 from handctl.families import FAMILIES
@@ -35,13 +34,3 @@ def has_frame_of(data: bytes, families: Iterable[str]) -> bool:
 
 def _sign(family: str, came: bytes) -> str:
     return str(importlib.import_module(FAMILIES[family].codec).sign(came))
-
-
-@lru_cache(256)
-def harmless_to_others(data: bytes, baud: int | None) -> bool:
-    """Whether no other device on the line can act on these bytes. `baud` None = every device receives them unchanged.
-
-    A device that listens at a slower baud rate than `baud` receives garbage.
-    """
-    triggers = (row.trigger for row in FAMILIES.values() if row.trigger is not None)
-    return not any(set(data) & set(bytes_) for most, bytes_ in triggers if baud is None or baud <= most)

@@ -7,7 +7,7 @@ Everything that reads, writes, prints, explains, stores or completes a quantity 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from functools import cache
+from functools import cache, cached_property
 from typing import Generic, TypeVar
 
 from handctl.errors import HandctlError, Hint, UsageError
@@ -96,7 +96,7 @@ class Param:
         """Whether `set` may write it: a parameter with its own command is only written by that."""
         return "w" in self.access and not self.verb
 
-    @property
+    @cached_property
     def count(self) -> int:
         """Number of elements, 1 for a scalar."""
         return len(self.elements) or 1
@@ -106,12 +106,12 @@ class Param:
         """What `get` takes for it: its name, unless another quantity has the same."""
         return self.name
 
-    @property
+    @cached_property
     def scale(self) -> Scale | None:
         """How the wire's unit becomes the one that a person uses; None where they are the same."""
         return scale_of(self.unit) if self.unit else None
 
-    @property
+    @cached_property
     def alarms(self) -> Mapping[int, str]:
         """The bits that stand for an error: mask -> name; {} where none do."""
         return {1 << bit: name for bit, name in enumerate(self.bits)} if self.bits else {}
@@ -215,17 +215,17 @@ class Element:
     param: Param
     index: int
 
-    @property
+    @cached_property
     def part(self) -> str | None:
         """The element's name, None for a scalar."""
         return self.param.elements[self.index] if self.param.elements else None
 
-    @property
+    @cached_property
     def full_name(self) -> str:
         """``position_set.index``, or the plain name of a scalar."""
         return f"{self.param.name}.{self.part}" if self.param.elements else self.param.name
 
-    @property
+    @cached_property
     def path(self) -> str:
         """The same as `get` takes it, also where two quantities have one name."""
         return f"{self.param.path}.{self.part}" if self.param.elements else self.param.path

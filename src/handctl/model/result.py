@@ -5,7 +5,6 @@ Knows no terminal, no device and no file; imports only the standard library. Row
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -128,22 +127,25 @@ class RoundTrips:
     """Collects round trips in seconds; counts each microsecond value, so that a loop of hours takes no more memory."""
 
     def __init__(self) -> None:
-        self._counts: Counter[int] = Counter()
+        self._counts: dict[int, int] = {}
         self._count = 0
         self._total = 0.0
         self._sorted: list[int] = []
-        self._fresh: list[int] = []  # values that are not among them yet
-        self._median, self._below = 0, 0  # when it was last asked for, and how many have come that are smaller
+        self._ordered = True
+        self._median, self._at, self._below = 0, 0, 0  # when it was last asked for, its place, and how many are smaller
 
     def add(self, seconds: float) -> None:
         """One more."""
         value = round(seconds * 1e6)
-        if value not in self._counts:
-            self._fresh.append(value)
-        self._counts[value] += 1
+        known, smaller = self._counts.get(value, 0), value < self._median
+        if not known:
+            self._sorted.append(value)
+            self._ordered = False
+            self._at += smaller
+        self._counts[value] = known + 1
         self._count += 1
         self._total += seconds
-        self._below += value < self._median
+        self._below += smaller
 
     def __len__(self) -> int:
         return self._count
@@ -161,14 +163,14 @@ class RoundTrips:
     def _quantile(self, part: float) -> int:
         if not self._count:
             return 0
-        if self._fresh:
-            self._sorted = sorted(self._sorted + self._fresh)
-            self._fresh.clear()
+        if not self._ordered:
+            self._sorted.sort()
+            self._ordered = True
         if part in (0.0, 1.0):
             return self._sorted[-1 if part else 0]
         place, at, seen = min(self._count - 1, int(part * self._count)), 0, 0
         if part == 0.5 and self._median:  # it moves little: asked for with each line of a batch
-            at, seen = self._sorted.index(self._median), self._below
+            at, seen = self._at, self._below
             while seen > place:
                 at -= 1
                 seen -= self._counts[self._sorted[at]]
@@ -176,7 +178,7 @@ class RoundTrips:
             seen += self._counts[self._sorted[at]]
             at += 1
         if part == 0.5:
-            self._median, self._below = self._sorted[at], seen
+            self._median, self._at, self._below = self._sorted[at], at, seen
         return self._sorted[at]
 
     def as_row(self) -> dict[str, Any]:
@@ -258,13 +260,13 @@ class Grid(NamedTuple):
 
     def with_texts(self, say: Callable[[str], str]) -> Grid:
         """The same, each of its texts as `say` has it."""
-
-        def told(cell: str | Cell) -> str | Cell:
-            return cell._replace(text=say(cell.text)) if isinstance(cell, Cell) else say(cell)
-
+        lines = (
+            tuple(cell._replace(text=say(cell.text)) if isinstance(cell, Cell) else say(cell) for cell in line)
+            for line in self.lines
+        )
         return self._replace(
             headings=tuple(map(say, self.headings)),
-            lines=tuple(tuple(map(told, line)) for line in self.lines),
+            lines=tuple(lines),
             title=say(self.title),
             notes=tuple(map(say, self.notes)),
         )

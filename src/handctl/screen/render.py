@@ -122,12 +122,12 @@ class Sink:
             self.file = self._atomic.__enter__()
 
     def _close(self, kind: type[BaseException] | None, exc: BaseException | None, tb: TracebackType | None) -> None:
-        """What was written appears, unless something went wrong."""
+        """What was written to a file appears, unless something went wrong."""
+        assert self._atomic is not None
         atomic, self._atomic = self._atomic, None
-        if atomic is not None:
-            self.file = sys.stdout
-            with writing(self._path):
-                atomic.__exit__(kind, exc, tb)
+        self.file = sys.stdout
+        with writing(self._path):
+            atomic.__exit__(kind, exc, tb)
 
     def flush(self) -> None:
         """Flush to the reader. If it sleeps, an interrupt is raised, and nothing is lost or written twice."""
@@ -162,7 +162,8 @@ class Sink:
                 self.flush()  # what was read before an error is shown
         finally:
             try:
-                self._close(kind, exc, tb)
+                if self._atomic is not None:
+                    self._close(kind, exc, tb)
             finally:
                 interrupts.forget(self._waits)
 
@@ -458,11 +459,11 @@ def _grids(table: Table, sink: Sink, context: Context) -> None:
 
 def _aligned(grid: Grid, sink: Sink, mark: str) -> None:
     lines = [[cell.text if isinstance(cell, Cell) else cell for cell in line] for line in grid.lines]
-    widths = [max(len(line[i]) for line in [list(grid.headings), *lines]) for i in range(len(grid.headings))]
+    lines.insert(0, list(grid.headings))
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     columns = [Column("", right=position in grid.right) for position in range(len(widths))]
     if grid.title:
         sink.write(f"{grid.title}{f'  ({mark})' if mark else ''}\n")
-    sink.write(_align(grid.headings, widths, columns))
     for line in lines:
         sink.write(_align(line, widths, columns))
     for note in grid.notes:

@@ -118,6 +118,8 @@ class DeviceAccess:
 
     def around(self, link: Link) -> None:
         """The link that is used from now on."""
+        if link is self.link:
+            return
         for descriptor in self._lock.descriptors if self._lock is not None else ():
             link.held = (*(other for other in link.held if other != descriptor), descriptor)
         self.link = link

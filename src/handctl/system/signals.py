@@ -27,16 +27,14 @@ SUSPEND = "SIGTSTP"
 """Ctrl-Z. A command that may move something ends on it too: stopped in its sleep, it could not stop the device."""
 
 
-def _numbers(*names: str) -> list[int]:
-    return [int(getattr(signal, name)) for name in names if hasattr(signal, name)]
-
-
-_NUMBERS, _NUMBERED = _numbers(*ENDING, SUSPEND), len(_numbers(*ENDING))
+_NUMBERED, _SUSPENDING = (
+    [int(getattr(signal, name)) for name in names if hasattr(signal, name)] for names in (ENDING, (SUSPEND,))
+)
 
 
 def numbers(*, suspend: bool = False, alarm: bool = False) -> list[int]:
     """Those of ENDING, with SUSPEND and the alarm if asked for, that this system has."""
-    return _NUMBERS[: None if suspend else _NUMBERED] + (_ALARM if alarm else [])
+    return _NUMBERED + (_SUSPENDING if suspend else []) + (_ALARM if alarm else [])
 
 
 def take(handler: Handler, which: Iterable[int]) -> list[tuple[int, Any]]:

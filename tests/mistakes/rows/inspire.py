@@ -416,8 +416,8 @@ ROWS = (
         "identity left out",
         "handctl.devices.inspire.identity",
         "FamilyGate.read",
-        "if (kind := look.contradiction(self._read_as)) is not None:",
-        "if (kind := look.contradiction(self._read_as)) is not None and not blocks:",
+        "if kind is not own and look.proves(kind):",
+        "if kind is not own and look.proves(kind) and not blocks:",
         "tests/contract/test_strangers.py::test_a_table_of_foreign_registers_is_refused",
     ),
     mistake(

@@ -530,10 +530,9 @@ class Conversation(Line):
 
     def drain(self) -> None:
         """Take everything that has already arrived."""
-        now = self.link.deadline(0)
         for _ in range(READS_AT_ONCE):
             before = self._bytes_seen
-            if not self._receive(now) and self._bytes_seen == before:
+            if not self._receive(self.link.at_once) and self._bytes_seen == before:
                 return
 
     @property

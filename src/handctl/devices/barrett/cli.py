@@ -163,7 +163,7 @@ def describe(run: Run, names: tuple[str, ...]) -> Table:
 @cli.verb("version", "Inspect")
 def version(run: Run) -> Table:
     """Show the firmware version."""
-    table = get_set_watch.get(run, BARRETT, ["VERS"])
+    table = get_set_watch.get(run, BARRETT, ("VERS",))
     table.view, table.columns = None, (Column("value", "Firmware"),)
     return table
 
@@ -245,7 +245,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table | PlannedAction:
 
     if rate is None:
         run.only_reads("a baud rate")
-        return get_set_watch.get(run, BARRETT, ["BAUD"])
+        return get_set_watch.get(run, BARRETT, ("BAUD",))
     code, odd = divmod(rate, 100)
     if odd or code not in BAUD_CODES:
         raise UsageError(

@@ -6,7 +6,7 @@ Values are the hand's own integers; the unit says what one count is. And what el
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 from handctl.devices.barrett.gcl.codec import ERRORS, MOTORS
@@ -58,7 +58,7 @@ class GclParam(Param):
         """A hand-wide parameter (PGET, PSET) rather than one per motor (FGET, FSET)."""
         return not self.elements
 
-    @property
+    @cached_property
     def alarms(self) -> Mapping[int, str]:
         """The codes of the status, whose sum it is (barrett §5.1.3, T3)."""
         return {code: f"{text} ({code})" for code, (text, _) in ERRORS.items()} if self.mnemonic == "S" else {}

@@ -37,7 +37,7 @@ def probe(
     link: ByteLink, journal: Journal, deadline: Deadline, ids: Sequence[int] = (1,), timeout: float | None = None
 ) -> list[Row]:
     """A row with the evidence. Raises NoAnswer, ProtocolError for other data."""
-    waiting = _until_prompt(link, link.deadline(0))
+    waiting = _until_prompt(link, link.at_once)
     if seen_in(waiting, b"") == connect_table.COLON:
         raise _monitor(link, "a ':' arrived without a request")
     wire = 16 * 10 / link.baud if link.baud else 0.0

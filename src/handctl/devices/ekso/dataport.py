@@ -27,8 +27,7 @@ from handctl.devices.ekso.map import SETTINGS
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.decoder import frames_in
-from handctl.model.device import Gate, Line
-from handctl.model.other_devices import harmless_to_others
+from handctl.model.device import Gate, Line, harmless_to_others
 from handctl.model.result import Journal, hex_bytes
 from handctl.model.sampling import Moment
 from handctl.wording import plural
@@ -264,9 +263,7 @@ class DataPort(Line):
             self.identify()
         if not self._settled:
             self.resynchronise()
-        self._decoder.feed(
-            self.link.read(self.link.deadline(0))
-        )  # it answers nothing any more: looked at to be counted
+        self._decoder.feed(self.link.read(self.link.at_once))  # it answers nothing any more: looked at to be counted
         self._drop_frames()
         self.check_bound(row.name)
         if not row.writes and not self._met and not self.link.replayed:

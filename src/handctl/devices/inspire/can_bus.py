@@ -84,9 +84,8 @@ class CanBus(RegisterBus):
 
     def drain(self) -> None:
         """Discard waiting input: late replies and traffic of others."""
-        now = self.link.deadline(0)
         for _ in range(4096):
-            frame = self.receive(now)
+            frame = self.receive(self.link.at_once)
             if frame is None:
                 return
             self.pass_over(frame)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -36,15 +37,11 @@ VERIFY = click.option(
 UNDOCUMENTED = click.option("--undocumented", is_flag=True, help="Allow an address that is not in the manual.")
 
 
-def forced(words: str) -> Callable[[Any], Any]:
-    """The option --force-ambiguous: what it sends as well, in `words`."""
-    return click.option("--force-ambiguous", is_flag=True, help=words)
-
-
-def backup_option(kind: str) -> Callable[[Any], Any]:
-    """The option --backup of `factory_reset`."""
-    words = f"Write the snapshot to FILE (default: {kind}-before-reset.json). An existing file is never overwritten."
-    return click.option("--backup", metavar="FILE", type=OutFile(), help=words)
+forced = partial(click.option, "--force-ambiguous", is_flag=True)
+"""Its help says what it sends as well."""
+backup_option = partial(click.option, "--backup", metavar="FILE", type=OutFile())
+"""Of `factory_reset`."""
+BACKUP_HELP = "Write the snapshot to FILE (default: {}-before-reset.json). An existing file is never overwritten."
 
 
 def explain_silence(device: RegisterDevice, error: HandctlError) -> HandctlError:
@@ -81,7 +78,7 @@ def change_id(run: Run, params: ParamMap[Any], new: int | None) -> Table | Plann
     """Show the id, or give the hand a new one."""
     if new is None:
         run.only_reads("a value")
-        return get_set_watch.get(run, params, ["id"])
+        return get_set_watch.get(run, params, ("id",))
     params["id"].check(new, "id")
     steps = run.planner().plan([(Element(params["id"], 0), new)])
     question = f"This changes the id to {new} at once, on every hand on this line that has the old id"

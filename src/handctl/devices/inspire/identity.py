@@ -184,18 +184,10 @@ class IdentityCheck:
         self.in_part = False
         """Whether only a part shows who it is: enough to read."""
 
-    def contradiction(self, own: Kind) -> Kind | None:
-        """Who else than `own` is proved by what is held, and by one question more where it does not tell; None = nobody."""
+    def proves(self, kind: Kind) -> bool:
+        """Whether what was read shows this kind, and not the silence to what would have shown another one."""
         assert self._held is not None
-        if is_exo_alone(self._held) if own is EXO else any(one.kind is own and one.shows(self._held) for one in TABLE):
-            return None
-        try:
-            kind = self.who(own)
-        except (NoAnswer, ProtocolError):
-            return None
-        if kind is EXO and self._held(*STATES) is None and self._memory.get(("hand", STATES)) is None:
-            return None  # a silence, which may be that of the line, is no proof
-        return None if kind is own else kind
+        return kind is not EXO or self._held(*STATES) is not None or self._memory.get(("hand", STATES)) is not None
 
     def hand(self, unheard: HandctlError) -> Kind | None:
         """Whose hand answers its own flag where the wrist's was `unheard`, twice; None = nobody's, or that of a wrist."""
@@ -387,15 +379,20 @@ class FamilyGate(Gate):
         if self.assumed:
             self.tell(bus.journal)
         elif self._own is not WRIST:  # nobody else has answered to its flag
-            there, held = bus.at("hand"), within(blocks)
+            own, there, known = self._read_as, bus.at("hand"), within(blocks)
             per, there.per = there.per, 1
-            look = IdentityCheck(there, lambda address, count: held(per * address, count))
-            try:
-                if (kind := look.contradiction(self._read_as)) is not None:
+            held: At = known if per == 1 else lambda address, count: known(per * address, count)
+            if not (is_exo_alone(held) if own is EXO else any(one.kind is own and one.shows(held) for one in TABLE)):
+                look, kind = IdentityCheck(there, held), own
+                try:
+                    kind = look.who(own)
+                except (NoAnswer, ProtocolError):
+                    pass  # nobody else is proved
+                except HandctlError as exc:
+                    if not bus.link.replayed or exc.code != "replay-miss":
+                        raise
+                if kind is not own and look.proves(kind):
                     self._refuse_read(bus, kind, look.evidence)
-            except HandctlError as exc:
-                if not bus.link.replayed or exc.code != "replay-miss":
-                    raise
         met.add(who)
 
     def _refuse_read(self, bus: RegisterBus, kind: Kind, evidence: str) -> None:

@@ -6,6 +6,7 @@ address + 2k, of a 1-byte group at address + k. Knows no wire.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 from handctl.errors import UsageError
@@ -41,7 +42,7 @@ class Register(Param):
     signed: bool = True
     per: int = 1
 
-    @property
+    @cached_property
     def span(self) -> range:
         """All byte addresses of the register group."""
         return range(self.address, self.address + self.size * self.count)

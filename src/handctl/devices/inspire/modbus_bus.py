@@ -127,6 +127,10 @@ class ModbusBus(ByteBus):
         self.wire = "tcp" if tcp else "rtu"
         self._state = _State(False if tcp else None)
 
+    def _count_damaged(self, _error: ProtocolError) -> None:
+        """A frame came whose sum is wrong."""
+        self.journal.counters.bad_frames += 1
+
     # -- registers -----------------------------------------------------------------------------------------------
 
     def read(self, address: int, count: int, *, retries: int | None = None) -> bytes:
@@ -296,7 +300,7 @@ class ModbusBus(ByteBus):
         echo = len(request) if self.journal.line.echo and not self.tcp else 0
         while True:
             taken: Answer | None = None
-            for answer in frames_in(decoder, self.count_damaged):
+            for answer in frames_in(decoder, self._count_damaged):
                 fits = modbus_frames.answers(answer.pdu, pdu)
                 if fits and (answer.has_transaction(self._state.transaction) or self._state.counts is False):
                     taken = answer  # of two that have come the later one: the first may belong to the question before
@@ -327,7 +331,7 @@ class ModbusBus(ByteBus):
         deadline = self.deadline(seconds)
         while chunk := self.link.read(deadline):
             decoder.feed(chunk)
-            if answer := next(frames_in(decoder, self.count_damaged), None):
+            if answer := next(frames_in(decoder, self._count_damaged), None):
                 return modbus_frames.to_memory(answer.data)[:count]
         return None
 

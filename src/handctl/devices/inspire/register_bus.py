@@ -22,8 +22,7 @@ from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Frame
 from handctl.errors import Aftermath, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, CanFrame, Link
-from handctl.model.device import Line
-from handctl.model.other_devices import harmless_to_others
+from handctl.model.device import Line, harmless_to_others
 from handctl.model.param import Step
 from handctl.model.result import Journal
 from handctl.model.stop_sequence import on_early_end
@@ -289,12 +288,7 @@ class ByteBus(RegisterBus):
     def drain(self) -> bytes:
         """Discard unread input, such as late replies. Returns and counts it."""
         stale, self._rest = self._rest, b""
-        now = self.link.deadline(0)
-        while len(stale) <= MOST and (chunk := self.link.read(now)):
+        while len(stale) <= MOST and (chunk := self.link.read(self.link.at_once)):
             stale += chunk
         self.journal.counters.stray_bytes += len(stale)
         return stale
-
-    def count_damaged(self, _error: ProtocolError) -> None:
-        """A frame came whose sum is wrong."""
-        self.journal.counters.bad_frames += 1

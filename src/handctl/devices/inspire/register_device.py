@@ -310,12 +310,11 @@ class RegisterDevice(Device):
         registers = {element.param.name: register_of(element) for element in elements}
         memory, gate = Memory(), self.bus.gate
         try:
-            with self.keep_partial(
-                lambda: [_reading(element, memory) for element in elements] if memory.blocks else []
-            ):
-                self._reader.read(registers.values(), memory)
-        except (NoAnswer, ProtocolError) as exc:
-            if gate is not None:
+            self._reader.read(registers.values(), memory)
+        except (HandctlError, KeyboardInterrupt) as exc:
+            if memory.blocks:
+                self.journal.keep(self.table([_reading(element, memory) for element in elements]))
+            if gate is not None and isinstance(exc, NoAnswer | ProtocolError):
                 gate.unheard(self.bus, exc)
             raise
         self.last_blocks = sorted(memory.blocks)

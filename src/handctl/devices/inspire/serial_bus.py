@@ -11,18 +11,17 @@ from typing import ClassVar
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.devices.inspire.register_bus import FEWER, FRESH, ByteBus, ahead, question
-from handctl.errors import JUDGED, DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError, command_of
+from handctl.errors import JUDGED, DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError
 from handctl.link import CanFrame, Deadline
 from handctl.model.decoder import frames_in
-from handctl.model.other_devices import harmless_to_others
+from handctl.model.device import harmless_to_others
 from handctl.model.param import Step
 from handctl.model.result import hex_bytes
 from handctl.wording import plural
 
-SILENCE_HINT = Hint(
+SILENCE_HINT = (
     "check these in order: --id 1 at 115200 bit/s, {}, power (7 to 9 V), TX/RX and RS-232 wiring. "
-    "A wrong id, a wrong baud rate, no power and no cable all look the same: the device never replies. Unplug power and data, and plug them in again",
-    "exo scan",
+    "A wrong id, a wrong baud rate, no power and no cable all look the same: the device never replies. Unplug power and data, and plug them in again"
 )
 WIRING_HINT = (
     "Check the hand's power, the wire (RS-232 against RS-485, A/B, TX/RX) and that this hand carries a wrist. "
@@ -31,19 +30,15 @@ WIRING_HINT = (
 )
 SILENCE_HINTS = {
     "exo": SILENCE_HINT,
-    "wrist": Hint(f"run {{}}. {WIRING_HINT}", "wrist scan"),
-    "hand": Hint(
-        "check these in order: --id 1 at 115200 bit/s, {}, power (24 V), A and B of RS-485. "
-        "An RH56DFTP may reply only on its network: {}. "
-        "At baud rates other than 115200 bit/s handctl tries Modbus RTU only with --protocol modbus",
-        "hand scan",
-        "hand status -p tcp://192.168.11.210",
-    ),
+    "wrist": f"run {{}}. {WIRING_HINT}",
+    "hand": "check these in order: --id 1 at 115200 bit/s, {}, power (24 V), A and B of RS-485. "
+    "An RH56DFTP may reply only on its network: `handctl hand status -p tcp://192.168.11.210`. "
+    "At baud rates other than 115200 bit/s handctl tries Modbus RTU only with --protocol modbus",
 }
-"""Of families that are not as the EH55BF1 is (rh56 §1, §2.5)."""
+"""Of families that are not as the EH55BF1 is (rh56 §1, §2.5). {} is the family's scan, here and below."""
 HINTS = {
     "echo": "check the wiring: an echo or a TX-RX short returns our own bytes, and no device replies",
-    "wrong-id": Hint("use the --id it shows, or find the hand with {}: a different id replies", "exo scan"),
+    "wrong-id": "use the --id it shows, or find the hand with {}: a different id replies",
     "bad-checksum": "check the cable, the ground and the baud rate, and that only one device has this id: bytes were corrupted on the line",
     "cut-short": "check the cable and the adapter, and that no other program reads the port: the reply was cut off",
     "stale": "check for another program or a second master on this line: the frame is valid, but is a reply to a different request",
@@ -63,9 +58,7 @@ HAND_HINTS = {
 def hint_for(code: str, family: str) -> str:
     """The next step for a code of `bad_reply`, with this family's own command names."""
     hints = {**HINTS, **HAND_HINTS} if family == "hand" else HINTS
-    hint = hints[code]
-    own = command_of(hint).replace("exo", family, 1)
-    return Hint(hint.replace(f"handctl {command_of(hint)}", f"handctl {own}"), *([own] if own else []))
+    return Hint(hints[code], *([f"{family} scan"] if "{}" in hints[code] else []))
 
 
 def bad_reply(request: bytes, received: bytes, more: int = 0) -> tuple[str, str]:
@@ -310,16 +303,15 @@ class SerialBus(ByteBus):
         self.pass_gate(request)
         if self.bound is not None:
             self.check_bound(hex_bytes(request))
-        if _begins_request(self.drain()) or self._disturbed:
+        if ((stale := self.drain()) and _begins_request(stale)) or self._disturbed:
             self._let_speak()
         started = self.link.now()
-        wire = self.wire_seconds(len(request) + reply_size)
-        deadline, last = self.deadline(wire + self.timeout), self.deadline(wire + PATIENCE * self.timeout)
+        deadline = self.deadline(self.wire_seconds(len(request) + reply_size) + self.timeout)
         first = self._ahead(request)
         self.count(request)
         self.link.write(first + request, deadline)
         decoder = Decoder(prefixes)
-        frame, received, pieces = self._heard(decoder, deadline, last)
+        frame, received, pieces = self._heard(decoder, deadline, (PATIENCE - 1) * self.timeout)
         came = received.removeprefix(first)
         if frame is None:
             self.journal.counters.stray_bytes += decoder.pending
@@ -330,24 +322,31 @@ class SerialBus(ByteBus):
         self._learn(request, came, decoder.skipped, pieces)
         return frame
 
-    def _heard(self, decoder: Decoder, deadline: Deadline, last: Deadline) -> tuple[Frame | None, bytes, list[int]]:
+    def _heard(
+        self, decoder: Decoder, deadline: Deadline, patience: float = 0.0
+    ) -> tuple[Frame | None, bytes, list[int]]:
         """The first frame that comes, None for none until the `deadline`; all that came, and the sizes of its pieces.
 
-        Part of an answer, with no more junk ahead of it, may go on coming until `last`.
+        Part of an answer, with no more junk ahead of it, may go on coming for `patience` seconds after the deadline.
         """
-        received, pieces, junk = bytearray(), list[int](), 0
-        frame = next(frames_in(decoder, self.count_damaged), None) if decoder.pending else None
-        while frame is None:
-            chunk = b"" if received and deadline.expired else self.link.read(deadline)
-            if not chunk:
+        received, pieces = bytearray(), list[int]()
+        last, trickles, junk = deadline.at + patience, False, 0
+        while True:
+            try:
+                frame = decoder.next()
+            except ProtocolError:
+                self.journal.counters.bad_frames += 1
+                continue
+            if frame is not None:
+                break
+            if trickles and deadline.remaining < self.timeout:
+                deadline = self.deadline(min(self.timeout, last - self.link.now()))
+            if (received and deadline.expired) or not (chunk := self.link.read(deadline)):
                 break
             received += chunk
             pieces.append(len(chunk))
-            decoder.feed(chunk)
             trickles, junk = decoder.skipped == junk, decoder.skipped
-            frame = next(frames_in(decoder, self.count_damaged), None)
-            if frame is None and trickles and deadline.remaining < self.timeout:
-                deadline = self.link.deadline(self.timeout).earlier(last)
+            decoder.feed(chunk)
         self.journal.counters.received += frame is not None
         self.journal.counters.stray_bytes += decoder.skipped
         return frame, bytes(received), pieces
@@ -360,10 +359,10 @@ class SerialBus(ByteBus):
 
     def _learn(self, request: bytes, received: bytes, skipped: int, pieces: Sequence[int]) -> None:
         """What a good exchange shows of the line."""
-        line = self.journal.line
-        if len(received) < SHORT + len(request) and self.round_trip is not None:
+        line, size = self.journal.line, len(received)
+        if size < SHORT + len(request) and self.round_trip is not None:
             line.trips.add(self.round_trip)
-        if len(received) >= SHORT and not skipped:
+        if size >= SHORT and not skipped:
             line.pieces(pieces)
         if line.echo is None:
             line.echo = received.startswith(request)
@@ -411,7 +410,7 @@ class SerialBus(ByteBus):
         """
         deadline, decoder = self.deadline(seconds), Decoder(prefixes)
         decoder.feed(self._rest)
-        frame, _, _ = self._heard(decoder, deadline, deadline)
+        frame, _, _ = self._heard(decoder, deadline)
         self._rest = decoder.rest()
         return frame
 
@@ -434,7 +433,9 @@ class SerialBus(ByteBus):
 
     def _failure(self, request: bytes, received: bytes, since: float) -> HandctlError:
         if not received:
-            return self.unanswered(hex_bytes(request), self.timeout, since, SILENCE_HINTS[self.family])
+            return self.unanswered(
+                hex_bytes(request), self.timeout, since, Hint(SILENCE_HINTS[self.family], f"{self.family} scan")
+            )
         seen = received[:JUDGED]
         code, text = bad_reply(request, seen, len(received) - len(seen))
         if code == "stale" and others_speak(request, seen):

@@ -456,10 +456,9 @@ class GclLine(Line):
 
     def drain(self) -> bytes:
         """Drop what has arrived, counted as stray bytes; returns it."""
-        now = self.link.deadline(0)
         stale = b""
         while len(stale) < 65536:
-            chunk = self.link.read(now)
+            chunk = self.link.read(self.link.at_once)
             if not chunk:
                 break
             stale += chunk

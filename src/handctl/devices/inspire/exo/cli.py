@@ -12,29 +12,15 @@ from handctl.command.get_set_watch import going
 from handctl.command.options import NEGATIVE_NUMBERS, REPLY_WAIT, SECONDS
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
-from handctl.devices.inspire import identity
 from handctl.devices.inspire.exo import device
 from handctl.devices.inspire.exo.device import ExoHand, parse_command
 from handctl.devices.inspire.map import BAUD_RATES, EXO, address_in
-from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import Hint, UsageError
-from handctl.link import ByteLink
-from handctl.model.device import limits_of
-from handctl.model.result import Journal, Table
-from handctl.model.settings import Settings
-
-
-def open_exo(link: ByteLink, settings: Settings, journal: Journal) -> ExoHand:
-    """An EH55BF1 behind `link` with the options the user gave."""
-    bus = SerialBus(link, settings.id if settings.id is not None else 1, journal, **limits_of(settings, link))
-    bus.across_gaps = settings.own.get("across_gaps") != "no"
-    bus.gate = identity.FamilyGate(identity.EXO, settings.assume_identity)
-    return ExoHand(bus)
-
+from handctl.model.result import Table
 
 cli = Group(
     "exo",
-    family=Family("exo", open_exo, 115200, verbs.explain_silence, ids=True, speeds=tuple(BAUD_RATES.values())),
+    family=Family("exo", device.open_exo, 115200, verbs.explain_silence, ids=True, speeds=tuple(BAUD_RATES.values())),
     first=("position", "force", "clear-errors", "calibrate", "scan"),
     help="Inspire EH55BF1 exoskeleton hand, over RS-232 or a Bluetooth serial port. A person may be wearing it. "
     "Commands that move it or change it permanently ask first.",
@@ -82,7 +68,7 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> PlannedActio
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
 @REPLY_WAIT
 @verbs.forced(
-    "Also send a frame that means something else to another Inspire device, or that has a value out of range."
+    help="Also send a frame that means something else to another Inspire device, or that has a value out of range."
 )
 def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> PlannedAction:
     """Send exactly these bytes and show the decoded reply. Everything except a read asks first."""
@@ -146,7 +132,7 @@ def save(run: Run, skip_identity_check: bool) -> PlannedAction:
     is_flag=True,
     help="Write to address 1006, known from the RH56 hand. The manual of this hand gives no address.",
 )
-@verbs.backup_option("exo")
+@verbs.backup_option(help=verbs.BACKUP_HELP.format("exo"))
 @SKIP_IDENTITY
 def factory_reset(run: Run, undocumented_address: bool, backup: str | None, skip_identity_check: bool) -> PlannedAction:
     """Restore the factory defaults, after a snapshot of the present settings.

@@ -19,11 +19,13 @@ from handctl.devices.inspire.register_bus import may_still_move
 from handctl.devices.inspire.register_device import Movement, RegisterDevice
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
-from handctl.model.device import Release, SetpointPair
+from handctl.link import ByteLink
+from handctl.model.device import Release, SetpointPair, limits_of
 from handctl.model.movement import REACHED, AxisReading, Goal, Stillness
 from handctl.model.param import Element, Number, Reading, Step, elements_of, given
 from handctl.model.prompts import Prompts
-from handctl.model.result import Cell, Finding, Grid, Row, Table
+from handctl.model.result import Cell, Finding, Grid, Journal, Row, Table
+from handctl.model.settings import Settings
 from handctl.model.stop_sequence import stopped_by_ctrl_c
 
 LIVE = ("position_actual", "force_actual", "current", "error", "temperature")
@@ -235,6 +237,14 @@ class ExoHand(RegisterDevice):
                 "Add --skip-identity-check to skip this check. Nothing was written.",
                 code="not-an-exo",
             )
+
+
+def open_exo(link: ByteLink, settings: Settings, journal: Journal) -> ExoHand:
+    """An EH55BF1 behind `link` with the options the user gave."""
+    bus = SerialBus(link, settings.id if settings.id is not None else 1, journal, **limits_of(settings, link))
+    bus.across_gaps = settings.own.get("across_gaps") != "no"
+    bus.gate = identity.FamilyGate(identity.EXO, settings.assume_identity)
+    return ExoHand(bus)
 
 
 def changes_of(which: str, values: Mapping[int, int]) -> list[tuple[Element, Number]]:

@@ -19,7 +19,7 @@ TARGET = Target(
     twin=(1546, 12),
     value="system_voltage",
     both_ways=True,  # RS-232 and Bluetooth (exo §1.1)
-    silence_hint=SILENCE_HINT.replace("--id 1 at 115200 bit/s, `handctl exo scan`, ", ""),
+    silence_hint=SILENCE_HINT.replace("--id 1 at 115200 bit/s, {}, ", ""),
 )
 
 

@@ -335,7 +335,7 @@ def save(run: Run) -> PlannedAction:
 
 
 @cli.verb("factory-reset", "Settings", writes=True, asks=True)
-@verbs.backup_option("hand")
+@verbs.backup_option(help=verbs.BACKUP_HELP.format("hand"))
 def factory_reset(run: Run, backup: str | None) -> PlannedAction:
     """Restore the factory defaults, after a snapshot of the present settings.
 
@@ -396,7 +396,7 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> PlannedActio
 @cli.verb("raw", "Service", writes=True, asks=True)
 @click.argument("data", nargs=-1, required=True, metavar="HEX...")
 @REPLY_WAIT
-@verbs.forced("Also send a frame that resets the hand, starts a stored movement or has a value out of range.")
+@verbs.forced(help="Also send a frame that resets the hand, starts a stored movement or has a value out of range.")
 def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> PlannedAction:
     """Send exactly these EB90 or Modbus bytes and show the decoded reply.
 

@@ -226,7 +226,7 @@ class Hand(RegisterDevice):
             for asked, element in zip(elements, own, strict=True)
         ]
 
-    def of_this_device(self, elements: list[Element]) -> list[Element]:
+    def of_this_device(self, elements: Sequence[Element]) -> Sequence[Element]:
         """A quantity of all six actuators is one of all thirteen on an RH5DG2."""
         self.know()
         asked = Counter(element.param.name for element in elements)

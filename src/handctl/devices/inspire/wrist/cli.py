@@ -49,7 +49,7 @@ cli = Group(
     "Commands that move the wrist do not ask first.",
 )
 
-FORCE = verbs.forced("Also send a frame that means something else to another device or to the hand's registers.")
+FORCE = verbs.forced(help="Also send a frame that means something else to another device or to the hand's registers.")
 
 add_map_verbs(
     cli, WRIST, example="pitch_actual yaw_actual", setting="yaw_set=10 pitch_set=-10 move_time=1000",
