@@ -18,6 +18,8 @@ from _thread import get_ident
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from handctl.system.waits import takes
+
 ONE_INTERRUPT_SECONDS = 0.5
 """Ctrl-C pressed twice, or a hang-up followed by SIGTERM, is one interrupt: the second must not cut off the stop."""
 FINISH_SECONDS = 0.6
@@ -89,7 +91,7 @@ def end_on_signals(*, suspend: bool) -> None:
 
     SIGINT is taken even if it is ignored, as it is in a script's background job, which must be stoppable too.
     """
-    from handctl.system import clock, signals, waits  # noqa: F401 - all that the handler needs: it must not import
+    from handctl.system import clock, signals  # noqa: F401 - all that the handler needs: it must not import
 
     _state.__init__()  # type: ignore[misc]
     signals.take(_end, signals.numbers(suspend=suspend))
@@ -192,9 +194,7 @@ def _ring(_number: int, _frame: Any) -> None:
 
 def has_room(descriptor: int, seconds: float | None = 0.0) -> bool:
     """Wait until a pipe or a terminal accepts data, or its reader is gone; None = for ever. Interrupts are raised here."""
-    from handctl.system import waits
-
-    return descriptor < 0 or waits.takes(descriptor, seconds)
+    return descriptor < 0 or takes(descriptor, seconds)
 
 
 def make_room(descriptor: int) -> None:

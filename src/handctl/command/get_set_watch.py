@@ -315,7 +315,6 @@ def watch(
 
     `seen`: a person looks at the live view, and sees what the device shows beside. That may fail.
     """
-    from functools import partial
 
     from handctl.model.sampling import Sampler
 
@@ -362,7 +361,7 @@ def watch(
         rate=rate,
         count=count,
         duration=duration,
-        ahead=partial(ask_ahead, elements) if ask_ahead is not None else None,
+        ahead=ask_ahead(elements) if ask_ahead is not None else None,
     )
     table = Table(
         columns=device.columns,

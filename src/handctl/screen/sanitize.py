@@ -7,8 +7,11 @@ for a character that the encoding of stdout or stderr lacks. Imports next to not
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import sys
+
+from handctl.system.waits import CHANGES_LINE_ENDS
 
 _NAMED = {"\t": "\\t", "\n": "\\n", "\r": "\\r"}
 _SUBSTITUTES = {
@@ -101,10 +104,6 @@ def substitute_what_is_missing() -> None:
 
     On Windows, pipes and files get UTF-8 and plain line ends too.
     """
-    import codecs
-
-    from handctl.system.waits import CHANGES_LINE_ENDS
-
     codecs.register_error(ERRORS, encodable)
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
@@ -115,8 +114,6 @@ def substitute_what_is_missing() -> None:
 
 def utf8_stdout() -> None:
     """From now on stdout is UTF-8 with plain newlines, whatever the locale says: JSON is that everywhere."""
-    from handctl.system.waits import CHANGES_LINE_ENDS
-
     reconfigure = getattr(sys.stdout, "reconfigure", None)
     if reconfigure is not None and ((sys.stdout.encoding or "").lower() != "utf-8" or CHANGES_LINE_ENDS):
         with contextlib.suppress(OSError):  # it flushes: what cannot be written is told when the data are

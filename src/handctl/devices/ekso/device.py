@@ -6,6 +6,7 @@ Knows words and names, no bytes: those are the port's.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -232,11 +233,10 @@ class Ekso(Device):
             words = MESSAGES.get(message) or [clock for clock in CLOCKS if clock.name == message]
             return _unread(words, error)
 
-    def ask_ahead(self, elements: Sequence[Element]) -> None:
-        """Send the request of the next `read` of these elements already, when it is a single one."""
+    def ask_ahead(self, elements: Sequence[Element]) -> Callable[[], None] | None:
+        """What sends the request of the next `read` of these elements already; None where that is not a single one."""
         messages = {_word(element).message for element in elements}
-        if len(messages) == 1:
-            self.port.send_ahead(READS[messages.pop()])
+        return partial(self.port.send_ahead, READS[messages.pop()]) if len(messages) == 1 else None
 
     def element_keys(self, element: Element) -> Row:
         param = _word(element)
@@ -439,11 +439,11 @@ def _picked(elements: Sequence[Element], found: Mapping[str, list[Reading] | Han
     readings = []
     for element in elements:
         param = _word(element)
-        message = found.get(param.message, HandctlError("not read"))
-        if isinstance(message, HandctlError):
-            readings.append(Reading(element, None, b"", message))
-        else:
+        message = found.get(param.message)
+        if isinstance(message, list):
             readings.append(message[param.word])
+        else:
+            readings.append(Reading(element, None, b"", message or HandctlError("not read")))
     return readings
 
 
@@ -453,7 +453,13 @@ def _word(element: Element) -> Word:
 
 
 def _reading(param: Word, raw: int) -> Reading:
-    return Reading(Element(param, 0), param.from_raw(raw), (raw & 0xFFFF).to_bytes(2, "big"))
+    return Reading(_element(param), param.from_raw(raw), (raw & 0xFFFF).to_bytes(2, "big"))
+
+
+@cache
+def _element(param: Word) -> Element:
+    """The same object for each sample: what it finds out of itself it keeps."""
+    return Element(param, 0)
 
 
 def one_setting(texts: Sequence[str]) -> tuple[Element, Number]:

@@ -152,6 +152,7 @@ def unpack_s16(data: bytes | None) -> list[int]:
     return [int.from_bytes(data[i : i + 2], "little", signed=True) for i in range(0, len(data) - 1, 2)]
 
 
+@lru_cache(256)
 def read_reply_prefix(device_id: int, address: int, count: int, flag: int = READ) -> bytes:
     """The seven bytes with which the answer to a read begins."""
     return DEVICE + bytes([device_id, count + 3, flag]) + address.to_bytes(2, "little")
