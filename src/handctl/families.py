@@ -236,6 +236,7 @@ TOOLS: dict[str, dict[str, tuple[str, str]]] = {
         "sim": ("handctl.tools.sim", "serve a simulated device to any client: pty, TCP, slcan"),
         "plot": ("handctl.tools.plot", "draw the curves of a recording as SVG or HTML"),
         "trace": ("handctl.tools.trace", "show, decode or compare recorded transcripts"),
+        "twin": ("handctl.tools.twin", "compare the simulator of one particular device with its recording"),
         "help": ("handctl.tools.help", "show the manual, a guide, a command or the common options"),
     },
 }

@@ -30,6 +30,7 @@ LOCAL = {
     "sim": "serves simulators",
     "plot": "recordings",
     "trace": "recorded bytes",
+    "twin": "recorded bytes, and simulators in this process",
     "completion": "the shell's files",
     "help": "texts",
     "history": "what other commands have kept",

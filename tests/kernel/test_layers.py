@@ -46,7 +46,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("model.sampling", (*GROUND, "link", "model.*")),
     ("model.stop_sequence", (*GROUND, "link", "model.*")),
     ("model*", (*GROUND, "model.*")),
-    ("link.fake", ("number_parsing", "errors", "link.base", "sim", "system.*")),
+    ("link.fake", ("number_parsing", "errors", "link.base", "link.twin", "sim", "system.*")),
     ("link*", (*GROUND, "link*")),
     ("screen*", (*GROUND, "model.limits", "model.settings", "model.result", "model.param", "screen.*")),
     (
@@ -119,7 +119,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("devices.*cli", (*GROUND, "command.*", "link", "model.*", "record.*", "stop.*", "@")),
     ("devices.*", (*GROUND[1:], "link", "link.deadman", "model.*", "record.*", "@")),
     ("tools.completion_install", (*GROUND, "docgen*", "command.*", "model.*")),
-    ("tools.sim", ("families", "link.fake", "sim.cli")),
+    ("tools.sim", ("families", "link.fake", "link.twin", "sim.cli")),
     ("tools.help", (*GROUND, "docgen*", "command.*", "guides", "model.*")),
     (
         "tools.*",

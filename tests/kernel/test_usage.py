@@ -23,7 +23,7 @@ def leaves() -> list[Any]:
 
 
 WRITING = ("--dry-run", "--yes")
-WITHOUT_A_LINK = ("ports", "completion", "trace show", "trace diff", "trace decode", "devices list", "exo describe",
+WITHOUT_A_LINK = ("ports", "completion", "trace show", "trace diff", "trace decode", "twin check", "devices list", "exo describe",
                   "barrett errors", "ekso policy", "barrett firmware check")  # fmt: skip
 
 

@@ -42,7 +42,7 @@ ELSEWHERE = {
 }
 """Command -> module and test: a download needs somebody at the power switch, a simulator is no command that ends."""
 READ_ONLY = {
-    *(f"{family} diff" for family in FAMILIES if family != "aidin"), "trace show", "trace diff",
+    *(f"{family} diff" for family in FAMILIES if family != "aidin"), "trace show", "trace diff", "twin check",
     "barrett firmware check", "sim control", "ekso policy", "plot",
 }  # fmt: skip
 """Commands with a FILE that they only read, or a socket."""

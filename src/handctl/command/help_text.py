@@ -284,6 +284,11 @@ EXAMPLES: dict[str, Examples] = {
         ("handctl trace diff before.txt after.txt", "The differences in meaning between two transcripts."),
         ('handctl trace decode exo "EB 90 01 04 11 E8 03 01 02"', "One frame, explained."),
     ),
+    "twin": (
+        ("handctl twin check run.txt --facts left.json", "How well the facts and the values of a recording describe its device."),
+        ("handctl twin check later.txt --facts left.json --transcript run.txt", "How well a twin made from one recording predicts the replies in another."),
+        ("handctl twin check run.txt --against 'fake://hand?model=df'", "The same for a simulator with options."),
+    ),
     "plot": (
         ("handctl plot gait.csv -o gait.svg", "Plot a recording: one plot per quantity, one colour per finger."),
         ("handctl plot before.csv after.csv -o both.html", "Plot two recordings with the same axes, on a page for the browser."),

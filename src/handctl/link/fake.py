@@ -68,6 +68,10 @@ class _Simulated(Link):
         self.name = link
         kind, options = split_url(link)
         options.update(more)
+        if "transcript" in options:
+            from handctl.link.twin import values_of
+
+            options["values"] = values_of(kind, options.pop("transcript"))
         said = options.pop("clock", "real")
         kept, _, began = said.partition("@")
         moment = number_in(began) if began else VIRTUAL_BEGAN
@@ -85,10 +89,18 @@ class _Simulated(Link):
             raise UsageError(
                 f"{link}: {exc.filename or ''}: {exc.strerror or exc}", hint="check the file and its folder"
             ) from exc
+        self._told = kind, options
         self._virtual: float | None = 0.0 if kept == "virtual" else None
         self._stands: tuple[float, int] = (0.0, 0)  # since when time has stood still, and how much was sent since
         self._closed = False
         self._line.advance(self.now())
+
+    @property
+    def twin(self) -> str:
+        """What the simulator took of the facts and values of a device, in words, and what it cannot show."""
+        from handctl.sim import words_of_twin
+
+        return words_of_twin(*self._told, self._line.values)
 
     def now(self) -> float:
         return clock.now() if self._virtual is None else self._virtual
@@ -180,6 +192,12 @@ class FakeLink(_Simulated, ByteLink):
             self._check()
             if not self._wait(now, deadline):
                 return b""
+
+    @property
+    def speed(self) -> int | None:
+        """That of the simulated device, in bit/s; None where its wire has none."""
+        found: int | None = self._line.device.speed
+        return found
 
     def set_baud(self, baud: int) -> None:
         self.baud = baud

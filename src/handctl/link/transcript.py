@@ -26,6 +26,8 @@ from handctl.interrupts import handing_over
 from handctl.link.base import CanFrame, Deadline, FrameLink, Link
 
 L = TypeVar("L", bound=Link)
+DIRECTIONS = {">": "host", "<": "device"}
+"""Mark of a line -> who sent it, as explainers call them."""
 
 
 class Entry(NamedTuple):

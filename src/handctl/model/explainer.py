@@ -120,6 +120,13 @@ class Explainer(Protocol):
         """Explain single frames from a manual or a scope; `side` "" = decide from the bytes."""
         ...
 
+    def simulated(self, values: Mapping[str, float | str], moments: Mapping[str, float]) -> Iterable[str]:
+        """What the simulator is told to show these values: options as NAME=VALUE, and control commands.
+
+        `moments` are the seconds from its start to each value. What has no place in the simulator is told as well: it counts.
+        """
+        ...
+
     def recognises(self, data: bytes, can_id: int | None = None) -> bool:
         """Whether a transcript that begins with these bytes looks like this family's."""
         ...

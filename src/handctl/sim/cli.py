@@ -247,18 +247,20 @@ def _serve(
     from handctl.sim.engine.serve import Alone, PtyPort, ServeError, Server, TcpDoor, Wires
 
     try:
-        if "facts" in raw:
+        twin: Any = None
+        if "facts" in raw or "values" in raw:
             from handctl.sim.engine.facts import Twin
 
             twin = Twin(kind, raw)
             raw = twin.raw
-            click.echo(twin.words, err=True)
         adapter = _adapter(raw) if on_can else []
         whole: Any = None
         if modbus_tcp is not None:
             wire = ["can"] if on_can else ["serial"] if given_places else []
             whole = Wires(kind, raw, ["modbus-tcp", *wire])
         line: Any = create(kind, raw) if whole is None else whole.lines[-1]
+        if twin is not None:
+            click.echo(twin.words(line.values), err=True)
     except ValueError as exc:
         raise click.UsageError(str(exc)) from exc
     if not on_can:

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any
 from handctl.command.terminal_prompts import is_terminal
 from handctl.errors import NoAnswer, UsageError
 from handctl.link.base import FrameLink
-from handctl.link.transcript import Entry
+from handctl.link.transcript import DIRECTIONS, Entry
 from handctl.model.explainer import HOST, ExplainedBytes
 from handctl.model.result import Column, Row, Sample, Table
 from handctl.model.sampling import started
-from handctl.tools.trace_read import INDENT, MARKS, Stamp, TranscriptReader, TranscriptRow, laid_out
+from handctl.tools.trace_read import INDENT, Stamp, TranscriptReader, TranscriptRow, laid_out
 from handctl.wording import plural
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def shown_as_text(data: bytes) -> str:
 def line_of(row: Row, width: int | None, *, as_hex: bool = False) -> str:
     """The same for a person, on a terminal in a few lines; bytes that are text as text, unless `as_hex`."""
     mark = next(
-        (mark for mark, side in MARKS.items() if side == row["direction"]), "!" if row["kind"] == "event" else " "
+        (mark for mark, side in DIRECTIONS.items() if side == row["direction"]), "!" if row["kind"] == "event" else " "
     )
     trip = f"+{row['round_trip_ms']:.3f} ms" if "round_trip_ms" in row else ""
     head = f"{row.get('t') or 0.0:11.6f} {mark}{'*' if row['problem'] else ' '}{trip:>11} "

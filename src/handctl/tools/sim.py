@@ -1,14 +1,38 @@
-"""`handctl sim`: the commands of the simulators, and `forget`, which resets the saved state of plain --fake."""
+"""`handctl sim`: the commands of the simulators with their option --transcript, which needs a decoder, and `forget`, which resets
+the saved state of plain --fake.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import click
 
 from handctl.families import FAMILIES
 from handctl.link import fake
+from handctl.link.twin import values_of
 from handctl.sim.cli import SimError, cli
 
 __all__ = ["cli"]
+TRANSCRIPT = (
+    "Show the values of the device that was recorded with `--trace FILE`, as it was left, and reply as quickly."
+)
+
+
+def _serve(kind: str, serve: Callable[..., None], transcript: str | None, **given: Any) -> None:
+    """Serve with the values of the transcript, if there is one."""
+    if transcript is not None:
+        given["values"] = values_of(kind, transcript)
+    serve(**given)
+
+
+for _kind in FAMILIES:
+    _command = cli.commands[_kind]
+    assert _command.callback is not None
+    _command.params.append(click.Option(["--transcript"], metavar="FILE", help=TRANSCRIPT))
+    _command.callback = partial(_serve, _kind, _command.callback)
 
 
 @cli.command("forget", short_help="Reset the devices that --fake simulates.")

@@ -47,7 +47,7 @@ WINDOW = 200
 
 @fast_dataclass()
 class Exchange:
-    """key: what it is about, without values; request and answer in words; line where it begins."""
+    """key: what it is about, without values; request and answer in words, the reply as it came; line where it begins."""
 
     key: str
     line: int
@@ -55,6 +55,7 @@ class Exchange:
     answer: str = ""
     values: dict[str, Value] = field(default_factory=dict)
     complete: bool = True
+    reply: ExplainedBytes | None = None
 
     def same(self, other: Exchange) -> bool:
         """Whether both say the same."""
@@ -91,7 +92,7 @@ def exchanges(told: Iterable[TranscriptRow]) -> Iterator[Exchange]:
             line.append(Exchange(f"event {event}", row.first.line, request=f"event: {event}"))
         elif row.request is not None and row.piece.answers in asked:
             waiting = asked.pop(row.piece.answers)
-            waiting.complete, waiting.answer = True, row.meaning
+            waiting.complete, waiting.answer, waiting.reply = True, row.meaning, row.piece
             waiting.values |= _values(row.piece)
         else:
             line.append(_opened(row, row.piece, asked))
@@ -103,7 +104,7 @@ def exchanges(told: Iterable[TranscriptRow]) -> Iterator[Exchange]:
 def _opened(row: TranscriptRow, piece: ExplainedBytes, asked: dict[str, Exchange]) -> Exchange:
     key = f"{piece.direction} {piece.title or piece.meaning}"
     if piece.direction != HOST:
-        return Exchange(key, row.first.line, answer=row.meaning, values=_values(piece))
+        return Exchange(key, row.first.line, answer=row.meaning, values=_values(piece), reply=piece)
     opened = Exchange(key, row.first.line, request=row.meaning, values=_values(piece), complete=not piece.asks)
     if piece.asks:
         asked[piece.asks] = opened

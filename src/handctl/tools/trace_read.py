@@ -24,8 +24,8 @@ from handctl.command.family import load
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, TOLD
 from handctl.fast_classes import fast_dataclass
-from handctl.link.transcript import Entry, parse_line
-from handctl.model.explainer import DEVICE, HOST, SIDES, ExplainedBytes, Explainer
+from handctl.link.transcript import DIRECTIONS, Entry, parse_line
+from handctl.model.explainer import HOST, SIDES, ExplainedBytes, Explainer
 from handctl.model.result import RoundTrips, Row
 from handctl.screen.render import dumps
 from handctl.wording import plural
@@ -38,7 +38,6 @@ MOST_TRIPS = 1_000_000
 CASE = "# case "
 FAMILY_EVENT = "family "
 """A scan's trace says so before it asks as another family: ``! family exo on /dev/ttyUSB0``."""
-MARKS = {">": HOST, "<": DEVICE}
 PLAIN_HINT = "give a file that --trace FILE made. Its lines are `[SECONDS] > HEX BYTES`"
 
 
@@ -334,6 +333,11 @@ class TranscriptReader:
         yield from self.over()
 
     @property
+    def open_lines(self) -> set[int]:
+        """The lines of the requests without a reply so far."""
+        return {stamp.line for stamp, _ in self._open.values()}
+
+    @property
     def waits(self) -> bool:
         """Whether the reply to a request is missing."""
         return bool(self._open)
@@ -361,7 +365,7 @@ class TranscriptReader:
                 self._family, self._explainer = family, explainer_of(family)
                 self.statistics.families.setdefault(family)
             return [*found, TranscriptRow(stamp, stamp, event=entry.text)]
-        direction = MARKS[entry.mark]
+        direction = DIRECTIONS[entry.mark]
         if entry.time is not None:
             statistics = self.statistics
             statistics.start = entry.time if statistics.start is None else min(statistics.start, entry.time)

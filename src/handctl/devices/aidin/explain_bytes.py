@@ -11,7 +11,7 @@ sent every 20 ms for as long as it is to hold.
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 
 from handctl.devices.aidin.json_codec import BETWEEN, Decoder, MalformedObject, numbers
 from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, MODES, AidinParam, Mode
@@ -73,6 +73,19 @@ class AidinExplainer:
         device = any(f'"{key}"'.encode() in data for key in FEEDBACK_KEYS)
         direction = side or (DEVICE if device else HOST)
         return [*self.feed(direction, data), *self.flush()]
+
+    def simulated(self, values: Mapping[str, float | str], moments: Mapping[str, float]) -> Iterator[str]:
+        """See Explainer: where the motors are, and what the fingertips feel; joints and currents follow from that."""
+        for command, key in (("bend", "motor_pos"), ("sensors", "sensor_state")):
+            param = KEYS[key]
+            for finger in FINGERS:
+                names = [
+                    f"{param.name}.{part}"
+                    for place, part in enumerate(param.elements)
+                    if param.finger_of(place) == finger
+                ]
+                if all(name in values for name in names):
+                    yield f"{command} {finger} {' '.join(f'{values[name]}' for name in names)}"
 
     def recognises(self, data: bytes, can_id: int | None = None) -> bool:
         """See Explainer."""

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 
 from handctl.devices.barrett.gcl.codec import (
@@ -63,6 +63,10 @@ from handctl.wording import plural
 MARK = QUESTION[:1].decode()
 """The question of a connect without what no motor moves by; ERR 32 is how a hand says that it is there."""
 UNKNOWN_COMMAND = 32
+NOT_INITIALIZED = 4
+"""Bit of the status of a motor (barrett §5.1.3)."""
+SIMULATED_MOTORS = {"SPREAD": "S"}
+"""How the simulator's control commands call a motor, where that is another name."""
 NAMES = {"\r": "<CR>", "\n": "<LF>", "\x03": "<^C>"}
 
 
@@ -170,8 +174,18 @@ def _gotten(prefix: str, kind: Command, words: list[str], found: Answer) -> tupl
 def _carried(table: Sequence[tuple[str, list[int]]], who: Sequence[str]) -> Iterator[Value]:
     for word, numbers in table:
         param, name = _param(word), _name(word)
-        for motor, number in zip(who, numbers, strict=True):
+        for motor, number in zip(who, numbers, strict=False):
             yield Value(f"{name}.{motor}" if motor else name, number, param.unit if param else None)
+
+
+def _written(command: str) -> Iterator[Value]:
+    """What FSET and PSET set."""
+    prefix, found, words = split(command)
+    if found is None or found.name not in ("FSET", "PSET"):
+        return
+    for word, value in zip(words[::2], words[1::2], strict=False):
+        if value.isdecimal() and len(value) < 11:
+            yield from _carried([(word, [int(value)] * len(MOTORS))], motors(prefix) if found.name == "FSET" else [""])
 
 
 @lru_cache(4096)
@@ -724,7 +738,29 @@ class BarrettExplainer:
         parts = (Part(raw[:-1], "command", command), Part(raw[-1:], "CR", ""))
         key = self._expect(command)
         meaning, problem = command_words(command)
-        return _piece(HOST, raw, meaning, problem=problem, asks=key, fields=fields, parts=parts)
+        values = LazySequence(lambda: _written(command))
+        return _piece(HOST, raw, meaning, problem=problem, asks=key, fields=fields, parts=parts, values=values)
+
+    def simulated(self, values: Mapping[str, float | str], moments: Mapping[str, float]) -> Iterator[str]:
+        """See Explainer: places, strain and temperature of the body; every other parameter goes to RAM."""
+        if (found := [int(values[name]) for motor in MOTORS if (name := f"status.{motor}") in values]) and not any(
+            code & NOT_INITIALIZED for code in found
+        ):
+            yield "initialized=1"
+        for name, value in values.items():
+            base, _, motor = name.partition(".")
+            if (param := BARRETT.get(base)) is None:
+                continue
+            who = SIMULATED_MOTORS.get(motor, motor)
+            match param.mnemonic:
+                case "P" | "SG" as word:
+                    yield f"{'position' if word == 'P' else 'strain'} {who} {value}"
+                case "TEMP":
+                    yield f"temperature {value}"
+                case "UPSECS":
+                    yield f"ram UPSECS - {max(0, int(value) - int(moments[name]))}"
+                case word:
+                    yield f"ram {word} {who or '-'} {value}"
 
     # -- from the hand ------------------------------------------------------------------------------------------------
 

@@ -11,7 +11,8 @@ which may be an echo, proves nothing.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import lru_cache
 
 from handctl.devices.ekso.frames import (
@@ -27,7 +28,7 @@ from handctl.devices.ekso.frames import (
     status_text,
     unpack,
 )
-from handctl.devices.ekso.map import CLOCKS, EKSO, MESSAGES, Word, boot_ms, boot_text
+from handctl.devices.ekso.map import CLOCKS, EKSO, MESSAGES, TWICE, Word, boot_ms, boot_text
 from handctl.model.explainer import DEVICE, HOST, Cut, Cutter, ExplainedBytes, LazySequence, Part, Value, stray
 from handctl.model.write_ledger import RequestReplyRules
 from handctl.wording import plural
@@ -49,6 +50,24 @@ class EksoExplainer(Cutter):
     def recognises(self, data: bytes, can_id: int | None = None) -> bool:
         """See Explainer."""
         return can_id is None and self.cut(bytearray(data), "", final=True).problem == ""
+
+    def simulated(self, values: Mapping[str, float | str], moments: Mapping[str, float]) -> Iterator[str]:
+        """See Explainer: settings by their ParameterID, words of the other messages by their place, both clocks."""
+        for word in EKSO:
+            value = values.get(word.name)
+            if isinstance(value, int | float) and word.name not in TWICE:
+                place = f"set {word.id or word.name}" if word.message == "settings" else f"{word.message} {word.word}"
+                yield f"{place} {word.to_raw(value)}"
+        high, low = (values.get(name) for name in ("boot_time_high", "boot_time_low"))
+        if isinstance(high, int | float) and isinstance(low, int | float):
+            began = (int(high) << 16) + int(low) - round(1000 * moments["boot_time_low"])
+            yield f"boot {began % (1 << 32)}"
+        if "date" in values and "time" in values:
+            from datetime import datetime, timedelta
+
+            with suppress(ValueError, OverflowError):  # a damaged clock
+                shown = datetime.fromisoformat(f"{values['date']}T{values['time']}")
+                yield f"rtc {shown - timedelta(seconds=int(moments['time'])):%Y-%m-%dT%H:%M:%S}"
 
     # -- finding frames -----------------------------------------------------------------------------------------------
 

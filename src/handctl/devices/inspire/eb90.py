@@ -24,6 +24,8 @@ from handctl.errors import ProtocolError, UsageError
 from handctl.fast_classes import NamedTuple
 from handctl.model.decoder import Stream
 
+IDS = range(1, 255)
+"""Of a device (exo §2.3.1)."""
 HOST = b"\xeb\x90"
 DEVICE = b"\x90\xeb"
 READ, WRITE = 0x11, 0x12
@@ -83,7 +85,7 @@ def checksum(body: bytes) -> int:
 
 def check_id(device_id: int) -> None:
     """Refuse ids that the manual does not define: 1..254 (exo §2.3.1). Raises UsageError."""
-    if not 1 <= device_id <= 254:
+    if device_id not in IDS:
         raise UsageError(f"id {device_id} is not valid", hint="use an id from 1 to 254. Nothing was sent.")
 
 

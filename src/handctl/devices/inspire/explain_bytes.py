@@ -24,9 +24,12 @@ from handctl.devices.inspire.map import EXO, FINGERS, WRIST, Register
 from handctl.devices.inspire.modbus_frames import RTU, TCP, mode_of, pdu_of
 from handctl.fast_classes import replace
 from handctl.model.explainer import DEVICE, HOST, Cut, Cutter, ExplainedBytes, LazySequence, Part, Value, stray
-from handctl.model.param import Element, ParamMap
+from handctl.model.param import Element, Number, ParamMap, elements_of
 from handctl.model.write_ledger import Frame as Written
 from handctl.wording import plural
+
+UNDOCUMENTED = "at "
+"""Before the address in the name of bytes of no register."""
 
 
 @cache
@@ -69,11 +72,13 @@ def _layout(
 
 
 def span_values(params: ParamMap[Register] | None, address: int, data: bytes) -> tuple[Value, ...]:
-    """The documented values in the span."""
+    """The documented values in the span, and where other bytes are not 0 those in hex by their address."""
     return tuple(
         Value(Element(register, index).full_name, register.decode(raw), register.unit)
-        for register, index, raw in stretches(params, address, data)
         if register is not None
+        else Value(f"{UNDOCUMENTED}{index}", raw.hex(" ").upper())
+        for register, index, raw in stretches(params, address, data)
+        if register is not None or (any(raw) and params is not None)
     )
 
 
@@ -82,7 +87,9 @@ def span_parts(params: ParamMap[Register] | None, address: int, data: bytes) -> 
     parts = []
     for register, index, raw in stretches(params, address, data):
         if register is None:
-            parts.append(Part(raw, f"at {index}", "undocumented" if params is not None else "another register space"))
+            parts.append(
+                Part(raw, f"{UNDOCUMENTED}{index}", "undocumented" if params is not None else "another register space")
+            )
             continue
         value = register.decode(raw)
         unit = f" {register.unit}" if register.unit else ""
@@ -233,6 +240,8 @@ class Generations:
         self._known = known
         self.now = known[0]
         self.sure = len(known) == 1
+        self.name = ""
+        """That of the one that is sure, where it has one name."""
         self._answers: dict[int, bytes] = {}
 
     def event(self, text: str) -> bool:
@@ -240,7 +249,7 @@ class Generations:
         name = text.removeprefix(EVENT).strip()
         found = next((one for one in self._known if text.startswith(EVENT) and name in one.names), None)
         if found is not None:
-            self.now, self.sure = found, True
+            self.now, self.sure, self.name = found, True, name
         return found is not None
 
     def answer(self, address: int, data: bytes) -> bool:
@@ -255,6 +264,7 @@ class Generations:
         if len(shown) != 1:
             return False
         before, self.now, self.sure = self.now, shown[0], True
+        self.name = self.now.names[0] if len(self.now.names) == 1 else ""
         return self.now is not before
 
     def _at(self, per: int) -> At:
@@ -315,6 +325,21 @@ class InspireExplainer(Cutter):
         found = {role: self.params.get(name) for role, name in roles.items()}
         self.places = {role: register.place if register is not None else -1 for role, register in found.items()}
         self._known.clear()
+
+    def simulated(self, values: Mapping[str, Number | str], moments: Mapping[str, float]) -> Iterator[str]:
+        """See Explainer: the generation, and the bytes of each register that is no trigger."""
+        if self._generations.name:
+            yield f"model={self._generations.name}"
+        if values.get("id") in eb90.IDS:  # Modbus TCP has others, which mean none
+            yield f"id={values['id']}"
+        for name, other in values.items():
+            if name.startswith(UNDOCUMENTED):
+                yield f"set {int(name.removeprefix(UNDOCUMENTED)) // self.per} {other}"
+        for register in self.params:
+            for index, element in enumerate(elements_of(register)):
+                value = values.get(element.full_name)
+                if isinstance(value, int | float) and not register.trigger and register.name != "id":
+                    yield f"set {register.address_of(index) // register.per} {register.encode(value).hex().upper()}"
 
     def event(self, text: str) -> None:
         """See Explainer."""
@@ -684,7 +709,7 @@ class InspireExplainer(Cutter):
         return ExplainedBytes(
             direction=direction, raw=raw, meaning=f"{meaning}, {where}", title=title, problem=problem,
             asks=key if direction == HOST else "", answers=key if fits else "",
-            fields={"id": unit, "function": pdu[0], "address": address},
+            fields={"id": unit, "function": pdu[0], "address": address, "wire": "modbus-tcp" if mode == TCP else None},
             values=LazySequence(lambda: span_values(params, at, data) if at is not None else ()),
             parts=LazySequence(lambda: _modbus_parts(raw, mode, [] if at is None or not data else span_parts(params, at, data), len(data))),
         )  # fmt: skip

@@ -96,7 +96,7 @@ def crc(body: bytes) -> bytes:
 
 def check_unit(unit: int) -> None:
     """Refuse units that no hand has: 1..254 (rh56 §3.1). Raises UsageError."""
-    if not 1 <= unit <= 254:
+    if unit not in eb90.IDS:
         raise UsageError(f"id {unit} is not valid", hint="use an id from 1 to 254 (rh56 §3.1). Nothing was sent.")
 
 
@@ -285,7 +285,7 @@ def tcp_size(data: bytes | bytearray) -> int:
 
 def rtu_sizes(data: bytes | bytearray) -> list[int]:
     """Bytes that an RTU frame which begins here may have: as a question, as an answer, as a refusal."""
-    if len(data) < 3 or not 1 <= data[0] <= 254:
+    if len(data) < 3 or data[0] not in eb90.IDS:
         return []
     function = data[1]
     if function & FAILED:

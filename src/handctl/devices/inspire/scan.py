@@ -82,7 +82,6 @@ def parse_ids(text: str, wire: str) -> list[int]:
 
 # -- the search -------------------------------------------------------------------------------------------------------
 
-USUAL = range(1, 255)
 FAST = 921600
 """bit/s: the second of the speeds of a hand (rh56 §2.5)."""
 SLOWLY = 0.010
@@ -108,7 +107,7 @@ class Sweep:
     ) -> None:
         self.additional = additional
         self.link, self.journal, self.bound, self.task, self.targets = link, journal, bound, task, targets
-        self.ids = list(task.ids or USUAL)
+        self.ids = list(task.ids or eb90.IDS)
         self.families = [target.family for target in targets]
         self.names = " or ".join(self.families)
         # Of several one is asked for whose question the others answer as well, and who answers is looked at.
@@ -342,7 +341,7 @@ class Sweep:
             task.failure = failure
             task.tried[None] = failure.code
             if not task.ids:
-                task.left.append(f"ids above {USUAL[-1]} of {can_frames.MAX_ID}: try --ids {USUAL.stop}-4350")
+                task.left.append(f"ids above {eb90.IDS[-1]} of {can_frames.MAX_ID}: try --ids {eb90.IDS.stop}-4350")
 
     @property
     def _seconds(self) -> float:

@@ -66,7 +66,7 @@ class Findings:
 @cache
 def _prefixes(spans: tuple[Span, ...], flag: int) -> tuple[bytes, ...]:
     """With what the answers of all ids begin."""
-    return tuple(eb90.read_reply_prefix(i, *span, flag) for i in range(1, 255) for span in spans)
+    return tuple(eb90.read_reply_prefix(i, *span, flag) for i in eb90.IDS for span in spans)
 
 
 class Requester:

@@ -421,7 +421,7 @@ class SerialBus(ByteBus):
 
     def addressee(self, request: bytes | CanFrame) -> int:
         named = request[2] if isinstance(request, bytes) and request[:2] == eb90.HOST and len(request) > 2 else 0
-        return named if 1 <= named <= 254 else self.id
+        return named if named in eb90.IDS else self.id
 
     def reopened(self) -> None:
         self._met.clear()

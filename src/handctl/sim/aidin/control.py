@@ -16,7 +16,7 @@ from handctl.sim.engine.statefile import Fields, checked, kept, real, spread
 
 HELP = " | ".join(
     (
-        "state | get KEY | touch FINGER FX FY FZ [TX TY TZ] | block FINGER",
+        "state | get KEY | touch FINGER FX FY FZ [TX TY TZ] | sensors FINGER FX FY FZ TX TY TZ | block FINGER",
         "obstacle FINGER [COUNTS] | release FINGER | bend FINGER M1 M2 M3",
     )
 )
@@ -51,6 +51,10 @@ def command(device: Device, words: list[str]) -> str | None:
             place = 6 * _finger(name)
             values = [real(force, -1000.0, 1000.0) for force in forces]
             hand.touch[place : place + 6] = [*values, 0.0, 0.0, 0.0][:6]
+        case ["sensors", name, *forces] if len(forces) == 6:  # as the hand shows them, with its zero error and bias
+            place, shown = 6 * _finger(name), hand.sensors()
+            for at, force in enumerate(forces, place):
+                hand.touch[at] += real(force, -1000.0, 1000.0) - shown[at]
         case ["block", name]:
             for motor in _motors(device, name):
                 motor.jammed = True

@@ -23,7 +23,7 @@ HELP = " | ".join(
         "temperature TENTHS | block M | release M | obstacle M COUNTS | breakaway M COUNTS | strain M N|off",
         "position M COUNTS | jump M COUNTS (relative, while it moves in RealTime mode too) | push S COUNTS",
         "image | save-image FILE | erase | age SECONDS (without power) | download-at 0xADDRESS|+N|off",
-        "motors | found STATE | ram NAME | eeprom NAME | saves [FSAVES PSAVES] (M: F1 F2 F3 S all, COUNTS as P shows them)",
+        "motors | found STATE | ram NAME [M VALUE] | eeprom NAME | saves [FSAVES PSAVES] (M: F1 F2 F3 S all, COUNTS as P shows them)",
     )
 )
 BODY: Fields = {  # of a motor
@@ -55,6 +55,7 @@ IMAGE: Fields = {
     "spoiled": ("spoiled", bool, 0, 1),
     "decayed": ("decayed", bool, 0, 1),
 }
+COUNTED = {"UPSECS": "uptime", "PTEMP": "peak", "SN": "serial"}
 CRUISE = 16  # LCV that somebody has left: 1 count a sample (§6.2.1)
 FINGER, SPREAD = 2400.0, 350.0  # counts/s
 GRASP, HOLD, RELEASE, REST = 4.5, 1.5, 4.5, 1.0  # s
@@ -69,6 +70,8 @@ def command(device: Device, words: list[str]) -> str | None:
             return ", ".join(_line(device, motor) for motor in hand.motors)
         case ["ram" | "eeprom", name]:
             return _stored(device.memory, name.upper(), words[0] == "eeprom")
+        case ["ram", name, who, value]:
+            _put_ram(device, name.upper(), who, value)
         case ["found", state]:
             find(device, state)
         case ["saves"]:
@@ -168,6 +171,22 @@ def _stored(memory: Memory, name: str, saved: bool) -> str:
         if values is not None:
             return " ".join(str(value) for value in values)
     raise ValueError(f"no stored parameter {name!r}")
+
+
+def _put_ram(device: Device, name: str, who: str, value: str) -> None:
+    """A parameter of these motors or (M is -) of the whole hand, also one of those that only the hand itself counts."""
+    if who == "-" and name in COUNTED:
+        setattr(device.hand, COUNTED[name], whole(value, 0, 4294967295))
+        return
+    if name == "OD":
+        for motor in _motors(device, who):
+            motor.counts = 1000.0 * whole(value, 0, 4294967295)
+        return
+    bank = device.memory.common if who == "-" else device.memory.motor
+    numbers = (0,) if who == "-" else tuple(motor.number for motor in _motors(device, who))
+    if bank.put(name, value, numbers):
+        raise ValueError(f"no stored parameter {name!r} that takes {value}")
+    device.settle()
 
 
 def snapshot(device: Device) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from handctl.sim.engine.statefile import Fields, checked, columns, kept, real, s
 HELP = " | ".join(
     (
         f"posture | posture NAME ({', '.join(POSTURES)}) | rise | sit | walk on|off | pose PITCH HIP KNEE",
-        "set NAME|ID RAW | get NAME|ID | data WORD [RAW] | state HEX | live | reboot | boot [MS] | clocks",
+        "set NAME|ID RAW | get NAME|ID | data WORD [RAW] | feedback WORD RAW | state HEX | live | reboot | boot [MS] | clocks",
         "rtc [YYYY-MM-DDTHH:MM:SS] | unsolicited | counts (pose, data and state hold until live or a movement)",
     )
 )
@@ -62,6 +62,8 @@ def command(device: Device, words: list[str]) -> str | None:
             device.settings[place_of(name)] = _word(raw)
         case ["data", word, raw]:
             device.pinned[whole(word, 0, DATA_COUNT - 1)] = _word(raw)
+        case ["feedback", word, raw]:
+            device.feedback[whole(word, 0, len(device.feedback) - 1)] = _word(raw)
         case ["state", digits] if len(digits) == 4:
             device.pinned[18] = _hex(digits)
         case ["reboot"]:

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
     from handctl.sim.engine.simulated_device import Rows
 
+    Taught = tuple[list[str], list[str]]
+    """Control commands that the simulator took, and those that it does not have."""
+
 LINE_OPTIONS: Rows = {
     "seed": ((0, 0, 4294967295), "start of the random generator, 0..4294967295 (default 0)"),
     "fault": (None, "faults and states, with commas between"),
@@ -24,6 +27,8 @@ LINE_OPTIONS: Rows = {
     "wire": (None, "transmission time of 10 bits a byte at this speed, or 'auto' for the device's own (default: none)"),
     "turnaround": ((0.0, 60.0), "seconds from the last bit of a request to the first of its answer (default 0)"),
     "late": ((0.6, 3600.0), "seconds that the fault 'late' adds (default 0.6)"),
+    "reply-times": (None, "seconds with commas between: each answer takes at least one of these times, picked at random"),
+    "values": (None, "used by the option transcript of a LINK and of `handctl sim`: what the recorded device showed"),
     "facts": (None, "facts file of `handctl prove`: the simulator becomes like that device, as far as the facts go"),
     "state": (None, "file that keeps memory, flash and positions from one run to the next"),
     "save": (("always", "changed", "never"), "when the state file is written: always (default), changed (when the device's state has changed), never"),
@@ -177,7 +182,10 @@ class Cable(Switched):
         self._changed = False
         self._user: Iterator[float] | None = None  # acts, then tells for how many seconds it does nothing else
         self._acts = 0.0  # when it acts next
-        self._load()
+        self._reply_times = [float(text) for text in (given["reply-times"] or "").split(",") if text]
+        self._chance, self._floor = Random(given["seed"] + 1), 0.0  # of its own: what the device does stays the same
+        known = self._load()
+        self.values = self._taught([] if known else (given["values"] or "").split(";"))
         if given["use"] == "on":
             self._user = self.device.user()
         if given["power-cycle"]:
@@ -268,18 +276,38 @@ class Cable(Switched):
     def _due(self, reply: Reply) -> float:
         """When it leaves."""
         slow, late = SLOW if "slow" in reply.hits else 0.0, self.given["late"] if "late" in reply.hits else 0.0
-        return reply.due + float(self.given["turnaround"]) + slow + late
+        due = reply.due + float(self.given["turnaround"])
+        if times := self._reply_times:  # never ahead of the answer before
+            wait = times[self._chance.between(0, len(times) - 1)]
+            self._floor = max(self._floor, self._present() + wait)
+            due = max(due, self._floor)
+        return due + slow + late
 
     def _judge(self) -> frozenset[str]:
         self.requests += 1
         return self._hits(self.requests)
 
-    def _load(self) -> None:
-        if self.given["state"] is not None:
-            from handctl.sim.engine import statefile
+    def _load(self) -> bool:
+        """Whether there is a state from an earlier run; then the device is in it."""
+        if self.given["state"] is None:
+            return False
+        from handctl.sim.engine import statefile
 
-            if statefile.load(self.given["state"], self.device) and self.given["elapse"] is not None:
-                self.device.elapse(self.given["elapse"])
+        known = statefile.load(self.given["state"], self.device)
+        if known and self.given["elapse"] is not None:
+            self.device.elapse(self.given["elapse"])
+        return known
+
+    def _taught(self, told: list[str]) -> Taught:
+        """Carry out control commands that make the device show what another one showed."""
+        taken, left = [], []
+        for words in filter(None, told):
+            try:
+                self.device.command(words.split())
+                taken.append(words)
+            except ValueError:
+                left.append(words)
+        return taken, left
 
     def _persist(self) -> None:
         if self.given["state"] is not None and self.device.dirty and self._save != "never":
