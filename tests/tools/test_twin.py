@@ -184,6 +184,12 @@ def test_a_twin_has_the_id_of_its_device(family: str, tmp_path: Path) -> None:
     assert run(family, "dump", "--id", "7", "-p", f"fake://{family}?clock=virtual&transcript={path}").code == 0
 
 
+def test_bytes_of_no_register_are_values_too(tmp_path: Path) -> None:
+    path, other = tmp_path / "own.txt", quote("set 1474 0102;set 1010 00FF00")
+    assert run("exo", "dump", "-p", f"fake://exo?clock=virtual&values={other}", "--trace", path).code == 0
+    assert shares(check(path)) == [1.0, 0.5]
+
+
 def test_a_state_that_was_kept_counts_more_than_the_transcript(tmp_path: Path) -> None:
     path = recorded("exo", tmp_path, link_of("exo"), "own", ("dump",))
     link = f"fake://exo?clock=virtual&transcript={path}&state={tmp_path / 'state.json'}"

@@ -276,7 +276,7 @@ EXAMPLES: dict[str, Examples] = {
     ),
     "twin": (
         ("handctl twin check run.txt --facts left.json", "How well the facts and the values of a recording describe its device."),
-        ("handctl twin check later.txt --facts left.json --transcript run.txt", "Whether a twin made from one recording answers another as its device did."),
+        ("handctl twin check later.txt --facts left.json --transcript run.txt", "How well a twin made from one recording predicts the replies in another."),
         ("handctl twin check run.txt --against 'fake://hand?model=df'", "The same for a simulator with options."),
     ),
     "plot": (

@@ -17,7 +17,7 @@ from handctl.sim.cli import SimError, cli
 
 __all__ = ["cli"]
 TRANSCRIPT = (
-    "Show the values of the device that was recorded (`--trace FILE`), as it was left, and take as long to answer."
+    "Show the values of the device that was recorded with `--trace FILE`, as it was left, and reply as quickly."
 )
 
 

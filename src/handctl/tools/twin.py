@@ -35,7 +35,7 @@ ROUNDED = 2e-6
 """Seconds by which two recorded moments may be off: they have six decimals."""
 EQUAL, VALUES, RATE, FORM, NONE, EXTRA = "equal", "values", "rate", "form", "no_answer", "unexpected"
 WORDS = {
-    EQUAL: "equal", VALUES: "only values differ", RATE: "another rate", FORM: "another form", NONE: "no answer", EXTRA: "answer where none was",
+    EQUAL: "equal", VALUES: "only values differ", RATE: "another rate", FORM: "another form", NONE: "no reply", EXTRA: "reply where none was",
 }  # fmt: skip
 MOST_FORMS = 50
 """Forms of the data of a stream that are kept."""
@@ -349,10 +349,10 @@ def check(
     """Play a recording to the twin of its device, and to the manual's simulator.
 
     The twin is the simulator with --facts and the values of a transcript. Each frame that the host sent goes to both, at its
-    time, and their answers are compared with the recorded ones: equal, only values differ, another form, no answer, an answer
-    where none was. Data that comes without a request is compared by form and rate.
+    time, and their replies are compared with the recorded ones: equal, only values differ, another form, no reply, a reply
+    where none was. Unprompted data is compared by form and rate.
 
-    Nothing is sent to a device. Exit code 7 means that the twin answers differently.
+    Nothing is sent to a device. Exit code 7 means that the twin replies differently.
     """
     if "-" in (transcript, values):
         raise UsageError("a recording is read several times, so it cannot come from stdin", hint="give a file")
@@ -370,10 +370,10 @@ def check(
     )
     run.journal.info("twin", f"the twin has {twin.made}")
     if twin.share is None:
-        run.journal.warn("nothing-answered", "neither the recorded device nor the twin answered anything")
+        run.journal.warn("nothing-answered", "neither the recorded device nor the twin replied to anything")
     elif twin.share < 1:
         told = ", ".join(f"{count} {WORDS[kind]}" for kind, count in twin.counts.items() if count)
-        table.failure = CheckFailed(f"the twin answers differently: {told}", code="differ")
+        table.failure = CheckFailed(f"the twin replies differently: {told}", code="differ")
     return table
 
 
@@ -385,7 +385,7 @@ def _side_by_side(rows: list[Row]) -> Grid:
         return "–" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
 
     titles = {
-        "share": "equal answers",
+        "share": "equal replies",
         **WORDS,
         "median_ms": "reply time, median [ms]",
         "p90_ms": "reply time, 90 % below [ms]",
@@ -401,7 +401,7 @@ def _listed(twin: Comparison) -> list[Grid]:
     )
     more = f", the first {SHOWN} of {len(twin.differences)}" if len(twin.differences) > SHOWN else ""
     title = f"Differences of the twin{more}"
-    return [Grid(("Line", "Answer", "Request", "Recorded", "Twin"), lines, title)] if lines else []
+    return [Grid(("Line", "Reply", "Request", "Recorded", "Twin"), lines, title)] if lines else []
 
 
 def _told(row: Row, side: str) -> str:

@@ -30,8 +30,8 @@ ROWS = (
         "a check writes",
         TWIN,
         "simulated",
-        '**({"save": "never"} if "state" in options else {}),',
-        "**{},",
+        'options |= {"save": "never"} if "state" in options else {}',
+        "options |= {}",
         f"{HERE}test_the_state_of_a_simulator_is_read_and_not_written",
     ),
     mistake(

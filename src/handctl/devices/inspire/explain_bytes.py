@@ -28,6 +28,9 @@ from handctl.model.param import Element, Number, ParamMap, elements_of
 from handctl.model.write_ledger import Frame as Written
 from handctl.wording import plural
 
+UNDOCUMENTED = "at "
+"""Before the address in the name of bytes of no register."""
+
 
 @cache
 def _places(params: ParamMap[Register]) -> dict[int, tuple[Register, int]]:
@@ -69,11 +72,13 @@ def _layout(
 
 
 def span_values(params: ParamMap[Register] | None, address: int, data: bytes) -> tuple[Value, ...]:
-    """The documented values in the span."""
+    """The documented values in the span, and where other bytes are not 0 those in hex by their address."""
     return tuple(
         Value(Element(register, index).full_name, register.decode(raw), register.unit)
-        for register, index, raw in stretches(params, address, data)
         if register is not None
+        else Value(f"{UNDOCUMENTED}{index}", raw.hex(" ").upper())
+        for register, index, raw in stretches(params, address, data)
+        if register is not None or (any(raw) and params is not None)
     )
 
 
@@ -82,7 +87,9 @@ def span_parts(params: ParamMap[Register] | None, address: int, data: bytes) -> 
     parts = []
     for register, index, raw in stretches(params, address, data):
         if register is None:
-            parts.append(Part(raw, f"at {index}", "undocumented" if params is not None else "another register space"))
+            parts.append(
+                Part(raw, f"{UNDOCUMENTED}{index}", "undocumented" if params is not None else "another register space")
+            )
             continue
         value = register.decode(raw)
         unit = f" {register.unit}" if register.unit else ""
@@ -325,6 +332,9 @@ class InspireExplainer(Cutter):
             yield f"model={self._generations.name}"
         if values.get("id") in eb90.IDS:  # Modbus TCP has others, which mean none
             yield f"id={values['id']}"
+        for name, other in values.items():
+            if name.startswith(UNDOCUMENTED):
+                yield f"set {int(name.removeprefix(UNDOCUMENTED)) // self.per} {other}"
         for register in self.params:
             for index, element in enumerate(elements_of(register)):
                 value = values.get(element.full_name)

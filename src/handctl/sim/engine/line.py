@@ -27,7 +27,7 @@ LINE_OPTIONS: Rows = {
     "wire": (None, "transmission time of 10 bits a byte at this speed, or 'auto' for the device's own (default: none)"),
     "turnaround": ((0.0, 60.0), "seconds from the last bit of a request to the first of its answer (default 0)"),
     "late": ((0.6, 3600.0), "seconds that the fault 'late' adds (default 0.6)"),
-    "reply-times": (None, "seconds with commas between: each answer comes no sooner after its request than one of them, at random"),
+    "reply-times": (None, "seconds with commas between: each answer takes at least one of these times, picked at random"),
     "values": (None, "used by the option transcript of a LINK and of `handctl sim`: what the recorded device showed"),
     "facts": (None, "facts file of `handctl prove`: the simulator becomes like that device, as far as the facts go"),
     "state": (None, "file that keeps memory, flash and positions from one run to the next"),
