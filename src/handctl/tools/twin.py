@@ -35,7 +35,7 @@ ROUNDED = 2e-6
 """Seconds by which two recorded moments may be off: they have six decimals."""
 EQUAL, VALUES, RATE, FORM, NONE, EXTRA = "equal", "values", "rate", "form", "no_answer", "unexpected"
 WORDS = {
-    EQUAL: "equal", VALUES: "only values differ", RATE: "another rate", FORM: "another form", NONE: "no reply", EXTRA: "reply where none was",
+    EQUAL: "equal", VALUES: "only values differ", RATE: "different rate", FORM: "different form", NONE: "missing reply", EXTRA: "unexpected reply",
 }  # fmt: skip
 MOST_FORMS = 50
 """Forms of the data of a stream that are kept."""
@@ -349,8 +349,8 @@ def check(
     """Play a recording to the twin of its device, and to the manual's simulator.
 
     The twin is the simulator with --facts and the values of a transcript. Each frame that the host sent goes to both, at its
-    time, and their replies are compared with the recorded ones: equal, only values differ, another form, no reply, a reply
-    where none was. Unprompted data is compared by form and rate.
+    time, and their replies are compared with the recorded ones: equal, only values differ, different form, missing reply,
+    unexpected reply. Unprompted data is compared by form and rate.
 
     Nothing is sent to a device. Exit code 7 means that the twin replies differently.
     """
