@@ -150,12 +150,5 @@ def recorded(seconds: int) -> Figure:
         handctl("aidin", "log", str(file), "-p", link, "--rate", "0", "--count", str(seconds * FAST), "--json")
         about = json.loads(file.with_name("bench.csv.json").read_text(encoding="utf-8"))
     note = f"{about['rows']} rows, {about['lost']} lost, {about['skipped']} skipped"
-    return Figure(
-        f"aidin log at {FAST} Hz, period of the rows",
-        1000 / about["rate_hz"],
-        1000 / FAST,
-        "ms",
-        1.02,
-        note,
-        "the stream",
-    )
+    period = about["duration_s"] / (about["rows"] - 1) * 1000
+    return Figure(f"aidin log at {FAST} Hz, period of the rows", period, 1000 / FAST, "ms", 1.02, note, "the stream")
