@@ -11,6 +11,7 @@ import pytest
 
 from handctl.families import FAMILIES
 from handctl.model.export_formats import FORMATS
+from handctl.record.log_reader import LogFile
 from tests.support.cli import run
 
 
@@ -48,6 +49,23 @@ def test_every_format_and_check(kind: str, tmp_path: Path) -> None:
         assert done.code == 0 and done.rows[0]["rows"] == 5, (form, done)
     done = run(kind, "log", "--check", path, "--json")
     assert (done.code, [row["rows"] for row in done.rows]) == (0, [5])
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_ordinary_rows_are_checked_at_once_and_a_damaged_one_by_line(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, out = log(kind, tmp_path), tmp_path / "out.xdf"
+    with monkeypatch.context() as patch:
+        patch.setattr(LogFile, "_slowly", lambda *_: pytest.fail("checked one by one"))
+        assert run(kind, "export", path, "--to", "xdf", "-o", out).code == 0
+    lines = path.read_bytes().splitlines(keepends=True)
+    for column in (0, 5, 7):  # the host's time, the round trip, the first number of the device
+        cells = lines[3].split(b",")
+        cells[column] += b"x"
+        path.write_bytes(b"".join([*lines[:3], b",".join(cells), *lines[4:]]))
+        done = run(kind, "export", path, "--to", "xdf", "-o", out, "--json")
+        assert (done.code, done.error["code"]) == (2, "damaged-log") and f"{path} line 4: " in done.error["text"]
 
 
 @pytest.mark.parametrize("kind", FAMILIES)

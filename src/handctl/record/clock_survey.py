@@ -10,9 +10,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import accumulate
+from itertools import accumulate, repeat
 from math import inf
-from operator import lt, sub
+from operator import add, sub
 from typing import Any, NamedTuple
 
 from handctl.model.sampling import WITHIN_MS, Moment
@@ -38,7 +38,12 @@ class ClockLine(NamedTuple):
 
     def utc_of(self, t_ms: int) -> float:
         """The host's time, seconds since 1970."""
-        return self.utc_s + self.a + self.b * (t_ms - self.t_ms) / 1000
+        return self.all_utc([t_ms])[0]
+
+    def all_utc(self, t_ms: Sequence[int]) -> list[float]:
+        """The host's time of each."""
+        at, b, begin = self.utc_s + self.a, self.b, self.t_ms
+        return [at + b * (ms - begin) / 1000 for ms in t_ms]
 
 
 class Event(NamedTuple):
@@ -68,20 +73,32 @@ class Segment(timeline.Segment):
     def read(self, t_ms: Sequence[int], mono: Sequence[float], rtt: Sequence[float], *, clocked: bool) -> None:
         """Take rows that follow each other."""
         begin, at = self.first.t_ms, self.first.mono_s
-        sent = [(middle - trip / 2000) * 1000 - (ms - begin) for ms, middle, trip in zip(t_ms, mono, rtt, strict=True)]
-        answered = [one + trip for one, trip in zip(sent, rtt, strict=True)]
-        most = list(accumulate(sent, max, initial=self.sent_most))
-        least = list(accumulate(answered, min, initial=self.answered_least))
+        times = [ms - begin for ms in t_ms]
+        sent = [(middle - trip / 2000) * 1000 - ms for ms, middle, trip in zip(times, mono, rtt, strict=True)]
+        answered = list(map(add, sent, rtt))
+        top, low = max(sent), min(answered)
         if clocked:
-            if max(*map(sub, most, answered), *map(sub, sent, least)) > SMALLEST_MS:
-                offs = [
-                    max(0.0, a - b) - max(0.0, c - d) for a, b, c, d in zip(most, answered, sent, least, strict=False)
-                ]
-                self.apart_ms = max([self.apart_ms, *offs], key=abs)
-            self.fit.extend([(ms - begin) / 1000 for ms in t_ms], [middle - at for middle in mono])
-        self.sent_most, self.answered_least = most[-1], least[-1]
+            self._contradicted(sent, answered, top, low)
+            self.fit.extend([ms / 1000 for ms in times], [middle - at for middle in mono])
+        self.sent_most, self.answered_least = max(self.sent_most, top), min(self.answered_least, low)
         self.rows += len(sent)
         self.last = Place(None, Moment(mono[-1] - rtt[-1] / 2000, mono[-1] + rtt[-1] / 2000), t_ms[-1], self.number)
+
+    def _contradicted(self, sent: Sequence[float], answered: Sequence[float], top: float, low: float) -> None:
+        """Find the most by which these rows contradict those before them. What shows no more than is known needs no look at each."""
+        known = max(abs(self.apart_ms), SMALLEST_MS)
+        if max(max(self.sent_most, top) - low, top - min(self.answered_least, low)) <= known:
+            return
+        most = accumulate(sent, max, initial=self.sent_most) if top > self.sent_most else repeat(self.sent_most)
+        least = (
+            accumulate(answered, min, initial=self.answered_least)
+            if low < self.answered_least
+            else repeat(self.answered_least)
+        )
+        behind, ahead = list(map(sub, most, answered)), list(map(sub, sent, least))
+        if max(*behind, *ahead) > SMALLEST_MS:
+            offs = [(a if a > 0 else 0.0) - (b if b > 0 else 0.0) for a, b in zip(behind, ahead, strict=True)]
+            self.apart_ms = max([self.apart_ms, *offs], key=abs)
 
     @property
     def line(self) -> ClockLine:
@@ -147,7 +164,7 @@ class Surveyor:
     def take(self, parts: Mapping[int, Block]) -> None:
         """The next rows, by segment. Raises UsageError where the host's time cannot be."""
         for number, part in parts.items():
-            mono, utc, rtt = (list(map(float, part.columns[name])) for name in ("host_mono_s", "host_utc_s", "rtt_ms"))
+            mono, utc, rtt = map(part.floats, ("host_mono_s", "host_utc_s", "rtt_ms"))
             self._follow(mono, utc)
             if (segment := self.found.segments.get(number)) is None:
                 first = Place(None, Moment(mono[0], mono[0]), part.t_ms[0], number)
@@ -164,7 +181,7 @@ class Surveyor:
 
     def _follow(self, mono: Sequence[float], utc: Sequence[float]) -> None:
         """Raise UsageError for a row at which the host's clock fell back, or is none."""
-        if mono[0] < self._last or any(map(lt, mono[1:], mono)) or not (min(utc) >= 0 and max(utc) < LATEST_S):
+        if mono[0] < self._last or mono != sorted(mono) or not 0 <= (walls := sorted(utc))[0] <= walls[-1] < LATEST_S:
             last = self._last
             for at, (moment, wall) in enumerate(zip(mono, utc, strict=True), self._row + 1):
                 if moment < last or not 0 <= wall < LATEST_S:

@@ -2,6 +2,9 @@
 
 A file that is not a log, or not whole, is refused with the number of the line. The sidecar says whether the log was closed;
 one that was not (power failure, kill) may end in the middle of a row, which is then left out.
+
+Every field is checked, many rows at once: column by column, and a text that was found right is remembered. Only rows with something
+unusual are checked one by one, which finds the line and the words for it.
 """
 
 from __future__ import annotations
@@ -9,9 +12,10 @@ from __future__ import annotations
 import csv
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import compress, islice
-from math import isfinite
+from math import isfinite, nan
+from operator import itemgetter
 from typing import Any, BinaryIO, NamedTuple
 
 from handctl.errors import Hint, UsageError
@@ -20,10 +24,10 @@ from handctl.record.recording import schema
 from handctl.record.source import MARK, lead
 from handctl.wording import plural
 
-CHUNK = 1 << 17
-"""Bytes that are read at once."""
 ROWS = 1000
 """Rows of a block, where they are not cut by bytes."""
+MOST_KNOWN = 1 << 15
+"""Texts that are remembered."""
 LONGEST_LINE = 65536
 UNTOUCHED = "The file was not changed"
 ERROR = "error"
@@ -53,32 +57,72 @@ class Span(NamedTuple):
     rows: int
 
 
+def constant(texts: Sequence[str]) -> bool:
+    """Whether all of a column is the same."""
+    return texts[0] == texts[-1] and texts.count(texts[0]) == len(texts)
+
+
+class Numbers(dict[str, Any]):
+    """What a text says, by one way to read it: a text that is not known yet is read and remembered. Raises ValueError as `read`."""
+
+    def __init__(self, read: Callable[[str], Any]) -> None:
+        super().__init__()
+        self._read = read
+
+    def __missing__(self, text: str) -> Any:
+        number = self[text] = self._read(text)
+        return number
+
+    def of(self, texts: Sequence[str]) -> Sequence[Any]:
+        """The numbers of a column."""
+        if constant(texts):
+            return [self[texts[0]]] * len(texts)
+        found: Sequence[Any] = itemgetter(*texts)(self)
+        return found
+
+    def forget(self) -> None:
+        """Keep the table small."""
+        if len(self) > MOST_KNOWN:
+            self.clear()
+
+
+def number_of(text: str) -> float:
+    """A number, NaN where nothing was read. Raises ValueError."""
+    if not isfinite(number := float(text or "0")):
+        raise ValueError(f"{text!r} is not a number")
+    return number if text else nan
+
+
 class Block:
-    """Some rows that follow each other: their texts by column, device times, segments; `text` = all of it where nothing is quoted."""
+    """Some rows that follow each other: their texts by column, device times, segments.
+
+    `text` is all of it as the recorder wrote it, but for the last line's end; "" where something is quoted or unusual.
+    `known` are the columns whose numbers are known already.
+    """
 
     def __init__(self, columns: dict[str, Sequence[str]], text: str = "") -> None:
         self.columns = columns
         self.text = text
         self.t_ms: list[int] = []
         self.segments: list[int] = []
-
-    def like(self, columns: dict[str, Sequence[str]]) -> Block:
-        """A block of the same log."""
-        return Block(columns)
+        self.known: dict[str, Sequence[float]] = {}
 
     def of(self, segment: int | None) -> Block:
         """Only the rows of a segment."""
         if segment is None or set(self.segments) == {segment}:
             return self
         keep = [number == segment for number in self.segments]
-        found = self.like({name: tuple(compress(texts, keep)) for name, texts in self.columns.items()})
+        columns: dict[str, Sequence[str]] = {n: tuple(compress(texts, keep)) for n, texts in self.columns.items()}
+        found = Block(columns)
         found.t_ms, found.segments = list(compress(self.t_ms, keep)), [segment] * sum(keep)
         return found
 
-    def values(self, channel: Channel) -> list[float | None]:
-        """A column of the device as numbers, None where nothing was read."""
-        number, texts = float if channel.decimals != 0 else int, self.columns[channel.column]
-        return [number(text) if text else None for text in texts] if "" in texts else list(map(number, texts))
+    def floats(self, name: str) -> Sequence[float]:
+        """A column as numbers, NaN where nothing was read."""
+        if name not in self.known:
+            texts = self.columns[name]
+            self.known[name] = list(map(number_of if "" in texts else float, texts))
+        return self.known[name]
 
 
 class LogFile:
@@ -101,6 +145,7 @@ class LogFile:
         self.sidecar = _load_sidecar(f"{path}.json", schema(kind))
         self.cut = False
         """True when an unfinished last row was left out."""
+        self._numbers = Numbers(number_of)
         with opened(path, "a log", hint=Hint("{} makes one", f"{kind} log {path}")) as file:
             header = file.readline(LONGEST_LINE).decode("utf-8", "replace")
         try:
@@ -209,22 +254,25 @@ class LogFile:
             return False  # it says nothing of it
 
     def _blocks(self) -> Iterator[Block]:
-        number, last = 2, (0, 0)
+        last = (0, 0)
+        for number, rows, data in self._pieces():
+            block = self._block(rows, data, last) or self._slowly(number, data, last)
+            last = (block.segments[-1], block.t_ms[-1])
+            yield block
+            self._forget()
+
+    def _forget(self) -> None:
+        self._numbers.forget()
+
+    def _pieces(self) -> Iterator[tuple[int, int, bytes]]:
+        """The lines below the header, many at once: number of the first, how many, and all of them but for the last one's end."""
+        number = 2
         with opened(self.path, "a log") as file:
             file.readline(LONGEST_LINE)
             lines = self._whole_lines(file)
             while some := list(islice(lines, ROWS)):
-                rows = [self._fields(at, line) for at, line in enumerate(some, number)]
-                block = Block(dict(zip(self.names, zip(*rows, strict=True), strict=True)))
-                for at, texts in enumerate(zip(block.columns["segment"], block.columns["t_s"], strict=True), number):
-                    segment, t_ms = int(texts[0]), parse_fixed(texts[1], 3)
-                    if (segment, t_ms) < last or segment > last[0] + 1:
-                        raise out_of_order(self.path, at)
-                    last = (segment, t_ms)
-                    block.segments.append(segment)
-                    block.t_ms.append(t_ms)
+                yield number, len(some), b"".join(some)[:-1]
                 number += len(some)
-                yield block
 
     def _whole_lines(self, file: BinaryIO) -> Iterator[bytes]:
         number = 1
@@ -239,6 +287,48 @@ class LogFile:
                 return
             yield line
 
+    def _block(self, rows: int, data: bytes, last: tuple[int, int]) -> Block | None:
+        """These rows, checked column by column; None where something in them is unusual."""
+        try:
+            text = data.decode("utf-8")
+        except UnicodeDecodeError:
+            return None
+        found = _columns(text, rows, len(self.names))
+        if found is None:
+            return None
+        whole = "" if '"' in text else text if text.endswith("\r") else text.replace("\n", "\r\n") + "\r"
+        block = Block(dict(zip(self.names, found, strict=True)), whole)
+        lead = {name: joined(block.columns[name], decimals) for name, decimals in self.lead}
+        segments = block.columns["segment"]
+        if None in lead.values() or not constant(segments) or not self._right(block):
+            return None
+        block.t_ms, block.segments = integers(lead["t_s"] or ""), [int(segments[0])] * rows
+        follows = last <= (block.segments[0], block.t_ms[0]) and block.segments[0] <= last[0] + 1
+        return block if follows and block.t_ms == sorted(block.t_ms) else None
+
+    def _right(self, block: Block) -> bool:
+        """Whether the device's columns are right."""
+        try:
+            for channel in self.channels:
+                block.known[channel.column] = self._numbers.of(block.columns[channel.column])
+        except ValueError:
+            return False
+        return True
+
+    def _slowly(self, number: int, data: bytes, last: tuple[int, int]) -> Block:
+        """These rows, checked one by one."""
+        rows, places = [], []
+        at_segment, at_time = map(self.names.index, ("segment", "t_s"))
+        for at, line in enumerate(data.split(b"\n"), number):
+            rows.append(fields := self._fields(at, line))
+            place = int(fields[at_segment]), parse_fixed(fields[at_time], 3)
+            if place < last or place[0] > last[0] + 1:
+                raise out_of_order(self.path, at)
+            places.append(last := place)
+        block = Block(dict(zip(self.names, zip(*rows, strict=True), strict=True)))
+        block.segments, block.t_ms = map(list, zip(*places, strict=True))
+        return block
+
     def _fields(self, number: int, line: bytes) -> list[str]:
         """The fields of a line, each looked at."""
         fields = fields_of(self.path, number, line, len(self.names))
@@ -248,11 +338,54 @@ class LogFile:
             for name, decimals in self.lead:
                 parse_fixed(cells[name], decimals)
             for name, *_ in self.channels:
-                if cells[name] and not isfinite(float(cells[name])):
-                    raise ValueError(f"{cells[name]!r} is not a number")
+                number_of(cells[name])
         except ValueError as exc:
             raise damaged(self.path, number, f"{name}: {exc}") from exc
         return fields
+
+
+def _columns(text: str, rows: int, width: int) -> Sequence[Sequence[str]] | None:
+    """The fields of so many lines by column; None where one has another number of them, or not the end that all have."""
+    ends = text.count("\r")
+    if '"' in text:
+        text = text.replace("\r\n", "\n").removesuffix("\r") if ends else text
+        try:
+            lines = [] if "\r" in text else list(csv.reader(text.split("\n"), strict=True))
+        except csv.Error:
+            return None
+        return list(zip(*lines, strict=True)) if len(lines) == rows and set(map(len, lines)) == {width} else None
+    flat = text.replace("\n", ",\n,").split(",")  # so the ends of the lines are a column as well
+    if len(flat) != rows * (width + 1) - 1 or flat[width :: width + 1].count("\n") != rows - 1:
+        return None
+    found = [flat[at :: width + 1] for at in range(width)]
+    if ends:
+        last = "\n".join(found[-1]) + "\n"
+        if ends != rows or last.count("\r\n") != rows:
+            return None
+        found[-1] = last.replace("\r", "").split("\n")[:-1]
+    return found
+
+
+DIGITS = bytes.maketrans(b"123456789", b"0" * 9)
+
+
+def joined(texts: Sequence[str], decimals: int) -> str | None:
+    """All of a column, a line each, if `parse_fixed` takes them: texts that differ only in their digits are looked at once."""
+    text = "\n".join(texts)
+    shape = text.encode().translate(DIGITS) + b"\n"
+    one, _, _ = shape.partition(b"\n")
+    shapes = {one} if shape == (one + b"\n") * len(texts) else set(shape[:-1].split(b"\n"))
+    try:
+        for one in shapes:
+            parse_fixed(one.decode(), decimals)
+    except ValueError:
+        return None
+    return text
+
+
+def integers(text: str) -> list[int]:
+    """Numbers with a fixed number of decimals, a line each, as integers of the last one."""
+    return list(map(int, text.replace(".", "").split("\n")))
 
 
 def fields_of(path: str, number: int, line: bytes, width: int) -> list[str]:
@@ -298,8 +431,10 @@ def cut_short(path: str, line: int) -> UsageError:
 def _load_sidecar(path: str, wanted: str) -> dict[str, Any] | None:
     """The sidecar, None when there is none. Raises UsageError for one that is damaged or of another kind."""
     try:
-        content = json.loads(read_text(path, "a sidecar", 16_000_000))
-        json.dumps(content, ensure_ascii=False).encode()  # half a surrogate is no text
+        text = read_text(path, "a sidecar", 16_000_000)
+        content = json.loads(text)
+        if "\\u" in text:
+            json.dumps(content, ensure_ascii=False).encode()  # half a surrogate is no text
     except NoFile:
         return None
     except (ValueError, RecursionError) as exc:

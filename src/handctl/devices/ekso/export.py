@@ -19,12 +19,12 @@ from operator import lt, neg
 from typing import Any, NamedTuple
 
 from handctl.devices.ekso.log import NAMED, column_of, to_si
-from handctl.devices.ekso.log_reader import MOST_KNOWN, LogFile
+from handctl.devices.ekso.log_reader import LogFile
 from handctl.devices.ekso.map import DATA
 from handctl.errors import UsageError
 from handctl.files import Spool
 from handctl.record.clock_survey import survey
-from handctl.record.log_reader import Span
+from handctl.record.log_reader import MOST_KNOWN, Span
 from handctl.record.source import MARK, clean, quoted
 from handctl.record.timeline import GAP_PERIODS, LEAST_PERIOD_MS
 from handctl.wording import plural
@@ -152,7 +152,7 @@ def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[Points, 
             span = spans.setdefault(number, Span(part.t_ms[0], 0, 0))
             spans[number] = span._replace(end=part.t_ms[-1], rows=span.rows + len(part.t_ms))
             if number == wanted:
-                columns = (part.numbers(quantity, column_of(quantity)) for quantity in quantities)
+                columns = (log.numbers(q).of(part.columns[column_of(q)]) for q in quantities)
                 values = [list(map(neg, one)) if sign < 0 else one for sign, one in zip(signs, columns, strict=True)]
                 points.take([t_ms - span.begin for t_ms in part.t_ms], values)
                 begun = begun or part.columns["host_utc_s"][0]
@@ -218,10 +218,10 @@ def table(log: LogFile, *, segment: int | None, si: bool, as_rows: bool = False)
         first, last = (block.t_ms[0] if first is None else first), block.t_ms[-1]
         count += len(block.t_ms)
         if block.text and not (si or as_rows) and block is whole:
-            spool.take([block.text.replace("\n", "\r\n") + "\r"])
+            spool.take([block.text])
             continue
         columns = [
-            texts.of_texts(name, convert, block.columns[log_name], block.table(quantity))
+            texts.of_texts(name, convert, block.columns[log_name], log.numbers(quantity))
             if convert and quantity
             else block.columns[log_name]
             for log_name, (name, convert, quantity) in zip(layout.names, plans, strict=True)

@@ -147,7 +147,7 @@ def stretches(log: LogFile) -> list[Stretch]:
             stretch.t.extend(t_ms / 1000 for t_ms in part.t_ms)
             for name, quantity in quantities.items():
                 scale = 10**quantity.decimals
-                numbers = part.numbers(quantity, COLUMNS[name])
+                numbers = log.numbers(quantity).of(part.columns[COLUMNS[name]])
                 stretch.signals[name].extend(numbers if scale == 1 else [one / scale for one in numbers])
     return list(found.values())
 

@@ -10,7 +10,7 @@ A writer is `write(export)`; it raises OSError where the disk fails. What it nee
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
@@ -88,14 +88,14 @@ class Export:
             return not about["gaps"]
         return len(self.segments) == 1 and not self.survey.segments[self.segments[0]].gaps
 
-    def blocks(self, *, surveyed: bool = True) -> Iterator[tuple[int, Block, list[float]]]:
+    def blocks(self, *, surveyed: bool = True) -> Iterator[tuple[int, Block, Sequence[float]]]:
         """The rows: segment, rows of it, and the host's time of each by the clock fit, seconds since 1970.
 
         `surveyed`: the writer asks for the survey afterwards.
         """
         self.rows, lines = 0, dict[int, ClockLine]()
         first, reading, _ = None, Surveyor(self.log), self._fits
-        finding = surveyed and "survey" not in self.__dict__
+        finding = surveyed and not self.surveyed
         if finding:
             self.survey = reading.found
         for whole in self.log.blocks():
@@ -106,15 +106,8 @@ class Export:
                 if self.segment not in (None, number):
                     continue
                 if number not in lines:
-                    lines[number] = ClockLine(
-                        float(block.columns["host_utc_s"][0]), block.t_ms[0], *self._fits.get(number, ())
-                    )
-                clocked = number in self._fits
-                utc = (
-                    list(map(lines[number].utc_of, block.t_ms))
-                    if clocked
-                    else [float(text) for text in block.columns["host_utc_s"]]
-                )
+                    lines[number] = ClockLine(block.floats("host_utc_s")[0], block.t_ms[0], *self._fits.get(number, ()))
+                utc = lines[number].all_utc(block.t_ms) if number in self._fits else block.floats("host_utc_s")
                 self.rows += len(utc)
                 first = utc[0] if first is None else first
                 self.seconds = round(utc[-1] - first, 3)
@@ -124,10 +117,20 @@ class Export:
         if finding:
             reading.end()
 
+    @property
+    def surveyed(self) -> bool:
+        """Whether the survey is there already, or is being made."""
+        return "survey" in self.__dict__
+
+    def refitted(self) -> bool:
+        """Take the clock fits from the survey from now on. Returns whether they are others than `blocks` took from the sidecar."""
+        before = self.__dict__.pop("_fits", None)
+        return before is not None and before != self._fits
+
     @cached_property
     def _fits(self) -> dict[int, tuple[float, float]]:
         """a and b by segment: from the sidecar, which spares a pass, or from the rows."""
-        if "survey" not in self.__dict__ and (said := self.log.fits) is not None:
+        if not self.surveyed and (said := self.log.fits) is not None:
             return said
         return {number: one.line[2:] for number, one in self.survey.segments.items() if one.fit.count}
 

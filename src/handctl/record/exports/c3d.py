@@ -9,10 +9,15 @@ row. In a hole nothing is made up: the residual of its points is -1, its analog 
 
 from __future__ import annotations
 
+import shutil
 import struct
+import tempfile
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timezone
-from typing import TYPE_CHECKING
+from itertools import islice, repeat
+from math import inf, isnan
+from operator import itemgetter
+from typing import IO, TYPE_CHECKING
 
 from handctl.errors import UsageError
 from handctl.files import atomic_write
@@ -32,7 +37,9 @@ MOST_FRAMES = 1 << 26
 """Two weeks at 50 Hz; a file of them has some 10 GB."""
 RECORDED = "recorded"
 VALID, INVALID = 0.0, -1.0
-Frame = tuple[bool, list[float]]
+PIECE = 1000
+"""Frames that are made at once."""
+Place = tuple[int, int, float]
 
 
 def write(export: Export) -> None:
@@ -47,6 +54,38 @@ def write(export: Export) -> None:
     rate = export.rate or round(export.nominal_hz or 0.0)
     if not rate:
         raise UsageError("the rate of the recording is unknown", hint="add --rate HZ", code="no-rate")
+    angles = [at for at, channel in enumerate(channels) if channel.unit in ("deg", "°")]
+    spans = (export.log.spans or {}).values()
+    covered = max((one.end for one in spans), default=0) - min((one.begin for one in spans), default=0)
+    if export.log.fits is None or covered * rate > 500 * MOST_FRAMES:
+        _count(export, rate)  # a pass of its own
+    with tempfile.TemporaryFile() as file:
+        frames = Frames(export, rate, angles, _count(export, rate) if export.surveyed else MOST_FRAMES)
+        frames.write(file)
+        count = _count(export, rate)
+        if count < frames.written or export.refitted():  # the fit of the rows is not the sidecar's
+            file.seek(0)
+            file.truncate()
+            frames = Frames(export, rate, angles, count)
+            frames.write(file)
+        frames.rest(file, count)
+        begin, _ = export.ends
+        parameters = _parameters(export, rate, count, begin, [channels[at] for at in angles])
+        header = struct.pack(
+            "<BBHHHHHfHHf", 2, 0x50, len(angles), len(channels) + 1, 1, min(count, HEADER_FRAMES), 0, -1.0,
+            2 + len(parameters) // BLOCK, 1, rate,
+        )  # fmt: skip
+        with atomic_write(export.path, "wb") as out:
+            out.write(header.ljust(BLOCK, b"\0") + parameters)
+            file.seek(0)
+            shutil.copyfileobj(file, out)
+    export.notes.append(
+        f"resampled to {rate:g} Hz by this computer's clock: {count} frames, {frames.holes} of them marked as missing"
+    )
+
+
+def _count(export: Export, rate: float) -> int:
+    """How many frames there are. Raises UsageError."""
     begin, end = export.ends
     count = int((end - begin) * rate + 1e-6) + 1
     if count > MOST_FRAMES:
@@ -55,71 +94,100 @@ def write(export: Export) -> None:
             hint="choose a segment with --segment N, or a lower --rate",
             code="too-many",
         )
-    angles = [at for at, channel in enumerate(channels) if channel.unit in ("deg", "°")]
-    parameters = _parameters(export, rate, count, begin, [channels[at] for at in angles])
-    header = struct.pack(
-        "<BBHHHHHfHHf", 2, 0x50, len(angles), len(channels) + 1, 1, min(count, HEADER_FRAMES), 0, -1.0,
-        2 + len(parameters) // BLOCK, 1, rate,
-    )  # fmt: skip
-    form = struct.Struct(f"<{4 * len(angles) + len(channels) + 1}f")
-    holes = 0
-    with atomic_write(export.path, "wb") as file:
-        file.write(header.ljust(BLOCK, b"\0") + parameters)
-        for there, values in _frames(export, rate, begin, count):
-            holes += not there
-            residual = VALID if there else INVALID
-            points = [part for at in angles for part in (values[at], 0.0, 0.0, residual)]
-            file.write(form.pack(*points, *values, float(there)))
-    export.notes.append(
-        f"resampled to {rate:g} Hz by this computer's clock: {count} frames, {holes} of them marked as missing"
-    )
+    return count
 
 
-def _frames(export: Export, rate: float, begin: float, count: int) -> Iterator[Frame]:
-    """Whether there is something to say of each frame, and its values."""
-    linear = [bool(channel.unit) for channel in export.log.channels]
-    nothing: Frame = (False, [0.0] * len(linear))
-    gaps = set(export.survey.gap_rows)
-    frame, half = 0, 0.5 / rate
-    earlier: tuple[float, Sequence[float | None]] | None = None
-    segment = 0
-    row = export.survey.segments[export.segments[0]].first_row
-    for number, block, utc in export.blocks():
-        rows = zip(*(block.values(channel) for channel in export.log.channels), strict=True)
-        for time, values in zip(utc, rows, strict=True):
-            joined = earlier is not None and number == segment and row not in gaps
-            while frame < count and (at := begin + frame / rate) < time - 1e-9:
-                if joined and earlier is not None:
-                    yield _between(earlier, (time, values), at, linear)
-                elif earlier is not None and at - earlier[0] <= half * 1e-3:
-                    yield _between(earlier, earlier, at, linear)
-                else:
-                    yield nothing
+class Frames:
+    """The frames, made of the rows of a block, column by column; no more than `most`."""
+
+    def __init__(self, export: Export, rate: float, angles: Sequence[int], most: int) -> None:
+        self.written = self.holes = 0
+        self._export, self._rate, self._angles, self._most = export, rate, angles, most
+        self._linear = [bool(channel.unit) for channel in export.log.channels]
+        self._form = struct.Struct(f"<{4 * len(angles) + len(self._linear) + 1}f")
+        self._begin = self._time = 0.0
+        self._last: list[float] = []
+        """The numbers of the row before, at `_time`."""
+        self._done: dict[int, int] = {}
+        """How many rows of each segment."""
+
+    def write(self, file: IO[bytes]) -> None:
+        """Those before the last row."""
+        for number, block, utc in self._export.blocks():
+            columns = [block.floats(channel.column) for channel in self._export.log.channels]
+            if not self._last:
+                self._begin = utc[0]
+            self._take(file, columns, self._places(number, utc))
+            self._time, self._last = utc[-1], [column[-1] for column in columns]
+
+    def rest(self, file: IO[bytes], count: int) -> None:
+        """Those after it: they repeat it."""
+        self._take(file, [()] * len(self._last), repeat((0, 0, 0.0), count - self.written))
+
+    def _places(self, number: int, utc: Sequence[float]) -> Iterator[Place | None]:
+        """Where the next frames are among these rows."""
+        survey, done = self._export.survey, self._done.get(number, 0)
+        row = survey.segments[number].first_row + done
+        alone = {gap - row for gap in survey.gap_rows if row <= gap < row + len(utc)} | ({0} if not done else set())
+        self._done[number] = done + len(utc)
+        earlier, frame, begin, rate = self._time if self._last else inf, self.written, self._begin, self._rate
+        for at, time in enumerate(utc):
+            while frame < self._most and (moment := begin + frame / rate) < time - 1e-9:
                 frame += 1
-            earlier, segment = (time, values), number
-            row += 1
-    while frame < count and earlier is not None:
-        yield _between(earlier, earlier, begin + frame / rate, linear)
-        frame += 1
+                if at not in alone:
+                    long = time - earlier
+                    yield at, at + 1, min(1.0, max(0.0, (moment - earlier) / long)) if long > 0 else 0.0
+                else:
+                    yield (at, at, 0.0) if moment - earlier <= 0.5e-3 / rate else None
+            earlier = time
+
+    def _take(self, file: IO[bytes], columns: Sequence[Sequence[float]], places: Iterator[Place | None]) -> None:
+        """Write the frames at these places."""
+        rows = [[column[0] if not self._last else self._last[at], *column] for at, column in enumerate(columns)]
+        nowhere: Place = (0, 0, 0.0)
+        while some := list(islice(places, PIECE)):
+            holes = [at for at, place in enumerate(some) if place is None]
+            way = Way(*zip(*(place or nowhere for place in some), strict=True))
+            there = [True] * len(some)
+            values = [
+                way.values(column, there, linear=linear) for column, linear in zip(rows, self._linear, strict=True)
+            ]
+            for at in holes:
+                there[at] = False
+                for column in values:
+                    column[at] = 0.0
+            nothing, residual = [0.0] * len(some), [VALID if one else INVALID for one in there]
+            points = [column for at in self._angles for column in (values[at], nothing, nothing, residual)]
+            file.write(b"".join(map(self._form.pack, *points, *values, map(float, there))))
+            self.written += len(some)
+            self.holes += there.count(False)
 
 
-def _between(
-    one: tuple[float, Sequence[float | None]],
-    other: tuple[float, Sequence[float | None]],
-    at: float,
-    linear: list[bool],
-) -> Frame:
-    long = other[0] - one[0]
-    part = min(1.0, max(0.0, (at - one[0]) / long)) if long > 0 else 0.0
-    values, there = [], True
-    for a, b, smooth in zip(one[1], other[1], linear, strict=True):
-        if smooth and a is not None and b is not None:
-            values.append(a + (b - a) * part)
-            continue
-        near = a if part < 0.5 else b
-        values.append(near or 0.0)
-        there = there and near is not None
-    return there, values
+class Way:
+    """Some places: for each frame the rows before and after it, counted from the one before a block, and the part of the way."""
+
+    def __init__(self, one: Sequence[int], other: Sequence[int], parts: Sequence[float]) -> None:
+        near = [a if part < 0.5 else b for a, b, part in zip(one, other, parts, strict=True)]
+        self._one, self._other, self._near = (itemgetter(*numbers, numbers[0]) for numbers in (one, other, near))
+        self._parts = parts
+
+    def values(self, column: Sequence[float], there: list[bool], *, linear: bool) -> list[float]:
+        """Those of a column; where it has none, `there` becomes False."""
+        if column.count(column[0]) == len(column) and not isnan(column[0]):
+            return [column[0] + 0.0] * len(self._parts)
+        values = []
+        if linear:
+            values = [
+                a + (b - a) * part
+                for a, b, part in zip(self._one(column), self._other(column), self._parts, strict=False)
+            ]
+            if not isnan(sum(column)):
+                return values
+        near = [value or 0.0 for value in self._near(column)[:-1]]
+        values = [a if isnan(b) else b for a, b in zip(near, values, strict=True)] if linear else near
+        for at in [at for at, value in enumerate(values) if isnan(value)]:
+            there[at], values[at] = False, 0.0
+        return values
 
 
 # -- parameters -----------------------------------------------------------------------------------------------------------

@@ -8,9 +8,7 @@ rate, for readers would spread its rows evenly over the time.
 from __future__ import annotations
 
 import struct
-import sys
-from array import array
-from collections.abc import Sequence
+from itertools import repeat
 from typing import IO, TYPE_CHECKING
 from xml.sax.saxutils import escape
 
@@ -20,7 +18,6 @@ from handctl.record.source import clean
 
 if TYPE_CHECKING:
     from handctl.record.exports import Export
-    from handctl.record.log_reader import Block
 
 FILE_HEADER, STREAM_HEADER, SAMPLES, CLOCK_OFFSET, BOUNDARY, STREAM_FOOTER = range(1, 7)
 ROWS, MARKS = 1, 2
@@ -43,17 +40,19 @@ def write(export: Export) -> None:
             f"<channel><label>{escape(clean(label))}</label><unit>{escape(clean(unit))}</unit></channel>"
             for label, unit in labels
         )
-        ahead, begin = None, 0.0
+        ahead, begin, row = None, 0.0, struct.Struct(f"<B{len(labels) + 1}d")
         for _, block, utc in export.blocks():
             if ahead is None:
-                ahead = float(block.columns["host_utc_s"][0]) - float(block.columns["host_mono_s"][0])
+                ahead = block.floats("host_utc_s")[0] - block.floats("host_mono_s")[0]
                 begin = utc[0] - ahead
                 about = f"<channels>{channels}</channels><handctl>{escape(_said(export, ahead))}</handctl>"
                 _header(file, ROWS, name, "Motion", "double64", len(labels), rate, about)
                 _header(file, MARKS, f"{name} marks", "Markers", "string", 1, 0.0, "")
                 for stream in (ROWS, MARKS):
                     _chunk(file, CLOCK_OFFSET, struct.pack("<Idd", stream, begin, 0.0))
-            _chunk(file, SAMPLES, struct.pack("<IBI", ROWS, 4, len(utc)) + _samples(block, labels, utc, ahead))
+            columns = [block.floats(label) for label, _ in labels]
+            rows = map(row.pack, repeat(8), [time - ahead for time in utc], *columns)
+            _chunk(file, SAMPLES, struct.pack("<IBI", ROWS, 4, len(utc)) + b"".join(rows))
             _chunk(file, BOUNDARY, UUID)
         assert ahead is not None, "there are rows, or blocks would have raised"
         end = export.ends[1] - ahead
@@ -65,20 +64,6 @@ def write(export: Export) -> None:
             times = f"<first_timestamp>{begin!r}</first_timestamp><last_timestamp>{end!r}</last_timestamp>"
             footer = f'<?xml version="1.0"?><info>{times}<sample_count>{count}</sample_count></info>'
             _chunk(file, STREAM_FOOTER, struct.pack("<I", stream) + footer.encode())
-
-
-def _samples(block: Block, labels: Sequence[tuple[str, str]], utc: Sequence[float], ahead: float) -> bytes:
-    """Each row with its stamp; the columns are laid side by side, a row in one piece."""
-    width = len(labels) + 1
-    rows = array("d", bytes(8 * width * len(utc)))
-    rows[::width] = array("d", [time - ahead for time in utc])
-    for at, (label, _) in enumerate(labels, 1):
-        texts = block.columns[label]
-        rows[at::width] = array("d", [float(text or "nan") for text in texts] if "" in texts else map(float, texts))
-    if sys.byteorder == "big":
-        rows.byteswap()
-    data, size = rows.tobytes(), 8 * width
-    return b"".join(map(b"\x08".__add__, (data[at : at + size] for at in range(0, len(data), size))))
 
 
 def _said(export: Export, ahead: float) -> str:
