@@ -11,7 +11,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from tests.bench import aidin, barrett, ekso, exo, hand, plot, session, startup, stop, tab, transcript, wrist
+from tests.bench import aidin, barrett, ekso, exo, exports, hand, plot, session, startup, stop, tab, transcript, wrist
 from tests.bench.measure import Figure
 from tests.bench.peers import Peers
 from tests.bench.report import age, content, dumps, line, publish
@@ -29,6 +29,7 @@ PARTS: dict[str, Callable[..., Iterator[Figure]]] = {
     "stop": stop.run,
     "transcript": transcript.run,
     "plot": plot.run,
+    "exports": exports.run,
 }
 TRIES = 3
 """A part with a missed goal is measured again: a busy machine only ever makes figures worse, a slow program each time."""

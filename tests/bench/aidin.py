@@ -7,9 +7,11 @@ import json
 import multiprocessing
 import socket
 import statistics
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.exchange_settings import ExchangeMode, ExchangeSettings
@@ -19,7 +21,7 @@ from tests.bench.measure import Figure, handctl, served
 
 ASKED = b"{}\n"
 POLLED = ExchangeSettings(exchange=ExchangeMode.POLL)
-RATE = 100
+RATE, FAST = 100, 500
 PLATEAU_MS = 40.0
 
 
@@ -80,6 +82,7 @@ def run(*, quick: bool) -> Iterator[Figure]:
         "40 ms plateau",
     )
     yield streamed(2 if quick else 10)
+    yield recorded(4 if quick else 20)
 
 
 def exchanges(port: int, runs: int) -> tuple[float, float]:
@@ -135,3 +138,17 @@ def streamed(seconds: int) -> Figure:
         note,
         "the stream",
     )
+
+
+def recorded(seconds: int) -> Figure:
+    """The rows of a `log` of a fast stream beside the objects that came: the note counts those without a row."""
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        served("aidin", "--tcp", "127.0.0.1:0", "--set", f"rate={FAST}") as link,
+    ):
+        file = Path(folder) / "bench.csv"
+        handctl("aidin", "log", str(file), "-p", link, "--rate", "0", "--count", str(seconds * FAST), "--json")
+        about = json.loads(file.with_name("bench.csv.json").read_text(encoding="utf-8"))
+    note = f"{about['rows']} rows, {about['lost']} lost, {about['skipped']} skipped"
+    period = about["duration_s"] / (about["rows"] - 1) * 1000
+    return Figure(f"aidin log at {FAST} Hz, period of the rows", period, 1000 / FAST, "ms", 1.02, note, "the stream")

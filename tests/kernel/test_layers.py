@@ -153,6 +153,7 @@ OUTSIDE: list[tuple[str, tuple[str, ...]]] = [
     ("pylsl", ("record.lsl",)),
     ("pyarrow", ("record.exports.parquet",)),
     ("mcap", ("record.exports.mcap",)),
+    ("zstandard", ("record.exports.mcap",)),  # it comes with mcap
     ("packaging", ("build_zipapp",)),
     ("tomllib", ("command.config", "sim.bus.file")),
     ("tomli", ("command.config", "sim.bus.file")),

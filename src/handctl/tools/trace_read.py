@@ -147,6 +147,11 @@ def chosen(lines: Iterator[TranscriptLine], family: str, source: str) -> tuple[s
     return family, told, chain(seen, lines)
 
 
+SIDE_TEXTS = {None: "null"} | {side: f'"{side}"' for side in SIDES}
+OWN = frozenset(("t", "line", "direction", "kind", "bytes", "meaning", "problem", "request_line", "round_trip_ms"))
+"""Keys of a row, which a family's own do not replace."""
+
+
 class Stamp(NamedTuple):
     """When and where bytes were recorded."""
 
@@ -207,11 +212,25 @@ class TranscriptRow:
 
     def as_json(self) -> str:
         """The same as JSON, for a recording of millions: an encoder of anything would take three times as long."""
-        shown = self.piece or self.unanswered
-        pairs = [f'"{key}": {_text(value)}' for key, value in self._keys().items()]
-        if shown is not None and shown.values:
-            pairs.append(f'"values": [{", ".join([_value_text(*value) for value in shown.values])}]')
-        return f"{{{', '.join(pairs)}}}"
+        piece = self.piece
+        shown = piece or self.unanswered
+        line, t = self.first.line, self.first.t
+        text = (
+            f'"line": {line}, "direction": {SIDE_TEXTS[None if shown is None else shown.direction]}, "kind": "{self.kind}", '
+            f'"bytes": "{"" if piece is None else wire(piece)}", "meaning": {encode_basestring(self.meaning)}, '
+            f'"problem": {_text(self.problem or None)}'
+        )
+        if self.request is not None:
+            text += f', "request_line": {self.request.line}'
+        if self.round_trip is not None:
+            text += f', "round_trip_ms": {_text(round(self.round_trip * 1000, 3))}'
+        if shown is not None:
+            for key, value in shown.fields.items():
+                if value is not None and key not in OWN:
+                    text += f', "{key}": {_text(printable(value) if isinstance(value, str) else value)}'
+            if shown.values:
+                text += f', "values": [{", ".join([_value_text(*value) for value in shown.values])}]'
+        return f"{{{text}}}" if t is None else f'{{"t": {_text(t)}, {text}}}'
 
     def _keys(self) -> Row:
         """The row without its values, which are the last of it."""

@@ -6,89 +6,227 @@
 from __future__ import annotations
 
 import json
+import struct
+import zlib
+from bisect import bisect_right
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from itertools import accumulate, repeat
+from operator import add
+from typing import IO, TYPE_CHECKING, Any
+
+import zstandard
+from mcap import records
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
 
 from handctl.files import atomic_write
+from handctl.record.log_reader import Numbers
 
 if TYPE_CHECKING:
     from handctl.record.exports import Export
     from handctl.record.log_reader import Block
 
+MAGIC = b"\x89MCAP0\r\n"
+CHUNK = 1 << 20
+HEAD = struct.Struct("<BQHIQQ")
+"""Of a message: what it is, length, channel, sequence, log time, publish time."""
 NS = 1_000_000_000
-MOST_KNOWN = 1 << 15
-"""Texts of a column that are remembered."""
 PLAIN = 1 << 32
 """Below it doubles are closer than 6 decimals are, so that the text without its last zeros is the shortest one."""
-UNIQUE = ("host_utc_s", "host_mono_s", "t_s", "seq")
-"""Columns that do not repeat themselves."""
+REPEATED = ("segment", "rtt_ms")
+"""The columns of the recorder that repeat themselves."""
 
 
 def write(export: Export) -> None:
     """Write it; the library writes each chunk when it is full."""
-    from mcap.writer import Writer
-
     log = export.log
     numeric: dict[str, Any] = {"type": ["number", "null"]}
     rows = {name: {"type": "number"} for name, _ in log.lead}
     rows |= {one.column: numeric | {"description": one.name, "unit": one.unit} for one in log.channels}
     rows |= {name: {"type": "string"} for name in log.texts}
     with atomic_write(export.path, "wb") as file:
-        writer = Writer(file)
-        writer.start(profile="", library=export.tool)
-        data = _channel(writer, f"/{log.kind}/data", rows)
-        marks = _channel(writer, f"/{log.kind}/marks", {"kind": {"type": "string"}, "text": {"type": "string"}, "row": {"type": "integer"}})  # fmt: skip
-        writer.add_metadata("handctl", {key: json.dumps(said) for key, said in export.about().items()})
+        writer = Chunks(file, export.tool)
+        data = writer.channel(f"/{log.kind}/data", rows)
+        marks = writer.channel(f"/{log.kind}/marks", {"kind": {"type": "string"}, "text": {"type": "string"}, "row": {"type": "integer"}})  # fmt: skip
+        writer.metadata("handctl", {key: json.dumps(said) for key, said in export.about().items()})
         kinds: dict[str, Any] = {name: float if decimals else int for name, decimals in log.lead}
         kinds |= {one.column: int if one.decimals == 0 else float for one in log.channels}
-        own = [Told(name, kinds.get(name, str), known=name not in UNIQUE) for name in rows]
+        lead = dict(log.lead)
+        own = [Told(name, kinds.get(name, str), known=name in REPEATED or name not in lead) for name in rows]
         for _, block, utc in export.blocks():
             columns = [one.column(block) for one in own]
-            told = map(", ".join, zip(*columns, strict=True))
+            told = [f"{{{row}}}".encode() for row in map(", ".join, zip(*columns, strict=True))]
             came = [round(time * NS) for time in block.floats("host_utc_s")]
             asked = [int(text) & 0xFFFFFFFF for text in block.columns["seq"]]
-            for time, at, number, row in zip(utc, came, asked, told, strict=True):
-                writer.add_message(data, round(time * NS), f"{{{row}}}".encode(), at, number)
+            writer.add(data, [round(time * NS) for time in utc], told, came, asked)
         for at, one in enumerate(export.events):
             text = json.dumps({"kind": one.kind, "text": one.text, "row": one.row}).encode()
             time = round(one.utc_s * NS)
-            writer.add_message(marks, time, text, time, at)
+            writer.add(marks, [time], [text], [time], [at])
         writer.finish()
 
 
-class Told(dict[str, str]):
-    """A column as JSON has it, with its name; a text that is not known yet is read and, with `known`, remembered."""
+class Chunks:
+    """The file, of the library's records: its own writer takes one message at a time, which costs more than all else.
+
+    Each chunk ends with the message that makes it longer than CHUNK.
+    """
+
+    def __init__(self, file: IO[bytes], tool: str) -> None:
+        self._file = file
+        self._schemas: list[Any] = []
+        self._channels: list[Any] = []
+        self._metadata: list[Any] = []
+        self._indexes: list[Any] = []
+        self._counts: dict[int, int] = {}
+        self._ends: list[tuple[int, int]] = []
+        """The first and the last time of each chunk."""
+        self._parts: list[bytes] = []
+        self._size = 0
+        self._found: dict[int, list[int]] = {}
+        """Of this chunk, by channel: time and place of each message in turn."""
+        file.write(MAGIC)
+        self._put(records.Header("", tool))
+
+    def _put(self, *some: Any) -> bytes:
+        data = _bytes(*some)
+        self._file.write(data)
+        return data
+
+    def channel(self, topic: str, properties: dict[str, Any]) -> int:
+        """Begin a channel of JSON; returns its number."""
+        number, schema = len(self._channels) + 1, json.dumps({"type": "object", "properties": properties}).encode()
+        name = f"handctl{topic.replace('/', '.')}"
+        self._schemas.append(records.Schema(id=number, data=schema, encoding="jsonschema", name=name))
+        self._channels.append(
+            records.Channel(id=number, topic=topic, message_encoding="json", schema_id=number, metadata={})
+        )
+        self._take(_bytes(self._schemas[-1], self._channels[-1]))
+        return number
+
+    def _take(self, data: bytes) -> None:
+        self._parts.append(data)
+        self._size += len(data)
+
+    def metadata(self, name: str, said: dict[str, str]) -> None:
+        """Names and texts about the file."""
+        at = self._file.tell()
+        length = len(self._put(records.Metadata(name=name, metadata=said)))
+        self._metadata.append(records.MetadataIndex(offset=at, length=length, name=name))
+
+    def add(
+        self, channel: int, times: Sequence[int], texts: Sequence[bytes], came: Sequence[int], numbers: Sequence[int]
+    ) -> None:
+        """Messages: log time, content, publish time, sequence."""
+        heads = map(HEAD.pack, repeat(5), [len(text) + 22 for text in texts], repeat(channel), numbers, times, came)
+        messages, done = list(map(add, heads, texts)), 0
+        self._counts[channel] = self._counts.get(channel, 0) + len(messages)
+        while done < len(messages):
+            places = list(accumulate(map(len, messages[done:]), initial=self._size))
+            some = min(bisect_right(places, CHUNK, 1), len(places) - 1)
+            found = self._found.setdefault(channel, [])
+            for pair in zip(times[done : done + some], places, strict=False):
+                found += pair
+            self._take(b"".join(messages[done : done + some]))
+            done += some
+            if self._size > CHUNK:
+                self._close()
+
+    def _close(self) -> None:
+        """Write the chunk."""
+        if not self._found:
+            return
+        data = b"".join(self._parts)
+        times = [time for found in self._found.values() for time in found[::2]]
+        first, last = min(times), max(times)
+        packed, at, size = zstandard.compress(data), self._file.tell(), len(data)
+        length = len(
+            self._put(
+                records.Chunk(
+                    compression="zstd", data=packed, message_start_time=first, message_end_time=last,
+                    uncompressed_crc=zlib.crc32(data), uncompressed_size=size,
+                )
+            )
+        )  # fmt: skip
+        offsets, indexes = {}, b""
+        for channel, found in self._found.items():
+            offsets[channel] = at + length + len(indexes)
+            indexes += struct.pack(f"<BQHI{len(found)}Q", 7, 6 + 8 * len(found), channel, 8 * len(found), *found)
+        self._file.write(indexes)
+        self._indexes.append(
+            records.ChunkIndex(
+                message_start_time=first, message_end_time=last, chunk_start_offset=at, chunk_length=length,
+                message_index_offsets=offsets, message_index_length=len(indexes), compression="zstd",
+                compressed_size=len(packed), uncompressed_size=size,
+            )
+        )  # fmt: skip
+        self._ends.append((first, last))
+        self._parts, self._size, self._found = [], 0, {}
+
+    def finish(self) -> None:
+        """The last chunk, and the summary."""
+        self._close()
+        self._put(records.DataEnd(0))
+        begin, data, offsets = self._file.tell(), b"", []
+        statistics = records.Statistics(
+            attachment_count=0, channel_count=len(self._channels), channel_message_counts=self._counts,
+            chunk_count=len(self._indexes), message_count=sum(self._counts.values()), metadata_count=len(self._metadata),
+            message_start_time=min(self._ends)[0], message_end_time=max(last for _, last in self._ends),
+            schema_count=len(self._schemas),
+        )  # fmt: skip
+        groups: tuple[tuple[Opcode, list[Any]], ...] = (
+            (Opcode.SCHEMA, self._schemas), (Opcode.CHANNEL, self._channels), (Opcode.STATISTICS, [statistics]),
+            (Opcode.CHUNK_INDEX, self._indexes), (Opcode.ATTACHMENT_INDEX, []), (Opcode.METADATA_INDEX, self._metadata),
+        )  # fmt: skip
+        for code, some in groups:
+            group = _bytes(*some)
+            place = begin + len(data)
+            offsets.append(records.SummaryOffset(group_opcode=code, group_start=place, group_length=len(group)))
+            data += group
+        end = begin + len(data)
+        data += _bytes(*offsets)
+        crc = zlib.crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, begin, end), zlib.crc32(data))
+        self._file.write(data)
+        self._put(records.Footer(summary_start=begin, summary_offset_start=end, summary_crc=crc))
+        self._file.write(MAGIC)
+
+
+def _bytes(*some: Any) -> bytes:
+    """Records of the library."""
+    builder = RecordBuilder()
+    for one in some:
+        one.write(builder)
+    data: bytes = builder.end()
+    return data
+
+
+class Told:
+    """A column as JSON has it, with its name. With `known`, its texts are remembered."""
 
     def __init__(self, name: str, kind: Any, *, known: bool) -> None:
-        super().__init__()
-        self._name, self._head, self._kind, self._known = name, f"{json.dumps(name)}: ", kind, known
+        self._name, self._head, self._kind = name, f"{json.dumps(name)}: ", kind
+        self._known = Numbers(self._read) if known else None
 
-    def __missing__(self, text: str) -> str:
-        nothing = '""' if self._kind is str else "null"
-        told = self[text] = self._head + (json.dumps(self._kind(text)) if text else nothing)
-        return told
+    def _read(self, text: str) -> str:
+        if self._kind is str:
+            return self._head + json.dumps(text)
+        return self._head + (repr(self._kind(text)) if text else "null")
 
-    def column(self, block: Block) -> list[str]:
+    def column(self, block: Block) -> Sequence[str]:
         """That of a block."""
         texts, head = block.columns[self._name], self._head
-        if not self._known:
-            numbers = block.floats(self._name) if self._kind is float else list(map(int, texts))
-            if self._kind is float and _plain(numbers, texts):
-                return [head + (one if one[-1] != "." else f"{one}0") for one in [text.rstrip("0") for text in texts]]
-            return [f"{head}{number!r}" for number in numbers]
-        if len(self) > MOST_KNOWN:
-            self.clear()
-        return list(map(self.__getitem__, texts))
+        if self._known is not None:
+            self._known.forget()
+            return self._known.of(texts)
+        if self._kind is int:
+            return [f"{head}{number}" for number in map(int, texts)]
+        numbers = block.floats(self._name)
+        if _plain(numbers, texts):
+            return [head + (one if one[-1] != "." else f"{one}0") for one in [text.rstrip("0") for text in texts]]
+        return [f"{head}{number!r}" for number in numbers]
 
 
 def _plain(numbers: Sequence[float], texts: Sequence[str]) -> bool:
     """Whether the shortest text of each number is its own without the last zeros."""
     lines = "\n" + "\n".join(texts)
     return min(numbers) >= 0.001 and max(numbers) < PLAIN and lines.count("\n0") == lines.count("\n0.")
-
-
-def _channel(writer: Any, topic: str, properties: dict[str, Any]) -> int:
-    schema = json.dumps({"type": "object", "properties": properties}).encode()
-    number = writer.register_schema(f"handctl{topic.replace('/', '.')}", "jsonschema", schema)
-    found: int = writer.register_channel(topic, "json", number)
-    return found
