@@ -20,6 +20,7 @@ from hypothesis.internal.conjecture import providers
 
 from tests.support import own_state as state
 from tests.support.collecting import Collecting
+from tests.support.hanging import Hanging
 from tests.support.in_process import in_process
 from tests.support.telling import quickly
 
@@ -69,8 +70,10 @@ def pytest_runtest_teardown(item: pytest.Item) -> Iterator[None]:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Collecting in less time is a plugin of its own."""
+    """Collecting in less time is a plugin of its own, and what ends a test that hangs."""
     config.pluginmanager.register(Collecting(KEPT))
+    if config.pluginmanager.hasplugin("faulthandler"):
+        config.pluginmanager.register(Hanging())
     quickly()
 
 

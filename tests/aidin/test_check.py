@@ -26,7 +26,7 @@ def found(table: Table) -> dict[str, str]:
 
 
 def checked(**options: object) -> Table:
-    hand, _ = simulated(**{"start": "open", "rate": 50, **options})
+    hand, _ = simulated(**{"start": "open", "rate": 20, **options})
     return check(hand, Prompts())
 
 
@@ -98,7 +98,7 @@ FAULTS: dict[str, tuple[dict[str, object], dict[str, str]]] = {
 @each_row("name", FAULTS)
 def test_each_fault_is_found_and_nothing_else(name: str) -> None:
     options, wanted = FAULTS[name]
-    hand, link = simulated(**{"start": "open", "rate": 50, **options})
+    hand, link = simulated(**{"start": "open", "rate": 20, **options})
     table = check(hand, Prompts())
     assert found(table) == wanted
     assert table.failure is not None and table.failure.code == "findings"

@@ -9,6 +9,7 @@ edge counts at once or when it was recognised as one.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from math import gcd
@@ -63,13 +64,8 @@ def hears(
     """The same for a burst; the phase and the clock are those of its first write."""
     first = burst[0][0]
     phases = min(8, first // gcd(first, SAMPLES * listens))
-    return {
-        _bytes(line, *rule)
-        for skew in skews
-        for phase in range(phases)
-        for line in [_samples(burst, listens, skew, phase / phases)]
-        for rule in RULES
-    }
+    lines = {_samples(burst, listens, skew, phase / phases) for skew in skews for phase in range(phases)}
+    return {_bytes(line, *rule) for line in lines for rule in RULES}
 
 
 def _samples(burst: tuple[tuple[int, bytes, int], ...], listens: int, skew: int, phase: float) -> bytes:
@@ -78,12 +74,15 @@ def _samples(burst: tuple[tuple[int, bytes, int], ...], listens: int, skew: int,
     for baud, data, gap in burst:
         bits = b"\1" * gap + b"".join(FRAMES[byte] for byte in data)
         size = baud * (1 + skew / 1000) / (SAMPLES * listens)  # bits from one sample to the next
-        count = int((len(bits) - phase * size) / size + 0.999999)
-        places = [int((number + phase) * size) for number in range(count)]
-        while places and places[-1] >= len(bits):
-            places.pop()
-        out += bytes(map(bits.__getitem__, places))
+        places = _places(size, phase, len(bits).bit_length())
+        out += bytes(map(bits.__getitem__, places[: bisect_left(places, len(bits))]))
     return bytes(out) + b"\1" * (SAMPLES * IDLE)
+
+
+@cache
+def _places(size: float, phase: float, digits: int) -> list[int]:
+    """In which bit each sample is, for fewer than 2 ** `digits` bits."""
+    return [int((number + phase) * size) for number in range(int((1 << digits) / size) + 1)]
 
 
 def _bytes(line: bytes, edge: int, runs_on: bool, deaf: int) -> bytes:

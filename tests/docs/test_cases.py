@@ -8,6 +8,8 @@ from types import ModuleType
 
 import pytest
 
+from tests.support.collecting import LONGEST, TESTS
+
 MOST = 12
 """Cases of a function. A larger table is one test (`tests/support/each_row.py`), or its module has a text MANY that says why."""
 
@@ -28,6 +30,10 @@ def test_a_function_has_few_cases_or_its_module_says_why(request: pytest.Fixture
     assert items
     found = crowded((item.module, item.originalname) for item in items)
     assert not found, "\n".join(found)
+
+
+def test_the_files_that_are_begun_first_are_there() -> None:
+    assert [name for name in LONGEST if not (TESTS / name).is_file()] == []
 
 
 def test_too_many_cases_are_found() -> None:

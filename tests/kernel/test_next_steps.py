@@ -19,6 +19,7 @@ from handctl.model.checks import FAIL, Check
 from handctl.model.device_picture import remedies_of
 from handctl.model.result import Message
 from handctl.wording import sentence
+from tests.support.syntax import tree_of
 
 CALLS = {"Remedy": 1, "Check": 3, "Finding": 3, "Reason": 1, "Aftermath": 1, "warn": 2, "info": 2, "verdict": 4}
 """Call -> which of its arguments is a next step."""
@@ -33,7 +34,7 @@ ALONE = frozenset({"shell", "batch", "service", "prove"})
 def modules() -> dict[str, ast.Module]:
     root = Path(handctl.__file__).parent
     return {
-        str(path.relative_to(root)): ast.parse(path.read_text(encoding="utf-8"))
+        str(path.relative_to(root)): tree_of(path)
         for path in sorted(root.rglob("*.py"))
         if path.relative_to(root).parts[0] not in ("sim", "docgen")
     }
@@ -64,6 +65,7 @@ def words_of(node: ast.expr) -> str:
     return str(node.value) if isinstance(node, ast.Constant) else ""
 
 
+@cache
 def runs(command: str) -> bool:
     """Whether a command is complete: it exists, it has all its arguments, and none of them is to be replaced."""
     words = shlex.split(command)

@@ -48,15 +48,19 @@ class Following:
         warnings.simplefilter("ignore", coverage.exceptions.CoverageWarning)
         self._coverage = coverage.Coverage(data_file=None, branch=True, include=[SOURCES], config_file=False)
 
-    def shown(self, suite: Suite, cell: str) -> Shown:
-        """Run it. Where the suite follows its cells itself, what it ran is from there."""
+    def shown(self, suite: Suite, cell: str, *, lines: bool = True) -> Shown:
+        """Run it. Where the suite follows its cells itself, what it ran is from there; nowhere without `lines`."""
         folder, calls = Path(tempfile.mkdtemp(prefix="cell")), Calls()
         own = type(suite).followed is not Suite.followed
+        ran: set[Hashable] = set()
         try:
-            if own:
+            if not lines:
                 with counted(calls):
-                    outcome, ran = apart(suite.followed, cell, folder)
-                ran = {(suite.name, place) for place in ran}
+                    outcome = run(cell, folder)
+            elif own:
+                with counted(calls):
+                    outcome, places = apart(suite.followed, cell, folder)
+                ran = {(suite.name, place) for place in places}
             else:
                 self._coverage.start()
                 try:

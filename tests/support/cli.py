@@ -160,14 +160,40 @@ def check_schema(envelope: Any) -> None:
 
 
 def _as_asked(envelope: Any) -> str:
-    """All that the schema asks of an envelope, but for its lists: times by their form, counters by type and sign."""
-    if not isinstance(envelope, dict) or not isinstance(counters := envelope.get("counters"), dict):
+    """All that the schema asks of an envelope: of free text that it is text, of numbers their sign, of times their form."""
+    if not isinstance(envelope, dict):
         return repr(envelope)
-    signs = {name: (count < 0,) if type(count) is int else count for name, count in counters.items()}
-    times = {key: DIGIT.sub("0", repr(envelope.get(key))) for key in ("time", "started") if key in envelope}
-    return repr({**envelope, "counters": signs, **times})
+    return repr({key: ASKED[key](value) if key in ASKED else value for key, value in envelope.items()})
 
 
+def _signs(value: Any) -> Any:
+    numbers = (int, float)
+    items = value.items() if isinstance(value, dict) else ()
+    return {key: (type(one), one < 0) if type(one) in numbers else one for key, one in items} or value
+
+
+def _device(value: Any) -> Any:
+    items = value.items() if isinstance(value, dict) else ()
+    return {key: one if key == "identity" else type(one) for key, one in items} or value
+
+
+def _time(value: Any) -> str:
+    return DIGIT.sub("0", repr(value))
+
+
+def _messages(value: Any) -> Any:
+    """Of one that is known to be right only its level: a failed command must have an error."""
+    return [one["level"] if repr(one) in KNOWN else one for one in value] if isinstance(value, list) else value
+
+
+ASKED: dict[str, Callable[[Any], Any]] = {
+    **dict.fromkeys(("command", "scan", "service", "loop", "statistics", "firmware"), type),
+    **dict.fromkeys(("counters", "stream", "line"), _signs),
+    **dict.fromkeys(("time", "started"), _time),
+    "device": _device,
+    "messages": _messages,
+}
+"""Key -> what of it the schema looks at; of others all."""
 DIGIT = re.compile(r"[0-9]")
 
 

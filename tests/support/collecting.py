@@ -32,7 +32,13 @@ LONGEST = (
     "harm/test_served.py",
     "barrett/test_served.py",
     "stop/test_deadman.py",
+    "pins/test_contract.py",
+    "wire/test_wire.py",
+    "pins/test_faults.py",
     "aidin/test_check.py",
+    "pins/test_hostile.py",
+    "promises/test_promises.py",
+    "pins/test_any_line.py",
 )
 """Files that take far longer than their number of tests says. A worker that began one of them last would be waited for."""
 

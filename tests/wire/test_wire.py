@@ -1,24 +1,20 @@
-"""The part of the golden wire that is in the gate: of each command its run, one more cell in turn, and its death.
-
-Which is the one in turn is a matter of places in golden.txt, never of a draw. `python -m tests.wire` replays all.
-"""
+"""The part of the golden wire that is in the gate: its pins, `tests/pins/wire.txt`. `python -m tests.wire` replays all."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 
 import pytest
 
 from handctl.families import FAMILIES
 from tests.messages import cells as messages
+from tests.pins import pins
+from tests.pins.replay import complete
+from tests.search.suite import suites
+from tests.search.wire import TOOLS
 from tests.wire.book import differing, golden, parted, replayed
 from tests.wire.cells import cells, groups
 from tests.wire.record import Record, Recorder
-
-TOOLS = "the tools"
-STEP = 7
-"""From one command to the next the cell in turn is so many places further: no command is tried under one fault only."""
 
 Replay = Callable[[list[str]], list[str]]
 
@@ -52,19 +48,6 @@ def replay(tmp_path_factory: pytest.TempPathFactory) -> Replay:
     return wrong
 
 
-@cache
-def commands(owner: str) -> list[list[str]]:
-    """The cells of each command of a family, or of the tools."""
-    return [
-        group
-        for group in groups(list(cells()))
-        if group[0].endswith(" | run") and (group[0].split()[0] if group[0].split()[0] in FAMILIES else TOOLS) == owner
-    ]
-
-
-OWNERS = [*FAMILIES, TOOLS]
-
-
 def test_every_cell_is_written_down_and_no_other() -> None:
     known = golden()
     missing = [group[0] for group in groups([key for key in cells() if key not in known])]
@@ -74,27 +57,18 @@ def test_every_cell_is_written_down_and_no_other() -> None:
     assert not gone, "\n".join(["python -m tests.wire --write removes what there is no more:", *gone])
 
 
-@pytest.mark.parametrize("owner", OWNERS)
-def test_each_command_runs_as_written_down(owner: str, replay: Replay) -> None:
-    found = commands(owner)
-    assert found
-    assert not (wrong := replay([group[0] for group in found])), "\n".join(wrong)
-
-
-@pytest.mark.parametrize("owner", OWNERS)
-def test_each_command_ends_as_written_down(owner: str, replay: Replay) -> None:
-    """Of each that writes, under one fault or by one interruption of all that there are for it; of the tools all."""
-    others = [group[1:] for group in commands(owner) if group[1:] and (owner == TOOLS or cells()[group[0]].writes)]
-    chosen = [group[number * STEP % len(group)] for number, group in enumerate(others)]
+@pytest.mark.parametrize("owner", [*FAMILIES, TOOLS])
+def test_pins(owner: str, replay: Replay) -> None:
+    suite = suites()["wire"]
+    chosen = [cell for cell in pins(suite) if suite.group(cell) == owner]
     assert chosen
-    assert not (wrong := replay(chosen)), "\n".join(wrong)
+    assert not (stale := [f"{cell}: {why}" for cell in chosen if (why := suite.stale(cell))]), "\n".join(stale)
+    keys = {suite.table[cell].key for cell in chosen}
+    assert not (wrong := replay([key for key in cells() if key in keys])), "\n".join(wrong)
 
 
-@pytest.mark.parametrize("owner", OWNERS)
-def test_the_child_is_told_what_is_written_down(owner: str, replay: Replay) -> None:
-    dying = [key for group in commands(owner) for key in group if key.endswith(" | death")]
-    assert dying
-    assert not (wrong := replay(dying)), "\n".join(wrong)
+def test_what_needs_a_pin_has_one() -> None:
+    complete(suites()["wire"])
 
 
 def test_a_line_of_the_file_is_parted_where_its_outcome_begins() -> None:

@@ -153,7 +153,7 @@ class Described(click.Command):
         in place of a long one.
         """
         params = self.get_params(ctx)
-        if self._parser is None or list(map(id, params)) != list(map(id, self._parser[0])):
+        if self._parser is None or params != self._parser[0]:
             made = super().make_parser(ctx)
             long, short = (getattr(made, name, None) for name in ("_long_opt", "_short_opt"))
             if isinstance(long, dict) and isinstance(short, dict):

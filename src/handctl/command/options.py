@@ -193,7 +193,8 @@ def own_options(kind: str = "") -> tuple[OwnOption, ...]:
     return tuple(sorted(found, key=lambda option: not option.named))
 
 
-def lasting_options(wires: tuple[str, ...]) -> list[SharedOption]:
+@cache
+def lasting_options(wires: tuple[str, ...]) -> Sequence[SharedOption]:
     """The shared options that a variable and the configuration file may hold."""
     return [option for option in shared_options(wires, own_options()) if not option.typed]
 

@@ -107,7 +107,8 @@ def _take_environment(
     named = passed is not None and "device" in chosen.values  # it says where the device is, and no variable elsewhere
     linked = chosen.linked or named
     found: dict[str, tuple[SharedOption, Any]] = {}
-    for option in options:
+    present = {name for name in os.environ if name.startswith("HANDCTL_")}
+    for option in options if present else ():
         variable = f"HANDCTL_{str(option.name).upper()}"
         text = os.environ.get(variable)
         if not text or option.key in chosen.values or (linked and option.key in ("device", "port", "fake")):

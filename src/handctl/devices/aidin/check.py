@@ -11,7 +11,6 @@ A value is compared with the same element of the other fingers, because the unit
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cache
 from itertools import count
 from math import degrees, inf, sqrt
 from statistics import fmean, median, pstdev
@@ -476,7 +475,6 @@ def _reach(index: int) -> float:
     return (AMOUNT + BEYOND) * stroke(index)
 
 
-@cache
 def _turn(index: int) -> float:
     """Degrees that a joint may be away from where it was; q4 has no range, so nothing is known of it."""
     limit = JOINTS.limit(index)
@@ -494,6 +492,8 @@ class _Mover:
         self._said = ""
         self._joints: Wire = ()
         self._judged = 0  # encoders that `_check_course` has looked at
+        self._bounds = [(place - _reach(index), max(place, 0) + _reach(index)) for index, place in enumerate(start)]
+        self._turns = [_turn(index) for index in range(JOINTS.count)]
 
     @property
     def back(self) -> bool:
@@ -577,13 +577,13 @@ class _Mover:
             return
         self._judged = self._heard
         encoders, _, joints = self._told()
-        for index, (at, start) in enumerate(zip(encoders, self._start, strict=True)):
-            if not start - _reach(index) <= at <= max(start, 0) + _reach(index):
+        for index, (at, (low, high)) in enumerate(zip(encoders, self._bounds, strict=True)):
+            if not low <= at <= high:
                 raise self._astray(named(MOTORS, [index], encoders), "is further away than this check moves it")
         if any(abs(joint) > LARGEST_RADIAN for joint in (*joints, *self._joints)):
             return  # no angles in radians, so nothing is known of them
-        for index, (one, other) in enumerate(zip(joints, self._joints, strict=True)):
-            if abs(degrees(one - other)) > _turn(index):
+        for index, (one, other, most) in enumerate(zip(joints, self._joints, self._turns, strict=True)):
+            if abs(degrees(one - other)) > most:
                 angles = [degrees(joint) for joint in joints]
                 raise self._astray(named(JOINTS, [index], angles), "turned further than this check moves it")
 

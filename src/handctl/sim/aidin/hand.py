@@ -65,6 +65,12 @@ class Motor:
     def reading(self) -> int:
         return round(self.place - self.origin)
 
+    def rests(self) -> bool:
+        """Without power, or where it was sent to, and not held back from it."""
+        return self.drive == "off" or (
+            self.place == self.goal and self.drive == "position" and 0.0 <= self.place <= self.ceiling
+        )
+
     def run(self, seconds: float, torque: int) -> None:
         """Lets time pass; `torque` is the current limit, which limits the speed as well."""
         self.origin += self.slip * seconds
@@ -114,6 +120,8 @@ class Motor:
         """What the current sensor reads."""
         if self.drive == "off" or self.dead:
             return self.rest
+        if self.place == self.goal and self.drive == "position" and torque >= 1000:  # nothing drives it
+            return self.holding + self.rest
         return round(max(-torque, min(torque, self.pull(torque) + self.rest)))
 
 
@@ -161,7 +169,7 @@ class Hand:
         if seconds > 0.0:
             self.warm += seconds
             for motor in self.motors:
-                if motor.slip or motor.drive != "off":
+                if motor.slip or not motor.rests():
                     motor.run(seconds, self.torque)
 
     # -- commands ------------------------------------------------------------------------------------------------------

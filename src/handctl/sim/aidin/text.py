@@ -6,6 +6,8 @@ says JSON, a buffer of 2048 bytes, and no more: no delimiter, no acknowledge. Wh
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from handctl.sim.aidin.hand import Hand
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
@@ -155,6 +157,7 @@ class Writer:
         """What the faults "stuck" and "frozen" remember is taken anew."""
         self._stuck: str | None = None
         self._frozen = b""
+        self._shown: object = None  # what was spelled last without a fault
         self._spelled: dict[str, tuple[object, list[str]]] = {}  # of each key what was spelled last, and how
 
     def feedback(self, hand: Hand, hits: frozenset[str]) -> bytes:
@@ -163,7 +166,11 @@ class Writer:
             return self._frozen
         if "not-json" in hits:
             return b"AIDIN-hand: sensor bus timeout, retrying" + self._end.encode()
-        rows = self._rows(hand, "degrees" in hits)
+        values = hand.encoders(), hand.currents(), hand.sensors()
+        if not hits and values == self._shown:
+            return self._frozen
+        self._shown = None if hits else values
+        rows = self._rows(hand, *values, 1.0 if "degrees" in hits else RADIANS)
         self._stuck = self._stuck or rows["motor_pos"][4]
         if hits & TEXT_FAULTS.keys():
             self._misread(rows, hits)
@@ -183,10 +190,10 @@ class Writer:
         joint = "," + (self._indent or self._comma[1:])
         return "{" + self._indent + joint.join(pairs) + ("\n" if self._indent else "") + "}" + self._end
 
-    def _rows(self, hand: Hand, degrees: bool) -> dict[str, list[str]]:
-        scale = 1.0 if degrees else RADIANS
+    def _rows(
+        self, hand: Hand, counts: list[int], currents: list[int], forces: list[float], scale: float
+    ) -> dict[str, list[str]]:
         long = min(self._digits, 3) if self._digits < 17 else 17
-        counts, currents, forces = hand.encoders(), hand.currents(), hand.sensors()
 
         def row(key: str, source: object, spelled: Callable[[], list[str]]) -> list[str]:
             """Values that are as they were are not spelled again."""
@@ -237,6 +244,7 @@ def _mistype(texts: dict[str, str], hits: frozenset[str]) -> None:
         texts["status"] = '{"text":"a } and a \\" in a string","list":[1,{}]}'
 
 
+@lru_cache(4096)  # most come again and again
 def _number(value: float, digits: int) -> str:
     """With a decimal point or an exponent, and no minus before zero."""
     if digits == 17:

@@ -162,6 +162,7 @@ class Cable(Switched):
         self._options = Options(model.KIND, raw, [*options, *model.OPTIONS])
         self.kind = model.KIND
         self.given = given = self._options.read(options)
+        self._turnaround = float(given["turnaround"])
         self._random = Random(given["seed"])
         self._known = {**faults, **model.FAULTS}
         self._faults = self._parse_faults(given["fault"] or "")
@@ -267,8 +268,10 @@ class Cable(Switched):
 
     def _due(self, reply: Reply) -> float:
         """When it leaves."""
+        if not reply.hits:
+            return reply.due + self._turnaround
         slow, late = SLOW if "slow" in reply.hits else 0.0, self.given["late"] if "late" in reply.hits else 0.0
-        return reply.due + float(self.given["turnaround"]) + slow + late
+        return reply.due + self._turnaround + slow + late
 
     def _judge(self) -> frozenset[str]:
         self.requests += 1
@@ -390,7 +393,7 @@ class Line(Cable):
 
     def _look(self) -> None:
         """With the port goes what was on the wire."""
-        if not self.pulled and self.away:
+        if (self.device.absent or self._plug.plan or self._plug.until) and not self.pulled and self.away:
             self.pulled = self.hung_up = True
             self._drop()
 
@@ -455,7 +458,7 @@ class Line(Cable):
         if not self._tx:
             return b""
         now = self._present()
-        out = bytearray()
+        out = b""
         while self._tx and not self.hung_up:
             segment = self._tx[0]
             done = segment.complete(now)
@@ -467,7 +470,7 @@ class Line(Cable):
             if segment.hang:
                 self.hung_up = True
                 self._drop()
-        return bytes(out)
+        return out
 
     def next_event(self) -> float | None:
         """The earliest time at which `take` may return something or the device acts; None: nothing is scheduled."""
@@ -476,7 +479,7 @@ class Line(Cable):
             self._out[0][0] if self._out else None,
             self._hearing()[1] if self._rx else None,
             self.device.next_event() if self.device.powered else None,
-            self._plug.next_event(self._present()),
+            self._plug.next_event(self._present()) if self._plug.plan or self._plug.until else None,
         )
 
     # -- inside -----------------------------------------------------------------------------------------------------
