@@ -31,7 +31,8 @@ def drawn(suite: Suite, seed: int, only: str) -> list[str]:
     groups = []
     for label, source in suite.groups():
         if not only or only in label or label == suite.name:
-            cells = [cell for cell in islice(source, MOST * (50 if label == suite.name else 1)) if only in cell]
+            some = islice(source, MOST * (50 if label == suite.name else 1))
+            cells = [*islice((cell for cell in some if only in cell), MOST * (1 if only else 50))]
             draw.shuffle(cells)
             groups.append(cells)
     longest = max(map(len, groups), default=0)
@@ -58,10 +59,10 @@ def candidates(suite: Suite, seed: int, only: str, more: int) -> list[str]:
     return list(dict.fromkeys(some))
 
 
-def bare(suite: Suite, only: str, shown: frozenset[Hashable]) -> frozenset[Hashable]:
-    """Of what a cell shows that for which no pin stays; lines and branches of those that stay are not known."""
+def bare(suite: Suite, only: str) -> frozenset[Hashable]:
+    """What has no pin that stays; lines and branches of those that stay are not known."""
     has = {what for cell in pins(suite) if only not in cell for what in suite.shows(cell)}
-    return shown & {(suite.name, "shows", what) for what in {*suite.wanted()} - has}
+    return frozenset((suite.name, "shows", what) for what in {*suite.wanted()} - has)
 
 
 def main() -> int:
@@ -78,9 +79,10 @@ def main() -> int:
     chosen = [suites()[name] for name in args.suites] or [one for one in suites().values() if file_of(one).exists()]
     following, seen = Following(), dict[str, Shown]()
     for suite in chosen:
+        needed = bare(suite, args.only) if args.only else frozenset()
         for cell in candidates(suite, args.seed, args.only, args.more):
             shown = following.shown(suite, cell, lines=not args.only)
-            what = bare(suite, args.only, shown.what) if args.only else shown.what - elsewhere
+            what = shown.what & needed if args.only else shown.what - elsewhere
             seen[cell] = shown._replace(what=what)
             if shown.wrong:
                 print(f"{command(cell)}\n    {' '.join(shown.wrong.split())[:300]}", flush=True)
