@@ -158,3 +158,18 @@ def test_an_output_that_is_a_pipe_without_a_reader_is_an_error_now(tmp_path: Pat
     os.mkfifo(tmp_path / "pipe")
     assert run("exo", "dump", "--fake", "-o", str(tmp_path / "pipe")).code == 1
     assert run("exo", "dump", "--fake", "--trace", str(tmp_path / "pipe")).code == 1
+
+
+def test_a_dash_is_stdout_for_output_and_a_file_nowhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    link = ("-p", "fake://exo?clock=virtual", "--format", "plain")
+    assert run("exo", "status", *link, "-o", "-").out == run("exo", "status", *link).out
+    for words in (
+        ("report", "-"),
+        ("snapshot", "-"),
+        ("log", "-"),
+        ("status", "--trace", "-"),
+        ("restore", "a", "--backup", "-"),
+    ):
+        assert run("exo", *words, *link).code == 2, words
+    assert not list(tmp_path.iterdir())

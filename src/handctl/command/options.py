@@ -310,7 +310,14 @@ class InFile(_File):
 
 
 class OutFile(_File):
-    """A file that a command writes."""
+    """A file that a command writes. "-" is stdout for --output alone, and no file of that name."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if value == "-":
+            if isinstance(param, SharedOption) and param.key == "output":
+                return None
+            self.fail("this cannot go to stdout: give the name of a file (./- for a file called -).", param, ctx)
+        return super().convert(value, param, ctx)
 
 
 class NamedFile(NamedTuple):

@@ -236,7 +236,7 @@ def is_seen(how: str, sink: Sink, context: Context) -> bool:
     if sink.terminal:
         return how == "table"
     settings = context.settings
-    return bool(settings.output) and not settings.quiet and settings.output != "-" and sys.stdout.isatty()
+    return bool(settings.output) and not settings.quiet and sys.stdout.isatty()
 
 
 def _stream(table: Table, samples: Generator[Sample, None, None], how: str, sink: Sink, context: Context) -> None:
