@@ -303,7 +303,7 @@ def test_ordinary_rows_are_checked_by_column(tmp_path: Path, monkeypatch: pytest
 def test_rows_are_the_same_however_the_file_is_read(tmp_path: Path, size: int, monkeypatch: pytest.MonkeyPatch) -> None:
     path = make(tmp_path / "a.csv", [1001, 1021, 1021, 1041, 301, 331], raw=True, mark='a, "b"')
     monkeypatch.setattr(log_reader, "CHUNK", size)
-    monkeypatch.setattr(log_reader.log_file, "MOST_KNOWN", 2)
+    monkeypatch.setattr(log_reader.log_reader, "MOST_KNOWN", 2)
     assert table(LogFile(str(path)), segment=None, si=False).text.encode() == path.read_bytes()
     assert [row[0] for row in parsed_mot(exported_mot(path, 1))[2]] == [0, 0.02, 0.04]
     path.write_bytes(path.read_bytes().replace(b",0.040,1,", b",0.010,1,"))

@@ -10,6 +10,7 @@ import os
 from pathlib import Path
 
 import click
+import pytest
 
 from handctl.command.command_tree import root
 from handctl.command.options import InFile, OutFile
