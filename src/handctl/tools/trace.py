@@ -187,6 +187,7 @@ cli = Group(
 family_option = click.option(
     "--family",
     type=click.Choice(list(FAMILIES)),
+    metavar="FAMILY",
     help="The family of the device (default: taken from the file, otherwise guessed from the bytes).",
 )
 

@@ -253,7 +253,7 @@ ROWS = (
         "export-time-without-the-drift",
         "one witness believed",
         "handctl.record.clock_survey",
-        "Line.all_utc",
+        "ClockLine.all_utc",
         "return [at + b * (ms - begin) / 1000 for ms in t_ms]",
         "return [at + (ms - begin) / 1000 for ms in t_ms]",
         "tests/ekso/test_formats.py::test_bids",

@@ -415,7 +415,7 @@ ROWS = (
         "movement-always-as-expected",
         "success without evidence",
         "handctl.model.movement",
-        "judged",
+        "failure_of_arrivals",
         "off = [one for one in arrivals if one.met not in MET[expect]]",
         "off = [one for one in arrivals if one.verdict == UNREAD]",
         "tests/kernel/test_movement.py::test_what_is_expected",
