@@ -53,6 +53,15 @@ def test_dump_at_80x24() -> None:
     assert "\x1b[" in terminal.data.decode()
 
 
+@pytest.mark.real
+def test_what_was_typed_before_a_question_is_no_answer_to_it() -> None:
+    with Terminal("exo", "position", "1000", "1000", "1000", "1000", "1000", "-p", "fake://exo") as terminal:
+        terminal.send("y\r")
+        terminal.until("Go on? [y/N]")
+        terminal.send("n\r")
+        assert terminal.finish() == 8, terminal.text
+
+
 def test_json_on_a_terminal_is_json() -> None:
     seen = screen("exo", "get", "id", "-p", fake(), "--json", columns=40)
     assert seen.code == 0 and "\x1b" not in seen.data

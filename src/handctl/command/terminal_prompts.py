@@ -128,6 +128,9 @@ class TerminalPrompts(Prompts):
 
     def ask(self, question: str, word: str) -> bool:
         """Yes or no, or a word to be typed. End of input is a no."""
+        from handctl.system.terminal import discard_typed_ahead
+
+        discard_typed_ahead(sys.stdin)
         answer = self._answer(f"{question}.", f"Type {word!r} to go on: " if word else "Go on? [y/N] ")
         return confirms(answer, word) if word else answer.casefold() in ("y", "yes")
 

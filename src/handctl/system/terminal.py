@@ -73,6 +73,10 @@ if sys.platform == "win32":
         """What has been typed: None while there is nothing, "" at its end. Waits for Enter once a key was pressed."""
         return stream.readline() if msvcrt.kbhit() else None
 
+    def discard_typed_ahead(_stream: TextIO) -> None:
+        """What was typed before a question was shown is no answer to it."""
+        Listener._pressed()
+
     FINE = bool(os.environ.get("WT_SESSION") or os.environ.get("TERM_PROGRAM"))
     """Whether eighths of a block can be shown: the old console's letters have halves only."""
 
@@ -140,6 +144,12 @@ else:
             return os.read(descriptor, LONGEST_LINE).decode("utf-8", "replace")
         except OSError:
             return ""
+
+    def discard_typed_ahead(stream: TextIO) -> None:
+        """What was typed before a question was shown is no answer to it."""
+        with contextlib.suppress(*TROUBLE):
+            if in_front(stream.fileno()):
+                termios.tcflush(stream.fileno(), termios.TCIFLUSH)
 
     FINE = True
     """Whether eighths of a block can be shown."""

@@ -118,7 +118,7 @@ ROWS = (
         "reading-again-is-not-begun-anew",
         "stale input believed",
         "handctl.command.library_call",
-        "ScriptLine.again",
+        "LibrarySession.again",
         "call.begin(call.journal.line)  # what was understood of its words holds, and nothing else",
         "pass",
         "tests/contract/test_library_again.py::test_it_asks_and_answers_as_the_first_time",
