@@ -47,15 +47,15 @@ def opened(path: str | os.PathLike[str], what: str, *, hint: str = CHECK_NAME, c
     Raises NoFile, or UsageError for what is not a regular file (it could be without end) or cannot be read, at once or later.
     """
     try:
-        descriptor = os.open(path, os.O_RDONLY | disk.AT_ONCE | disk.BINARY)
+        mode = os.stat(path).st_mode  # before it is opened: that alone can set a control line of a serial port
+        if stat.S_ISREG(mode):
+            descriptor = os.open(path, os.O_RDONLY | disk.AT_ONCE | disk.BINARY)
     except (FileNotFoundError, NotADirectoryError) as exc:
         raise NoFile(f"{path}: no such file", hint=hint, code=code) from exc
     except OSError as exc:
         kind = "it is a folder" if os.path.isdir(path) else exc.strerror or exc
         raise UsageError(f"{path}: cannot be read: {kind}", hint=hint, code=code) from exc
-    mode = os.fstat(descriptor).st_mode
     if not stat.S_ISREG(mode):
-        os.close(descriptor)
         kind = next((text for fits, text in NOT_FILES if fits(mode)), "something else")
         raise UsageError(f"{path}: cannot be read: it is {kind}, not {what}", hint=hint, code=code)
     return io.BufferedReader(_Source(descriptor, str(path), hint, code))

@@ -174,3 +174,18 @@ def test_a_dash_is_stdout_for_output_and_a_file_nowhere(tmp_path: Path, monkeypa
     ):
         assert run("exo", *words, *link).code == 2, words
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.real
+def test_a_port_is_no_file_that_is_written_or_read(tmp_path: Path) -> None:
+    master, slave = os.openpty()
+    port = os.ttyname(slave)
+    (tmp_path / "link").symlink_to(port)
+    for words in (("report", port), ("status", "-o", port), ("status", "--trace", tmp_path / "link"), ("diff", port)):
+        result = run("exo", *words, "-p", "fake://exo?clock=virtual")
+        assert result.code == 2 and "device" in result.err, result
+    assert run("exo", "status", "-p", f"fake://exo?facts={port}").code == 2
+    os.set_blocking(master, False)
+    with pytest.raises(BlockingIOError):
+        os.read(master, 1)
+    os.close(master), os.close(slave)

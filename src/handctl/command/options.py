@@ -317,6 +317,10 @@ class OutFile(_File):
             if isinstance(param, SharedOption) and param.key == "output":
                 return None
             self.fail("this cannot go to stdout: give the name of a file (./- for a file called -).", param, ctx)
+        from handctl.system.disk import is_device
+
+        if is_device(value):
+            self.fail(f"{value} is a device, not a file. To connect to it, use -p {value}.", param, ctx)
         return super().convert(value, param, ctx)
 
 

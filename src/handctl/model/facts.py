@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from handctl import __version__
-from handctl.errors import CheckFailed, Hint, UsageError
+from handctl.errors import CheckFailed, Hint, OutputError, UsageError
 from handctl.families import FAMILIES
 from handctl.files import atomic_write, read_text, writing
 from handctl.model.proofs import SHOWN, Outcome, in_words
@@ -37,14 +37,18 @@ def write(path: str, content: Mapping[str, Any]) -> None:
         file.write("\n")
 
 
-def keep(path: str, device: Any, outcomes: Iterable[Outcome], *, identify: bool) -> None:
-    """Write what was found on `device` to `path`, and say what it is for. Raises OutputError."""
+def keep(path: str, device: Any, outcomes: Iterable[Outcome], *, identify: bool) -> OutputError | None:
+    """Write what was found on `device` to `path`, and say what it is for; the error where that is not possible."""
     kind, link = device.kind, device.link
     named = {"kind": kind, **device.about} if identify else None
-    write(path, document(kind, outcomes, simulated=link.fake, time=link.wall(), device=named))
+    try:
+        write(path, document(kind, outcomes, simulated=link.fake, time=link.wall(), device=named))
+    except OutputError as exc:
+        return exc
     device.journal.info(
         "facts", f"facts written to {path}", hint=Hint("use them with {}", f"{kind} status --facts {path}")
     )
+    return None
 
 
 def read(path: str) -> dict[str, Any]:

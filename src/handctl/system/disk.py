@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import sys
 
 if sys.platform == "win32":
@@ -81,3 +82,20 @@ def inherit_owner(old: os.stat_result, path: str) -> None:
             os.chown(path, old.st_uid, old.st_gid)
         except PermissionError:
             return
+
+
+STREAMS = ("/dev/null", "/dev/full", "/dev/stdout", "/dev/stderr", "/dev/tty", "/dev/fd/", "/proc/self/fd/")
+"""No devices that anybody wears."""
+
+
+def is_device(path: str) -> bool:
+    """Whether it is a port, as in `-o /dev/ttyUSB0`: whatever is connected would get what is written there."""
+    if sys.platform == "win32":
+        name = path.upper().removeprefix("\\\\.\\").rstrip(":")
+        return name.startswith("COM") and name[3:].isdigit()
+    if path.startswith(STREAMS):
+        return False
+    try:
+        return stat.S_ISCHR(os.stat(path).st_mode)
+    except (OSError, ValueError):
+        return False

@@ -159,8 +159,7 @@ def _prove(run: Run, proofs: Sequence[Proof], repeat: int, path: str | None, ide
             failure = exc
             break
     run.prompts.done()
-    if path is not None and outcomes:
-        facts.keep(path, device, outcomes, identify=identify)
+    lost = facts.keep(path, device, outcomes, identify=identify) if path is not None and outcomes else None
     table = table_of(outcomes, kind)
-    table.failure = failure
+    table.failure = failure or lost
     return table

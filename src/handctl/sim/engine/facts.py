@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import os
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -70,6 +71,8 @@ def _counted(what: str, taken: list[str], left: list[str]) -> str:
 
 
 def _facts(kind: str, path: str) -> dict[str, Any]:
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise ValueError(f"{path}: not a file of facts")  # to open a port can set its control lines
     try:
         with open(path, encoding="utf-8") as file:
             content = json.load(file)

@@ -297,10 +297,9 @@ def add_care_commands(group: Group) -> None:
 
             hour = light.FirstLight(hand, run.prompts, ask, lambda: ping(hand), attended=attended)
             hour.run(steps, skip, repeat)
-            if path is not None:
-                facts.keep(path, hand, hour.outcomes, identify=identify)
+            lost = facts.keep(path, hand, hour.outcomes, identify=identify) if path is not None else None
             table = table_of(hour.outcomes, hand.kind)
-            table.failure = light.verdict_of(hour)
+            table.failure = light.verdict_of(hour) or lost
             return table
 
         def plan() -> list[Step]:
