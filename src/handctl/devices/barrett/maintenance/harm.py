@@ -45,7 +45,7 @@ def objections(at: At) -> list[str]:
     """Settings with which nothing is moved: beyond a limit that harms, outside their range, or not read (barrett §5.3.4)."""
     absent = [name for name in health.NEEDED_TO_MOVE if any((name, motor) not in at for motor in MOTORS)]
     missing = [f"{', '.join(absent)} could not be read"] if absent else []
-    return [*missing, *(one.evidence for one in health.settings(at) if one.status == FAIL)]
+    return [*missing, *dict.fromkeys(one.evidence for one in health.settings(at) if one.status == FAIL)]
 
 
 def look(hand: BarrettHand) -> At:
@@ -107,8 +107,9 @@ def _judge_way(text: str, name: str, row: Row, before: At, after: At) -> None:
         raise SignOfHarm(f"{text}: {motor} cannot be at {end}", hint=hint, code="unread")
     if before["S", motor] & health.NOT_INITIALIZED or name == "HI" or row["arrival"] == REACHED:
         return
-    way = motion.CLOSING.get(name, 0) or (0 if goal is None else goal - start)
-    if (end - start) * (1 if way > 0 else -1) < -WRONG_WAY and way:
+    way = motion.CLOSING.get(name) or (0 if goal is None else goal - start)
+    gone = end - start if way < 0 else start - end
+    if way and gone > WRONG_WAY:
         told = f"{text}: {motor} moved the wrong way, from {start} to {end}"
         raise SignOfHarm(told, hint=hint, code="wrong-way")
 
