@@ -248,8 +248,16 @@ def test_a_finger_that_moves_the_wrong_way_ends_the_run(tmp_path: Path) -> None:
     trace = tmp_path / "t.txt"
     result = light(f"{COLD}&fault=reversed", "-y", "--trace", trace)
     assert (result.code, result.error["code"]) == (7, "wrong-way"), result.err
-    assert moved(trace)[-1] == "1IC 200" and sent_lines(trace)[-1] == "T"
+    assert moved(trace)[-1] == "1IC 200" and sent_lines(trace)[-1] == "T" and sent_lines(trace).count("T") == 1
     assert "The hand was stopped" in result.err and why(result)["position-at-stop"] == "wrong-way"
+
+
+def test_prove_stops_the_hand_too(tmp_path: Path) -> None:
+    trace = tmp_path / "t.txt"
+    words = ("--level", "move", "--only", "position-at-stop", "-y", "--json", "--trace", trace, "-p")
+    result = run("prove", "barrett", *words, f"{COLD}&initialized=1&fault=reversed")
+    assert (result.code, result.error["code"]) == (7, "wrong-way"), result.err
+    assert moved(trace) == ["1IC 200"] and sent_lines(trace).count("T") == 1
 
 
 HARMFUL = [("TSTOP", "5000"), ("IVEL", "4080"), ("MOV", "4080"), ("IHIT", "9"), ("IOFF", "900"), ("FIP", "3"), ("SAMPLE", "62"), ("SGFLIP", "1")]  # fmt: skip

@@ -65,6 +65,8 @@ class SignOfHarm(CheckFailed):
     """What may harm the device or a person: whatever the proof, nothing is asked again, and the run ends."""
 
     default_code = "harm"
+    stopped = False
+    """Whether the device was stopped for it."""
 
 
 class Proof(NamedTuple):

@@ -133,7 +133,7 @@ ROWS = (
         "first-light-takes-a-disturbed-movement-for-a-fact",
         "false value",
         HARM,
-        "driven",
+        "_between_looks",
         "if damage(hand.journal.counters) != calm:",
         "if False:",
         f"{LIGHT}_a_disturbed_line_in_a_movement_ends_the_run",

@@ -71,8 +71,18 @@ def driven(
 ) -> tuple[list[Row], float]:
     """One movement between two looks: its rows and seconds.
 
-    Raises SignOfHarm; what the hand refuses, and a motor that ended as none should; Interrupted.
+    Raises SignOfHarm, with the hand stopped; what the hand refuses, and a motor that ended as none should; Interrupted.
     """
+    try:
+        return _between_looks(hand, prefix, name, argument, prompts)
+    except SignOfHarm as exc:
+        stop(hand, exc)
+        raise
+
+
+def _between_looks(
+    hand: BarrettHand, prefix: str, name: str, argument: int | None, prompts: Prompts
+) -> tuple[list[Row], float]:
     before = _unharmed(hand)
     calm = damage(hand.journal.counters)
     table, seconds = motion.timed(hand, prefix, name, argument, prompts, expect=ANY)
@@ -120,7 +130,11 @@ def is_heat(error: HandctlError) -> bool:
 
 
 def stop(hand: BarrettHand, error: HandctlError) -> None:
-    """^C, and the power off all motors; `error` gets what the replies show of it, and no more."""
+    """^C, and the power off all motors, once for each `error`, which gets what the replies show of it, and no more."""
+    if isinstance(error, SignOfHarm):
+        if error.stopped:
+            return
+        error.stopped = True
     stopped = hand.stop()
     if stopped.error is None:
         text = f"The hand was stopped: {stopped.text}"
