@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from handctl.devices.barrett.maintenance import first_light
+from handctl.devices.barrett.gcl.codec import Answer
+from handctl.devices.barrett.gcl.line import GclLine
+from handctl.devices.barrett.maintenance import first_light, harm
 from handctl.devices.barrett.maintenance.cli import LIGHT_STEPS
 from handctl.errors import (
     CheckFailed,
@@ -20,14 +23,39 @@ from handctl.errors import (
     ProtocolError,
     UsageError,
 )
-from handctl.model.proofs import MOVE
+from handctl.model.proofs import MOVE, SignOfHarm
 from tests.barrett.commands import MOTORS, fake, sent_lines
 from tests.support.cli import Result, run, spying
 from tests.support.each_row import each_row
 from tests.support.person import once, person, pressed_at
 
 COLD = "fake://barrett?clock=virtual"
-MOVES = ("HI", "HOME", "TO", "C", "O")
+MOVES = ("HI", "HOME", "TO", "IC", "C", "O")
+
+
+def answering(monkeypatch: pytest.MonkeyPatch, change: Callable[[str, str, Answer], Answer]) -> None:
+    """The simulated hand, with answers that `change` from (the last movement, command, answer)."""
+    real, last = GclLine.ask, [""]
+
+    def ask(line: GclLine, command: str, **more: Any) -> Answer:
+        answer = real(line, command, **more)
+        last[0] = command if command.split()[0].lstrip("1234") in MOVES else last[0]
+        return change(last[0], command, answer)
+
+    monkeypatch.setattr(GclLine, "ask", ask)
+
+
+def saying(command: str, answer: Answer, name: str, value: str) -> Answer:
+    """The same answer, where FGET or PGET asks for `name`: its line is `value`; "" = there is no such parameter."""
+    verb, *names = command.split()
+    if not verb.endswith("GET") or name not in names:
+        return answer
+    if not value:
+        return answer._replace(lines=(), status=64)
+    lines = list(answer.lines)
+    digits = verb.removesuffix("FGET") if verb != "PGET" else ""
+    lines[names.index(name)] = " ".join(value.split()[int(digit) - 1] for digit in digits) or value
+    return answer._replace(lines=type(answer.lines)(lines))
 
 
 @pytest.fixture(autouse=True)
@@ -46,7 +74,7 @@ def why(result: Result) -> dict[str, Any]:
 
 
 def moved(trace: Path) -> list[str]:
-    return [line for line in sent_lines(trace) if line.lstrip("1234") in MOVES]
+    return [line for line in sent_lines(trace) if line.split(" ")[0].lstrip("1234") in MOVES]
 
 
 def test_the_names_of_the_steps_are_those_of_the_help() -> None:
@@ -66,7 +94,7 @@ def test_a_hand_out_of_the_cupboard(tmp_path: Path) -> None:
         "highest-speed": 38400, "early-breakaway": "none", "breakaway": "needs-person", "grease": "due",
     }  # fmt: skip
     assert {row["verdict"] for row in result.rows if row["fact"] not in ("breakaway", "grease")} == {"as-assumed"}
-    assert moved(trace)[:9] == ["1HI", "2HI", "3HI", "4HI", "1HOME", "2HOME", "3HOME", "4HOME", "1TO"]
+    assert moved(trace)[:9] == ["1HI", "2HI", "3HI", "4HI", "1HOME", "2HOME", "3HOME", "4HOME", "1IC 200"]
     assert {row["state"] for row in result.json["writes"]} == {"confirmed"}
     content = json.loads(path.read_text(encoding="utf-8"))
     assert content["facts"]["position-at-stop"]["value"] == "signed" and "device" not in content
@@ -180,18 +208,116 @@ def test_heat_ends_the_run_before_anything_moves(tmp_path: Path) -> None:
 
 
 def test_heat_in_the_middle_ends_the_run_behind_that_motor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    trace, read = tmp_path / "t.txt", first_light._heat
+    trace, read = tmp_path / "t.txt", harm.heat
     count = [0]
 
     def warmer(hand: Any) -> tuple[int, int]:
         count[0] += 1
         return (651, 650) if count[0] > 7 else read(hand)  # temperature twice over, init before, then behind each motor
 
-    monkeypatch.setattr(first_light, "_heat", warmer)
+    monkeypatch.setattr(harm, "heat", warmer)
     result = light(COLD, "-y", "--trace", trace)
     assert (result.code, result.error["code"]) == (7, "hot")
     assert 1 <= len(moved(trace)) < 4
     assert sent_lines(trace)[-1] == "T", "the motors' power is off"
+
+
+@each_row(
+    "name,value,after,code,last",
+    [
+        ("S", "8192 0 0 0", "2HI", "hot", "2HI"),
+        ("S", "0 0 0 8196", "1HI", "hot", "1HI"),
+        ("S", "8196 4 4 4", "", "hot", ""),
+        ("TEMP", "", "1HI", "unread", "1HI"),
+        ("P", "", "1HOME", "unread", "1HOME"),
+        ("P", "-3000 0 0 0", "1IC 200", "unread", "1IC 200"),
+    ],
+)
+def test_a_sign_of_harm_ends_the_run(name: str, value: str, after: str, code: str, last: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    """From the movement `after` on the hand says `value` for `name` ("" = it no longer has it): nothing moves after it."""
+    trace = tmp_path / f"{name}{after}{code}.txt"
+    with monkeypatch.context() as patch:
+        answering(patch, lambda at, command, answer: saying(command, answer, name, value) if at == after else answer)
+        result = light(COLD, "-y", "--trace", trace)
+    assert (result.code, result.error["code"]) == (7, code), result.err
+    assert moved(trace)[-1:] == ([last] if last else []) and sent_lines(trace)[-1] == "T"
+    assert why(result)["grease"] == "ended"
+
+
+def test_a_finger_that_moves_the_wrong_way_ends_the_run(tmp_path: Path) -> None:
+    trace = tmp_path / "t.txt"
+    result = light(f"{COLD}&fault=reversed", "-y", "--trace", trace)
+    assert (result.code, result.error["code"]) == (7, "wrong-way"), result.err
+    assert moved(trace)[-1] == "1IC 200" and sent_lines(trace)[-1] == "T" and sent_lines(trace).count("T") == 1
+    assert "The hand was stopped" in result.err and why(result)["position-at-stop"] == "wrong-way"
+
+
+def test_prove_stops_the_hand_too(tmp_path: Path) -> None:
+    trace = tmp_path / "t.txt"
+    words = ("--level", "move", "--only", "position-at-stop", "-y", "--json", "--trace", trace, "-p")
+    result = run("prove", "barrett", *words, f"{COLD}&initialized=1&fault=reversed")
+    assert (result.code, result.error["code"]) == (7, "wrong-way"), result.err
+    assert moved(trace) == ["1IC 200"] and sent_lines(trace).count("T") == 1
+
+
+HARMFUL = [("TSTOP", "5000"), ("IVEL", "4080"), ("MOV", "4080"), ("IHIT", "9"), ("IOFF", "900"), ("FIP", "3"), ("SAMPLE", "62"), ("SGFLIP", "1")]  # fmt: skip
+
+
+@each_row("name,value", HARMFUL)
+def test_a_setting_that_becomes_harmful_ends_the_run(name: str, value: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    trace = tmp_path / f"{name}.txt"
+    four = " ".join([value] * 4)
+    with monkeypatch.context() as patch:
+        answering(patch, lambda at, command, answer: saying(command, answer, name, four) if at == "4HI" and command.startswith("FGET") else answer)  # fmt: skip
+        result = light(COLD, "-y", "--trace", trace)
+    assert (result.code, result.error["code"]) == (7, "settings"), result.err
+    assert moved(trace) == ["1HI", "2HI", "3HI", "4HI"] and sent_lines(trace)[-1] == "T"
+
+
+@each_row("name", ["TSTOP", "IVEL", "MOV", "HOLD", "SAMPLE", "IHIT", "IOFF", "FIP"])
+def test_a_harmful_setting_that_cannot_be_read_moves_nothing(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trace = tmp_path / f"{name}.txt"
+    with monkeypatch.context() as patch:
+        answering(patch, lambda _at, command, answer: saying(command, answer, name, ""))
+        result = light(COLD, "-y", "--trace", trace)
+    assert why(result)["init"] == "settings" and moved(trace) == []
+    row = next(row for row in result.rows if row["fact"] == "init")
+    assert row["verdict"] == "refused" and f"{name} could not be read" in row["evidence"]
+
+
+def test_a_hand_without_sgflip_moves(monkeypatch: pytest.MonkeyPatch) -> None:
+    answering(monkeypatch, lambda _at, command, answer: saying(command, answer, "SGFLIP", ""))
+    assert why(light(COLD, "-y"))["init"] == "ready"
+
+
+def test_a_disturbed_line_in_a_movement_ends_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bytes that belong to no reply came while 2HI moved: it is not done again."""
+    trace, real = tmp_path / "t.txt", GclLine.ask
+
+    def ask(line: GclLine, command: str, **more: Any) -> Answer:
+        line.journal.counters.stray_bytes += 3 * (command == "2HI")
+        return real(line, command, **more)
+
+    monkeypatch.setattr(GclLine, "ask", ask)
+    result = light(COLD, "-y", "--trace", trace, "--repeat", "3")
+    assert (result.code, result.error["code"]) == (7, "disturbed"), result.err
+    assert moved(trace) == ["1HI", "2HI"] and sent_lines(trace)[-1] == "T"
+    assert next(row["verdict"] for row in result.rows if row["fact"] == "init") == "not-shown"
+
+
+@each_row("after", range(40, 100, 10))
+def test_no_movement_is_repeated_on_a_disturbed_line(after: int, tmp_path: Path) -> None:
+    trace = tmp_path / f"{after}.txt"
+    light(f"{COLD}&fault=stale&after={after}", "-y", "--trace", trace, "--repeat", "3")
+    assert all(moved(trace).count(f"{digit}HI") <= 1 for digit in "1234")
+
+
+def test_a_stop_without_a_reply_is_not_called_stopped() -> None:
+    result = light(f"{COLD}&fault=hang&after=100", "-y")
+    assert "The stop was sent (^C and T), but the hand did not reply: it may still be moving" in result.err
+    assert "was stopped" not in result.err
 
 
 @each_row("after", range(100, 112, 4))
@@ -226,12 +352,13 @@ def test_ctrl_c_at_a_question_ends_with_the_table() -> None:
         (ProtocolError("x"), True),
         (LinkError("x"), True),
         (Interrupted("x"), True),
-        (CheckFailed("x", code="hot"), True),
+        (SignOfHarm("x", code="hot"), True),
         (DeviceRefused("x", code="err-8192"), True),
         (DeviceRefused("x", code="err-8196"), True),
         (DeviceRefused("x", code="err-16"), False),
         (DeviceRefused("x", code="err-4"), False),
         (CheckFailed("x"), False),
+        (CheckFailed("x", code="unread"), True),
         (UsageError("x", code="opening-speed"), False),
     ],
 )

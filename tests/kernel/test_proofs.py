@@ -15,12 +15,14 @@ from handctl.model.proofs import (
     DIFFERS,
     MOVE,
     NOT_SHOWN,
+    PERMANENT,
     READ,
     REFUSED,
     WRITE_BACK,
     Observation,
     Outcome,
     Proof,
+    SignOfHarm,
     carry_out,
 )
 from handctl.model.result import Journal
@@ -31,6 +33,7 @@ FAILS = {
     "refused": DeviceRefused("r", hint="h"),
     "lost": LinkError("l", hint="h"),
     "own": HandctlError("o", hint="h"),
+    "harm": SignOfHarm("s", hint="h"),
 }
 
 
@@ -75,6 +78,26 @@ def test_a_spoiled_attempt_is_made_again_a_few_times_only() -> None:
         raise FAILS["silent"]
 
     assert outcome(4, healthy=unhealthy).verdict == NOT_SHOWN
+
+
+@pytest.mark.parametrize(("level", "attempts"), [(MOVE, 1), (PERMANENT, 1), (WRITE_BACK, 3)])
+def test_what_moves_or_stays_is_not_done_again_on_a_disturbed_line(level: str, attempts: int) -> None:
+    journal, asked = Journal(), []
+
+    def ask(_device: Any, _prompts: Prompts | None = None) -> Observation:
+        asked.append(level)
+        journal.counters.stray_bytes += 1
+        return Observation(4, "as asked")
+
+    device = SimpleNamespace(journal=journal, stop=None)
+    found = carry_out(Proof("fact", "", 4, "asked", ask, level), device, lambda: None, 3, Prompts())
+    assert (found.verdict, found.why, len(asked)) == (NOT_SHOWN, "disturbed", attempts)
+
+
+@pytest.mark.parametrize("level", [READ, WRITE_BACK, MOVE])
+def test_a_sign_of_harm_ends_it_whatever_the_level(level: str) -> None:
+    with pytest.raises(SignOfHarm):
+        outcome("harm", level=level)
 
 
 def test_what_writes_or_moves_fails_with_its_error() -> None:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from typing import Any
 
-from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, ProtocolError
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, LinkError, ProtocolError
 from handctl.fast_classes import NamedTuple
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
@@ -26,7 +26,7 @@ TONES = {AS_ASSUMED: "good", DIFFERS: "warn", REFUSED: "bad", NOT_SHOWN: "dim"}
 NONE = "none"
 """The value of a list that is empty."""
 SPARE = 2
-"""Attempts beyond those asked for: so many may be spoiled."""
+"""Attempts beyond those asked for: so many may be spoiled. What moves or stays is not done again after a disturbance."""
 CLOSE = 0.5
 """Share by which two measurements of one quantity may differ, and the least difference that counts."""
 LEAST = 3.0
@@ -59,6 +59,14 @@ class Disturbed(ProtocolError):
 
     def __init__(self, text: str) -> None:
         super().__init__(text, hint=Hint("check the cable with {}, then run it again", "doctor"), code="disturbed")
+
+
+class SignOfHarm(CheckFailed):
+    """What may harm the device or a person: whatever the proof, nothing is asked again, and the run ends."""
+
+    default_code = "harm"
+    stopped = False
+    """Whether the device was stopped for it."""
 
 
 class Proof(NamedTuple):
@@ -148,17 +156,18 @@ def in_words(value: Any) -> str:
 def carry_out(proof: Proof, device: Any, healthy: Callable[[], object], repeat: int, prompts: Prompts) -> Outcome:
     """Carry one proof out `repeat` times, what stays once. `healthy` is the cheapest documented read.
 
-    Between two movements Ctrl-C stops the device as in one. Raises LinkError, and whatever a proof that writes or moves raises: then it is not known that the value was put back, or it is a
+    Between two movements Ctrl-C stops the device as in one. Raises LinkError, SignOfHarm, and whatever a proof that writes or moves raises: then it is not known that the value was put back, or it is a
     sign of harm.
     """
     repeat = 1 if proof.level == PERMANENT else repeat
+    spare = SPARE if proof.level in (READ, WRITE_BACK) else 0
     found: list[Observation] = []
     spoiled: list[Outcome] = []
-    while len(found) < repeat and len(spoiled) <= SPARE:
+    while len(found) < repeat and len(spoiled) <= spare:
         try:
             with stopped_by_ctrl_c(device.stop, prompts) if proof.level == MOVE else nullcontext():
                 seen = _attempt(proof, device, healthy, prompts)
-        except LinkError:
+        except (LinkError, SignOfHarm):
             raise
         except HandctlError as exc:
             if proof.level != READ or exc.code == "deadline":
@@ -202,8 +211,13 @@ def _attempt(proof: Proof, device: Any, healthy: Callable[[], object], prompts: 
 
 
 def _damage(counters: Counters, proof: Proof) -> tuple[int, ...]:
-    """What shows a disturbed line. What writes looks for free ids and the like by silence, which is asked twice."""
-    again = counters.retries if proof.level == READ else 0
+    """What writes looks for free ids and the like by silence, which is asked twice."""
+    return damage(counters, retries=proof.level == READ)
+
+
+def damage(counters: Counters, *, retries: bool = True) -> tuple[int, ...]:
+    """What shows a disturbed line, where it has changed."""
+    again = counters.retries if retries else 0
     return counters.bad_frames, counters.stray_bytes, again, counters.quality().get("bad", 0)
 
 

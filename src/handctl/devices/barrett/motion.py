@@ -44,6 +44,8 @@ COLUMNS = (
 )
 TORQUE = ("TC", "TO")
 """Movements that end at a stall: they have no target (barrett §5.5)."""
+CLOSING = {"TC": 1, "TO": -1}
+"""Which way they go: 1 closes."""
 NOT_REACHED = 16
 """Status of M, HOME, IC and IO where a motor did not get to its place (barrett §5.5)."""
 

@@ -12,7 +12,6 @@ from handctl.devices.barrett.device import UNKNOWN_NAME, BarrettHand
 from handctl.devices.barrett.gcl.codec import MAX_ARGUMENTS, MAX_LINE, PROMPT, Answer, encode, values
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, standard
 from handctl.errors import Hint, NotPresent
-from handctl.model.movement import ANY
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.proofs import MOVE, NONE, WRITE_BACK, Disturbed, Observation, Proof, put_back
@@ -137,11 +136,11 @@ def _sign(hand: BarrettHand) -> Observation:
 
 def _at_stop(hand: BarrettHand, prompts: Prompts) -> Observation:
     """How F1 prints its position at the open stop, IOFF counts below the origin. Raises what the movement ends with."""
-    from handctl.devices.barrett.motion import moved
+    from handctl.devices.barrett.maintenance.harm import driven
 
-    moved(hand, "1", "IC", AWAY, prompts, expect=ANY)
+    driven(hand, "1", "IC", AWAY, prompts)
     away = _numbers(hand, "P")[0]
-    moved(hand, "1", "TO", None, prompts, expect=ANY)
+    driven(hand, "1", "TO", None, prompts)
     printed, offset = _numbers(hand, "P")[0], _numbers(hand, "IOFF")[0]
     if printed == away:
         return Observation(None, f"F1 does not move: P {printed}")

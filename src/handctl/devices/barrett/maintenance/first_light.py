@@ -11,14 +11,13 @@ from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from typing import NamedTuple
 
-from handctl.devices.barrett import motion, proofs
+from handctl.devices.barrett import proofs
 from handctl.devices.barrett.device import BarrettHand, step_of
 from handctl.devices.barrett.gcl.codec import BANNER, MOTORS, explain_status, has_prompt
-from handctl.devices.barrett.maintenance import health, lubrication, strain
+from handctl.devices.barrett.maintenance import harm, health, lubrication, strain
 from handctl.devices.barrett.maintenance.diagnose import ExaminedHand, Values, slowest
 from handctl.devices.barrett.map import BARRETT, FINGERS, travel_seconds
 from handctl.errors import (
-    Aftermath,
     CheckFailed,
     DeviceRefused,
     HandctlError,
@@ -28,8 +27,8 @@ from handctl.errors import (
     NotPresent,
     UsageError,
 )
-from handctl.model.checks import FAIL, OK, SKIPPED
-from handctl.model.movement import ANY, REACHED
+from handctl.model.checks import OK, SKIPPED
+from handctl.model.movement import CODES, REACHED, UNREAD
 from handctl.model.param import Step
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.proofs import (
@@ -41,12 +40,11 @@ from handctl.model.proofs import (
     Observation,
     Outcome,
     Proof,
+    SignOfHarm,
     carry_out,
 )
 from handctl.model.result import Row
 
-HEAT = 8192
-"""Status of a motor command above OTEMP (barrett §5.4.1)."""
 ATTENDED, ALONE = 60.0, 5.0
 """Seconds in which the power must come on: somebody was asked to switch it on, or nobody was."""
 SILENT = 6.0
@@ -124,12 +122,10 @@ def _firmware(hand: BarrettHand) -> Observation:
 
 
 def _read(hand: BarrettHand) -> Values:
-    return ExaminedHand(hand, simulated=lambda: hand.link.fake).read()
-
-
-def _harmful(values: Values) -> list[str]:
-    """Settings with which nothing is moved: beyond a limit that harms, or outside their range (barrett §5.3.4)."""
-    return [one.evidence for one in health.settings(values) if one.status == FAIL]
+    """All settings and states. Raises SignOfHarm where the status of a motor shows heat."""
+    values = ExaminedHand(hand, simulated=lambda: hand.link.fake).read()
+    harm.refuse_heat(hand, values)
+    return values
 
 
 def _settings(hand: BarrettHand) -> Observation:
@@ -147,7 +143,7 @@ def _settings(hand: BarrettHand) -> Observation:
         for (name, motor), value in written.items()
         if value != BARRETT.by_mnemonic(name).default_of(MOTORS.index(motor) if motor else 0)
     ]
-    if harmful := _harmful(once):
+    if harmful := harm.objections(once):
         return Observation("harmful", "; ".join(harmful[:3]))
     absent = [name for name, error in once.errors.items() if isinstance(error, NotPresent)]
     missing = f". Not on this firmware: {', '.join(absent)}" if absent else ""
@@ -156,27 +152,9 @@ def _settings(hand: BarrettHand) -> Observation:
     return Observation("changed" if changed else "factory values", text + missing)
 
 
-def _heat(hand: BarrettHand) -> tuple[int, int]:
-    """TEMP, and the limit that holds for this hand, in 0.1 °C."""
-    at = hand.by_name("TEMP", "OTEMP", dispensable=("OTEMP",))
-    limit = at.get(("OTEMP", None), 0)
-    return at["TEMP", None], min(limit or health.LIMIT_TENTHS, health.LIMIT_TENTHS)
-
-
 def _temperature(hand: BarrettHand) -> Observation:
-    now, limit = _heat(hand)
+    now, limit = harm.heat(hand)
     return Observation(now / 10, f"{now / 10:.1f} °C now, and the limit is {limit / 10:.1f} °C")
-
-
-def refuse_hot(hand: BarrettHand) -> None:
-    """Raise CheckFailed above the limit: the first sign of harm."""
-    now, limit = _heat(hand)
-    if now > limit:
-        raise CheckFailed(
-            f"{hand.link.name}: {now / 10:.1f} °C, and the limit is {limit / 10:.1f} °C (barrett §2)",
-            hint=health.COOL,
-            code="hot",
-        )
 
 
 def _strain(hand: BarrettHand) -> Observation:
@@ -200,21 +178,12 @@ def _grease(name: str, hand: BarrettHand) -> Observation:
 # -- movement --------------------------------------------------------------------------------------------------------
 
 
-def _driven(hand: BarrettHand, prefix: str, name: str, prompts: Prompts) -> tuple[list[Row], float]:
-    """One movement: its rows and seconds. Raises what the hand refuses; Interrupted; CheckFailed once it is too hot."""
-    table, seconds = motion.timed(hand, prefix, name, None, prompts, expect=ANY)
-    if table.failure is not None:
-        raise table.failure
-    refuse_hot(hand)
-    return table.rows, seconds
-
-
 def _initialize(hand: BarrettHand, prompts: Prompts) -> Observation:
     """HI, one motor after the other, so that the first sign of harm shows before the rest has moved."""
     seen, wrong = [], []
     for digit, motor in enumerate(MOTORS, 1):
         try:
-            (row,), seconds = _driven(hand, str(digit), "HI", prompts)
+            (row,), seconds = harm.driven(hand, str(digit), "HI", None, prompts)
             status = row["status"] or 0
         except DeviceRefused as exc:
             if is_harm(exc):
@@ -232,7 +201,7 @@ def _origin(hand: BarrettHand, prompts: Prompts) -> Observation:
     """HOME of each motor ends at 0, within MPE."""
     places, wrong = [], []
     for digit, motor in enumerate(MOTORS, 1):
-        (row,), _ = _driven(hand, str(digit), "HOME", prompts)
+        (row,), _ = harm.driven(hand, str(digit), "HOME", None, prompts)
         places.append(f"{motor} {row['value']}")
         if row["arrival"] != REACHED:
             wrong.append(f"{motor} at {row['value']}")
@@ -242,12 +211,12 @@ def _origin(hand: BarrettHand, prompts: Prompts) -> Observation:
 def _speed(motors: Collection[int], hand: BarrettHand, prompts: Prompts) -> Observation:
     """Each of `motors` closes and opens alone: where it ends, and how long it takes against its own settings."""
     set_to = hand.by_name("MCV", "MOV", "SAMPLE", motors=motors)
-    _driven(hand, "123", "O", prompts)  # the spread may move beside open fingers only
+    harm.driven(hand, "123", "O", None, prompts)  # the spread may move beside open fingers only
     times, wrong = [], []
     for index in motors:
         motor = MOTORS[index]
         for name, velocity in (("O", ""), ("C", "MCV"), ("O", "MOV")):
-            (row,), seconds = _driven(hand, str(index + 1), name, prompts)
+            (row,), seconds = harm.driven(hand, str(index + 1), name, None, prompts)
             if row["arrival"] != REACHED:
                 wrong.append(f"{motor} {name}: {row['ended']} at {row['value']}")
             if velocity:
@@ -267,21 +236,21 @@ def _free(hand: BarrettHand, prompts: Prompts) -> Observation:
     """Each finger closes in free air: no clutch may let go (barrett §8, premature breakaway)."""
     early, ends = [], []
     for index, motor in enumerate(FINGERS):
-        _driven(hand, str(index + 1), "O", prompts)
-        (row,), _ = _driven(hand, str(index + 1), "C", prompts)
+        harm.driven(hand, str(index + 1), "O", None, prompts)
+        (row,), _ = harm.driven(hand, str(index + 1), "C", None, prompts)
         place = _broken(hand, index)
         ends.append(f"{motor} closed to {row['value']}" + ("" if place is None else f", let go at {place}"))
         early += [] if place is None else [motor]
-        _driven(hand, str(index + 1), "O", prompts)
+        harm.driven(hand, str(index + 1), "O", None, prompts)
     return Observation(", ".join(early) or "none", "; ".join(ends))
 
 
 def _grasp(hand: BarrettHand, prompts: Prompts) -> Observation:
     """F3 closes on an object that meets its inner link: its clutch lets go, and opening resets it (barrett §9.3.1, §9.5)."""
     index = int(GRASPING) - 1
-    _driven(hand, GRASPING, "C", prompts)
+    harm.driven(hand, GRASPING, "C", None, prompts)
     place = _broken(hand, index)
-    _driven(hand, GRASPING, "O", prompts)
+    harm.driven(hand, GRASPING, "O", None, prompts)
     left = _broken(hand, index)
     value = "did not let go" if place is None else "stays broken away" if left is not None else "lets go and resets"
     return Observation(value, f"{FINGERS[index]}: " + ("BD 0 after C" if place is None else f"BP {place}") + f", BD {int(left is not None)} after O")  # fmt: skip
@@ -325,9 +294,9 @@ def steps_for(name: str, *, attended: bool) -> tuple[LightStep, ...]:
 
 def is_harm(error: HandctlError) -> bool:
     """Whether nothing may move after this: heat, or a movement of which it is not known how it ended."""
-    if error.code.startswith("err-"):
-        return bool(int(error.code[4:]) & HEAT)
-    return error.code == "hot" or not isinstance(error, DeviceRefused | CheckFailed | UsageError)
+    if isinstance(error, SignOfHarm) or harm.is_heat(error):
+        return True
+    return error.code == CODES[UNREAD] or not isinstance(error, DeviceRefused | CheckFailed | UsageError)
 
 
 class FirstLight:
@@ -391,7 +360,7 @@ class FirstLight:
         self._moved = self._moved or proof.level == MOVE
         times = repeat if proof.level == READ and not proof.alone else 1
         try:
-            return carry_out(proof, self.hand, self._healthy, times, self.prompts)
+            outcome = carry_out(proof, self.hand, self._healthy, times, self.prompts)
         except HandctlError as exc:
             if proof.level == MOVE and is_harm(exc):
                 raise
@@ -399,9 +368,14 @@ class FirstLight:
                 raise
             verdict = REFUSED if isinstance(exc, DeviceRefused | UsageError) else NOT_SHOWN
             return Outcome(proof, verdict, None, exc.text, why=exc.code)
+        if proof.level == MOVE and outcome.why == "disturbed":
+            raise SignOfHarm(
+                f"{self.hand.link.name}: {proof.name}: {outcome.evidence}", hint=harm.CHECK_CABLE, code="disturbed"
+            )
+        return outcome
 
     def _objection(self, step: LightStep) -> Outcome | None:
-        """What speaks against a step, whatever anyone answers: nothing has moved. Raises CheckFailed at a sign of harm."""
+        """What speaks against a step, whatever anyone answers: nothing has moved. Raises SignOfHarm."""
         if step.attended and not self._attended:
             return _none(
                 step, "needs-person", "needs somebody at the hand who answers: run it on a terminal, without --yes"
@@ -412,24 +386,24 @@ class FirstLight:
                 return _none(step, why, "this firmware does not have BD and BP (4.34 and later do)")
         if step.proof.level != MOVE:
             return None
-        refuse_hot(self.hand)
+        now = harm.look(self.hand)
         if self._values is None:
             self._values = _read(self.hand)
-        if harmful := _harmful(self._values):
-            return Outcome(
-                step.proof, REFUSED, None, f"nothing is moved with this: {'; '.join(harmful[:3])}", why="settings"
-            )
-        states = self.hand.numbers(BARRETT.elements("S")) if step.homed else []
-        if lost := [motor for motor, state in zip(MOTORS, states, strict=False) if state & health.NOT_INITIALIZED]:
+        if harmful := harm.objections(
+            now | {key: value for key, value in self._values.items() if key[0] not in health.HARMFUL}
+        ):
+            text = f"nothing is moved with this: {'; '.join(harmful[:3])}"
+            return Outcome(step.proof, REFUSED, None, text, why="settings")
+        if lost := [motor for motor in MOTORS if step.homed and now["S", motor] & health.NOT_INITIALIZED]:
             return Outcome(step.proof, REFUSED, None, f"{', '.join(lost)}: not initialized, and HI must come first", why="not-initialized")  # fmt: skip
         return None
 
     def _stop(self, error: HandctlError) -> None:
-        """^C, and the power off all motors, once something has moved."""
-        if not self._moved or isinstance(error, Interrupted | LinkError):  # it was stopped, or cannot be reached
+        """^C, and the power off all motors: once something has moved, and at a sign of harm."""
+        if isinstance(error, Interrupted | LinkError):  # it was stopped, or cannot be reached
             return
-        stopped = self.hand.stop()
-        error.add_aftermath(Aftermath(f"The hand was stopped: {stopped.text}", stopped.hint))
+        if self._moved or isinstance(error, SignOfHarm):
+            harm.stop(self.hand, error)
 
 
 def _none(step: LightStep, why: str, text: str) -> Outcome:

@@ -31,6 +31,10 @@ SOON = 0.8
 COOL = Hint("let it cool, and free the spread: {}", "barrett stop --motors S")
 HARD = ("IVEL", "IHIT", "IOFF", "TSTOP", "FIP", "SAMPLE", "SGFLIP")
 """Parameters whose value beyond the recommended limit harms: a fail (§5.3.4)."""
+HARMFUL = (*HARD, "MOV", "HOLD")
+"""What is read again before anything moves: HARD, and what opens too fast or heats."""
+NEEDED_TO_MOVE = tuple(name for name in HARMFUL if name != "SGFLIP")
+"""Of these none may be missing: later firmware may only do without SGFLIP (§5.3.4)."""
 
 
 class Finding(NamedTuple):
