@@ -55,7 +55,7 @@ ROWS = (
         "FirstLight._outcome",
         "self._stop(exc)",
         "pass",
-        f"{LIGHT}_heat_in_the_middle_ends_the_run_behind_that_motor",
+        f"{LIGHT}_a_sign_of_harm_ends_the_run",
     ),
     mistake(
         "first-light-goes-on-after-silence-in-a-movement",
