@@ -149,8 +149,8 @@ ROWS = (
     mistake(
         "a-proof-goes-on-after-a-refused-movement",
         "swallowed error",
-        "handctl.devices.barrett.motion",
-        "moved",
+        "handctl.devices.barrett.maintenance.harm",
+        "_between_looks",
         "if table.failure is not None:\n    raise table.failure",
         "hand.line.found()",
         "tests/tools/test_prove.py::test_what_moves_asks_and_ends_at_what_the_hand_refuses",
