@@ -123,18 +123,18 @@ class TerminalPrompts(Prompts):
 
     def wait_for_enter(self, text: str) -> bool:
         self.done()
+        _discard_typed_ahead()
         print_stderr(text)
         return self.interactive and bool(sys.stdin.readline())
 
     def ask(self, question: str, word: str) -> bool:
         """Yes or no, or a word to be typed. End of input is a no."""
-        from handctl.system.terminal import discard_typed_ahead
-
-        discard_typed_ahead(sys.stdin)
+        _discard_typed_ahead()
         answer = self._answer(f"{question}.", f"Type {word!r} to go on: " if word else "Go on? [y/N] ")
         return confirms(answer, word) if word else answer.casefold() in ("y", "yes")
 
     def choose(self, question: str, words: Sequence[str]) -> str:
+        _discard_typed_ahead()
         answer = self._answer(f"{question}?", f"Type {' or '.join(words)}: ").casefold() if self.present else ""
         return answer if answer in words else ""
 
@@ -147,6 +147,13 @@ class TerminalPrompts(Prompts):
         sys.stderr.write(prompt)
         sys.stderr.flush()
         return sys.stdin.readline().strip()
+
+
+def _discard_typed_ahead() -> None:
+    """Before a question on whose answer something moves or is written: it is answered by who has read it."""
+    from handctl.system.terminal import discard_typed_ahead
+
+    discard_typed_ahead(sys.stdin)
 
 
 def print_message(level: str, text: str, hint: str) -> None:

@@ -28,7 +28,7 @@ from handctl.model.result import Journal, Table
 from handctl.system import advice
 from handctl.tools import ports as port_tool
 from handctl.tools.doctor_link import LinkChecks, failed_open, host_in, is_local, same_address, subnet
-from handctl.tools.port_inventory import Machine, Port, needed
+from handctl.tools.port_inventory import GRABBERS, Machine, Port, needed
 from handctl.tools.probes import family_of, has_speed, listened, probe_of, usual_ports, wire_of
 from handctl.tools.scan_report import Search, report
 from handctl.tools.scan_run import LinkScan
@@ -126,7 +126,7 @@ def port_grabbing_programs(machine: Machine, found: list[Port]) -> list[Check]:
         return []
     running = {process.name: process for process in machine.port_grabbing_programs()}
     checks = []
-    for name in ("ModemManager", "brltty"):
+    for name in GRABBERS:
         if name not in running:
             checks.append(Check(name.lower(), "ok", "not running"))
         elif not found and not machine.without_port():

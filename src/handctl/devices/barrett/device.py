@@ -18,6 +18,7 @@ from handctl.devices.barrett.gcl.codec import (
     explain_status,
     hint_for,
     kind_of,
+    shows_heat,
     values,
 )
 from handctl.devices.barrett.gcl.line import GclLine
@@ -185,7 +186,7 @@ class BarrettHand(Device):
 
         Only at the prompt: it asks TEMP and OTEMP, which answer also when every motor command fails.
         """
-        if not error.code.startswith("err-") or not int(error.code[4:]) & 8192:
+        if not shows_heat(error):
             return error
         try:
             now, limit = self.read(BARRETT.elements("TEMP", "OTEMP"))

@@ -9,7 +9,15 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.codec import MOTORS, Answer, encode, explain_status, hint_for, motor_prefix
+from handctl.devices.barrett.gcl.codec import (
+    MOTORS,
+    OVER_TEMPERATURE,
+    Answer,
+    encode,
+    explain_status,
+    hint_for,
+    motor_prefix,
+)
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, implausible, travel_seconds
 from handctl.devices.barrett.views import MOTOR, NOT_HOMED, row_of, why_impossible
 from handctl.errors import Aftermath, CheckFailed, Hint, NoAnswer, ProtocolError, UsageError
@@ -312,7 +320,7 @@ def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int) 
         return Ended(BLOCKED, "not initialized: did not move")
     if status & 16384 or own & 16384:
         return Ended(SHORT, "stopped by ^C")
-    if (own | status) & 8192:
+    if (own | status) & OVER_TEMPERATURE:
         return Ended(BLOCKED, "over-temperature: did not move, or stopped")
     if "P" not in now:
         return Ended(UNREAD, "unknown: its position could not be read")

@@ -1,6 +1,6 @@
 """What a BarrettHand's status codes and readings mean, and what to do. The codes are those of `gcl.codec.ERRORS`."""
 
-from handctl.devices.barrett.gcl.codec import ERRORS, MOTORS
+from handctl.devices.barrett.gcl.codec import ERRORS, MOTORS, OVER_TEMPERATURE
 from handctl.devices.barrett.maintenance.health import LIMIT_TENTHS
 from handctl.devices.barrett.views import STROKE
 from handctl.errors import Hint
@@ -8,7 +8,7 @@ from handctl.model.device_picture import Bar, Measure, Outline, Remedy
 
 _F1, _F2, _F3, _SPREAD = MOTORS
 
-_URGENT = (8192, 1, 2, 16, 4)
+_URGENT = (OVER_TEMPERATURE, 1, 2, 16, 4)
 """The codes that come first."""
 _COOL = Hint("let the hand cool, and free the spread with {}", "barrett stop --motors S")
 

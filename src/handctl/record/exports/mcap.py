@@ -14,11 +14,6 @@ from itertools import accumulate, repeat
 from operator import add
 from typing import IO, TYPE_CHECKING, Any
 
-import zstandard
-from mcap import records
-from mcap.data_stream import RecordBuilder
-from mcap.opcode import Opcode
-
 from handctl.files import atomic_write
 from handctl.record.log_reader import Numbers
 
@@ -73,6 +68,11 @@ class Chunks:
     """
 
     def __init__(self, file: IO[bytes], tool: str) -> None:
+        from mcap import records
+        from mcap.opcode import Opcode
+        from zstandard import compress
+
+        self._records, self._opcode, self._compress = records, Opcode, compress
         self._file = file
         self._schemas: list[Any] = []
         self._channels: list[Any] = []
@@ -86,7 +86,7 @@ class Chunks:
         self._found: dict[int, list[int]] = {}
         """Of this chunk, by channel: time and place of each message in turn."""
         file.write(MAGIC)
-        self._put(records.Header("", tool))
+        self._put(self._records.Header("", tool))
 
     def _put(self, *some: Any) -> bytes:
         data = _bytes(*some)
@@ -97,9 +97,9 @@ class Chunks:
         """Begin a channel of JSON; returns its number."""
         number, schema = len(self._channels) + 1, json.dumps({"type": "object", "properties": properties}).encode()
         name = f"handctl{topic.replace('/', '.')}"
-        self._schemas.append(records.Schema(id=number, data=schema, encoding="jsonschema", name=name))
+        self._schemas.append(self._records.Schema(id=number, data=schema, encoding="jsonschema", name=name))
         self._channels.append(
-            records.Channel(id=number, topic=topic, message_encoding="json", schema_id=number, metadata={})
+            self._records.Channel(id=number, topic=topic, message_encoding="json", schema_id=number, metadata={})
         )
         self._take(_bytes(self._schemas[-1], self._channels[-1]))
         return number
@@ -111,8 +111,8 @@ class Chunks:
     def metadata(self, name: str, said: dict[str, str]) -> None:
         """Names and texts about the file."""
         at = self._file.tell()
-        length = len(self._put(records.Metadata(name=name, metadata=said)))
-        self._metadata.append(records.MetadataIndex(offset=at, length=length, name=name))
+        length = len(self._put(self._records.Metadata(name=name, metadata=said)))
+        self._metadata.append(self._records.MetadataIndex(offset=at, length=length, name=name))
 
     def add(
         self, channel: int, times: Sequence[int], texts: Sequence[bytes], came: Sequence[int], numbers: Sequence[int]
@@ -139,10 +139,10 @@ class Chunks:
         data = b"".join(self._parts)
         times = [time for found in self._found.values() for time in found[::2]]
         first, last = min(times), max(times)
-        packed, at, size = zstandard.compress(data), self._file.tell(), len(data)
+        packed, at, size = self._compress(data), self._file.tell(), len(data)
         length = len(
             self._put(
-                records.Chunk(
+                self._records.Chunk(
                     compression="zstd", data=packed, message_start_time=first, message_end_time=last,
                     uncompressed_crc=zlib.crc32(data), uncompressed_size=size,
                 )
@@ -154,7 +154,7 @@ class Chunks:
             indexes += struct.pack(f"<BQHI{len(found)}Q", 7, 6 + 8 * len(found), channel, 8 * len(found), *found)
         self._file.write(indexes)
         self._indexes.append(
-            records.ChunkIndex(
+            self._records.ChunkIndex(
                 message_start_time=first, message_end_time=last, chunk_start_offset=at, chunk_length=length,
                 message_index_offsets=offsets, message_index_length=len(indexes), compression="zstd",
                 compressed_size=len(packed), uncompressed_size=size,
@@ -166,33 +166,35 @@ class Chunks:
     def finish(self) -> None:
         """The last chunk, and the summary."""
         self._close()
-        self._put(records.DataEnd(0))
+        self._put(self._records.DataEnd(0))
         begin, data, offsets = self._file.tell(), b"", []
-        statistics = records.Statistics(
+        statistics = self._records.Statistics(
             attachment_count=0, channel_count=len(self._channels), channel_message_counts=self._counts,
             chunk_count=len(self._indexes), message_count=sum(self._counts.values()), metadata_count=len(self._metadata),
             message_start_time=min(self._ends)[0], message_end_time=max(last for _, last in self._ends),
             schema_count=len(self._schemas),
         )  # fmt: skip
-        groups: tuple[tuple[Opcode, list[Any]], ...] = (
-            (Opcode.SCHEMA, self._schemas), (Opcode.CHANNEL, self._channels), (Opcode.STATISTICS, [statistics]),
-            (Opcode.CHUNK_INDEX, self._indexes), (Opcode.ATTACHMENT_INDEX, []), (Opcode.METADATA_INDEX, self._metadata),
+        groups: tuple[tuple[Any, list[Any]], ...] = (
+            (self._opcode.SCHEMA, self._schemas), (self._opcode.CHANNEL, self._channels), (self._opcode.STATISTICS, [statistics]),
+            (self._opcode.CHUNK_INDEX, self._indexes), (self._opcode.ATTACHMENT_INDEX, []), (self._opcode.METADATA_INDEX, self._metadata),
         )  # fmt: skip
         for code, some in groups:
             group = _bytes(*some)
             place = begin + len(data)
-            offsets.append(records.SummaryOffset(group_opcode=code, group_start=place, group_length=len(group)))
+            offsets.append(self._records.SummaryOffset(group_opcode=code, group_start=place, group_length=len(group)))
             data += group
         end = begin + len(data)
         data += _bytes(*offsets)
-        crc = zlib.crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, begin, end), zlib.crc32(data))
+        crc = zlib.crc32(struct.pack("<BQQQ", self._opcode.FOOTER, 20, begin, end), zlib.crc32(data))
         self._file.write(data)
-        self._put(records.Footer(summary_start=begin, summary_offset_start=end, summary_crc=crc))
+        self._put(self._records.Footer(summary_start=begin, summary_offset_start=end, summary_crc=crc))
         self._file.write(MAGIC)
 
 
 def _bytes(*some: Any) -> bytes:
     """Records of the library."""
+    from mcap.data_stream import RecordBuilder
+
     builder = RecordBuilder()
     for one in some:
         one.write(builder)

@@ -18,7 +18,7 @@ from collections.abc import Iterable
 from functools import lru_cache
 from typing import NamedTuple
 
-from handctl.errors import Hint, ProtocolError, UsageError
+from handctl.errors import HandctlError, Hint, ProtocolError, UsageError
 
 CR = b"\r"
 ABORT = b"\x03"
@@ -34,6 +34,8 @@ MAX_ARGUMENTS = 18
 MOTOR_DIGITS = "1234"
 MOTORS = ("F1", "F2", "F3", "SPREAD")
 
+OVER_TEMPERATURE = 8192
+"""Status of a motor, or of a motor command, above OTEMP (barrett §5.4.1)."""
 ERRORS: dict[int, tuple[str, str]] = {
     1: ("No motor board found", "power-cycle the hand, then ask the vendor (electronics)"),
     2: ("No motor found", "power-cycle the hand, then ask the vendor (electronics or cable)"),
@@ -55,7 +57,7 @@ ERRORS: dict[int, tuple[str, str]] = {
     1024: ("Too many arguments for this command", "give fewer arguments at a time"),
     2048: ("Invalid RealTime control block header", "check the hand's loop flags: the block did not match them"),
     4096: ("Command can't have motor prefix", "leave the motors out"),
-    8192: (
+    OVER_TEMPERATURE: (
         "Overtemperature fault tripped",
         Hint("compare TEMP with OTEMP in {}, and let the hand cool", "barrett status"),
     ),
@@ -179,6 +181,11 @@ def _split(text: str) -> tuple[str, Command | None, tuple[str, ...]]:
 def split_status(code: int) -> list[int]:
     """The powers of two in a status sum, lowest first; nothing is dropped."""
     return [1 << bit for bit in range(code.bit_length()) if code >> bit & 1]
+
+
+def shows_heat(error: HandctlError) -> bool:
+    """Whether a hand refused for its temperature."""
+    return error.code.startswith("err-") and bool(int(error.code[4:]) & OVER_TEMPERATURE)
 
 
 def explain_status(code: int) -> str:

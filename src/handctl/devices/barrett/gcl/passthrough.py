@@ -10,6 +10,7 @@ from handctl.devices.barrett import eeprom
 from handctl.devices.barrett.device import BarrettHand, refuse
 from handctl.devices.barrett.gcl.codec import (
     COMMANDS,
+    OVER_TEMPERATURE,
     Answer,
     encode,
     explain_status,
@@ -263,7 +264,7 @@ def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None]) 
         error = objection(hand, answer)
         if answer.status:
             run.out(f"ERR {answer.status}: {explain_status(answer.status)}")
-        if error is not None and (not answer.status or answer.status & 8192):
+        if error is not None and (not answer.status or answer.status & OVER_TEMPERATURE):
             run.prompts.say(f"{'' if answer.status else error.text}\n  Next: {error.hint}".lstrip("\n"))
         if text.startswith("?") or text.upper().startswith("A?"):
             run.out(explain_help(text))

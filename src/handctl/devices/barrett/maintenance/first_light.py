@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from handctl.devices.barrett import proofs
 from handctl.devices.barrett.device import BarrettHand, step_of
-from handctl.devices.barrett.gcl.codec import BANNER, MOTORS, explain_status, has_prompt
+from handctl.devices.barrett.gcl.codec import BANNER, MOTORS, explain_status, has_prompt, shows_heat
 from handctl.devices.barrett.maintenance import harm, health, lubrication, strain
 from handctl.devices.barrett.maintenance.diagnose import ExaminedHand, Values, slowest
 from handctl.devices.barrett.map import BARRETT, FINGERS, travel_seconds
@@ -294,7 +294,7 @@ def steps_for(name: str, *, attended: bool) -> tuple[LightStep, ...]:
 
 def is_harm(error: HandctlError) -> bool:
     """Whether nothing may move after this: heat, or a movement of which it is not known how it ended."""
-    if isinstance(error, SignOfHarm) or harm.is_heat(error):
+    if isinstance(error, SignOfHarm) or shows_heat(error):
         return True
     return error.code == CODES[UNREAD] or not isinstance(error, DeviceRefused | CheckFailed | UsageError)
 

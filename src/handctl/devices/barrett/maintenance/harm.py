@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from handctl.devices.barrett import motion
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.codec import MOTORS
+from handctl.devices.barrett.gcl.codec import MOTORS, OVER_TEMPERATURE, shows_heat
 from handctl.devices.barrett.maintenance import health
 from handctl.devices.barrett.map import implausible
 from handctl.errors import Aftermath, DeviceRefused, HandctlError, Hint, NoAnswer
@@ -18,8 +18,6 @@ from handctl.model.prompts import Prompts
 from handctl.model.proofs import SignOfHarm, damage
 from handctl.model.result import Row
 
-HEAT = 8192
-"""Status of a motor, or of a motor command, above OTEMP (barrett §5.4.1)."""
 WRONG_WAY = 25
 """Counts to the other side of its start by which a motor has gone the wrong way: half of MPE as shipped."""
 CHECK_CABLE = Hint("check the cable with {}, then run it again", "doctor")
@@ -29,8 +27,8 @@ At = dict[tuple[str, "str | None"], int]
 
 def refuse_heat(hand: BarrettHand, at: At) -> None:
     """Raise SignOfHarm where the status of a motor, among the values `at`, has the over-temperature bit."""
-    if hot := [motor for motor in MOTORS if at.get(("S", motor), 0) & HEAT]:
-        text = f"{hand.link.name}: the status of {', '.join(hot)} shows over-temperature ({HEAT}, barrett §5.4.1)"
+    if hot := [motor for motor in MOTORS if at.get(("S", motor), 0) & OVER_TEMPERATURE]:
+        text = f"{hand.link.name}: the status of {', '.join(hot)} shows over-temperature ({OVER_TEMPERATURE}, barrett §5.4.1)"
         raise SignOfHarm(text, hint=health.COOL, code="hot")
 
 
@@ -58,7 +56,7 @@ def look(hand: BarrettHand) -> At:
         at = hand.by_name("S", "P", *health.HARMFUL, dispensable=health.HARMFUL)
     except DeviceRefused as exc:
         text = f"{exc.text}. Without it, harm cannot be detected"
-        raise SignOfHarm(text, hint=READ_AGAIN, code="hot" if is_heat(exc) else "unread") from exc
+        raise SignOfHarm(text, hint=READ_AGAIN, code="hot" if shows_heat(exc) else "unread") from exc
     if now > limit:
         text = f"{hand.link.name}: {now / 10:.1f} °C, and the limit is {limit / 10:.1f} °C (barrett §2)"
         raise SignOfHarm(text, hint=health.COOL, code="hot")
@@ -122,11 +120,6 @@ def _judge_way(text: str, name: str, row: Row, before: At, after: At) -> None:
     if way and gone > WRONG_WAY:
         told = f"{text}: {motor} moved the wrong way, from {start} to {end}"
         raise SignOfHarm(told, hint=hint, code="wrong-way")
-
-
-def is_heat(error: HandctlError) -> bool:
-    """Whether the hand refused for its temperature."""
-    return error.code.startswith("err-") and bool(int(error.code[4:]) & HEAT)
 
 
 def stop(hand: BarrettHand, error: HandctlError) -> None:
