@@ -108,7 +108,7 @@ ROWS = (
         HARM,
         "refuse_heat",
         'if hot := [motor for motor in MOTORS if at.get(("S", motor), 0) & OVER_TEMPERATURE]:',
-        'if hot := [motor for motor in MOTORS if at.get(("S", motor), 0) == HEAT]:',
+        'if hot := [motor for motor in MOTORS if at.get(("S", motor), 0) == OVER_TEMPERATURE]:',
         f"{LIGHT}_a_sign_of_harm_ends_the_run",
     ),
     mistake(
