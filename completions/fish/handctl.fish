@@ -73,7 +73,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
         case 'exo calibrate'
             set opts '-h	Show this help.' '--help	Show this help.'
         case 'exo scan'
-            set opts '--ids	Ids to try, such as 1-20. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.' '--all	Keep searching after the first device, without a time limit, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.'
+            set opts '--ids	Ids to try, such as 1-20 or 1,2,4-12. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.' '--all	Keep searching after the first device, without a time limit, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.'
             set takes --ids=none
             set lacks -n --dry-run -y --yes --history
         case 'exo listen'
@@ -164,7 +164,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes --count=none
             set lacks -n --dry-run -y --yes --history
         case 'wrist scan'
-            set opts '--ids	Ids to try, such as 1-20. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.' '--all	Keep searching after the first device, without a time limit, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run, use a serial line (the default).' '--can	With --fake or --dry-run, use CAN instead of a serial line.'
+            set opts '--ids	Ids to try, such as 1-20 or 1,2,4-12. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.' '--all	Keep searching after the first device, without a time limit, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run, use a serial line (the default).' '--can	With --fake or --dry-run, use CAN instead of a serial line.'
             set takes --ids=none
             set lacks -n --dry-run -y --yes --history
         case 'wrist read'
@@ -346,7 +346,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes --rate=none --count=none --duration=none --limit=none --until=none
             set lacks --id
         case 'barrett scan'
-            set opts '--ids	Ids to try, such as 1-20. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.' '--all	Keep searching after the first device, without a time limit, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Allow a read-only command to interrupt a movement in progress (it sends ^C). Without it the hand keeps moving.'
+            set opts '--ids	Ids to try, such as 1-20 or 1,2,4-12. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.' '--all	Keep searching after the first device, without a time limit, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Allow a read-only command to interrupt a movement in progress (it sends ^C). Without it the hand keeps moving.'
             set takes --ids=none
             set lacks --id -n --dry-run -y --yes --history
         case 'barrett listen'
@@ -479,7 +479,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes --count=none --length-mode=none
             set lacks --id -n --dry-run -y --yes --history
         case 'ekso scan'
-            set opts '--ids	Ids to try, such as 1-20. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.' '--all	Keep searching after the first device, without a time limit, and search a silent line again with longer timeouts.' '--length-mode	Which bytes the length byte of a request covers: body (default), n-4, n-2 or frame. auto tries each.' '-h	Show this help.' '--help	Show this help.'
+            set opts '--ids	Ids to try, such as 1-20 or 1,2,4-12. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.' '--all	Keep searching after the first device, without a time limit, and search a silent line again with longer timeouts.' '--length-mode	Which bytes the length byte of a request covers: body (default), n-4, n-2 or frame. auto tries each.' '-h	Show this help.' '--help	Show this help.'
             set takes --ids=none --length-mode=none
             set lacks --id -n --dry-run -y --yes --history
         case 'ekso listen'
@@ -599,7 +599,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes --count=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set lacks --id --baud -n --dry-run -y --yes --history
         case 'aidin scan'
-            set opts '--ids	Ids to try, such as 1-20. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.' '--all	Keep searching after the first device, without a time limit, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unprompted (stream), on request (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
+            set opts '--ids	Ids to try, such as 1-20 or 1,2,4-12. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.' '--all	Keep searching after the first device, without a time limit, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.' '--exchange	When the hand sends feedback: unprompted (stream), on request (poll), or only after a command (command). auto (default) detects it.' '--poll-json	The JSON object that requests feedback (default: {}). It must not be a command.' '--tx-terminator	The terminator sent after each object (default: newline).'
             set takes --ids=none --exchange=choice:auto,stream,poll,command --poll-json=none --tx-terminator=choice:newline,none,nul,crlf
             set lacks --id --baud -n --dry-run -y --yes --history
         case 'aidin listen'
@@ -717,7 +717,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run, use a serial line (the default).' '--can	With --fake or --dry-run, use CAN instead of a serial line.' '--modbus-tcp	With --fake or --dry-run, use Modbus TCP instead of a serial line.' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
         case 'hand scan'
-            set opts '--ids	Ids to try, such as 1-20. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.' '--all	Keep searching after the first device, without a time limit, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run, use a serial line (the default).' '--can	With --fake or --dry-run, use CAN instead of a serial line.' '--modbus-tcp	With --fake or --dry-run, use Modbus TCP instead of a serial line.' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
+            set opts '--ids	Ids to try, such as 1-20 or 1,2,4-12. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.' '--all	Keep searching after the first device, without a time limit, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.' '--serial	With --fake or --dry-run, use a serial line (the default).' '--can	With --fake or --dry-run, use CAN instead of a serial line.' '--modbus-tcp	With --fake or --dry-run, use Modbus TCP instead of a serial line.' '--model	Generation: df, tp, f1 or dg2, or the name on the label, such as RH56DFTP. Without it handctl detects the generation.' '--side	Left or right hand. The hand itself cannot report it.' '--protocol	The protocol on a serial line (default: auto, which tries EB90, then Modbus RTU).'
             set takes --ids=none --model=none --side=choice:left,right --protocol=choice:auto,eb90,modbus
             set lacks -n --dry-run -y --yes --history
         case 'hand listen'
@@ -769,7 +769,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '-h	Show this help.' '--help	Show this help.'
             set lacks -p --port --fake --facts -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity
         case 'scan'
-            set opts '-p	The link to search (default: all serial ports that are free and accessible). Can be repeated.' '--port	The link to search (default: all serial ports that are free and accessible). Can be repeated.' '--family	Search for this family only. Can be repeated.' '--ids	Ids to try, such as 1-20. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.' '--all	Keep searching after the first device, without a time limit, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.'
+            set opts '-p	The link to search (default: all serial ports that are free and accessible). Can be repeated.' '--port	The link to search (default: all serial ports that are free and accessible). Can be repeated.' '--family	Search for this family only. Can be repeated.' '--ids	Ids to try, such as 1-20 or 1,2,4-12. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.' '--all	Keep searching after the first device, without a time limit, and search a silent line again with longer timeouts.' '-h	Show this help.' '--help	Show this help.'
             set takes -p=link --port=link --family=choice:exo,wrist,barrett,ekso,aidin,hand --ids=none
             set lacks -p --port -n --dry-run -y --yes --history --assume-identity
         case 'top'

@@ -144,14 +144,14 @@ def test_prose_is_wrapped_in_its_column_before_the_table_is_given_up() -> None:
     lines = shown("barrett", "diagnose", 80).lines
     place = next(i for i, line in enumerate(lines) if line.startswith("odometer.F1"))
     column = lines[1].index("Evidence")
-    assert lines[place] == "odometer.F1             fail    5956 strokes: worm.F1 never recorded: counted"
-    assert lines[place + 1] == " " * column + "from 0; overdue by 956"
+    assert lines[place] == "odometer.F1             fail    worm.F1: 5956 strokes, no greasing recorded,"
+    assert lines[place + 1] == " " * column + "counted from new; overdue by 956"
     narrow = shown("barrett", "diagnose", 40).lines
     place = narrow.index("odometer.F1  Status: fail")
     assert narrow[place + 1 : place + 4] == [
-        "  Evidence: 5956 strokes: worm.F1 never",
-        "    recorded: counted from 0; overdue by",
-        "    956",
+        "  Evidence: worm.F1: 5956 strokes, no",
+        "    greasing recorded, counted from new;",
+        "    overdue by 956",
     ]
 
 

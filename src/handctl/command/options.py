@@ -422,8 +422,8 @@ reads_option = click.option(
 scan_options = combined_options(
     click.option(
         "--ids",
-        metavar="FROM-TO",
-        help="Ids to try, such as 1-20. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.",
+        metavar="IDS",
+        help="Ids to try, such as 1-20 or 1,2,4-12. Default: the one given with --id, otherwise all (on CAN 1 to 254), starting with the usual one.",
     ),
     click.option(
         "--all",

@@ -51,7 +51,7 @@ def _verbs(tree: Node) -> Iterable[str]:
 
 
 def _asks(tree: Node) -> Iterable[str]:
-    """Which commands of each family ask first, and which start at once, by their rows."""
+    """Which commands of each family ask first, and which start immediately, by their rows."""
     rows = []
     for family in [node for node in tree.children if node.path[0] in FAMILIES]:
         first, at_once = [], []
@@ -61,7 +61,7 @@ def _asks(tree: Node) -> Iterable[str]:
             first += [" ".join(filter(None, (name, asked)))] if leaf.asks else []
             at_once += [" ".join(filter(None, (name, else_)))] if else_ or not leaf.asks else []
         rows.append((f"`{family.path[0]}`", ", ".join(first), ", ".join(at_once)))
-    return _markdown(("family", "asks first", "starts at once"), rows)
+    return _markdown(("family", "asks first", "starts immediately"), rows)
 
 
 MAKERS: dict[str, Callable[[Node], Iterable[str]]] = {

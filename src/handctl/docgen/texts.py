@@ -43,7 +43,7 @@ OUTPUT = (
 )
 
 SAFETY = (
-    "Many movements start at once, without asking. Other commands ask first, and without a terminal they need `--yes`: the "
+    "Many commands start a movement immediately, without asking. Others ask first, and without a terminal they need `--yes`: the "
     "table in handctl-safety(7) lists both. `--dry-run` prints the exact bytes and sends nothing. Values outside the "
     "documented range are refused, never clamped. Writes are read back and never retried. Ctrl-C stops a movement as far as "
     "the device's protocol allows.",

@@ -103,7 +103,7 @@ def _with_reading(run: Run, proof: Proof, meter: float | None) -> Proof:
     """The proof with what a person reads from an instrument: --meter, or typed now."""
     if meter is None and run.asks and not run.settings.dry_run:
         try:
-            meter = float(run.prompts.text(f"{proof.typed} Enter leaves it out.").replace(",", "."))
+            meter = float(run.prompts.text(f"{proof.typed} Press Enter to skip.").replace(",", "."))
         except ValueError:
             meter = None
     return proof._replace(ask=partial(proof.ask, meter))

@@ -152,8 +152,8 @@ class Service:
         service = before.get("service", {})
         told = {key: getattr(wishes, key) or service.get(key) for key in ("complaint", "ticket")}
         if wishes.written:
-            told["complaint"] = told["complaint"] or ask("What is the complaint? Enter leaves it out.")
-            told["ticket"] = told["ticket"] or ask("What is the number of the ticket? Enter leaves it out.")
+            told["complaint"] = told["complaint"] or ask("What is the complaint? Press Enter to skip.")
+            told["ticket"] = told["ticket"] or ask("What is the number of the ticket? Press Enter to skip.")
         self.find(before)
         self.lines[:0] = recorded
         actions: dict[str, Callable[[], Iterable[Check]]] = {
@@ -225,7 +225,7 @@ class Service:
 
     def _declined(self, name: str) -> bool:
         answer = self._asked(
-            lambda: self.run.prompts.text(f"{name}: {self.wishes.steps[name]}. Enter starts it, s skips it.")
+            lambda: self.run.prompts.text(f"{name}: {self.wishes.steps[name]}. Press Enter to start or s to skip.")
         )
         return answer is None or answer.casefold() in ("s", "skip")
 

@@ -287,7 +287,7 @@ def add_care_commands(group: Group) -> None:
             def ask(step: light.LightStep) -> bool:
                 proof = step.proof
                 if proof.level == READ:
-                    text = f"{proof.name}: {proof.how}. Enter starts it, s skips it."
+                    text = f"{proof.name}: {proof.how}. Press Enter to start or s to skip."
                     return not run.asks or run.prompts.text(text).casefold() not in ("s", "skip")
                 try:
                     run.confirm(f"{proof.name}: {proof.question}", proof.steps(hand))

@@ -184,7 +184,7 @@ def odometer(patient: ExaminedHand) -> list[Finding]:
     found = []
     for motor in MOTORS:
         worst = max((row for row in rows if row["motor"] == motor), key=lambda row: int(row["value"]))
-        evidence = f"{worst['value']} strokes: {worst['point']} {worst['label']}"
+        evidence = f"{worst['point']}: {worst['value']} strokes, {worst['label']}"
         remedy = "" if worst["status"] == OK else "grease, then `handctl barrett maintenance --greased POINT`"
         found.append(Finding(f"odometer.{motor}", str(worst["status"]), evidence, remedy, "barrett §7.3"))
     return found
@@ -304,7 +304,7 @@ def spread_greasing(patient: ExaminedHand) -> list[Finding]:
     """The palm's spur gears: the spread's row among the odometers, once more by name."""
     (row,) = [row for row in patient.greasing() if row["motor"] == "SPREAD"]
     remedy = "" if row["status"] == OK else Hint("{}", "barrett maintenance --steps lubrication")
-    return [Finding("spread_greasing", str(row["status"]), f"{row['value']} strokes: {row['label']}", remedy, "barrett §7.3")]  # fmt: skip
+    return [Finding("spread_greasing", str(row["status"]), f"{row['value']} strokes, {row['label']}", remedy, "barrett §7.3")]  # fmt: skip
 
 
 def open_position(patient: ExaminedHand) -> list[Finding]:

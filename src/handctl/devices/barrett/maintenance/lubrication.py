@@ -21,8 +21,8 @@ from handctl.model.checks import FAIL, SKIPPED, TONES, WARNING
 from handctl.model.result import Cell, Grid, Row, Table
 
 FILE, WHAT = "barrett-greasing.json", "greasing journal"
-NEVER = "never recorded: counted from 0"
-WHOSE = "serial number 0, so the journal was not used (see --hand NAME): counted from 0"
+NEVER = "no greasing recorded, counted from new"
+WHOSE = "serial number 0, so the journal was not used (see --hand NAME), counted from new"
 
 
 class GreasePoint(NamedTuple):
@@ -122,7 +122,7 @@ class MaintenanceLog:
                 if entry is not None and entry["odometer"] > self.at["OD", motor]:
                     self._hand.journal.warn(
                         "odometer-back",
-                        f"{point.name}.{motor}: greased at odometer {entry['odometer']}, which now reads {self.at['OD', motor]}, so this is another hand or has new electronics. Counted from 0",
+                        f"{point.name}.{motor}: greased at odometer {entry['odometer']}, which now reads {self.at['OD', motor]}, so this is another hand or has new electronics. Counted from new",
                     )
                     entry = None
                 rows.append(self._point(point, motor, entry))
