@@ -134,20 +134,29 @@ def test_an_exception_is_told_as_what_it_is(wire: str, code: int, error: type[Ha
 
 @pytest.mark.parametrize("wire", [EB90, RTU])
 @pytest.mark.parametrize("silent", [False, True])
-def test_a_hand_that_counts_words_is_not_claimed_to_stand(wire: str, silent: bool) -> None:
-    """The speeds of an RH56F1 lie elsewhere. Where it shows itself nothing is written; else the claim stays out."""
+@pytest.mark.parametrize("shown", [0, 1, 2])
+def test_a_hand_that_counts_words_is_stopped_if_it_shows_itself_twice(wire: str, silent: bool, shown: int) -> None:
+    """The speeds of an RH56F1 lie elsewhere. Who does not show itself is not claimed to stand, and who answers is not written to."""
 
     def change(request: bytes, answer: bytes) -> Pieces:
         address = struct.unpack_from("<H", request, 5)[0] if wire == EB90 else struct.unpack_from(">H", request, 2)[0]
+        if address == 1064 and shown == 1:
+            odd.memory[2 * 1064 : 2 * 1070] = bytes(12)
         return [] if silent and 1100 < address != 1522 else as_it_is(request, answer)
 
+    own = {"protocol": "modbus" if wire == RTU else "eb90"}
     odd = Odd(wire, words_only(), change)
-    stopped, _ = stop(odd, protocol="modbus" if wire == RTU else "eb90")
-    assert stopped.error is (ProtocolError if silent else DeviceRefused) and "--model" in stopped.hint, stopped
-    assert bool(odd.writes) == silent
-    typed = Odd(wire, words_only(), change)
-    assert stop(typed, model="f1", protocol="modbus" if wire == RTU else "eb90")[0].error is None
-    assert typed.memory[2 * 1052 : 2 * 1058] == bytes(12) and len(typed.writes) == 1
+    if shown == 0:
+        odd.memory[2 * 1064 : 2 * 1070] = bytes(12)
+    stopped, _ = stop(odd, **own)
+    if shown == 2:
+        assert stopped.error is None and odd.memory[2 * 1052 : 2 * 1058] == bytes(12)
+    else:
+        assert stopped.error is (ProtocolError if silent else DeviceRefused) and "--model" in stopped.hint, stopped
+    assert len(odd.writes) == silent + (shown == 2)
+    odd = Odd(wire, words_only())
+    assert stop(odd, model="f1", **own)[0].error is None
+    assert odd.memory[2 * 1052 : 2 * 1058] == bytes(12) and len(odd.writes) == 1
 
 
 EXO = {1606: bytes(5), 1612: bytes(6), 1618: bytes((31, 32, 33, 34, 35, 0))}

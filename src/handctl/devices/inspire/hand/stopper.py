@@ -1,20 +1,23 @@
 """The stop of an RH56 hand: speed 0 for every finger (rh56 §6). It is no emergency stop: a finger runs on a little.
 
-One quick read shows whether a hand of byte addresses is there. Who shows itself as something else is not written to. Who is
-silent is: then it is asked again behind the acknowledgement, since the speeds of F1 and DG2 lie elsewhere. There the
-generation must have been typed, or named with the device.
+One quick read shows whether a hand of byte addresses is there. The speeds of F1 and DG2 lie elsewhere: who shows itself twice as
+one of these is stopped as such. Who shows itself as something else is not written to. Who is silent is, and is asked again
+behind the acknowledgement.
 """
 
 from __future__ import annotations
 
 from collections.abc import Generator
+from typing import Any
 
 from handctl.devices.inspire import can_frames, modbus_frames
-from handctl.devices.inspire.hand.generation import map_of, over_tcp
-from handctl.devices.inspire.hand.map import HandRegister
-from handctl.devices.inspire.identity import STATES, is_five_wide, is_six_wide, within
+from handctl.devices.inspire.hand.generation import KINDS, map_of, over_tcp
+from handctl.devices.inspire.hand.map import DG2, F1, MAPS, HandRegister
+from handctl.devices.inspire.identity import STATES, TABLE, is_five_wide, is_six_wide, within
+from handctl.devices.inspire.register_bus import Span
 from handctl.devices.inspire.stop_wires import CAN, EB90, QUICK, RTU, TAKEN, TCP, Read, Wire, lead, seen_since
 from handctl.errors import DeviceRefused, LinkError, NoAnswer, ProtocolError
+from handctl.model.param import ParamMap
 from handctl.model.stop_repetition import REPEAT_FOR, after_late_replies, repeat_until_answered
 from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, did_not_last
 
@@ -61,19 +64,38 @@ def stop_steps(context: StopContext) -> StopSequence:
 
 def _stop(context: StopContext, name: str) -> Generator[StopStep, Pieces, Stopped]:
     hand, wire = map_of(context.settings), Wire(context, name, first=lead(context) if name == EB90 else b"")
-    register = hand["speed_set"]
     # CAN ids are the hand's own, and eight bytes tell nothing
-    asks = register.per == 1 and name != CAN and not context.proven
-    states: bytes | None = None
-    if asks:
-        step, found = wire.asking(*STATES, ASKS)
-        states = found(
-            (yield StopStep(step, QUICK, lambda came: found(came) is not None, reads=True, ahead=wire.first))
-        )
-        if states is not None and not _is_hand(states):
-            return _other(states)
+    asks = hand["speed_set"].per == 1 and name != CAN and not context.proven
+    states = (yield from _quick(wire, STATES)) if asks else None
+    if states is not None and not _is_hand(states):
+        shown = None if is_five_wide(within([(STATES[0], states)])) else (yield from _word_map(wire))
+        return _other(states) if shown is None else (yield from _stop_by(context, wire, shown))
+    if not asks or states is not None:
+        return (yield from _stop_by(context, wire, hand))
+    if (failed := (yield from _speed_0(context, wire, hand))) is not None:
+        return failed
+    step, found = wire.asking(*STATES, ASKS)
+    states = yield from after_late_replies(
+        context, (yield from repeat_until_answered(context, step, found, reads=True, ahead=wire.first))
+    )
+    if states is not None and _is_hand(states):
+        return (yield from _lasting(wire, hand))
+    if (shown := (yield from _word_map(wire))) is not None:
+        return (yield from _stop_by(context, wire, shown))
+    text = "a device acknowledged speed 0, but it does not look like an RH56 hand with byte addresses"
+    return Stopped(text, LABEL, ProtocolError)
+
+
+def _stop_by(context: StopContext, wire: Wire, hand: ParamMap[Any]) -> Generator[StopStep, Pieces, Stopped]:
+    """The stop of a hand whose map is known."""
+    return (yield from _speed_0(context, wire, hand)) or (yield from _lasting(wire, hand))
+
+
+def _speed_0(context: StopContext, wire: Wire, hand: ParamMap[Any]) -> Generator[StopStep, Pieces, Stopped | None]:
+    """Speed 0 where this map has it; why it was not acknowledged."""
+    register = hand["speed_set"]
     zeros = b"".join(register.encode(0) for _ in range(register.count))
-    size = can_frames.MAX_COUNT if name == CAN else len(zeros)
+    size = can_frames.MAX_COUNT if wire.name == CAN else len(zeros)
     for start in range(0, len(zeros), size):
         place, data = (register.address + start) // register.per, zeros[start : start + size]
         step, verdict = wire.writing(place, data, "set the speed of every finger to 0")
@@ -83,18 +105,38 @@ def _stop(context: StopContext, name: str) -> Generator[StopStep, Pieces, Stoppe
             return Stopped("speed 0 was sent but not acknowledged", POWER, ProtocolError if heard.came else NoAnswer)
         if said != TAKEN:
             return BY_GATEWAY.get(said, REFUSED_IT)
-    if asks and states is None:
-        step, found = wire.asking(*STATES, ASKS)
-        states = yield from after_late_replies(
-            context, (yield from repeat_until_answered(context, step, found, reads=True, ahead=wire.first))
-        )
-        if states is None or not _is_hand(states):
-            text = "a device acknowledged speed 0, but it does not look like an RH56 hand with byte addresses"
-            return Stopped(text, LABEL, ProtocolError)
+    return None
+
+
+def _lasting(wire: Wire, hand: ParamMap[Any]) -> Generator[StopStep, Pieces, Stopped]:
+    """After an acknowledged speed 0: whether it lasts."""
+    register = hand["speed_set"]
     stopped = Stopped(f"the hand acknowledged speed 0 for every finger. {GOES_ON}. {POWER}")
     places = lambda: _values(wire, hand["angle_actual"])  # noqa: E731
     against = yield from seen_since(places, lambda: _values(wire, register), [0] * register.count, STILL)
     return did_not_last(stopped, against) if against else stopped
+
+
+def _quick(wire: Wire, span: Span) -> Generator[StopStep, Pieces, bytes | None]:
+    """What is there, if it comes at once: it must not hold up the stop."""
+    step, found = wire.asking(*span, ASKS)
+    return found((yield StopStep(step, QUICK, lambda came: found(came) is not None, reads=True, ahead=wire.first)))
+
+
+def _word_map(wire: Wire) -> Generator[StopStep, Pieces, ParamMap[Any] | None]:
+    """The map of an F1 or DG2 that shows itself twice in a row (rh56 §1.1); None for anything else."""
+    for model in (F1, DG2):
+        sign = next(sign for sign in TABLE if sign.kind is KINDS[model])
+        for _ in range(2):
+            read = []
+            for span in sign.reads:
+                data = yield from _quick(wire, span)
+                read += [] if data is None else [(span[0], data)]
+            if not sign.shows(within(read)):
+                break
+        else:
+            return MAPS[model]
+    return None
 
 
 def _is_hand(states: bytes) -> bool:
