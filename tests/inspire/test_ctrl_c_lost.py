@@ -10,8 +10,8 @@ import pytest
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.exo import device as exo_motion
 from handctl.devices.inspire.hand import motion as hand_motion
+from handctl.devices.inspire.hand.detect_generation import ModelGate
 from handctl.devices.inspire.hand.device import Hand
-from handctl.devices.inspire.hand.generation import ModelGate
 from handctl.devices.inspire.map import EXO
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import DeviceRefused, HandctlError

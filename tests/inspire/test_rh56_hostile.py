@@ -12,8 +12,8 @@ import pytest
 
 from handctl.devices.inspire.can_bus import CanBus
 from handctl.devices.inspire.hand import motion
+from handctl.devices.inspire.hand.detect_generation import ModelGate
 from handctl.devices.inspire.hand.device import Hand
-from handctl.devices.inspire.hand.generation import ModelGate
 from handctl.devices.inspire.hand.map import BYTE_MAP
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.register_bus import RegisterBus

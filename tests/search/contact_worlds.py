@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 from handctl.devices.aidin.device import outside
 from handctl.devices.aidin.map import FEEDBACK
 from handctl.devices.ekso.map import MESSAGES, Word
-from handctl.devices.inspire.hand.map import BYTE_MAP, DF, TP
+from handctl.devices.inspire.hand.generations import DF, TP
+from handctl.devices.inspire.hand.map import BYTE_MAP
 from handctl.devices.inspire.map import EXO, WRIST, Register
 from handctl.sim.ekso.device import crc
 from tests.support.odd_devices import odd_aidin, odd_ekso, odd_registers

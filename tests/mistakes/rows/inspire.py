@@ -28,7 +28,7 @@ ROWS = (
     mistake(
         "inspire-writes-to-what-shows-itself-in-part",
         "false identity",
-        "handctl.devices.inspire.hand.generation",
+        "handctl.devices.inspire.hand.detect_generation",
         "ModelGate._judge",
         "if found.in_part:",
         "if False:",

@@ -10,7 +10,8 @@ from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import procedures
-from handctl.devices.inspire.hand.map import DF, IP_ADDRESS, MODELS, TP
+from handctl.devices.inspire.hand.generations import DF, MODELS, TP
+from handctl.devices.inspire.hand.map import IP_ADDRESS
 from handctl.devices.inspire.modbus_frames import TCP_PORT
 from handctl.errors import CheckFailed, DeviceRefused, Hint, UsageError
 from handctl.model.param import Element, Number, elements_of

@@ -19,9 +19,11 @@ from handctl.command.get_set_watch import Unequal, ask_released, bounds_of, tell
 from handctl.command.options import ALWAYS, BOUNDS, COMMAND_LINE, NEGATIVE_NUMBERS, REPLY_WAIT, SECONDS, streaming
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
+from handctl.devices.inspire.hand.detect_generation import ModelGate
 from handctl.devices.inspire.hand.device import Hand
-from handctl.devices.inspire.hand.generation import (
-    ModelGate,
+from handctl.devices.inspire.hand.generations import DG2
+from handctl.devices.inspire.hand.map import BYTE_MAP, SPEEDS
+from handctl.devices.inspire.hand.model_and_protocol import (
     asks_rtu,
     check,
     map_of,
@@ -31,7 +33,6 @@ from handctl.devices.inspire.hand.generation import (
     simulated,
     typed_model,
 )
-from handctl.devices.inspire.hand.map import BYTE_MAP, DG2, SPEEDS
 from handctl.devices.inspire.map import ALONE, address_in
 from handctl.devices.inspire.modbus_frames import TCP_PORT
 from handctl.devices.inspire.register_bus import RegisterBus

@@ -1,7 +1,7 @@
 """The RH56 hands: reading, writing and judging their registers, whichever generation and wire. Returns readings and Tables.
 
 A hand sits on a robot or a bench. It closes within a second: what moves it is asked for first, and refused while the
-hand reports a fault (rh56 §9). Movements are in `motion`, what is kept in `procedures`, which generation it is in `generation`.
+hand reports a fault (rh56 §9). Movements are in `motion`, what is kept in `procedures`, which generation it is in `detect_generation`.
 """
 
 from __future__ import annotations
@@ -10,23 +10,17 @@ from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
-from handctl.devices.inspire.hand.generation import LABEL, Found, ModelGate, contradiction
+from handctl.devices.inspire.hand.detect_generation import LABEL, Found, ModelGate, contradiction
+from handctl.devices.inspire.hand.generations import DF, DG2, F1, FORCE_MOST, MODELS, THUMB_DEFAULT, TP
 from handctl.devices.inspire.hand.map import (
     BLOCKED,
     BYTE_MAP,
     CAN_SPEEDS,
-    DF,
-    DG2,
-    F1,
-    FORCE_MOST,
     HOT,
     IP_ADDRESS,
     MAPS,
-    MODELS,
     OVER_TEMPERATURE,
     SPEEDS,
-    THUMB_DEFAULT,
-    TP,
     HandRegister,
 )
 from handctl.devices.inspire.identity import BYTE_HAND, NOT_SHOWN, UNHEARD, naming_duplicate_id, stranger

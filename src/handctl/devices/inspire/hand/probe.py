@@ -10,8 +10,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from handctl.devices.inspire.hand.generation import AT, LABEL, asks_rtu, look, spoken
+from handctl.devices.inspire.hand.detect_generation import AT, LABEL, look
 from handctl.devices.inspire.hand.map import BLOCKED, BYTE_MAP, FINGERS, HOT, IP_ADDRESS, STATUS, UNMEASURED
+from handctl.devices.inspire.hand.model_and_protocol import asks_rtu, spoken
 from handctl.devices.inspire.identity import BYTE_HAND, Kind, Row4, same_id
 from handctl.devices.inspire.map import DRAWN
 from handctl.devices.inspire.modbus_bus import ModbusBus
