@@ -17,19 +17,9 @@ from handctl.command.options import ALWAYS, InFile, WholeRange
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.barrett.device import BarrettHand, step_of
 from handctl.devices.barrett.firmware.cli import add_firmware
-from handctl.devices.barrett.gcl.codec import (
-    COMMANDS,
-    ERRORS,
-    KINDS,
-    SPEED,
-    explain_status,
-    hint_for,
-    kind_of,
-    motor_prefix,
-    motors_of,
-    split_status,
-)
+from handctl.devices.barrett.gcl.codec import COMMANDS, KINDS, SPEED, kind_of, motor_prefix, motors_of
 from handctl.devices.barrett.gcl.line import GclLine
+from handctl.devices.barrett.gcl.status_codes import STATUS_CODES, explain_status, hint_for, split_status
 from handctl.devices.barrett.maintenance.cli import add_care_commands
 from handctl.devices.barrett.map import BARRETT, BAUD_CODES, SPEEDS, check_careful
 from handctl.devices.barrett.realtime.cli import add_realtime
@@ -172,7 +162,7 @@ def version(run: Run) -> Table:
 @click.argument("code", required=False, type=WholeRange(0, 1 << 32))
 def errors(run: Run, code: int | None) -> Table:
     """Explain status codes as the manual does. CODE can be a sum. Needs no device."""
-    codes = sorted(ERRORS) if code is None else split_status(code)
+    codes = sorted(STATUS_CODES) if code is None else split_status(code)
     rows = [{"code": bit, "meaning": explain_status(bit), "next": hint_for(bit) if bit else ""} for bit in codes or [0]]
     columns = (Column("code", "Code", right=True), Column("meaning", "Meaning"), Column("next", "Next step"))
     return Table(rows=rows, columns=columns)

@@ -9,7 +9,8 @@ from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property, partial
 from typing import Any
 
-from handctl.devices.barrett.gcl.codec import ERRORS, MOTORS
+from handctl.devices.barrett.gcl.codec import MOTORS
+from handctl.devices.barrett.gcl.status_codes import STATUS_CODES
 from handctl.errors import UsageError
 from handctl.fast_classes import fast_dataclass
 from handctl.model.param import SETTING, Element, Number, Param, ParamMap, elements_of
@@ -61,7 +62,7 @@ class GclParam(Param):
     @cached_property
     def alarms(self) -> Mapping[int, str]:
         """The codes of the status, whose sum it is (barrett §5.1.3, T3)."""
-        return {code: f"{text} ({code})" for code, (text, _) in ERRORS.items()} if self.mnemonic == "S" else {}
+        return {code: f"{text} ({code})" for code, (text, _) in STATUS_CODES.items()} if self.mnemonic == "S" else {}
 
     def parse(self, text: str, where: str = "") -> Number:
         try:

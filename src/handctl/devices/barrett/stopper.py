@@ -14,8 +14,9 @@ from collections.abc import Generator, Sequence
 from functools import partial
 from typing import NamedTuple
 
-from handctl.devices.barrett.gcl.codec import Answer, Decoder, encode, explain_status, has_prompt
+from handctl.devices.barrett.gcl.codec import Answer, Decoder, encode, has_prompt
 from handctl.devices.barrett.gcl.connect_table import SAFE_ABORT, abort_at
+from handctl.devices.barrett.gcl.status_codes import explain_status
 from handctl.devices.barrett.map import SPEEDS
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step

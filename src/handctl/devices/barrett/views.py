@@ -9,7 +9,8 @@ import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from handctl.devices.barrett.gcl.codec import ERRORS, MOTORS, explain_status, split_status
+from handctl.devices.barrett.gcl.codec import MOTORS
+from handctl.devices.barrett.gcl.status_codes import STATUS_CODES, explain_status, split_status
 from handctl.devices.barrett.maintenance.health import LIMIT_TENTHS
 from handctl.devices.barrett.map import BARRETT, POSITIONS, TENTHS, TRAVEL, GclParam, careful, implausible
 from handctl.errors import HandctlError, Hint, NoAnswer, ProtocolError
@@ -82,7 +83,8 @@ def unhealthy(rows: Sequence[Row]) -> list[Finding]:
         if status:
             motors = [motor for motor in MOTORS if at.get(("S", motor)) == status]
             keys = tuple(
-                f"{ERRORS[bit][0]} ({bit})" if bit in ERRORS else "unknown" for bit in split_status(int(status))
+                f"{STATUS_CODES[bit][0]} ({bit})" if bit in STATUS_CODES else "unknown"
+                for bit in split_status(int(status))
             )
             found.append(Finding(f"{', '.join(motors)}: {explain_status(int(status))}", keys))
     found += [

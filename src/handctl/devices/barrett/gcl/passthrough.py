@@ -8,18 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from handctl.devices.barrett import eeprom
 from handctl.devices.barrett.device import BarrettHand, refuse
-from handctl.devices.barrett.gcl.codec import (
-    COMMANDS,
-    OVER_TEMPERATURE,
-    Answer,
-    encode,
-    explain_status,
-    kind_of,
-    motor_prefix,
-    motors_of,
-    split,
-    whole,
-)
+from handctl.devices.barrett.gcl.codec import COMMANDS, Answer, encode, kind_of, motor_prefix, motors_of, split, whole
+from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, explain_status
 from handctl.devices.barrett.map import BARRETT, careful
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.files import state_path

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 from handctl.devices.barrett import proofs
 from handctl.devices.barrett.device import BarrettHand, step_of
-from handctl.devices.barrett.gcl.codec import BANNER, MOTORS, explain_status, has_prompt, shows_heat
+from handctl.devices.barrett.gcl.codec import BANNER, MOTORS, has_prompt
+from handctl.devices.barrett.gcl.status_codes import explain_status, shows_heat
 from handctl.devices.barrett.maintenance import harm, health, lubrication, strain
 from handctl.devices.barrett.maintenance.diagnose import ExaminedHand, Values, slowest
 from handctl.devices.barrett.map import BARRETT, FINGERS, travel_seconds

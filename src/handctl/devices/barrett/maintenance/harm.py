@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from handctl.devices.barrett import motion
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.codec import MOTORS, OVER_TEMPERATURE, shows_heat
+from handctl.devices.barrett.gcl.codec import MOTORS
+from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, shows_heat
 from handctl.devices.barrett.maintenance import health
 from handctl.devices.barrett.map import implausible
 from handctl.errors import Aftermath, DeviceRefused, HandctlError, Hint, NoAnswer

@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from handctl.devices.barrett.gcl.codec import MOTORS, explain_status, hint_for
+from handctl.devices.barrett.gcl.codec import MOTORS
+from handctl.devices.barrett.gcl.status_codes import explain_status, hint_for
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, GclParam
 from handctl.errors import Hint, joined
 from handctl.model.checks import FAIL, OK, SKIPPED, WARNING
