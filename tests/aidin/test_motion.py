@@ -11,7 +11,7 @@ from handctl.devices.aidin import motion, procedures
 from handctl.devices.aidin.map import ANGLES, ENCODERS, TIPS
 from handctl.devices.aidin.motion import parse
 from handctl.errors import CheckFailed, Interrupted, LinkError, NoAnswer, ProtocolError
-from handctl.model import stop_sequence
+from handctl.model import stop_on_interrupt
 from handctl.model.prompts import Prompts
 from tests.aidin.support import (
     AT_ORIGIN,
@@ -305,7 +305,7 @@ def test_a_second_interrupt_and_a_lost_link_are_told() -> None:
     for write, word, error in ((again, "interrupted again", NoAnswer), (lost, "gone", LinkError)):
         link = streamer()
         link.write = write  # type: ignore[method-assign,assignment]
-        ended = stop_sequence.stop_without_interrupts(hand_on(link).stop, Prompts())
+        ended = stop_on_interrupt.stop_without_interrupts(hand_on(link).stop, Prompts())
         assert type(ended) is error and word in ended.text and ended.code == "not-stopped"
 
 

@@ -19,7 +19,7 @@ from handctl.link import ByteLink, Deadline, open_link
 from handctl.model.param import Number, elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
-from handctl.model.stop_sequence import NOT_STOPPED
+from handctl.model.stop_on_interrupt import NOT_STOPPED
 from tests.inspire.wrist_support import wrist_on
 from tests.support.each_row import each_row
 from tests.support.scripted import RecordedLink, changing, hand_on

@@ -15,7 +15,7 @@ from handctl.command.batch_and_shell import line
 from handctl.command.several_devices import Each, EveryAccess
 from handctl.errors import STOPPED
 from handctl.link import ByteLink, open_link
-from handctl.model.stop_sequence import NOT_STOPPED
+from handctl.model.stop_on_interrupt import NOT_STOPPED
 from tests.support.cli import Result, check_schema, environment, in_time, run
 from tests.support.each_row import each_row
 

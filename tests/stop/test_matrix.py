@@ -29,7 +29,8 @@ from handctl.model.param import elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
 from handctl.model.settings import Settings
-from handctl.model.stop_sequence import Stopped, context_for_link, interrupt_error, run_stop, stop_sequence_of
+from handctl.model.stop_on_interrupt import interrupt_error
+from handctl.model.stop_sequence import Stopped, context_for_link, run_stop, stop_sequence_of
 from handctl.stop.device_access import DeviceAccess
 from tests.stop.far import Far, Weather
 from tests.support.each_row import each_row

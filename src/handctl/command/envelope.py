@@ -233,7 +233,7 @@ def interrupted(run: Invocation) -> HandctlError:
     stop = run.journal.still_moving()
     if stop is None:
         return Interrupted("interrupted")
-    from handctl.model.stop_sequence import stop_without_interrupts
+    from handctl.model.stop_on_interrupt import stop_without_interrupts
 
     return stop_without_interrupts(stop, run.prompts)
 

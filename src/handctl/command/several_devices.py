@@ -21,7 +21,7 @@ from handctl.command.options import OutFile
 from handctl.command.run import PlannedAction, Run
 from handctl.errors import STOPPED, HandctlError, Hint, Interrupted, LinkError, UsageError, joined
 from handctl.model.result import Column, Grid, Row, Sample, Table
-from handctl.model.stop_sequence import NOT_STOPPED
+from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.screen.render import default_view
 from handctl.stop.device_access import DeviceAccess, report
 from handctl.stop.stop_listener import STOP_SECONDS

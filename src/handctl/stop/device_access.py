@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import STOPPED, HandctlError, Interrupted, LinkError
+from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.model.stop_sequence import (
-    NOT_STOPPED,
     Sent,
     StopContext,
     Stopped,

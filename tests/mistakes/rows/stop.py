@@ -138,7 +138,7 @@ ROWS = (
     mistake(
         "stop-130-without-an-acknowledgement",
         "wrong exit code",
-        TALK,
+        "handctl.model.stop_on_interrupt",
         "interrupt_error",
         "if stopped.error is None:",
         "if stopped.text:",

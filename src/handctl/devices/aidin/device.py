@@ -18,7 +18,8 @@ from handctl.model.param import Element, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Finding, Grid, Row, Table
 from handctl.model.sampling import Moment
-from handctl.model.stop_sequence import StopContext, Stopped, interrupt_error, on_early_end
+from handctl.model.stop_on_interrupt import interrupt_error, on_early_end
+from handctl.model.stop_sequence import StopContext, Stopped
 
 SLACK = 0.01
 """Share of a range by which a value may be outside: encoders and angles jitter at the stops."""

@@ -45,7 +45,8 @@ from handctl.model.movement import (
 from handctl.model.param import Element, Number, ParamMap, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Column, Row, Table, hex_bytes
-from handctl.model.stop_sequence import Stopped, interrupt_error, on_early_end
+from handctl.model.stop_on_interrupt import interrupt_error, on_early_end
+from handctl.model.stop_sequence import Stopped
 from handctl.wording import plural
 
 FAILS = (NoAnswer, ProtocolError, DeviceRefused)

@@ -16,7 +16,7 @@ from handctl.files import state_path
 from handctl.interrupts import reset_interrupts
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table
-from handctl.model.stop_sequence import interrupt_error
+from handctl.model.stop_on_interrupt import interrupt_error
 from handctl.system import terminal
 
 if TYPE_CHECKING:

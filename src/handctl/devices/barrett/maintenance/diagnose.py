@@ -41,7 +41,7 @@ from handctl.model.movement import ANY, REACHED
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Grid, Row, Table
-from handctl.model.stop_sequence import ended_by_interrupt
+from handctl.model.stop_on_interrupt import ended_by_interrupt
 from handctl.wording import plural
 
 USUAL = ("firmware", "status", "can_move", "parameters", "over_temperature_limit", "temperature", "odometer", "strain")

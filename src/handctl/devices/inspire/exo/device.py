@@ -26,7 +26,7 @@ from handctl.model.param import Element, Number, Reading, Step, elements_of, giv
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Finding, Grid, Journal, Row, Table
 from handctl.model.settings import Settings
-from handctl.model.stop_sequence import stopped_by_ctrl_c
+from handctl.model.stop_on_interrupt import stopped_by_ctrl_c
 
 LIVE = ("position_actual", "force_actual", "current", "error", "temperature")
 """What changes by itself: the default of `watch`."""

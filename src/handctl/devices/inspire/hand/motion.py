@@ -24,7 +24,7 @@ from handctl.model.movement import REACHED, AxisReading, Goal, Stillness, Watch
 from handctl.model.param import Changes, Element, Number, Reading, ValueChange, elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table
-from handctl.model.stop_sequence import on_early_end
+from handctl.model.stop_on_interrupt import on_early_end
 
 MOVED = {course.target: course.actual for course in SETPOINT_PAIRS}
 """What is commanded -> what shows where it is."""

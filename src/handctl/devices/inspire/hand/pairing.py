@@ -25,7 +25,7 @@ from handctl.link import ByteLink
 from handctl.model.param import Step, elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.scan_task import ScanTask
-from handctl.model.stop_sequence import on_early_end
+from handctl.model.stop_on_interrupt import on_early_end
 from handctl.wording import plural
 
 LEFT, RIGHT = "left", "right"
