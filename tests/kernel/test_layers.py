@@ -40,7 +40,17 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("interrupts", ("system.*",)),
     ("files", ("errors", "system.*")),
     ("wording", ("errors", "families")),
-    ("cli", (*GROUND, "command.command_tree", "command.several_devices", "lazy_stdlib", "screen.sanitize")),
+    (
+        "cli",
+        (
+            *GROUND,
+            "command.command_tree",
+            "command.exit_codes",
+            "command.several_devices",
+            "lazy_stdlib",
+            "screen.sanitize",
+        ),
+    ),
     ("__main__", ("cli",)),
     ("model.device", (*GROUND, "link.deadman", "model.*")),
     ("model.sampling", (*GROUND, "link", "model.*")),
