@@ -8,7 +8,7 @@ in closed form from the time that passed, so a jump of virtual time gives the sa
 from __future__ import annotations
 
 from handctl.sim.engine.simulated_device import Random
-from handctl.sim.inspire.servo import CLEARABLE, LOCKED_ROTOR, Servo, bounded
+from handctl.sim.inspire.actuator_faults import CLEARABLE, LOCKED_ROTOR, Servo, bounded
 
 FINGERS = ("little", "ring", "middle", "index", "thumb")
 # Power-on values, all different so that a swapped finger is seen.

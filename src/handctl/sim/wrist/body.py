@@ -10,7 +10,7 @@ Which actuator drives which axis is not said; here both work for either, so a st
 from __future__ import annotations
 
 from handctl.sim.engine.simulated_device import Random
-from handctl.sim.inspire.servo import CLEARABLE, LOCKED_ROTOR, Servo, bounded
+from handctl.sim.inspire.actuator_faults import CLEARABLE, LOCKED_ROTOR, Servo, bounded
 
 PITCH, YAW = 0, 1
 AXES = ("pitch", "yaw")

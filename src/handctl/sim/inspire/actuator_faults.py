@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 HEATING = 0.06  # °C above rest per mA above rest, once settled
 SETTLING = 60.0  # s, time constant of heating and cooling
 COOLER = 10.0  # °C below the limit at which the over-temperature error goes away
-E = 2.718281828459045
+EULER = 2.718281828459045
 
 LOCKED_ROTOR, OVER_TEMPERATURE, OVER_CURRENT, MOTOR_ABNORMAL, COMMUNICATION = 1, 2, 4, 8, 16  # exo §2.3.12
-LATCHED = {  # fault -> (finger, error byte): another finger for each bit, so that a swap is seen
+ACTUATOR_FAULTS = {  # fault -> (finger, error byte): another finger for each bit, so that a swap is seen
     "locked-rotor": (0, 1),
     "over-temperature": (1, 2),
     "over-current": (2, 4),
@@ -54,7 +54,7 @@ class Servo:
         """Lets time pass at a current that is `rise` mA above rest."""
         settled = self.ambient + HEATING * rise
         if self.temperature != settled:
-            self.temperature = settled + (self.temperature - settled) * E ** (-seconds / SETTLING)
+            self.temperature = settled + (self.temperature - settled) * EULER ** (-seconds / SETTLING)
 
     def error(self) -> int:
         """The error byte. Bit 1 follows the temperature alone (exo §2.3.3 note)."""
@@ -82,7 +82,9 @@ class Servo:
         self.hot = self.temperature >= self.limit or (self.hot and self.temperature > self.limit - COOLER)
 
 
-def strike(servos: Sequence[Servo], faults: frozenset[str], every: Sequence[int], latched: Latched = LATCHED) -> None:
+def apply_faults(
+    servos: Sequence[Servo], faults: frozenset[str], every: Sequence[int], latched: Latched = ACTUATOR_FAULTS
+) -> None:
     """Puts the actuators into the states of these faults; `every` are the error bytes of the fault "faults"."""
     for number, servo in enumerate(servos):
         byte = every[number] if "faults" in faults and number < len(every) else 0
@@ -95,7 +97,7 @@ def strike(servos: Sequence[Servo], faults: frozenset[str], every: Sequence[int]
             servo.cool_down()
 
 
-def latched_help(places: Sequence[str], latched: Latched = LATCHED) -> dict[str, str]:
+def fault_help(places: Sequence[str], latched: Latched = ACTUATOR_FAULTS) -> dict[str, str]:
     """What these faults are, of actuators with these names."""
     texts = {}
     for name, (place, byte) in latched.items():
@@ -105,7 +107,7 @@ def latched_help(places: Sequence[str], latched: Latched = LATCHED) -> dict[str,
     return texts
 
 
-def heat(servos: Sequence[Servo], faults: frozenset[str]) -> None:
+def start_hot(servos: Sequence[Servo], faults: frozenset[str]) -> None:
     """Behind a power-on: with the fault "hot" all begin above the limit."""
     for number, servo in enumerate(servos) if "hot" in faults else ():
         servo.temperature = servo.limit + 1.0 + number
