@@ -53,7 +53,7 @@ class FamilyRow:
                          what acknowledges them
                 remedies  optional, `REMEDIES`: what a finding means and what to do, see `model.outline`
                 outline  optional, in `remedies`, `OUTLINE`: its fingers or joints in their place, see `model.outline`
-                page     optional, see `docgen.texts`: EXAMPLES, FILES and `section` of its manual page
+                page     optional, see `docgen.man_sections`: EXAMPLES, FILES and `section` of its manual page
     codec     module of its frame, which has the manual's name; `sign` in it says what in bytes that came shows its
               protocol, "" = nothing
     scan      its turn in `handctl scan`, the lowest first: what could disturb others comes late

@@ -22,7 +22,7 @@ import pytest
 
 from handctl.command.command_tree import HEADINGS, USUAL
 from handctl.command.family import load
-from handctl.docgen.tree import map_of
+from handctl.docgen.read_command_tree import map_of
 from handctl.errors import ProtocolError
 from handctl.families import COMMANDS, FAMILIES, LISTED
 from handctl.link.fake import FakeFrames, FakeLink

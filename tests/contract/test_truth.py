@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from handctl.command.family import in_words
-from handctl.docgen.tree import map_of
+from handctl.docgen.read_command_tree import map_of
 from handctl.families import FAMILIES
 from handctl.model.explainer import DEVICE, HOST
 from handctl.model.param import Param, elements_of

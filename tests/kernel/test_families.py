@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from handctl.docgen.tree import map_of
+from handctl.docgen.read_command_tree import map_of
 from handctl.families import FAMILIES
 from handctl.link import NoLink, open_link
 from handctl.model.param import (

@@ -107,7 +107,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ),
     ("api", (*GROUND, "command.*", "model.result", "model.settings")),
     ("hands", ("api", "families", "command.library_call", "model.result")),
-    ("docgen.library", ("api", "families")),
+    ("docgen.library_stub", ("api", "families")),
     (
         "docgen*",
         (
@@ -156,7 +156,16 @@ OUTSIDE: list[tuple[str, tuple[str, ...]]] = [
     ("rich", ("screen.*",)),
     (
         "click",
-        ("cli", "api", "command.*", "devices.*cli", "tools.*", "sim.cli", "docgen.tree", "docgen.library"),
+        (
+            "cli",
+            "api",
+            "command.*",
+            "devices.*cli",
+            "tools.*",
+            "sim.cli",
+            "docgen.read_command_tree",
+            "docgen.library_stub",
+        ),
     ),
     ("crcmod", ("devices.*",)),
     ("bincopy", ("devices.barrett.*",)),

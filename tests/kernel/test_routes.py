@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import pytest
 
-from handctl.docgen.tree import map_of
+from handctl.docgen.read_command_tree import map_of
 from handctl.model.param import Element, Param, elements_of
 from tests.support.cli import run
 from tests.support.each_row import each_row

@@ -1,6 +1,6 @@
 """The completions of bash, zsh, fish and PowerShell: one table of what may follow where, written out for each shell.
 
-The walk over a line is the shell's own, in `completion.bash` and so on beside this file: the table is put into it. No process
+The walk over a line is the shell's own, in `completion_template.bash` and so on beside this file: the table is put into it. No process
 is started for a TAB. Options are looked up in words of the form `--opt=token`; see `tree.Value.token` for the tokens.
 """
 
@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
 from typing import ClassVar
 
-from handctl.docgen.tree import Node, Option
+from handctl.docgen.read_command_tree import Node, Option
 from handctl.families import FAMILIES
 from handctl.model.param import Param
 
@@ -40,7 +40,7 @@ class Shell:
     """
 
     path = "bash/handctl"
-    source = "completion.bash"
+    source = "completion_template.bash"
     keys: ClassVar = ("read", "set", "name", "elements", "values")
     node: ClassVar = ("        {}) ", " ", " ;;")
     map: ClassVar = ("        {})\n            ", "\n            ", "\n            ;;")
@@ -141,7 +141,7 @@ class Zsh(Shell):
     """With helps."""
 
     path = "zsh/_handctl"
-    source = "completion.zsh"
+    source = "completion_template.zsh"
     node = map = ("        ({})\n            ", "\n            ", "\n            ;;")
     globs = ("(N)", "(N:t)")
 
@@ -162,7 +162,7 @@ class Fish(Shell):
     """With helps."""
 
     path = "fish/handctl.fish"
-    source = "completion.fish"
+    source = "completion_template.fish"
     keys = ("readable", "settable", "known", "elements", "values")
     node = map = ("        case {}\n            ", "\n            ", "")
     whole = False
@@ -187,7 +187,7 @@ class PowerShell(Shell):
     """Its tables are text, not hash tables: those take -v and -V for one key."""
 
     path = "powershell/handctl.ps1"
-    source = "completion.ps1"
+    source = "completion_template.ps1"
     node = ("        {} {{ ", "; ", " }")
     map = ("        '{}' {{\n            ", "\n            ", "\n        }")
     whole = False

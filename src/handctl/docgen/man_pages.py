@@ -1,6 +1,6 @@
 """The man pages: handctl(1), one for each top-level command, as git has it, and one of section 7 for each guide.
 
-Everything but the prose of `texts` comes from the command tree, the parameter maps, the error tree and the options.
+Everything but the prose of `man_sections` comes from the command tree, the parameter maps, the error tree and the options.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from typing import Any
 
 from handctl import __version__, errors, guides
 from handctl.command.help_text import examples_of
-from handctl.docgen import texts
-from handctl.docgen.completion import mnemonic
+from handctl.docgen import man_sections
+from handctl.docgen.completion_scripts import mnemonic
+from handctl.docgen.read_command_tree import Node, Option
 from handctl.docgen.roff import Page, bold, escape, italic, marked
-from handctl.docgen.tree import Node, Option
 from handctl.families import FAMILIES
 from handctl.guides import Code, Heading, Item, Para, Table
 from handctl.model.device_picture import UNKNOWN, remedies_of
@@ -56,7 +56,7 @@ def _root(tree: Node) -> str:
         "Each has an environment variable, and a key in the configuration file. The command line goes before the "
         "environment, then comes what a named device says, then the file."
     )
-    for text in texts.SAFETY:
+    for text in man_sections.SAFETY:
         page.para(marked(text))
     page.section("COMMANDS")
     for node in tree.children:
@@ -67,10 +67,10 @@ def _root(tree: Node) -> str:
     page.section("OPTIONS")
     _options(page, tree.options)
     page.section("LINKS")
-    for link, text in texts.LINKS:
+    for link, text in man_sections.LINKS:
         page.item(bold(link), marked(text))
     page.section("OUTPUT")
-    for text in texts.OUTPUT:
+    for text in man_sections.OUTPUT:
         page.para(marked(text))
     return _closing(page, tree, tree)
 
@@ -214,9 +214,9 @@ def _closing(page: Page, node: Node, tree: Node) -> str:
             page.item(bold(variable), text)
 
     def files_of(command: str) -> Sequence[tuple[str, str]]:
-        return _own(command, "FILES") or texts.FILES.get(command, ())
+        return _own(command, "FILES") or man_sections.FILES.get(command, ())
 
-    files = [*files_of(name), *(texts.FILES["devices"] if name in FAMILIES else ())]
+    files = [*files_of(name), *(man_sections.FILES["devices"] if name in FAMILIES else ())]
     if not name:
         files = [entry for child in tree.children for entry in files_of(child.path[0]) if "/" in entry[0]]
     if files:
