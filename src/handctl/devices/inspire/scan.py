@@ -31,9 +31,9 @@ from handctl.model.result import Journal, Row
 from handctl.model.scan_task import ScanTask
 from handctl.wording import plural
 
-SPEEDS = (115200, 57600, 19200)
+SCAN_BAUD_RATES = (115200, 57600, 19200)
 """exo §2.3.2; the wrist's manual has 115200 only, its hand's the others too."""
-MOST = 4096
+MOST_CAN_IDS = 4096
 """Ids in one CAN scan at the most; all 16383 would only be traffic for the others on the bus."""
 WHO = tuple[Kind, "str | None", str]
 """Kind, model (None = open), and what shows it."""
@@ -57,7 +57,7 @@ class Target(NamedTuple):
     twin: Span
     value: str
     silence_hint: str
-    speeds: tuple[int, ...] = SPEEDS
+    speeds: tuple[int, ...] = SCAN_BAUD_RATES
     both_ways: bool = False
     can: Span | None = None
     look: Callable[[RegisterBus], WHO] | None = None
@@ -72,9 +72,9 @@ class Target(NamedTuple):
 def parse_ids(text: str, wire: str) -> list[int]:
     """``1-254`` or ``1,2,10-20`` -> ids in that order, on CAN up to 16383, at most 4096 of them. Raises UsageError."""
     ids = ids_in(text, can_frames.check_id if wire == "can" else eb90.check_id)
-    if len(ids) > MOST:
+    if len(ids) > MOST_CAN_IDS:
         raise UsageError(
-            f"--ids {text}: these are {plural(len(ids), 'id')}, but a scan asks 1 to {MOST}",
+            f"--ids {text}: these are {plural(len(ids), 'id')}, but a scan asks 1 to {MOST_CAN_IDS}",
             hint="scan in parts, such as --ids 1-254",
         )
     return ids
@@ -167,7 +167,7 @@ class Sweep:
     def _on_line(self, link: ByteLink) -> None:
         speeds: list[int | None] = [link.baud]
         if link.can_set_baud and self.task.baud is None:
-            speeds = list(self.lead.speeds if len(self.targets) == 1 else SPEEDS)
+            speeds = list(self.lead.speeds if len(self.targets) == 1 else SCAN_BAUD_RATES)
         found = Findings()
         with at_speed(link, None):
             if self.eb90:

@@ -22,7 +22,7 @@ from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire.hand.detect_generation import ModelGate
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.generations import DG2
-from handctl.devices.inspire.hand.map import BYTE_MAP, SPEEDS
+from handctl.devices.inspire.hand.map import BYTE_MAP, HAND_BAUD_RATES
 from handctl.devices.inspire.hand.model_and_protocol import (
     asks_rtu,
     check,
@@ -92,7 +92,7 @@ cli = Group(
         map_of=map_of,
         other_maps=other_maps,
         simulated=simulated,
-        speeds=tuple(SPEEDS.values()),
+        speeds=tuple(HAND_BAUD_RATES.values()),
     ),
     first=("angle", "position", "speed", "force", "clear-errors", "calibrate", "scan"),
     help="Inspire RH56 dexterous hands, over RS-232, RS-485, CAN or Modbus. For Modbus TCP use -p tcp://HOST. "

@@ -26,16 +26,16 @@ STATUS = {
     7: "fault", 8: "emergency stop", 255: "no command yet",
 }  # fmt: skip
 """rh56 §3.1; 8 on F1 only (§3.2), 255 before the first command."""
-BLOCKED = frozenset({5, 6, 7, 8})
+NO_MOVE_STATUS = frozenset({5, 6, 7, 8})
 """Status codes with which a hand is not moved (rh56 §9)."""
-HOT = 70
+TOO_HOT_TO_MOVE = 70
 """°C from which on a hand is not moved: ours, no manual has a limit (rh56 §9)."""
-UNMEASURED = 255
+NO_TEMPERATURE = 255
 """A temperature that is none (rh56 §1.1)."""
 
-SPEEDS = {0: 115200, 1: 57600, 2: 19200, 3: 921600}
+HAND_BAUD_RATES = {0: 115200, 1: 57600, 2: 19200, 3: 921600}
 """Codes of a serial line in bit/s; 3 on TP, F1 and DG2 only (rh56 §2.1)."""
-CAN_SPEEDS = {0: 1_000_000, 1: 500_000}
+HAND_CAN_BITRATES = {0: 1_000_000, 1: 500_000}
 """The same codes on TP's CAN build (rh56 §2.1)."""
 IP_ADDRESS = "ip_address"
 OCTETS = ("a", "b", "c", "d")
@@ -63,9 +63,9 @@ _KEPT: dict[str, Any] = {"access": "rw", "kind": SETTING, "persistent": "yes"}
 _SET: dict[str, Any] = {"access": "rw", "kind": COMMAND}
 _DO: dict[str, Any] = {**_U8, "access": "w", "kind": TRIGGER, "low": 1, "high": 1}
 _GO: dict[str, Any] = {"access": "rw", "kind": COMMAND, "acts": MOVES, "special": {-1: "left as it is"}}
-_CODES = {code: f"{rate} baud" for code, rate in SPEEDS.items()}
+_CODES = {code: f"{rate} baud" for code, rate in HAND_BAUD_RATES.items()}
 _LEFT = {-1: "left as it is"}
-_WARM = {UNMEASURED: "not measured"}
+_WARM = {NO_TEMPERATURE: "not measured"}
 
 # fmt: off
 BYTE_MAP: ParamMap[Any] = ParamMap("hand", [

@@ -11,7 +11,15 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from handctl.devices.inspire.hand.detect_generation import AT, LABEL, look
-from handctl.devices.inspire.hand.map import BLOCKED, BYTE_MAP, FINGERS, HOT, IP_ADDRESS, STATUS, UNMEASURED
+from handctl.devices.inspire.hand.map import (
+    BYTE_MAP,
+    FINGERS,
+    IP_ADDRESS,
+    NO_MOVE_STATUS,
+    NO_TEMPERATURE,
+    STATUS,
+    TOO_HOT_TO_MOVE,
+)
 from handctl.devices.inspire.hand.model_and_protocol import asks_rtu, spoken
 from handctl.devices.inspire.identity import BYTE_HAND, Kind, Row4, same_id
 from handctl.devices.inspire.map import DRAWN
@@ -178,7 +186,7 @@ def fingers(held: Values, *, swaps: bool = False) -> Row4:
     found: dict[str, list[str]] = {}
     keys: list[str] = []
     for part, code in held.get("status", {}).items():
-        if code in BLOCKED or code == EMERGENCY:
+        if code in NO_MOVE_STATUS or code == EMERGENCY:
             found.setdefault(part, []).append(f"status {code}, {STATUS[code]}")
             keys.append(STATUS[code])
     for part, bits in held.get("error", {}).items():
@@ -186,7 +194,7 @@ def fingers(held: Values, *, swaps: bool = False) -> Row4:
             found.setdefault(part, []).append(f"error 0x{bits:02X}")
             keys += (BYTE_MAP["error"].label(bits) or "").split(", ")
     for part, degrees in held.get("temperature", {}).items():
-        if HOT <= degrees != UNMEASURED:
+        if TOO_HOT_TO_MOVE <= degrees != NO_TEMPERATURE:
             found.setdefault(part, []).append(f"{degrees} °C")
             keys.append("hot")
     if not found:
