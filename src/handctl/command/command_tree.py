@@ -199,7 +199,7 @@ class Group(Described, click.Group):
 class Root(Group):
     """The root: lists its commands from `families` and imports the module of the one that is used.
 
-    in_lines  further commands of a line that is one of several (`command.batch_and_shell`)
+    in_lines  further commands of a line that is one of several (`command.command_lines`)
     """
 
     in_lines: dict[str, click.Command] = {}  # noqa: RUF012 - there is one root

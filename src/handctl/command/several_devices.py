@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from handctl.command import snapshots
-from handctl.command.batch_and_shell import ScriptLine, line
+from handctl.command.command_lines import ScriptLine, parse_line
 from handctl.command.library_call import Call
 from handctl.command.options import OutFile
 from handctl.command.run import PlannedAction, Run
@@ -135,7 +135,7 @@ class Each:
                 return LinkError("it is not connected: nothing was sent", hint=hint, code=NOT_STOPPED)
             clock.sleep(OPENING_SECONDS)
         assert self.line.leaf.family is not None
-        other = Each(self.name, line([self.line.leaf.family.kind, "stop", "-d", self.name], {}))
+        other = Each(self.name, parse_line([self.line.leaf.family.kind, "stop", "-d", self.name], {}))
         other.work(lambda _name, _rows: None)
         said = [message.text for message in other.run.journal.messages if message.code == STOPPED]
         return other.run.outcome.failure or Interrupted(f"{who}: {' '.join(said)}", code=STOPPED)
@@ -206,14 +206,14 @@ def run(words: Sequence[str], found: tuple[int, str, tuple[str, ...]]) -> None:
     place, start, names = found
     if any(word in BY_THEMSELVES for word in words):
         begin = place if start else place - 1
-        one = line([*words[:begin], *words[place + 1 :], *names], {})
+        one = parse_line([*words[:begin], *words[place + 1 :], *names], {})
         one.leaf.invoke(one.context)
         return
     every = []
     for name in names:
         own = [word.replace(NAME, name) for word in words]
         own[place] = f"{start}{name}"
-        every.append(Each(name, line(own, {})))
+        every.append(Each(name, parse_line(own, {})))
     first = every[0].line
     _check(words, every)
     alike = len({each.line.command for each in every}) == 1

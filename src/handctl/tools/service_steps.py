@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 import click
 
 from handctl.command import snapshots
-from handctl.command.batch_and_shell import line
+from handctl.command.command_lines import parse_line
 from handctl.command.family import map_of
 from handctl.command.library_call import Call
 from handctl.command.run import Run
@@ -414,11 +414,11 @@ class Service:
         if not words or self.ended is not None:
             return found
         try:
-            one = line(words, {})
+            one = parse_line(words, {})
             if one.leaf.family is not None and self.reached:
                 words += ["-d", run.settings.device] if run.settings.device else ["-p", run.link_name()]
                 words += ["--id", str(run.settings.id)] if run.settings.id is not None and one.leaf.family.ids else []
-                one = line(words, {})
+                one = parse_line(words, {})
         except (HandctlError, click.exceptions.Exit):
             return found
         found["command"] = shlex.join(["handctl", *words])

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import click
 
-from handctl.command.batch_and_shell import line
+from handctl.command.command_lines import parse_line
 from handctl.command.command_tree import Command
 from handctl.command.config import read_config
 from handctl.command.get_set_watch import bounds_of
@@ -66,7 +66,7 @@ class _Watched:
         self.came = 0
 
     def _begun(self) -> Each:
-        return Each(self.name, line(self._words, {}))
+        return Each(self.name, parse_line(self._words, {}))
 
     def limits(self, text: str) -> tuple[Bound, ...]:
         """The limit for this device. Raises UsageError where it has no such quantity."""

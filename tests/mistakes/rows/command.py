@@ -2,7 +2,7 @@
 
 from tests.mistakes.table import mistake
 
-BATCH = "handctl.command.batch_and_shell"
+BATCH = "handctl.command.command_lines"
 SESSION = "handctl.command.connection"
 
 ROWS = (
@@ -99,7 +99,7 @@ ROWS = (
     mistake(
         "batch-ends-as-the-last-failed-line",
         "wrong exit code",
-        BATCH,
+        "handctl.tools.batch",
         "_failure",
         "one, first = failed[0]",
         "one, first = failed[-1]",
@@ -135,7 +135,7 @@ ROWS = (
     mistake(
         "batch-goes-on-behind-a-failure",
         "swallowed error",
-        BATCH,
+        "handctl.tools.batch",
         "_run",
         "if error is not None and not (keep_going and error.exit_code != Interrupted.exit_code):",
         "if error is not None and error.exit_code == Interrupted.exit_code:",
@@ -144,7 +144,7 @@ ROWS = (
     mistake(
         "batch-asks-nothing",
         "missing question",
-        BATCH,
+        "handctl.tools.batch",
         "_confirmed",
         "if plan.question and not one.settings.yes and not one.settings.dry_run",
         "if plan.question and one.settings.yes and not one.settings.dry_run",
