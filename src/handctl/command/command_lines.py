@@ -14,8 +14,8 @@ from handctl.command.envelope import from_click
 from handctl.command.help_text import NoCommand
 from handctl.command.invocation import check_before
 from handctl.command.options import COMMAND_LINE, SECONDS, command_line, words_of
-from handctl.command.precedence import resolve
 from handctl.command.run import Asked, PlannedAction, Run
+from handctl.command.settings_precedence import resolve
 from handctl.errors import HandctlError, UsageError
 from handctl.model.prompts import Prompts
 

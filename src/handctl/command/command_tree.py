@@ -85,8 +85,8 @@ class Command(Described):
         if (taken := command_line(ctx).taken) is not None:
             taken(ctx)
             return
-        from handctl.command.precedence import resolve
         from handctl.command.run import Run
+        from handctl.command.settings_precedence import resolve
 
         run = Run(ctx, resolve(ctx, self.wires, urgent=self.stops), self.family)
         if not gc.isenabled():  # see `cli.main`; no loop is held up by a look through what was imported

@@ -332,10 +332,10 @@ class Run(Invocation):
         """Add what was written to the history, once, now that the device has been served. Never raises."""
         if not self.remembered and (self.journal.ledger.began or self.stopped is not None):
             self.remembered = True
-            from handctl.command import history
+            from handctl.command import write_history
 
             others = [run.link.name for run in self.others if run.link is not None]
-            history.keep(self, self.written, others, failure)
+            write_history.keep(self, self.written, others, failure)
 
     @property
     def written(self) -> list[dict[str, Any]]:

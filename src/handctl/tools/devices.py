@@ -20,8 +20,8 @@ from handctl.command.config import DEVICE_KEYS, NAME_HELP, Config, Device, is_na
 from handctl.command.config_edit import stable_name
 from handctl.command.family import Family, refuse_missing, refuse_serial
 from handctl.command.options import COMMAND_LINE, InFile, Source, command_line, own_options
-from handctl.command.precedence import resolve
 from handctl.command.run import Run
+from handctl.command.settings_precedence import resolve
 from handctl.errors import Hint, UsageError
 from handctl.families import FAMILIES, WIRES
 from handctl.files import read_text

@@ -171,7 +171,7 @@ ROWS = (
     mistake(
         "history-fails-the-command",
         "a stop ends with an error because of a full disk",
-        "handctl.command.history",
+        "handctl.command.write_history",
         "keep",
         "with suppress(Exception):",
         "with suppress(KeyError):",
@@ -180,7 +180,7 @@ ROWS = (
     mistake(
         "history-has-simulated-writes",
         "a simulator's writes look like a device's",
-        "handctl.command.history",
+        "handctl.command.write_history",
         "keep",
         "if writes and kept != OFF and (kept == ALL or not simulated):",
         "if writes and kept != OFF:",
@@ -189,7 +189,7 @@ ROWS = (
     mistake(
         "history-deletes-all-but-the-last",
         "what was written is lost",
-        "handctl.command.history",
+        "handctl.command.write_history",
         "_append",
         "for old in numbers[: max(0, len(numbers) + 1 - KEPT)]:",
         "for old in numbers[: len(numbers) + 1 - KEPT]:",

@@ -158,7 +158,7 @@ ROWS = (
     mistake(
         "facts-of-another-family-are-used",
         "another device",
-        "handctl.command.precedence",
+        "handctl.command.settings_precedence",
         "_take_facts",
         'if family is not None and family.kind != content["family"]:',
         "if family is not None and family.kind is None:",
