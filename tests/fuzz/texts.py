@@ -230,7 +230,7 @@ class EksoLog:
     def __init__(self, folder: Path) -> None:
         from handctl.devices.ekso.log import RowLayout
         from handctl.model.sampling import Moment
-        from handctl.record.source import Stamp
+        from handctl.record.row_source import Stamp
         from handctl.record.timeline import Timeline
         from tests.ekso.recordings import words_at
 

@@ -139,7 +139,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             "command.*",
             "link*",
             "model.*",
-            "record.recording",
+            "record.csv_and_sidecar",
             "charts*",
             "report*",
             "screen.*",

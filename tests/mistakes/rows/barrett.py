@@ -557,7 +557,7 @@ ROWS = (
     mistake(
         "realtime-a-recording-leaves-the-loop-late",
         "no stop",
-        "handctl.record.recording",
+        "handctl.record.recording_loop",
         "Loop.run",
         "self._source.ended()",
         "pass",

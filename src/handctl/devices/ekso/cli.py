@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from handctl.devices.ekso.audit import AuditLog
     from handctl.devices.ekso.export import Exported
     from handctl.devices.ekso.log_reader import LogFile
-    from handctl.record.source import Source
+    from handctl.record.row_source import Source
 
 
 TEXTS = ("mot", "csv")

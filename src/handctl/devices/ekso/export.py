@@ -25,7 +25,7 @@ from handctl.errors import UsageError
 from handctl.files import Spool
 from handctl.record.clock_survey import survey
 from handctl.record.log_reader import MOST_KNOWN, Span
-from handctl.record.source import MARK, clean, quoted
+from handctl.record.row_source import MARK, clean, quoted
 from handctl.record.timeline import GAP_PERIODS, LEAST_PERIOD_MS
 from handctl.wording import plural
 

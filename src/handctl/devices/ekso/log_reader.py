@@ -22,7 +22,7 @@ from handctl.record.log_reader import (
     parse_fixed,
     too_long,
 )
-from handctl.record.source import MARK
+from handctl.record.row_source import MARK
 
 CHUNK = 1 << 17
 """Bytes that are read at once."""
