@@ -27,8 +27,8 @@ from handctl.command.family import Family, load
 from handctl.command.library_call import Confirm, LibrarySession
 from handctl.errors import HandctlError, UsageError
 from handctl.families import FAMILIES, HISTORY
+from handctl.model.command_settings import Settings
 from handctl.model.result import Row, Table, name_of
-from handctl.model.settings import Settings
 from handctl.wording import sentence
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from handctl.devices.barrett.maintenance.health import Finding
 from handctl.devices.barrett.maintenance.symptoms import PROCEDURES
 from handctl.devices.barrett.map import BARRETT, GclParam
 from handctl.errors import CheckFailed, Interrupted, LinkError, UsageError
-from handctl.model.checks import FAIL, OK, SKIPPED, WARNING
+from handctl.model.check_rows import FAIL, OK, SKIPPED, WARNING
 from handctl.model.prompts import Prompts
 from tests.barrett.support import Simulated, hand_on, scripted, simulated
 from tests.support.each_row import each_row

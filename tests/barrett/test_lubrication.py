@@ -11,7 +11,7 @@ from handctl.devices.barrett import state_files
 from handctl.devices.barrett.maintenance import health
 from handctl.devices.barrett.maintenance import lubrication as upkeep
 from handctl.errors import DeviceRefused, OutputError, UsageError
-from handctl.model.checks import FAIL, OK, WARNING
+from handctl.model.check_rows import FAIL, OK, WARNING
 from tests.barrett.support import codes, scripted
 
 OD = "104233 98712 110003 20117"

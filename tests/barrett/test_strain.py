@@ -6,7 +6,7 @@ import pytest
 
 from handctl.devices.barrett.maintenance import health, strain
 from handctl.errors import CheckFailed, DeviceRefused
-from handctl.model.checks import FAIL, OK, SKIPPED, WARNING
+from handctl.model.check_rows import FAIL, OK, SKIPPED, WARNING
 from handctl.model.prompts import Prompts
 from tests.barrett.support import codes, scripted, simulated
 

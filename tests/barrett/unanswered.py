@@ -20,7 +20,7 @@ from handctl.devices.inspire.hand.probe import TARGET
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
 from handctl.link.deadman import EarlyWrite, Guard
-from handctl.model.settings import Settings
+from handctl.model.command_settings import Settings
 from handctl.model.stop_sequence import StopContext, exchange_steps, stop_sequence_of
 from handctl.tools.probes import probe_of
 from tests.barrett.line_receiver import Sent

@@ -29,7 +29,7 @@ from tests.support.loading import back_ends, heavy, loaded, ours
 ROOT = Path(handctl.__file__).parent
 GROUND = ("", "number_parsing", "errors", "families", "files", "interrupts", "fast_classes", "wording", "system.*")
 """What any room may import: they know nothing of handctl, or each other at most."""
-PURE = ("errors", "fast_classes", "model.decoder", "model.param", "@.pure")
+PURE = ("errors", "fast_classes", "model.frame_decoder", "model.param", "@.pure")
 
 RULES: list[tuple[str, tuple[str, ...]]] = [
     # room or module, what it may import of handctl (first pattern that fits; `@` is its own family, @.pure what is sans I/O there)
@@ -58,7 +58,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("model*", (*GROUND, "model.*")),
     ("link.fake", ("number_parsing", "errors", "link.base", "link.twin", "sim", "system.*")),
     ("link*", (*GROUND, "link*")),
-    ("screen*", (*GROUND, "model.limits", "model.settings", "model.result", "model.param", "screen.*")),
+    ("screen*", (*GROUND, "model.reading_limits", "model.command_settings", "model.result", "model.param", "screen.*")),
     (
         "stop*",
         (
@@ -105,7 +105,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             "tools.port_inventory",
         ),
     ),
-    ("api", (*GROUND, "command.*", "model.result", "model.settings")),
+    ("api", (*GROUND, "command.*", "model.result", "model.command_settings")),
     ("hands", ("api", "families", "command.library_call", "model.result")),
     ("docgen.library_stub", ("api", "families")),
     (

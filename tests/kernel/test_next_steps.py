@@ -15,7 +15,7 @@ import handctl
 from handctl.command.command_lines import parse_line
 from handctl.errors import Aftermath, HandctlError, Hint, NoAnswer, command_of, joined
 from handctl.families import FAMILIES
-from handctl.model.checks import FAIL, Check
+from handctl.model.check_rows import FAIL, Check
 from handctl.model.device_picture import remedies_of
 from handctl.model.result import Message
 from handctl.wording import sentence

@@ -16,8 +16,8 @@ from types import SimpleNamespace
 import pytest
 
 from handctl.errors import OutputError
+from handctl.model.command_settings import Settings
 from handctl.model.result import Column, Sample, Table
-from handctl.model.settings import Settings
 from handctl.screen.render import Sink, stream
 from tests.support.cli import (
     FINGERS,

@@ -13,10 +13,10 @@ from itertools import pairwise
 import pytest
 
 from handctl.families import FAMILIES
+from handctl.model.command_settings import Settings
 from handctl.model.device_picture import Remedy, highest_of
-from handctl.model.limits import Bound
+from handctl.model.reading_limits import Bound
 from handctl.model.result import Journal, Sample, Table
-from handctl.model.settings import Settings
 from handctl.screen import live
 from tests.contract.facts import facts_of
 from tests.support.cli import run

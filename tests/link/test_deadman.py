@@ -29,7 +29,7 @@ from handctl.errors import LinkError
 from handctl.link import CanFrame, NoLink, RawAccess, can, deadman, open_link, serial
 from handctl.link.deadman import LARGEST, EarlyWrite, _pack, _unpack, guard_link, stop_in_child
 from handctl.link.lock import InUse, hold
-from handctl.model.settings import Settings
+from handctl.model.command_settings import Settings
 from handctl.model.stop_sequence import StopContext, StopPlan, stop_sequence_of
 from handctl.system import child
 from tests.support.cli import PATIENCE, wait_until

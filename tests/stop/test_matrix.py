@@ -25,10 +25,10 @@ from handctl.devices.inspire import eb90
 from handctl.errors import OutputError
 from handctl.families import FAMILIES
 from handctl.link import RawAccess, deadman
+from handctl.model.command_settings import Settings
 from handctl.model.param import elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
-from handctl.model.settings import Settings
 from handctl.model.stop_on_interrupt import interrupt_error
 from handctl.model.stop_sequence import Stopped, context_for_link, run_stop, stop_sequence_of
 from handctl.stop.device_access import DeviceAccess

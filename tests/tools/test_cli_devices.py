@@ -14,7 +14,7 @@ import pytest
 from handctl.command import config_edit
 from handctl.errors import LinkError
 from handctl.link import lock
-from handctl.model.settings import Settings
+from handctl.model.command_settings import Settings
 from tests.support.cli import Result, Simulator, clean_environment, fake, program, run, spying, wait_until
 from tests.support.each_row import each_row
 

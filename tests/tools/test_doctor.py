@@ -16,7 +16,7 @@ from packaging.requirements import Requirement
 from handctl.errors import DeviceRefused, HandctlError, ProtocolError
 from handctl.families import FAMILIES
 from handctl.link import ByteLink, Deadline
-from handctl.model.checks import Check
+from handctl.model.check_rows import Check
 from handctl.model.result import Journal
 from handctl.tools import doctor, doctor_link
 from handctl.tools.doctor import port_checks

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from handctl.model.limits import Bound
+from handctl.model.command_settings import Settings
+from handctl.model.reading_limits import Bound
 from handctl.model.result import Journal, Row, Sample, Table
-from handctl.model.settings import Settings
 from handctl.screen.top_cards import Cards
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row

@@ -21,8 +21,8 @@ from handctl.model.prompts import Prompts
 
 if TYPE_CHECKING:
     from handctl.link import Link
+    from handctl.model.command_settings import Settings
     from handctl.model.result import Journal
-    from handctl.model.settings import Settings
 
 HERE = ("stop", "sleep")
 """Commands without a family that use the links of a session."""

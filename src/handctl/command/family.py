@@ -12,9 +12,9 @@ from handctl.fast_classes import NamedTuple
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
+    from handctl.model.command_settings import Settings
     from handctl.model.param import ParamMap
     from handctl.model.result import Journal, Table
-    from handctl.model.settings import Settings
 
 
 class Family(NamedTuple):

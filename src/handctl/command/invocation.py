@@ -24,8 +24,8 @@ from handctl.command.options import (
 from handctl.command.terminal_prompts import TerminalPrompts, print_message
 from handctl.errors import Hint, OutputError, UsageError
 from handctl.files import why_unwritable
+from handctl.model.command_settings import Settings
 from handctl.model.result import Journal, Message
-from handctl.model.settings import Settings
 from handctl.system.folders import config_path
 
 if TYPE_CHECKING:

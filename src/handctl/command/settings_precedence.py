@@ -26,7 +26,7 @@ from handctl.command.options import (
     words_of,
 )
 from handctl.errors import UsageError
-from handctl.model.settings import Settings
+from handctl.model.command_settings import Settings
 from handctl.system.folders import config_path
 
 
@@ -73,10 +73,10 @@ def resolve(ctx: click.Context, wires: tuple[str, ...] = (), device: str = "", *
 
 def _take_facts(ctx: click.Context, chosen: _Chosen, own: Mapping[str, Any]) -> None:
     """What the facts file says where nothing else does. Raises UsageError for a file of another family."""
-    from handctl.model import facts
+    from handctl.model import facts_file
 
     path = chosen.values["facts"]
-    content = facts.read(path)
+    content = facts_file.read(path)
     family = getattr(ctx.command, "family", None)
     if family is not None and family.kind != content["family"]:
         raise UsageError(
@@ -84,7 +84,7 @@ def _take_facts(ctx: click.Context, chosen: _Chosen, own: Mapping[str, Any]) -> 
             hint=f"use the file of this device: `handctl prove {family.kind} -o FILE` makes one. Nothing was sent.",
             code="facts",
         )
-    for key, value in facts.settings_of(content, path).items():
+    for key, value in facts_file.settings_of(content, path).items():
         if key not in own:
             chosen.offer(key, value, Source(FACTS, path))
 

@@ -15,7 +15,7 @@ from handctl.screen.sanitize import short, shown
 from handctl.wording import honest, sentence
 
 if TYPE_CHECKING:
-    from handctl.model.settings import Settings
+    from handctl.model.command_settings import Settings
     from handctl.model.write_ledger import Ledger
 
 

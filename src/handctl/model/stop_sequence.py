@@ -24,8 +24,8 @@ from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer
 from handctl.families import FAMILIES
 from handctl.fast_classes import NamedTuple
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
+from handctl.model.command_settings import Settings
 from handctl.model.param import Step
-from handctl.model.settings import Settings
 
 if TYPE_CHECKING:
     from handctl.model.write_ledger import Ledger

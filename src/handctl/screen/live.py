@@ -21,7 +21,7 @@ from rich.text import Text
 
 from handctl import interrupts
 from handctl.errors import STOPPED, Interrupted
-from handctl.model.limits import severity
+from handctl.model.reading_limits import severity
 from handctl.model.result import Row, Sample, Table
 from handctl.screen.csv_output import Wide
 from handctl.screen.sanitize import text_shown
@@ -31,7 +31,7 @@ from handctl.system.terminal import FINE
 from handctl.wording import plural, sentence
 
 if TYPE_CHECKING:
-    from handctl.model.limits import Bound
+    from handctl.model.reading_limits import Bound
     from handctl.screen.render import Context
 
 

@@ -24,7 +24,7 @@ from handctl.screen.sanitize import no_formula, shown, text_shown, utf8_stdout, 
 from handctl.wording import plural
 
 if TYPE_CHECKING:
-    from handctl.model.settings import Settings
+    from handctl.model.command_settings import Settings
 
     class Context(Protocol):
         """What rendering needs to know of the running command."""

@@ -16,9 +16,9 @@ from handctl.command.options import COMMAND_LINE, NAMED
 from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, UsageError
 from handctl.link import Deadline
 from handctl.link.lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock
+from handctl.model.command_settings import Settings
 from handctl.model.param import Step
 from handctl.model.result import Column, Table
-from handctl.model.settings import Settings
 from handctl.model.stop_sequence import Sent, StopContext, StopSequence, stop_sequence_of, writes_without_replies
 from handctl.stop.device_access import DeviceAccess, lock_for, report, stopped_at
 from handctl.system import clock, processes

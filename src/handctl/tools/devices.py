@@ -27,8 +27,8 @@ from handctl.families import FAMILIES, WIRES
 from handctl.files import read_text
 from handctl.link import NoFrames, NoLink, is_can
 from handctl.link.base import SCHEMES
+from handctl.model.command_settings import Settings
 from handctl.model.result import Column, Row, Table
-from handctl.model.settings import Settings
 from handctl.tools.probes import family_of
 
 MOST = 1_000_000

@@ -23,7 +23,7 @@ from handctl.command.run import Run
 from handctl.errors import Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES, SCANNED, WIRES
 from handctl.link import ByteLink, Deadline, Link
-from handctl.model.checks import Check, table_of
+from handctl.model.check_rows import Check, table_of
 from handctl.model.result import Journal, Table
 from handctl.system import advice
 from handctl.tools import ports as port_tool
@@ -34,7 +34,7 @@ from handctl.tools.scan_report import Search, report
 from handctl.tools.scan_run import LinkScan
 
 if TYPE_CHECKING:
-    from handctl.model.settings import Settings
+    from handctl.model.command_settings import Settings
 
 
 PYTHON = (3, 10)

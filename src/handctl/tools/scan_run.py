@@ -11,7 +11,7 @@ from handctl.command.run import Run
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.families import SCANNED
 from handctl.link import ByteLink, Deadline, Link
-from handctl.model.other_devices import has_frame_of
+from handctl.model.other_family_bytes import has_frame_of
 from handctl.model.result import Journal, LineQuality, Row
 from handctl.model.scan_task import ScanTask
 from handctl.number_parsing import number_in

@@ -12,7 +12,7 @@ from handctl.command.run import Run
 from handctl.errors import CheckFailed, UsageError
 from handctl.families import FAMILIES
 from handctl.link.fake import meaning_of
-from handctl.model.checks import FAIL, OK, SKIPPED, Check
+from handctl.model.check_rows import FAIL, OK, SKIPPED, Check
 from handctl.model.result import Row, Table
 from handctl.tools.service_steps import Service, Wishes, findings
 from handctl.wording import sentence

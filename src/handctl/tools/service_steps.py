@@ -33,8 +33,8 @@ from handctl.errors import (
 from handctl.families import SCANNED
 from handctl.files import PAGE_DATA, in_page, read_text
 from handctl.link.transcript import TraceWriter, observed
-from handctl.model.checks import FAIL, OK, SKIPPED, TONES, WARNING, Check, table_of
-from handctl.model.checks import view as checks_view
+from handctl.model.check_rows import FAIL, OK, SKIPPED, TONES, WARNING, Check, table_of
+from handctl.model.check_rows import view as checks_view
 from handctl.model.param import ParamMap
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.report import DATA, RequestedOptions, Visit, refuse

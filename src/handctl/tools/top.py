@@ -16,7 +16,7 @@ from handctl.command.options import LIMIT, streaming
 from handctl.command.run import Run
 from handctl.command.several_devices import DEVICE, LEAVE_SECONDS, POLL_SECONDS, Each, EveryAccess
 from handctl.errors import CheckFailed, UsageError, joined
-from handctl.model.limits import Bound, Watchdog
+from handctl.model.reading_limits import Bound, Watchdog
 from handctl.model.result import Column, Row, Sample, Table
 from handctl.system import clock
 

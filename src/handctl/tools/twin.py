@@ -23,7 +23,7 @@ from handctl.link.fake import FakeLink, split_url
 from handctl.link.transcript import Entry
 from handctl.link.twin import values_of
 from handctl.model.explainer import DEVICE, ExplainedBytes
-from handctl.model.facts import read as read_facts
+from handctl.model.facts_file import read as read_facts
 from handctl.model.result import Cell, Column, Grid, RoundTrips, Row, Table
 from handctl.tools.trace import MOST_DIFFERENCES, Exchange, changes, compare, exchanges, family_option
 from handctl.tools.trace_read import CASE, TranscriptLine, TranscriptReader, TranscriptRow, chosen, lines_of, opened

@@ -5,7 +5,7 @@ from tests.mistakes.table import mistake
 PROOFS = "handctl.model.proofs"
 OF_INSPIRE = "handctl.devices.inspire.proofs"
 OF_BARRETT = "handctl.devices.barrett.proofs"
-FACTS = "handctl.model.facts"
+FACTS = "handctl.model.facts_file"
 CHANGE = "tests/tools/test_prove.py::test_a_change_of_the_simulator_is_found"
 ODD = "tests/pins/test_faults.py::test_pins"
 BACK = "tests/tools/test_prove.py::test_what_was_written_is_put_back"

@@ -24,7 +24,7 @@ from handctl.devices.aidin.motion import Goal, ramp
 from handctl.devices.aidin.procedures import AT_STOP, STILL, check_homed, moving, named, stroke
 from handctl.devices.aidin.stopper import PERIOD
 from handctl.errors import CheckFailed, Hint, reworded
-from handctl.model.checks import FAIL, OK, SKIPPED, WARNING, Check, table_of
+from handctl.model.check_rows import FAIL, OK, SKIPPED, WARNING, Check, table_of
 from handctl.model.param import Number, Step
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Table

@@ -19,10 +19,10 @@ from handctl.devices.aidin.exchange_settings import exchange_settings_of
 from handctl.devices.aidin.map import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, Mode, Target
 from handctl.errors import Hint, UsageError
 from handctl.link import ByteLink
+from handctl.model.command_settings import Settings
 from handctl.model.device import Gate, limits_of
 from handctl.model.param import Step
 from handctl.model.result import Journal
-from handctl.model.settings import Settings
 from handctl.model.stop_sequence import HEARTBEAT_TIMEOUT
 
 PORT = 8000

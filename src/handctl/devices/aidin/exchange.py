@@ -18,8 +18,8 @@ from handctl.devices.aidin.map import FEEDBACK, AidinParam
 from handctl.devices.aidin.stopper import PERIOD
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline
-from handctl.model.decoder import frames_in
 from handctl.model.device import OTHER_FORM, Gate, Line
+from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Element, Number
 from handctl.model.result import Journal, hex_bytes
 from handctl.model.sampling import Moment

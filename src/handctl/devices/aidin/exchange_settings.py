@@ -15,7 +15,7 @@ from handctl.errors import UsageError
 from handctl.wording import plural
 
 if TYPE_CHECKING:
-    from handctl.model.settings import Settings
+    from handctl.model.command_settings import Settings
 
 DEEPEST = 8
 COMMANDS = frozenset(param.key.lower() for param in AIDIN if not param.readable)

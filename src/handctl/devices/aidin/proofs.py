@@ -17,7 +17,7 @@ from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.json_codec import TERMINATORS, Decoder
 from handctl.devices.aidin.map import AIDIN, ANGLES, ENCODERS, Target
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
-from handctl.model.decoder import frames_in
+from handctl.model.frame_decoder import frames_in
 from handctl.model.movement import ANY
 from handctl.model.param import elements_of
 from handctl.model.prompts import Prompts

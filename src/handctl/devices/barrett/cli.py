@@ -27,10 +27,10 @@ from handctl.devices.barrett.views import GCL, row_of
 from handctl.errors import Hint, UsageError
 from handctl.files import read_text
 from handctl.link import ByteLink
+from handctl.model.command_settings import Settings
 from handctl.model.device import limits_of
 from handctl.model.param import Element, Number, Step
 from handctl.model.result import Column, Journal, Table
-from handctl.model.settings import Settings
 
 MOTORS_OPTION = click.option(
     "--motors", metavar="12S", help="Motors: digits 1 to 4, G for the fingers, S for the spread (default: all)."

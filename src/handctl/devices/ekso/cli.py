@@ -24,11 +24,11 @@ from handctl.devices.ekso.map import EKSO
 from handctl.devices.ekso.policy import largest_step, write_limits_of
 from handctl.errors import Hint, OutputError, UsageError
 from handctl.link import ByteLink
+from handctl.model.command_settings import Settings
 from handctl.model.device import Gate, limits_of
 from handctl.model.export_formats import FORMATS
 from handctl.model.param import Step
 from handctl.model.result import Column, Journal, Table
-from handctl.model.settings import Settings
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.audit import AuditLog

@@ -22,7 +22,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from handctl.errors import ProtocolError, UsageError
-from handctl.model.decoder import Stream
+from handctl.model.frame_decoder import Stream
 
 OVERHEAD = 6
 LENGTH_MODES: dict[str, int] = {"body": 0, "n-4": 2, "n-2": 4, "frame": 6}

@@ -30,7 +30,7 @@ from handctl.devices.inspire.register_bus import FRESH, READS, Span, ahead, at_s
 from handctl.devices.inspire.serial_bus import SerialBus, frames_of_others, headless
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, CanFrame, Deadline
-from handctl.model.decoder import frames_in
+from handctl.model.frame_decoder import frames_in
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal, LineQuality
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from handctl.devices.inspire import can_frames, eb90, modbus_frames
 from handctl.devices.inspire.register_bus import ahead, question
-from handctl.model.decoder import frames_in
+from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
 from handctl.model.stop_repetition import after_late_replies, repeat_until_answered
 from handctl.model.stop_sequence import BETWEEN, Pieces, StopContext, StopStep, silence

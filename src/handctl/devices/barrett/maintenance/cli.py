@@ -270,7 +270,7 @@ def add_care_commands(group: Group) -> None:
         """
         from handctl.devices.barrett.maintenance import first_light as light
         from handctl.devices.barrett.probe import ping
-        from handctl.model import facts
+        from handctl.model import facts_file
         from handctl.model.proofs import READ, table_of
 
         run.reach(link)
@@ -297,7 +297,7 @@ def add_care_commands(group: Group) -> None:
 
             hour = light.FirstLight(hand, run.prompts, ask, lambda: ping(hand), attended=attended)
             hour.run(steps, skip, repeat)
-            lost = facts.keep(path, hand, hour.outcomes, identify=identify) if path is not None else None
+            lost = facts_file.keep(path, hand, hour.outcomes, identify=identify) if path is not None else None
             table = table_of(hour.outcomes, hand.kind)
             table.failure = light.verdict_of(hour) or lost
             return table

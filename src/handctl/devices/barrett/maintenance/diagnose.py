@@ -36,7 +36,7 @@ from handctl.errors import (
     ProtocolError,
     UsageError,
 )
-from handctl.model.checks import FAIL, OK, SKIPPED, TONES, WARNING
+from handctl.model.check_rows import FAIL, OK, SKIPPED, TONES, WARNING
 from handctl.model.movement import ANY, REACHED
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts

@@ -28,7 +28,7 @@ from handctl.errors import (
     NotPresent,
     UsageError,
 )
-from handctl.model.checks import OK, SKIPPED
+from handctl.model.check_rows import OK, SKIPPED
 from handctl.model.movement import CODES, REACHED, UNREAD
 from handctl.model.param import Step
 from handctl.model.prompts import CTRL_C, Prompts

@@ -13,7 +13,7 @@ from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, shows_hea
 from handctl.devices.barrett.maintenance import health
 from handctl.devices.barrett.map import implausible
 from handctl.errors import Aftermath, DeviceRefused, HandctlError, Hint, NoAnswer
-from handctl.model.checks import FAIL
+from handctl.model.check_rows import FAIL
 from handctl.model.movement import ANY, REACHED
 from handctl.model.prompts import Prompts
 from handctl.model.proofs import SignOfHarm, damage

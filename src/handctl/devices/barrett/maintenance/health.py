@@ -14,7 +14,7 @@ from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.gcl.status_codes import explain_status, hint_for
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, GclParam
 from handctl.errors import Hint, joined
-from handctl.model.checks import FAIL, OK, SKIPPED, WARNING
+from handctl.model.check_rows import FAIL, OK, SKIPPED, WARNING
 from handctl.model.result import Row, command_key
 from handctl.wording import plural
 

@@ -17,7 +17,7 @@ from handctl.devices.barrett.map import BARRETT, FINGERS
 from handctl.devices.barrett.views import LABEL, MOTOR, NAME, SECTION, STATUS, STROKE, UNIT, VALUE, row_of, why_doubtful
 from handctl.errors import CheckFailed, UsageError
 from handctl.files import state_path
-from handctl.model.checks import FAIL, SKIPPED, TONES, WARNING
+from handctl.model.check_rows import FAIL, SKIPPED, TONES, WARNING
 from handctl.model.result import Cell, Grid, Row, Table
 
 FILE, WHAT = "barrett-greasing.json", "greasing journal"

@@ -14,7 +14,7 @@ from handctl.devices.barrett.maintenance import health, symptoms
 from handctl.devices.barrett.map import FINGERS, NO_GAUGE
 from handctl.devices.barrett.views import NAME, STATUS, live, row_of
 from handctl.errors import CheckFailed, Hint
-from handctl.model.checks import SKIPPED, TONES, WARNING
+from handctl.model.check_rows import SKIPPED, TONES, WARNING
 from handctl.model.movement import ANY
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts

@@ -20,12 +20,12 @@ from handctl.devices.inspire.register_device import Movement, RegisterDevice
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink
+from handctl.model.command_settings import Settings
 from handctl.model.device import Release, SetpointPair, limits_of
 from handctl.model.movement import REACHED, AxisReading, Goal, Stillness
 from handctl.model.param import Element, Number, Reading, Step, elements_of, given
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Finding, Grid, Journal, Row, Table
-from handctl.model.settings import Settings
 from handctl.model.stop_on_interrupt import stopped_by_ctrl_c
 
 LIVE = ("position_actual", "force_actual", "current", "error", "temperature")

@@ -38,10 +38,10 @@ from handctl.devices.inspire.modbus_frames import TCP_PORT
 from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.errors import Hint, UsageError
 from handctl.link import ByteLink, FrameLink
+from handctl.model.command_settings import Settings
 from handctl.model.device import limits_of
 from handctl.model.param import COMMAND, Element, Number, Step, elements_of, given
 from handctl.model.result import Column, Journal, Row, Table
-from handctl.model.settings import Settings
 from handctl.system.folders import config_path
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from handctl.devices.inspire.hand.map import BYTE_MAP, MAPS
 from handctl.devices.inspire.modbus_frames import RTU, RTU_SPEED, TCP, TCP_PORT, mode_of
 from handctl.errors import UsageError
 from handctl.link import ByteLink
+from handctl.model.command_settings import Settings
 from handctl.model.param import ParamMap
-from handctl.model.settings import Settings
 from handctl.number_parsing import number_in
 
 HERE = ("127.0.0.1", "localhost", "[::1]")

@@ -18,9 +18,9 @@ from handctl.devices.inspire.map import BAUD_RATES, WRIST, address_in
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.devices.inspire.wrist.device import Wrist
 from handctl.link import ByteLink, FrameLink
+from handctl.model.command_settings import Settings
 from handctl.model.device import limits_of
 from handctl.model.result import Journal, Table
-from handctl.model.settings import Settings
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.can_bus import CanBus
