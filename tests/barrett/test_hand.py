@@ -13,7 +13,7 @@ from handctl.devices.barrett.views import parameters_view, unhealthy
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
 from handctl.link.transcript import observed
 from handctl.model.result import Journal
-from handctl.screen.tables import fitting
+from handctl.screen.terminal_tables import fitting
 from tests.barrett.support import (
     CR,
     QUESTION,

@@ -686,7 +686,7 @@ def test_no_test_is_imported() -> None:
 
 KERNEL = {"", "command", "link", "model", "record", "stop"}
 CIRCLES = {
-    "screen.live", "screen.render", "devices.barrett.gcl.session_start", "devices.inspire.identity", "devices.inspire.twins",
+    "screen.live_view", "screen.render", "devices.barrett.gcl.session_start", "devices.inspire.identity", "devices.inspire.twins",
     "devices.ekso.status", "devices.barrett.realtime.rows",
     "devices.inspire.hand.device", "devices.inspire.procedures",
 }  # fmt: skip

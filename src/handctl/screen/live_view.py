@@ -25,7 +25,7 @@ from handctl.model.reading_limits import severity
 from handctl.model.result import Row, Sample, Table
 from handctl.screen.csv_output import Wide
 from handctl.screen.sanitize import text_shown
-from handctl.screen.tables import console_on, flowing, grid_lines
+from handctl.screen.terminal_tables import console_on, flowing, grid_lines
 from handctl.system import clock
 from handctl.system.terminal import FINE
 from handctl.wording import plural, sentence
