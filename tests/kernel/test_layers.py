@@ -56,7 +56,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("model.sampling", (*GROUND, "link", "model.*")),
     ("model.stop_sequence", (*GROUND, "link", "model.*")),
     ("model*", (*GROUND, "model.*")),
-    ("link.fake", ("number_parsing", "errors", "link.base", "link.twin", "sim", "system.*")),
+    ("link.fake", ("number_parsing", "errors", "link.link_interface", "link.twin_values", "sim", "system.*")),
     ("link*", (*GROUND, "link*")),
     ("screen*", (*GROUND, "model.reading_limits", "model.command_settings", "model.result", "model.param", "screen.*")),
     (
@@ -97,7 +97,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             *GROUND,
             "charts.*",
             "command.*",
-            "link.base",
+            "link.link_interface",
             "link.transcript",
             "model.*",
             "report.*",
@@ -129,7 +129,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("devices.*cli", (*GROUND, "command.*", "link", "model.*", "record.*", "stop.*", "@")),
     ("devices.*", (*GROUND[1:], "link", "link.deadman", "model.*", "record.*", "@")),
     ("tools.completion_install", (*GROUND, "docgen*", "command.*", "model.*")),
-    ("tools.sim", ("families", "link.fake", "link.twin", "sim.cli")),
+    ("tools.sim", ("families", "link.fake", "link.twin_values", "sim.cli")),
     ("tools.help", (*GROUND, "docgen*", "command.*", "guides", "model.*")),
     (
         "tools.*",
@@ -545,7 +545,7 @@ def asks_for_the_system(tree: ast.AST, nodes: Iterable[ast.AST]) -> list[str]:
 def test_only_one_room_knows_which_system_it_is() -> None:
     asking = {module for module in MODULES if asks_for_the_system(tree_of(module), syntax.nodes_of(MODULES[module]))}
     assert {module for module in asking if module.split(".")[0] != "system"} == {"build_zipapp"} & asking
-    assert {"system.clock", "system.locks", "system.ports", "system.signals"} <= asking
+    assert {"system.clock", "system.file_locks", "system.serial_ports", "system.signals"} <= asking
 
 
 @pytest.mark.parametrize(

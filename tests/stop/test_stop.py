@@ -172,7 +172,7 @@ GUARDED = """
     import os, signal, sys
     from handctl.link import open_link
     from handctl.link.deadman import guard_link
-    from handctl.link.lock import hold
+    from handctl.link.device_lock import hold
 
     name, frame, seconds = sys.argv[1:]
     link = open_link(name)

@@ -17,7 +17,7 @@ from handctl.devices.inspire import modbus_frames as modbus
 from handctl.errors import LinkError, ProtocolError
 from handctl.families import FAMILIES, SCANNED
 from handctl.link import ByteLink, Deadline
-from handctl.link.lock import hold
+from handctl.link.device_lock import hold
 from handctl.model.result import Journal, Row
 from handctl.sim.bus.wire_pair import resample
 from handctl.tools import scan, scan_report

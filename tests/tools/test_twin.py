@@ -14,7 +14,7 @@ import pytest
 
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
-from handctl.link.twin import values_of
+from handctl.link.twin_values import values_of
 from handctl.model.explainer import DEVICE, ExplainedBytes, Value
 from handctl.sim import create
 from handctl.sim.engine import serve

@@ -85,7 +85,7 @@ def refuse_missing(family: Family, given: Collection[str]) -> None:
 
 def refuse_serial(family: Family, link: str) -> None:
     """Raise UsageError for a serial port where this family has TCP only."""
-    from handctl.link.base import path_in
+    from handctl.link.link_interface import path_in
 
     if family.tcp_port is not None and not family.wires and (path_in(link) or link.startswith("usb:")):
         hint = f"-p tcp://HOST (port {family.tcp_port} when not given)"

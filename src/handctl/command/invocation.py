@@ -26,7 +26,7 @@ from handctl.errors import Hint, OutputError, UsageError
 from handctl.files import why_unwritable
 from handctl.model.command_settings import Settings
 from handctl.model.result import Journal, Message
-from handctl.system.folders import config_path
+from handctl.system.user_folders import config_path
 
 if TYPE_CHECKING:
     from handctl.link import Link
@@ -167,7 +167,7 @@ class Invocation:
     @property
     def place(self) -> str:
         """Where the LINK leads, the same for all names of one port."""
-        from handctl.link.lock import canonical
+        from handctl.link.device_lock import canonical
 
         return canonical(self.link_name(), self.family.tcp_port if self.family is not None else None)
 

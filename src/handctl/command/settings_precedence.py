@@ -27,7 +27,7 @@ from handctl.command.options import (
 )
 from handctl.errors import UsageError
 from handctl.model.command_settings import Settings
-from handctl.system.folders import config_path
+from handctl.system.user_folders import config_path
 
 
 def resolve(ctx: click.Context, wires: tuple[str, ...] = (), device: str = "", *, urgent: bool = False) -> Settings:

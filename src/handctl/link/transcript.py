@@ -23,7 +23,7 @@ from handctl import interrupts
 from handctl.errors import LinkError, OutputError, UsageError
 from handctl.files import at_once, writing
 from handctl.interrupts import handing_over
-from handctl.link.base import CanFrame, Deadline, FrameLink, Link
+from handctl.link.link_interface import CanFrame, Deadline, FrameLink, Link
 
 L = TypeVar("L", bound=Link)
 DIRECTIONS = {">": "host", "<": "device"}

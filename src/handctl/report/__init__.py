@@ -35,7 +35,7 @@ from handctl.errors import (
 )
 from handctl.families import FAMILIES
 from handctl.files import atomic_write, writing
-from handctl.link.base import path_in
+from handctl.link.link_interface import path_in
 from handctl.link.transcript import TraceWriter, observed, parse
 from handctl.model.device_picture import outline_of
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Explainer

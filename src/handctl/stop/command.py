@@ -15,7 +15,7 @@ from handctl.command.family import on_can, wire_in
 from handctl.command.options import COMMAND_LINE, NAMED
 from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, UsageError
 from handctl.link import Deadline
-from handctl.link.lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock
+from handctl.link.device_lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock
 from handctl.model.command_settings import Settings
 from handctl.model.param import Step
 from handctl.model.result import Column, Table

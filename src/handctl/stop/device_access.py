@@ -31,7 +31,7 @@ from handctl.system import signals
 if TYPE_CHECKING:
     from handctl.command.invocation import Invocation
     from handctl.link import Deadline, Link
-    from handctl.link.lock import Lock
+    from handctl.link.device_lock import Lock
     from handctl.stop.stop_listener import StopListener
 
 MOST = 24
@@ -51,7 +51,7 @@ def lock_for(run: Invocation, name: str, patience: float | None = None) -> Lock 
     """
     if name.startswith("replay:") or (name.startswith("fake://") and not run.keeps):
         return None
-    from handctl.link.lock import InUse, hold
+    from handctl.link.device_lock import InUse, hold
 
     assert run.family is not None
     command = f"handctl {run.owner}"

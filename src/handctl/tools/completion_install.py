@@ -15,7 +15,7 @@ from handctl.command.run import Run
 from handctl.errors import OutputError, UsageError
 from handctl.files import atomic_write, writing
 from handctl.model.result import Column, Table
-from handctl.system.folders import config_folder, data_folder
+from handctl.system.user_folders import config_folder, data_folder
 
 PLACES: dict[str, tuple[Callable[[], str], str]] = {
     "bash": (data_folder, "bash-completion/completions/handctl"),

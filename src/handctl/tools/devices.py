@@ -26,7 +26,7 @@ from handctl.errors import Hint, UsageError
 from handctl.families import FAMILIES, WIRES
 from handctl.files import read_text
 from handctl.link import NoFrames, NoLink, is_can
-from handctl.link.base import SCHEMES
+from handctl.link.link_interface import SCHEMES
 from handctl.model.command_settings import Settings
 from handctl.model.result import Column, Row, Table
 from handctl.tools.probes import family_of

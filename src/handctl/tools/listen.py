@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from handctl.command.terminal_prompts import is_terminal
 from handctl.errors import NoAnswer, UsageError
-from handctl.link.base import FrameLink
+from handctl.link.link_interface import FrameLink
 from handctl.link.transcript import DIRECTIONS, Entry
 from handctl.model.explainer import HOST, ExplainedBytes
 from handctl.model.result import Column, Row, Sample, Table

@@ -34,7 +34,7 @@ from handctl.command.run import Run
 from handctl.errors import Hint, Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES, SCANNED
 from handctl.link import ByteLink, Deadline, Link, is_can, open_link
-from handctl.link.lock import Lock, hold
+from handctl.link.device_lock import Lock, hold
 from handctl.link.transcript import TraceFile, TraceWriter, observed
 from handctl.model.result import Journal, Table
 from handctl.system import clock

@@ -18,9 +18,9 @@ from handctl.command.run import Run
 from handctl.errors import HandctlError, Hint, UsageError
 from handctl.families import FAMILIES, SCANNED
 from handctl.link import ByteLink, open_link
-from handctl.link.lock import canonical, hold, last_family
+from handctl.link.device_lock import canonical, hold, last_family
 from handctl.model.result import Journal, Row, Table
-from handctl.system.folders import config_path
+from handctl.system.user_folders import config_path
 from handctl.tools.probes import family_of, has_speed, probe_of, usual_ports, wire_of
 
 if TYPE_CHECKING:

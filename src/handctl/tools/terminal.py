@@ -24,7 +24,7 @@ from handctl.errors import (
     ProtocolError,
     UsageError,
 )
-from handctl.link.base import CanFrame, FrameLink
+from handctl.link.link_interface import CanFrame, FrameLink
 from handctl.link.transcript import Entry, observed
 from handctl.model.explainer import DEVICE, HOST
 from handctl.model.param import Step

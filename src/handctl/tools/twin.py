@@ -21,7 +21,7 @@ from handctl.fast_classes import fast_dataclass, field
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link, open_link
 from handctl.link.fake import FakeLink, split_url
 from handctl.link.transcript import Entry
-from handctl.link.twin import values_of
+from handctl.link.twin_values import values_of
 from handctl.model.explainer import DEVICE, ExplainedBytes
 from handctl.model.facts_file import read as read_facts
 from handctl.model.result import Cell, Column, Grid, RoundTrips, Row, Table

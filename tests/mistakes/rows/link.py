@@ -2,7 +2,7 @@
 
 from tests.mistakes.table import mistake
 
-LOCK = "handctl.link.lock"
+LOCK = "handctl.link.device_lock"
 
 ROWS = (
     mistake(
@@ -35,7 +35,7 @@ ROWS = (
     mistake(
         "lock-of-a-symbolic-link",
         "two locks",
-        "handctl.system.ports",
+        "handctl.system.serial_ports",
         "place",
         'return f"tty {os.major(found.st_rdev)}:{os.minor(found.st_rdev)}"',
         "return path",
@@ -63,7 +63,7 @@ ROWS = (
     mistake(
         "lock-of-another-way-to-a-port",
         "two locks",
-        "handctl.link.base",
+        "handctl.link.link_interface",
         "",
         'OF_A_PORT = ("spy", "alt", "cp2110")',
         'OF_A_PORT = ("spy",)',
@@ -92,7 +92,7 @@ ROWS = (
         "stop not sent",
         "handctl.link.deadman",
         "_pack",
-        'parts = [len(owed).to_bytes(2, "big"), owed]',
+        'parts = [len(unsent).to_bytes(2, "big"), unsent]',
         'parts = [(0).to_bytes(2, "big")]',
         "tests/link/test_deadman.py::test_messages_come_back_as_they_went",
     ),

@@ -11,7 +11,7 @@ ROWS = (
     mistake(
         "stop-key-of-several-beside-their-threads",
         "a thread that reads on takes the answers of the stop",
-        "handctl.link.base",
+        "handctl.link.link_interface",
         "Link.only_this_thread",
         "return method(*given) if get_ident() == mine else _interrupt()",
         "return method(*given)",
@@ -247,7 +247,7 @@ ROWS = (
     mistake(
         "stop-forgets-whose-device-it-was",
         "stop not sent",
-        "handctl.link.lock",
+        "handctl.link.device_lock",
         "Lock.release",
         '_write(descriptor, "\\n", self._family)',
         "os.ftruncate(descriptor, 0)",

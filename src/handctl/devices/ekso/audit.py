@@ -26,7 +26,7 @@ from handctl.devices.ekso.policy import STEP_SECONDS
 from handctl.errors import HandctlError, OutputError, UsageError
 from handctl.files import clash, in_turn, opened, state_path
 from handctl.model.result import Journal
-from handctl.system import disk, locks
+from handctl.system import disk, file_locks
 
 TURN_SECONDS = 0.2
 """No longer is another writer waited for, who may be stopped in the middle: CancelAction waits for its entry."""
@@ -140,7 +140,7 @@ class AuditLog:
         """
         with self.memory.alone() if self.memory is not None else nullcontext(), self._opened() as file:
             try:
-                locks.whole(file)
+                file_locks.whole(file)
             except BlockingIOError as exc:
                 raise write_checks.refusal(
                     write_checks.FREE,

@@ -42,7 +42,7 @@ from handctl.model.command_settings import Settings
 from handctl.model.device import limits_of
 from handctl.model.param import COMMAND, Element, Number, Step, elements_of, given
 from handctl.model.result import Column, Journal, Row, Table
-from handctl.system.folders import config_path
+from handctl.system.user_folders import config_path
 
 if TYPE_CHECKING:
     from handctl.command.config import Config

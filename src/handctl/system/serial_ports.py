@@ -158,14 +158,14 @@ def lock(path: str) -> int | None:
     """
     if sys.platform == "win32":
         return None  # who has opened it has it alone
-    from handctl.system import disk, locks
+    from handctl.system import disk, file_locks
 
     try:
         found = os.open(path, os.O_RDWR | disk.TERMINAL_OF_NOBODY | disk.AT_ONCE)
     except OSError:
         return None  # who opens it then says what is wrong with it
     try:
-        locks.whole(found)
+        file_locks.whole(found)
     except OSError:
         os.close(found)
         raise

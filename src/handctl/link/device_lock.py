@@ -11,9 +11,9 @@ import os
 from typing import NamedTuple
 
 from handctl.errors import HandctlError, LinkError
-from handctl.link.base import OF_A_HOST, host_in, path_in, scheme_of
-from handctl.system import clock, disk, locks, ports, processes
-from handctl.system.folders import HINT, own, own_folder, private_folders
+from handctl.link.link_interface import OF_A_HOST, host_in, path_in, scheme_of
+from handctl.system import clock, disk, file_locks, processes, serial_ports
+from handctl.system.user_folders import HINT, own, own_folder, private_folders
 
 OURS = ("fake://", "replay:")
 """Links that nobody else can reach."""
@@ -120,7 +120,7 @@ def hold(
     until = clock.now() + (LAST_STOP_SECONDS if patience is None else patience)
     while True:
         try:
-            locks.whole(descriptor)
+            file_locks.whole(descriptor)
             break
         except OSError as exc:
             holder = _holder(descriptor)
@@ -157,13 +157,13 @@ def canonical(link: str, tcp_port: int | None = None) -> str:
         port = channel.partition("@")[0]  # python-can takes what follows for the speed of the port
         return canonical(port) if interface == "slcan" or port.startswith("/") else f"can {interface}:{channel}"
     if path := path_in(link):
-        return ports.place(path)
+        return serial_ports.place(path)
     scheme = scheme_of(link)
     if link.startswith("usb:") or scheme == "hwgrep":
         from handctl.link.serial import find
 
         try:
-            return ports.place(str(find(link).device))
+            return serial_ports.place(str(find(link).device))
         except HandctlError:
             return link.casefold()  # opening it will say what is wrong
     if scheme in ("tcp", *OF_A_HOST):

@@ -97,7 +97,7 @@ if sys.platform == "win32":
     """For the child to be ready: a busy machine, and a scanner of viruses that looks at each file."""
     BY_NAME = ("deadman", "inherited")
     """The arguments with which a handctl.exe without a Python beside it becomes the child."""
-    BY_PATH = "import sys; sys.path[:] = sys.argv[1:]; from handctl.system.child import live; live()"
+    BY_PATH = "import sys; sys.path[:] = sys.argv[1:]; from handctl.system.watchdog_process import live; live()"
     PIPE_NOWAIT = 1
 
     def started(job: Job) -> WatchdogChild:
@@ -187,7 +187,7 @@ if sys.platform == "win32":
         import pickle
         import threading
 
-        from handctl.system import locks
+        from handctl.system import file_locks
 
         try:
             job: Job = pickle.load(sys.stdin.buffer)  # noqa: S301 - of our parent
@@ -200,7 +200,7 @@ if sys.platform == "win32":
             bound.start()
             for lock in job.locks:
                 with suppress(OSError):
-                    locks.whole(msvcrt.open_osfhandle(lock, 0))
+                    file_locks.whole(msvcrt.open_osfhandle(lock, 0))
             job.act(last)
         finally:
             os._exit(0)
