@@ -46,7 +46,7 @@ class FamilyRow:
     help      one line for the root's help, without a full stop
     package   its folder. What the machinery asks for lies there in a module named after the role, with that name in it:
                 cli      `cli`: the command group, with its `command.family.Family`
-                probe    `tools.probes.FamilyProbe`: looks for its device and pings it
+                probe    `tools.family_probe.FamilyProbe`: looks for its device and pings it
                 stopper  `stop_steps`: the bytes of its stop, see `model.stop_sequence`
                 explain  `explainer`: makes a `model.explainer.Explainer` of recorded bytes
                 write_rules  in `explain`, `words`: makes the `model.write_ledger.WriteRules` that tell which of its bytes write, and

@@ -22,7 +22,7 @@ from handctl.families import FAMILIES
 from handctl.link.deadman import EarlyWrite, Guard
 from handctl.model.command_settings import Settings
 from handctl.model.stop_sequence import StopContext, exchange_steps, stop_sequence_of
-from handctl.tools.probes import probe_of
+from handctl.tools.family_probe import probe_of
 from tests.barrett.line_receiver import Sent
 from tests.barrett.support import hand_on
 from tests.support.cli import run

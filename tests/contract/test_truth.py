@@ -18,7 +18,7 @@ from handctl.families import FAMILIES
 from handctl.model.explainer import DEVICE, HOST
 from handctl.model.param import Param, elements_of
 from handctl.sim import model_class
-from handctl.tools.trace_read import explainer_of
+from handctl.tools.trace_reader import explainer_of
 from tests.contract.cell import in_bytes, tried
 from tests.contract.commands import scratch_of, writing_commands
 from tests.contract.facts import facts_of, passed

@@ -21,9 +21,9 @@ from handctl.link.device_lock import hold
 from handctl.model.result import Journal, Row
 from handctl.sim.bus.wire_pair import resample
 from handctl.tools import scan, scan_report
-from handctl.tools.probes import probe_of
+from handctl.tools.family_probe import probe_of
+from handctl.tools.scan_link import plan
 from handctl.tools.scan_report import Step
-from handctl.tools.scan_run import plan
 from tests.support import bus_file
 from tests.support.cli import Result, Simulator, run, sent
 from tests.support.machine import System

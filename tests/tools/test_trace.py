@@ -14,9 +14,9 @@ from handctl.errors import UsageError
 from handctl.families import FAMILIES, TOLD
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
 from handctl.screen.render import dumps
-from handctl.tools import trace, trace_read
+from handctl.tools import trace, trace_reader
 from handctl.tools.trace import Given, parse_given
-from handctl.tools.trace_read import TranscriptReader, TranscriptRow, chosen, explainer_of, family_in, lines_of
+from handctl.tools.trace_reader import TranscriptReader, TranscriptRow, chosen, explainer_of, family_in, lines_of
 from tests.support.cli import run
 from tests.support.each_row import each_row
 from tests.support.places import TRANSCRIPTS
@@ -537,8 +537,8 @@ def test_the_quick_json_of_a_row_is_that_of_the_row(kind: str, tmp_path: Path) -
     """It is written without an encoder: every key, and 1 and 1.0, as an encoder has them."""
     trace = tmp_path / "t.txt"
     run(kind, "dump", "-p", f"fake://{kind}?clock=virtual", "--trace", trace)
-    with trace_read.opened(str(trace)) as source:
-        rows = [*trace_read.TranscriptReader(kind).tell(trace_read.lines_of(source, "t"))]
+    with trace_reader.opened(str(trace)) as source:
+        rows = [*trace_reader.TranscriptReader(kind).tell(trace_reader.lines_of(source, "t"))]
     assert len(rows) > 2
     assert [row.as_json() for row in rows] == [dumps(row.as_row()) for row in rows]
 

@@ -29,7 +29,7 @@ from handctl.link import NoFrames, NoLink, is_can
 from handctl.link.link_interface import SCHEMES
 from handctl.model.command_settings import Settings
 from handctl.model.result import Column, Row, Table
-from handctl.tools.probes import family_of
+from handctl.tools.family_probe import family_of
 
 MOST = 1_000_000
 """Characters of the output of a scan."""

@@ -28,10 +28,10 @@ from handctl.model.result import Journal, Table
 from handctl.system import advice
 from handctl.tools import ports as port_tool
 from handctl.tools.doctor_link import LinkChecks, failed_open, host_in, is_local, same_address, subnet
+from handctl.tools.family_probe import family_of, has_speed, listened, probe_of, usual_ports, wire_of
 from handctl.tools.port_inventory import GRABBERS, Machine, Port, needed
-from handctl.tools.probes import family_of, has_speed, listened, probe_of, usual_ports, wire_of
+from handctl.tools.scan_link import LinkScan
 from handctl.tools.scan_report import Search, report
-from handctl.tools.scan_run import LinkScan
 
 if TYPE_CHECKING:
     from handctl.model.command_settings import Settings

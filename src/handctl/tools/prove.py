@@ -21,7 +21,7 @@ from handctl.model import facts_file
 from handctl.model.param import Step
 from handctl.model.proofs import LEVELS, LISTED, PERMANENT, READ, Outcome, Proof, carry_out, table_of
 from handctl.model.result import Table
-from handctl.tools.probes import family_of, probe_of
+from handctl.tools.family_probe import family_of, probe_of
 
 DIFF = "diff"
 LISTS = "`--list --level permanent` lists all experiments, and --only names one"

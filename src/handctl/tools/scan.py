@@ -38,10 +38,10 @@ from handctl.link.device_lock import Lock, hold
 from handctl.link.transcript import TraceFile, TraceWriter, observed
 from handctl.model.result import Journal, Table
 from handctl.system import clock
+from handctl.tools.family_probe import probe_of, usual_ports, wire_of
 from handctl.tools.port_inventory import Machine
-from handctl.tools.probes import probe_of, usual_ports, wire_of
+from handctl.tools.scan_link import LinkScan, plan
 from handctl.tools.scan_report import Search, report
-from handctl.tools.scan_run import LinkScan, plan
 
 LONG = 1800.0
 """Bound for one port: all ids of a slow line with others on it take minutes."""

@@ -21,7 +21,7 @@ from handctl.link import ByteLink, open_link
 from handctl.link.device_lock import canonical, hold, last_family
 from handctl.model.result import Journal, Row, Table
 from handctl.system.user_folders import config_path
-from handctl.tools.probes import family_of, has_speed, probe_of, usual_ports, wire_of
+from handctl.tools.family_probe import family_of, has_speed, probe_of, usual_ports, wire_of
 
 if TYPE_CHECKING:
     from handctl.link import Link
@@ -145,7 +145,7 @@ def _replying_family(run: Run, link: str) -> str:
 
 def _asked(link: Link, wire: str, number: int | None, journal: Journal) -> Row | None:
     """The first row of a scan's questions, each family at its usual speed."""
-    from handctl.tools.scan_run import plan, port_of
+    from handctl.tools.scan_link import plan, port_of
 
     speeds = has_speed(link) and wire == "serial"
     bound = link.deadline(SECONDS)

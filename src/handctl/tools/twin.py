@@ -26,7 +26,7 @@ from handctl.model.explainer import DEVICE, ExplainedBytes
 from handctl.model.facts_file import read as read_facts
 from handctl.model.result import Cell, Column, Grid, RoundTrips, Row, Table
 from handctl.tools.trace import MOST_DIFFERENCES, Exchange, changes, compare, exchanges, family_option
-from handctl.tools.trace_read import CASE, TranscriptLine, TranscriptReader, TranscriptRow, chosen, lines_of, opened
+from handctl.tools.trace_reader import CASE, TranscriptLine, TranscriptReader, TranscriptRow, chosen, lines_of, opened
 
 SIMULATOR = "fake://"
 PATIENCE = 2.0

@@ -144,7 +144,7 @@ ROWS = (
     mistake(
         "scan-monitor-hears-ff",
         "boot trigger",
-        "handctl.tools.scan_run",
+        "handctl.tools.scan_link",
         "plan",
         "if guard is not None:",
         "if guard is not None and port:",
@@ -153,7 +153,7 @@ ROWS = (
     mistake(
         "scan-asks-rtu-before-a-barrett-hand",
         "boot trigger",
-        "handctl.tools.scan_run",
+        "handctl.tools.scan_link",
         "LinkScan.at",
         "self._each([step for step in steps if step.family not in aside])",
         "self._each(steps)",

@@ -499,7 +499,7 @@ WAIT = 0.12
 
 
 class Probing:
-    """What the module `probe` of a family offers, see `tools.probes`. Nothing in it writes.
+    """What the module `probe` of a family offers, see `tools.family_probe`. Nothing in it writes.
 
     target  what a scan looks for
     live    what is measured again and again: a constant would be the same of two devices with one id

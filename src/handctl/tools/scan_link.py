@@ -15,9 +15,9 @@ from handctl.model.other_family_bytes import has_frame_of
 from handctl.model.result import Journal, LineQuality, Row
 from handctl.model.scan_task import ScanTask
 from handctl.number_parsing import number_in
-from handctl.tools.probes import FamilyProbe, family_of, has_speed, listened, probe_of
+from handctl.tools.family_probe import FamilyProbe, family_of, has_speed, listened, probe_of
 from handctl.tools.scan_report import TALKATIVE, Search, Step
-from handctl.tools.trace_read import FAMILY_EVENT
+from handctl.tools.trace_reader import FAMILY_EVENT
 
 LISTEN = 0.3
 PAUSE = 0.5

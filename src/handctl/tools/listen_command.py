@@ -19,7 +19,7 @@ from handctl.link.transcript import DIRECTIONS, Entry
 from handctl.model.explainer import HOST, ExplainedBytes
 from handctl.model.result import Column, Row, Sample, Table
 from handctl.model.sampling import started
-from handctl.tools.trace_read import INDENT, Stamp, TranscriptReader, TranscriptRow, laid_out
+from handctl.tools.trace_reader import INDENT, Stamp, TranscriptReader, TranscriptRow, laid_out
 from handctl.wording import plural
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ class Record:
 
     def _documented(self) -> list[int]:
         """The baud rates to try, that of the port first. Raises UsageError where the link has none."""
-        from handctl.tools.probes import has_speed, probe_of
+        from handctl.tools.family_probe import has_speed, probe_of
 
         assert self._run.family is not None
         if not has_speed(self._link):
