@@ -15,8 +15,9 @@ from handctl.errors import NoAnswer
 from handctl.families import FAMILIES
 from handctl.model.param import Param, ParamMap
 from handctl.model.result import Cell, Grid, Message, Sample
-from handctl.report import LONGEST, Privacy, environment, explained, port, shortened
+from handctl.report import LONGEST, environment, explained, port, shortened
 from handctl.report.html import Report, page
+from handctl.report.redaction import Privacy
 from handctl.tools import port_inventory
 from handctl.tools.port_inventory import Chip, Machine, Port
 from tests.support.page import Page
