@@ -15,7 +15,7 @@ from handctl.families import FAMILIES
 from handctl.link import ByteLink, FrameLink, Link, device_lock, open_link
 from handctl.link.device_lock import Holder, InUse, hold, last_family
 from handctl.model.result import Journal
-from handctl.stop.command import _end
+from handctl.stop.stop_command import _end
 from handctl.system import processes
 from handctl.tools import stop
 from tests.support.cli import Result, run

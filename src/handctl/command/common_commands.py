@@ -277,9 +277,9 @@ def add_map_verbs(
 
         Never asks. Shows the bytes sent and the reply.
         """
-        from handctl.stop import command
+        from handctl.stop import stop_command
 
-        return command.stop(run)
+        return stop_command.stop(run)
 
     @scan_options
     def scan(run: Run, ids: str | None, find_all: bool) -> Table:

@@ -239,7 +239,7 @@ def _check_columns(run: Invocation) -> None:
 
 
 def _let_pass(run: Invocation) -> None:
-    """No file and no format holds up a stop. What its family has to say is `stop.command.fall_back`."""
+    """No file and no format holds up a stop. What its family has to say is `stop.stop_command.fall_back`."""
     if run.settings.format == "openmetrics":
         run.settings = run.settings._replace(format="table")
     path = run.settings.output

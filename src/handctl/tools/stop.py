@@ -37,11 +37,11 @@ def cli(run: Run) -> Table:
     If that fails, use `handctl FAMILY stop`. A handctl command that was using the device ends with exit code 130 if the stop
     was acknowledged. An EksoNR has no stop command and only gets a CancelAction, which may not stop it.
     """
-    from handctl.stop import command
+    from handctl.stop import stop_command
 
     kind = _kind(run)
     run.family = load(kind, "cli").cli.family
-    return command.stop(run)
+    return stop_command.stop(run)
 
 
 def _kind(run: Run) -> str:

@@ -220,7 +220,7 @@ ROWS = (
     mistake(
         "stop-at-any-speed",
         "stop held up",
-        "handctl.stop.command",
+        "handctl.stop.stop_command",
         "fall_back",
         "if family.speeds and baud is not None and baud not in family.speeds:",
         "if baud is not None and not family.speeds:",
@@ -229,7 +229,7 @@ ROWS = (
     mistake(
         "stop-refused-for-an-id",
         "stop held up",
-        "handctl.stop.command",
+        "handctl.stop.stop_command",
         "_own",
         "_drop(run, dropped, error.text)",
         "raise error",
@@ -256,7 +256,7 @@ ROWS = (
     mistake(
         "stop-kills-a-program-unasked",
         "killed unasked",
-        "handctl.stop.command",
+        "handctl.stop.stop_command",
         "_end",
         "asking = ASKED_SECONDS if who.command == LIBRARY and not processes.sleeps(who.pid) else 0.0",
         "asking = 0.0",

@@ -407,7 +407,7 @@ def stop(run: Run, motors: str | None) -> Table:
     """
     from handctl.devices.barrett import motion
     from handctl.devices.barrett.stopper import power_off
-    from handctl.stop import command as emergency
+    from handctl.stop import stop_command as emergency
 
     prefix = prefix_of(motors)
     return emergency.stop(
