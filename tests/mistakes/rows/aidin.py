@@ -9,7 +9,7 @@ ROWS = (
     mistake(
         "aidin-homed-wherever-it-rested",
         "evidence believed",
-        "handctl.devices.aidin.procedures",
+        "handctl.devices.aidin.homing_and_bias",
         "_verdict",
         "if known and abs(way.share(way.rest)) <= AT_STOP:",
         "if known:",
@@ -18,7 +18,7 @@ ROWS = (
     mistake(
         "aidin-encoders-at-0-are-an-origin",
         "evidence believed",
-        "handctl.devices.aidin.procedures",
+        "handctl.devices.aidin.homing_and_bias",
         "_knows_origin",
         "return 2 * sum(abs(way.share(way.rest)) <= AT_STOP for way in went) > len(went)",
         "return 2 * sum(abs(way.share(way.rest)) <= AT_STOP for way in ways) > 0",
@@ -27,7 +27,7 @@ ROWS = (
     mistake(
         "aidin-homed-while-it-moved",
         "evidence believed",
-        "handctl.devices.aidin.procedures",
+        "handctl.devices.aidin.homing_and_bias",
         "_verdict",
         "if not way.still:",
         "if not way:",

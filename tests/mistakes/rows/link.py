@@ -162,7 +162,7 @@ ROWS = (
     mistake(
         "scan-tells-not-what-it-left-out",
         "evidence believed",
-        "handctl.devices.inspire.scan_wire",
+        "handctl.devices.inspire.id_and_baud_search",
         "Scanner._pass",
         "self.left.append((speed, device_id))",
         "pass",

@@ -102,7 +102,7 @@ ROWS = (
     mistake(
         "stop-not-looked-at-again",
         "evidence believed",
-        "handctl.devices.inspire.stop_wires",
+        "handctl.devices.inspire.stop_requests",
         "seen_since",
         "told = yield from targets()",
         'return ""\ntold = yield from targets()',
@@ -184,7 +184,7 @@ ROWS = (
     mistake(
         "wrist-stop-refusal-told-as-success",
         "swallowed error",
-        "handctl.devices.inspire.stop_wires",
+        "handctl.devices.inspire.stop_requests",
         "Wire.writing.acknowledged",
         "return None if frame is None else TAKEN if frame.data == bytes([eb90.ACCEPTED]) else REFUSED",
         "return None if frame is None else TAKEN",

@@ -483,8 +483,8 @@ class RegisterDevice(Device):
     # -- where it is found ---------------------------------------------------------------------------------------
 
     def change_id(self, new: int) -> Table:
-        """Give it another id, at once. See `procedures`."""
-        from handctl.devices.inspire.procedures import change_id
+        """Give it another id, at once. See `id_baud_save_reset`."""
+        from handctl.devices.inspire.id_baud_save_reset import change_id
 
         return change_id(self, new)
 
@@ -509,8 +509,8 @@ class RegisterDevice(Device):
         return table
 
     def change_speed(self, rate: int) -> Table:
-        """Write the speed that counts after a save and a power cycle. See `procedures`."""
-        from handctl.devices.inspire.procedures import change_baud
+        """Write the speed that counts after a save and a power cycle. See `id_baud_save_reset`."""
+        from handctl.devices.inspire.id_baud_save_reset import change_baud
 
         return change_baud(self, rate)
 

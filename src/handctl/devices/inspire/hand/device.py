@@ -1,7 +1,7 @@
 """The RH56 hands: reading, writing and judging their registers, whichever generation and wire. Returns readings and Tables.
 
 A hand sits on a robot or a bench. It closes within a second: what moves it is asked for first, and refused while the
-hand reports a fault (rh56 §9). Movements are in `motion`, what is kept in `procedures`, which generation it is in `detect_generation`.
+hand reports a fault (rh56 §9). Movements are in `motion`, what is kept in `id_baud_save_reset`, which generation it is in `detect_generation`.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from handctl.devices.inspire import can_frames, modbus_frames
 from handctl.devices.inspire.hand.map import HandRegister
 from handctl.devices.inspire.hand.model_and_protocol import map_of, over_tcp
 from handctl.devices.inspire.identity import STATES, is_five_wide, is_six_wide, within
-from handctl.devices.inspire.stop_wires import CAN, EB90, QUICK, RTU, TAKEN, TCP, Read, Wire, lead, seen_since
+from handctl.devices.inspire.stop_requests import CAN, EB90, QUICK, RTU, TAKEN, TCP, Read, Wire, lead, seen_since
 from handctl.errors import DeviceRefused, LinkError, NoAnswer, ProtocolError
 from handctl.model.stop_repetition import REPEAT_FOR, after_late_replies, repeat_until_answered
 from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, did_not_last
