@@ -12,8 +12,8 @@ from pathlib import Path
 
 from handctl.devices.barrett.map import SPEEDS
 from handctl.devices.barrett.realtime.blocks import Layout, Selection
-from handctl.devices.barrett.realtime.flags import FlagRequest
-from handctl.devices.barrett.realtime.session import Session
+from handctl.devices.barrett.realtime.enter_and_leave import Session
+from handctl.devices.barrett.realtime.loop_flags import FlagRequest
 from handctl.devices.barrett.stopper import power_off
 from handctl.devices.inspire.eb90 import read_request
 from handctl.devices.inspire.hand.probe import TARGET

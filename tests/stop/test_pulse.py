@@ -12,7 +12,7 @@ import pytest
 from handctl.devices.aidin.map import CURRENTS
 from handctl.devices.aidin.motion import currents, parse
 from handctl.devices.barrett.map import SPEEDS
-from handctl.devices.barrett.realtime.schedule import Controls
+from handctl.devices.barrett.realtime.control_values import Controls
 from handctl.link import deadman
 from handctl.link.deadman import EarlyWrite, Guard
 from handctl.model.prompts import Prompts

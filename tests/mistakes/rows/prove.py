@@ -59,7 +59,7 @@ ROWS = (
     mistake(
         "ctrl-c-behind-the-loop-waits-for-the-end",
         "no stop",
-        "handctl.devices.barrett.realtime.aftermath",
+        "handctl.devices.barrett.realtime.motors_after_loop",
         "_LeftRunning._go_out",
         "if interrupts.asked():",
         "if False:",
@@ -149,7 +149,7 @@ ROWS = (
     mistake(
         "a-proof-goes-on-after-a-refused-movement",
         "swallowed error",
-        "handctl.devices.barrett.maintenance.harm",
+        "handctl.devices.barrett.maintenance.signs_of_harm",
         "_between_looks",
         "if table.failure is not None:\n    raise table.failure",
         "hand.line.found()",

@@ -120,7 +120,7 @@ ROWS = (
     mistake(
         "stop-pulse-of-a-slow-line-is-that-of-a-fast-one",
         "deadline ignored",
-        "handctl.devices.barrett.realtime.session",
+        "handctl.devices.barrett.realtime.enter_and_leave",
         "Session.tell_dead_man",
         "heartbeat = max(HEARTBEAT_TIMEOUT, 3 * self.cycle, 2 * self.patience)",
         "heartbeat = HEARTBEAT_TIMEOUT",

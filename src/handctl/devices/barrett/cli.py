@@ -23,7 +23,7 @@ from handctl.devices.barrett.gcl.status_codes import STATUS_CODES, explain_statu
 from handctl.devices.barrett.maintenance.cli import add_care_commands
 from handctl.devices.barrett.map import BARRETT, BAUD_CODES, SPEEDS, check_careful
 from handctl.devices.barrett.realtime.cli import add_realtime
-from handctl.devices.barrett.views import GCL, row_of
+from handctl.devices.barrett.status_and_parameter_views import GCL, row_of
 from handctl.errors import Hint, UsageError
 from handctl.files import read_text
 from handctl.link import ByteLink
@@ -53,7 +53,7 @@ def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> Barret
     )
 
     def count_save() -> None:
-        from handctl.devices.barrett.eeprom import Ledger
+        from handctl.devices.barrett.eeprom_saves import Ledger
 
         Ledger(hand, simulated=link.fake).count_unknown()
 
@@ -231,7 +231,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table | PlannedAction:
 
     The hand and the port switch together. handctl then reads the baud rate back.
     """
-    from handctl.devices.barrett import eeprom
+    from handctl.devices.barrett import eeprom_saves
 
     if rate is None:
         run.only_reads("a baud rate")
@@ -246,7 +246,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table | PlannedAction:
     more = " and will also start with it" if save_too else ""
 
     def change(hand: BarrettHand) -> Table:
-        ledger = eeprom.Ledger(hand, simulated=run.simulated) if save_too else None
+        ledger = eeprom_saves.Ledger(hand, simulated=run.simulated) if save_too else None
         readings = hand.write([(BARRETT.elements("BAUD")[0], code)])
         if ledger is not None:
             hand.do("PSAVE")
@@ -289,7 +289,7 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool, path: str | None
     A refused line ends the script. Without arguments, handctl opens a prompt on a terminal, or reads a script from stdin. The prompt has history,
     completion for commands and parameters, and ?NAME for help.
     """
-    from handctl.devices.barrett import eeprom
+    from handctl.devices.barrett import eeprom_saves
     from handctl.devices.barrett.gcl import passthrough
 
     if path is not None and commands:
@@ -323,7 +323,7 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool, path: str | None
         run.journal.info("delays", f"handctl waits {seconds:g} s in all between the commands ({at})")
 
     def send(hand: BarrettHand) -> Table:
-        ledger = eeprom.Ledger(hand, simulated=run.simulated) if passthrough.saves(wanted) else None
+        ledger = eeprom_saves.Ledger(hand, simulated=run.simulated) if passthrough.saves(wanted) else None
         changes = any(kind_of(text) != "query" for text in wanted)
         hand.line.interrupt = bool(run.settings.own.get("interrupt")) or changes
         table = passthrough.run_all(hand, lines, keep_going=keep_going)
@@ -449,13 +449,13 @@ def save(run: Run, motors: str | None, force: bool) -> PlannedAction:
     The EEPROM is rated for 5,000 saves. handctl counts them and refuses a save that changes nothing. With --motors,
     only the settings of those motors are saved (123FSAVE), and the saved hand settings stay the same.
     """
-    from handctl.devices.barrett import eeprom
+    from handctl.devices.barrett import eeprom_saves
 
     def keep(hand: BarrettHand) -> Table:
         if motors is None:
             (code,) = hand.numbers(BARRETT.elements("BAUD"))
             _refuse_to_keep(code, force)
-        return eeprom.save(hand, force=force, simulated=run.simulated, prefix=prefix_of(motors))
+        return eeprom_saves.save(hand, force=force, simulated=run.simulated, prefix=prefix_of(motors))
 
     return _sends(_saves(motors), keep)
 
@@ -469,7 +469,7 @@ def restore(run: Run, file: str, save_too: bool, force: bool) -> PlannedAction:
 
     The baud rate is written last.
     """
-    from handctl.devices.barrett import eeprom
+    from handctl.devices.barrett import eeprom_saves
 
     def check(changes: Sequence[tuple[Element, Number]]) -> None:
         for objection in check_careful(changes, force):
@@ -491,7 +491,7 @@ def restore(run: Run, file: str, save_too: bool, force: bool) -> PlannedAction:
 
     def write(hand: BarrettHand) -> Table:
         table = act.do(hand)
-        eeprom.save(hand, force=True, simulated=run.simulated)
+        eeprom_saves.save(hand, force=True, simulated=run.simulated)
         return table
 
     steps = lambda: [*act.every(), *(step._replace(strands=False) for step in saves)]  # noqa: E731

@@ -13,7 +13,7 @@ from handctl.devices.barrett.gcl.codec import CR, KINDS, Answer, batches, encode
 from handctl.devices.barrett.gcl.line import GclLine
 from handctl.devices.barrett.gcl.status_codes import explain_status, hint_for, shows_heat
 from handctl.devices.barrett.map import BARRETT, POSITIONS, TRAVEL, GclParam, gcl_name, with_sign
-from handctl.devices.barrett.views import (
+from handctl.devices.barrett.status_and_parameter_views import (
     GCL,
     LABEL,
     MOTOR,

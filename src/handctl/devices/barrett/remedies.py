@@ -2,8 +2,8 @@
 
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, STATUS_CODES
-from handctl.devices.barrett.maintenance.health import LIMIT_TENTHS
-from handctl.devices.barrett.views import STROKE
+from handctl.devices.barrett.maintenance.health_limits import LIMIT_TENTHS
+from handctl.devices.barrett.status_and_parameter_views import STROKE
 from handctl.errors import Hint
 from handctl.model.device_picture import Bar, Measure, Outline, Remedy
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, NamedTuple
 
-from handctl.devices.barrett import eeprom
+from handctl.devices.barrett import eeprom_saves
 from handctl.devices.barrett.device import BarrettHand, refuse
 from handctl.devices.barrett.gcl.codec import COMMANDS, Answer, encode, kind_of, motor_prefix, motors_of, split, whole
 from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, explain_status
@@ -245,7 +245,7 @@ def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None]) 
         for note in notes(text):
             run.prompts.say(f"careful: {note}")
         before(text)
-        ledger = eeprom.Ledger(hand, simulated=run.simulated) if saves([text]) else None
+        ledger = eeprom_saves.Ledger(hand, simulated=run.simulated) if saves([text]) else None
         answer = ask(hand, text)
         if ledger is not None and not answer.status:
             ledger.count_unknown()

@@ -112,7 +112,7 @@ def add_care_commands(group: Group) -> None:
         Checks 20 readings per finger against 100 to 140. Read-only. The gauges are unloaded only when the fingers
         are open; --open opens them first (HI, ST, GO).
         """
-        from handctl.devices.barrett.maintenance import strain as gauges
+        from handctl.devices.barrett.maintenance import strain_gauges as gauges
         from handctl.devices.barrett.maintenance import symptoms
 
         _live(run, live, count=timing["count"], duration=timing["duration"], limit=limits, until=until)

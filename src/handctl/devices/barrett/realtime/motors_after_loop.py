@@ -11,10 +11,10 @@ from handctl import interrupts
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.map import BARRETT, TRAVEL
 from handctl.devices.barrett.realtime.blocks import LoopError
-from handctl.devices.barrett.realtime.flags import FlagRequest
+from handctl.devices.barrett.realtime.control_values import Controls
+from handctl.devices.barrett.realtime.enter_and_leave import Session
 from handctl.devices.barrett.realtime.loop import RealtimeLoop
-from handctl.devices.barrett.realtime.schedule import Controls
-from handctl.devices.barrett.realtime.session import Session
+from handctl.devices.barrett.realtime.loop_flags import FlagRequest
 from handctl.errors import Interrupted
 from handctl.model.prompts import Prompts
 from handctl.model.proofs import Observation

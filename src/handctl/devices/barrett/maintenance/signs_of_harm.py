@@ -10,7 +10,7 @@ from handctl.devices.barrett import motion
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, shows_heat
-from handctl.devices.barrett.maintenance import health
+from handctl.devices.barrett.maintenance import health_limits
 from handctl.devices.barrett.map import implausible
 from handctl.errors import Aftermath, DeviceRefused, HandctlError, Hint, NoAnswer
 from handctl.model.check_rows import FAIL
@@ -30,21 +30,21 @@ def refuse_heat(hand: BarrettHand, at: At) -> None:
     """Raise SignOfHarm where the status of a motor, among the values `at`, has the over-temperature bit."""
     if hot := [motor for motor in MOTORS if at.get(("S", motor), 0) & OVER_TEMPERATURE]:
         text = f"{hand.link.name}: the status of {', '.join(hot)} shows over-temperature ({OVER_TEMPERATURE}, barrett §5.4.1)"
-        raise SignOfHarm(text, hint=health.COOL, code="hot")
+        raise SignOfHarm(text, hint=health_limits.COOL, code="hot")
 
 
 def heat(hand: BarrettHand) -> tuple[int, int]:
     """TEMP, and the limit that holds for this hand, in 0.1 °C."""
     at = hand.by_name("TEMP", "OTEMP", dispensable=("OTEMP",))
     limit = at.get(("OTEMP", None), 0)
-    return at["TEMP", None], min(limit or health.LIMIT_TENTHS, health.LIMIT_TENTHS)
+    return at["TEMP", None], min(limit or health_limits.LIMIT_TENTHS, health_limits.LIMIT_TENTHS)
 
 
 def objections(at: At) -> list[str]:
     """Settings with which nothing is moved: beyond a limit that harms, outside their range, or not read (barrett §5.3.4)."""
-    absent = [name for name in health.NEEDED_TO_MOVE if any((name, motor) not in at for motor in MOTORS)]
+    absent = [name for name in health_limits.NEEDED_TO_MOVE if any((name, motor) not in at for motor in MOTORS)]
     missing = [f"{', '.join(absent)} could not be read"] if absent else []
-    return [*missing, *dict.fromkeys(one.evidence for one in health.settings(at) if one.status == FAIL)]
+    return [*missing, *dict.fromkeys(one.evidence for one in health_limits.settings(at) if one.status == FAIL)]
 
 
 def look(hand: BarrettHand) -> At:
@@ -54,13 +54,13 @@ def look(hand: BarrettHand) -> At:
     """
     try:
         now, limit = heat(hand)
-        at = hand.by_name("S", "P", *health.HARMFUL, dispensable=health.HARMFUL)
+        at = hand.by_name("S", "P", *health_limits.HARMFUL, dispensable=health_limits.HARMFUL)
     except DeviceRefused as exc:
         text = f"{exc.text}. Without it, harm cannot be detected"
         raise SignOfHarm(text, hint=READ_AGAIN, code="hot" if shows_heat(exc) else "unread") from exc
     if now > limit:
         text = f"{hand.link.name}: {now / 10:.1f} °C, and the limit is {limit / 10:.1f} °C (barrett §2)"
-        raise SignOfHarm(text, hint=health.COOL, code="hot")
+        raise SignOfHarm(text, hint=health_limits.COOL, code="hot")
     refuse_heat(hand, at)
     return at
 
@@ -109,12 +109,12 @@ def _judge_way(text: str, name: str, row: Row, before: At, after: At) -> None:
     """Raise SignOfHarm for a motor that is where it cannot be, or on the other side of its start than was commanded."""
     motor, goal = row["motor"], row["target"]
     start, end = before["P", motor], after["P", motor]
-    if after["S", motor] & health.NOT_INITIALIZED:  # its position means nothing
+    if after["S", motor] & health_limits.NOT_INITIALIZED:  # its position means nothing
         return
     hint = Hint("switch the power supply off, then see {}", "barrett diagnose")
     if implausible(MOTORS.index(motor), end):
         raise SignOfHarm(f"{text}: {motor} cannot be at {end}", hint=hint, code="unread")
-    if before["S", motor] & health.NOT_INITIALIZED or name == "HI" or row["arrival"] == REACHED:
+    if before["S", motor] & health_limits.NOT_INITIALIZED or name == "HI" or row["arrival"] == REACHED:
         return
     way = motion.CLOSING.get(name) or (0 if goal is None else goal - start)
     gone = end - start if way < 0 else start - end

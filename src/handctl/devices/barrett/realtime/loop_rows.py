@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.map import BARRETT, NO_GAUGE, implausible
-from handctl.devices.barrett.realtime.angles import Angles
 from handctl.devices.barrett.realtime.blocks import (
     FEEDBACK,
     UNITS,
@@ -22,9 +21,10 @@ from handctl.devices.barrett.realtime.blocks import (
     cycles,
     velocity_unit,
 )
-from handctl.devices.barrett.realtime.flags import FlagRequest, Prepared
 from handctl.devices.barrett.realtime.guards import Event, Guards
-from handctl.devices.barrett.views import NAME, UNIT, VALUE, row_of
+from handctl.devices.barrett.realtime.joint_angles import Angles
+from handctl.devices.barrett.realtime.loop_flags import FlagRequest, Prepared
+from handctl.devices.barrett.status_and_parameter_views import NAME, UNIT, VALUE, row_of
 from handctl.errors import CheckFailed
 from handctl.model.param import Number, scale_of
 from handctl.model.prompts import CTRL_C

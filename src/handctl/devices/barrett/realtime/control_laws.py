@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.realtime.blocks import CONTROL, LIMITS, Feedback, Layout, Values, still
-from handctl.devices.barrett.realtime.schedule import ALIASES, COLUMNS, Controls, targets
+from handctl.devices.barrett.realtime.control_values import ALIASES, COLUMNS, Controls, targets
 from handctl.errors import CheckFailed, UsageError
 
 NAMES = {"P": "position", "V": "velocity", "S": "strain", "D": "delta"}

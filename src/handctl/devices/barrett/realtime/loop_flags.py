@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.maintenance.health import LIMIT_TENTHS
+from handctl.devices.barrett.maintenance.health_limits import LIMIT_TENTHS
 from handctl.devices.barrett.map import BARRETT, OFF, TRAVEL, gcl_name, sample_seconds
 from handctl.devices.barrett.realtime.blocks import CONTROL, FEEDBACK, Layout, Selection
+from handctl.devices.barrett.realtime.control_values import Controls
 from handctl.devices.barrett.realtime.guards import GUARDS, Limits, check_opening
-from handctl.devices.barrett.realtime.schedule import Controls
 from handctl.errors import CheckFailed, DeviceRefused, Hint, UsageError
 from handctl.model.param import Element, Number
 

@@ -10,9 +10,9 @@ from typing import Any
 
 from handctl.devices.barrett import motion
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.maintenance import health, symptoms
+from handctl.devices.barrett.maintenance import health_limits, symptoms
 from handctl.devices.barrett.map import FINGERS, NO_GAUGE
-from handctl.devices.barrett.views import NAME, STATUS, live, row_of
+from handctl.devices.barrett.status_and_parameter_views import NAME, STATUS, live, row_of
 from handctl.errors import CheckFailed, Hint
 from handctl.model.check_rows import SKIPPED, TONES, WARNING
 from handctl.model.movement import ANY
@@ -97,7 +97,7 @@ def table(hand: BarrettHand, *, check: bool) -> Table:
     """Statistics and verdict; with `check`, a reading outside is exit 7."""
     loaded = {text.partition(" ")[0]: text for text in warn_if_loaded(hand)}
     readings = measure(hand)
-    verdicts = health.no_load(readings)
+    verdicts = health_limits.no_load(readings)
     rows = []
     for number, finger in enumerate(FINGERS):
         verdict = verdicts[number if len(verdicts) > 1 else 0]
@@ -107,8 +107,8 @@ def table(hand: BarrettHand, *, check: bool) -> Table:
             "min": min(values),
             "max": max(values),
             "readings": len(values),
-            "low": health.NO_LOAD[0],
-            "high": health.NO_LOAD[1],
+            "low": health_limits.NO_LOAD[0],
+            "high": health_limits.NO_LOAD[1],
             "fingers_open": not loaded,
             "doubt": "no gauge" if none else f"may be loaded: {loaded[finger]}" if finger in loaded else None,
         }
@@ -165,7 +165,7 @@ def _adjusting(hand: BarrettHand) -> list[Row]:
 
 def deviation(value: int) -> tuple[int | None, str]:
     """How far a reading is outside 100 to 140, signed, and in words; None without a gauge."""
-    low, high = health.NO_LOAD
+    low, high = health_limits.NO_LOAD
     if value == NO_GAUGE:
         return None, "no gauge"
     if value > high:
@@ -178,7 +178,7 @@ def deviation(value: int) -> tuple[int | None, str]:
 def stream(hand: BarrettHand, **timing: Any) -> Table:
     """Readings as a stream: the bar's ends are 100 and 140, and half full is the middle of the window."""
     warn_if_loaded(hand)
-    low, high = health.NO_LOAD
+    low, high = health_limits.NO_LOAD
     return live(
         hand,
         partial(_adjusting, hand),

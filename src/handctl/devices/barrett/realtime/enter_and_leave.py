@@ -15,8 +15,8 @@ from handctl.devices.barrett.gcl.codec import CR, DISTURBED, Answer, encode, has
 from handctl.devices.barrett.gcl.connect_table import abort_at, ends_alone
 from handctl.devices.barrett.map import BARRETT
 from handctl.devices.barrett.realtime.blocks import ACKNOWLEDGE, Decoder, Layout, LoopError, Selection, Values, still
-from handctl.devices.barrett.realtime.flags import FlagRequest, asked_flags
-from handctl.devices.barrett.realtime.schedule import Controls
+from handctl.devices.barrett.realtime.control_values import Controls
+from handctl.devices.barrett.realtime.loop_flags import FlagRequest, asked_flags
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link.deadman import EarlyWrite, Guard
 from handctl.model.param import Element, Number, Step
