@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from handctl.devices.ekso.log import USUAL_MS, FeedbackLine, RowLayout
+from handctl.devices.ekso.recording_source import USUAL_MS, FeedbackLine, RowLayout
 from handctl.errors import HandctlError
 from handctl.model.prompts import Prompts
 from handctl.model.sampling import Moment

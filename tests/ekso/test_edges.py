@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from handctl.command.terminal_prompts import TerminalPrompts
-from handctl.devices.ekso.audit import AuditLog
+from handctl.devices.ekso.audit_log import AuditLog
 from handctl.devices.ekso.device import Ekso, one_setting
 from handctl.devices.ekso.explain_bytes import EksoWriteRules
 from handctl.devices.ekso.frames import Command, cancel_body, encode

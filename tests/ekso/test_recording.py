@@ -18,8 +18,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handctl.devices.ekso.log import USUAL_MS, EksoSource, RowLayout, parse, text_of
 from handctl.devices.ekso.map import DATA, SETTINGS
+from handctl.devices.ekso.recording_source import USUAL_MS, EksoSource, RowLayout, parse, text_of
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.model.prompts import Prompts
 from handctl.model.sampling import WITHIN_MS, Moment

@@ -123,7 +123,7 @@ ROWS = (
     mistake(
         "ekso-memory-of-a-port",
         "one witness believed",
-        "handctl.devices.ekso.audit",
+        "handctl.devices.ekso.audit_log",
         "_counts",
         'if not (entry.get("simulated") or always.get("simulated")):',
         "if not entry:",
@@ -133,7 +133,7 @@ ROWS = (
     mistake(
         "ekso-memory-of-one-log",
         "one witness believed",
-        "handctl.devices.ekso.audit",
+        "handctl.devices.ekso.audit_log",
         "logs",
         "return own if file is None or clash(file, own.path) else AuditLog(Path(file), always, memory=own)",
         "return own if file is None or clash(file, own.path) else AuditLog(Path(file), always)",
@@ -152,7 +152,7 @@ ROWS = (
     mistake(
         "ekso-log-inches-are-centimetres",
         "unit",
-        "handctl.devices.ekso.log",
+        "handctl.devices.ekso.recording_source",
         "to_si",
         'return f"{quantity.name}_m", lambda number: f"{number * 254 / 10 ** (decimals + 4):.{decimals + 4}f}"',
         'return f"{quantity.name}_m", lambda number: f"{number * 254 / 10 ** (decimals + 2):.{decimals + 4}f}"',

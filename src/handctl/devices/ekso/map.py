@@ -1,7 +1,7 @@
 """The words of the EksoNR messages: names, scales, signs, units, codes and ParameterIDs.
 
 Names, scales and order are the manual's (ekso §6). Signs, units and codes are not in it; they are what clients in the
-field and a log of one unit show, and stay empty where nobody knows. The limits for writing a setting are in `policy`.
+field and a log of one unit show, and stay empty where nobody knows. The limits for writing a setting are in `write_policy`.
 Knows no wire.
 """
 

@@ -5,7 +5,7 @@ Knows files and nothing of the device.
 
 `ekso policy`: every limit of this tool for writing a setting, as a table. Never a limit of the device.
 
-It decides nothing: the limits are in `map` (the largest steps), `change` and `setting_writer`.
+It decides nothing: the limits are in `map` (the largest steps), `setting_change` and `setting_writer`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from handctl.devices.ekso import write_checks
-from handctl.devices.ekso.policy import STEP_SECONDS
+from handctl.devices.ekso.write_policy import STEP_SECONDS
 from handctl.errors import HandctlError, OutputError, UsageError
 from handctl.files import clash, in_turn, opened, state_path
 from handctl.model.result import Journal

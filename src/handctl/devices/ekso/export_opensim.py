@@ -18,9 +18,9 @@ from itertools import islice, pairwise
 from operator import lt, neg
 from typing import Any, NamedTuple
 
-from handctl.devices.ekso.log import NAMED, column_of, to_si
 from handctl.devices.ekso.log_reader import LogFile
 from handctl.devices.ekso.map import DATA
+from handctl.devices.ekso.recording_source import NAMED, column_of, to_si
 from handctl.errors import UsageError
 from handctl.files import Spool
 from handctl.record.clock_survey import survey

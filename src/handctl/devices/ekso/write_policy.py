@@ -1,6 +1,6 @@
 """The limits of this tool for writing a setting, and `ekso policy`, which prints them. They are never limits of the device.
 
-`change` and `setting_writer` apply them. They are in the dossier (6.2, 6.3, 6.6).
+`setting_change`, `stillness` and `setting_writer` apply them. They are in the dossier (6.2, 6.3, 6.6).
 """
 
 from __future__ import annotations
