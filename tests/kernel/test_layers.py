@@ -174,8 +174,8 @@ OUTSIDE: list[tuple[str, tuple[str, ...]]] = [
     ("mcap", ("record.exports.mcap",)),
     ("zstandard", ("record.exports.mcap",)),  # it comes with mcap
     ("packaging", ("build_zipapp",)),
-    ("tomllib", ("command.config", "sim.bus.file")),
-    ("tomli", ("command.config", "sim.bus.file")),
+    ("tomllib", ("command.config", "sim.bus.bus_file")),
+    ("tomli", ("command.config", "sim.bus.bus_file")),
     ("socket", ("link.tcp", "record.marks", "sim.*", "system.*", "tools.port_inventory")),
     ("_socket", ("system.local_socket",)),
 ]
@@ -465,8 +465,8 @@ def test_simulators_use_the_standard_library_only() -> None:
             first = found.target.split(".")[0]
             exception = (found.module, first) in (
                 ("sim.cli", "click"),
-                ("sim.bus.file", "tomllib"),
-                ("sim.bus.file", "tomli"),
+                ("sim.bus.bus_file", "tomllib"),
+                ("sim.bus.bus_file", "tomli"),
             )
             assert first in sys.stdlib_module_names or first == "handctl" or exception
 

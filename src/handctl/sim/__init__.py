@@ -62,7 +62,7 @@ def create(kind: str, options: dict[str, str]) -> Line | Any:
     """A simulated device at the end of a line, from the raw option strings of a fake:// link.
 
     A `CanLine` for the wrist with bus=can, otherwise a `Line`; for "bus" a client's end of the bus in the file of the
-    option `file`, which behaves as one of them. The options `facts` and `values` make it a twin (engine/facts.py). (Any in the signature is the `CanLine`: a caller that
+    option `file`, which behaves as one of them. The options `facts` and `values` make it a twin (engine/facts_file.py). (Any in the signature is the `CanLine`: a caller that
     never asks for one need not tell them apart.)
 
     Raises ValueError with one line of text (what is wrong, what is known) for an unknown kind, option or fault, for a
@@ -71,7 +71,7 @@ def create(kind: str, options: dict[str, str]) -> Line | Any:
     if kind == "bus":
         return importlib.import_module(f"{__name__}.bus").create(options)
     if "facts" in options or "values" in options:
-        options = importlib.import_module(f"{__name__}.engine.facts").Twin(kind, options).raw
+        options = importlib.import_module(f"{__name__}.engine.facts_file").Twin(kind, options).raw
     if options.get("bus") == "can" and "can" in getattr(folder_of(kind), "WIRES", ()):
         from handctl.sim.engine.can import CanLine
 
@@ -82,14 +82,14 @@ def create(kind: str, options: dict[str, str]) -> Line | Any:
 
 
 def words_of_twin(kind: str, options: dict[str, str], values: tuple[list[str], list[str]]) -> str:
-    """What became of the facts and values of a device, see engine/facts.py; `values` are those of its `Line`."""
-    found: str = importlib.import_module(f"{__name__}.engine.facts").Twin(kind, options).words(values)
+    """What became of the facts and values of a device, see engine/facts_file.py; `values` are those of its `Line`."""
+    found: str = importlib.import_module(f"{__name__}.engine.facts_file").Twin(kind, options).words(values)
     return found
 
 
 def carries_frames(kind: str, options: dict[str, str]) -> bool:
     """Whether `create` gives a CAN bus; of a whole bus its file tells."""
     if kind == "bus":
-        found: bool = importlib.import_module(f"{__name__}.bus.file").on_can(options.get("file", ""))
+        found: bool = importlib.import_module(f"{__name__}.bus.bus_file").on_can(options.get("file", ""))
         return found
     return options.get("bus") == "can"

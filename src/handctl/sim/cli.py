@@ -50,7 +50,7 @@ class _Command(click.Command):
             with formatter.section(title):
                 formatter.write_dl([(name, row if isinstance(row, str) else row[1]) for name, row in rows.items()])
         if self.name == "bus":
-            from handctl.sim.bus.file import EXAMPLE
+            from handctl.sim.bus.bus_file import EXAMPLE
 
             with formatter.section("Example of a file"):
                 for line in EXAMPLE.splitlines():
@@ -98,7 +98,7 @@ def _of_device(command: click.Command) -> Sections:
 
 def _of_bus() -> Sections:
     """What may stand in its file."""
-    from handctl.sim.bus.file import DEVICE_KEYS, LINE_KEYS, MASTER_KEYS, SAID
+    from handctl.sim.bus.bus_file import DEVICE_KEYS, LINE_KEYS, MASTER_KEYS, SAID
 
     return [
         ("Keys of [line]", LINE_KEYS),
@@ -249,7 +249,7 @@ def _serve(
     try:
         twin: Any = None
         if "facts" in raw or "values" in raw:
-            from handctl.sim.engine.facts import Twin
+            from handctl.sim.engine.facts_file import Twin
 
             twin = Twin(kind, raw)
             raw = twin.raw
@@ -318,7 +318,7 @@ def _bus(
         )
     if by_id is not None and not on_pty and not slcan_pty:
         raise click.UsageError("--by-id needs --pty or --slcan-pty")
-    from handctl.sim.bus.file import read
+    from handctl.sim.bus.bus_file import read
     from handctl.sim.engine import serve, slcan
 
     try:

@@ -5,8 +5,8 @@ The parts are GCL, RealTime mode and the boot monitor; device.py puts them toget
 
 from __future__ import annotations
 
-from handctl.sim.barrett.hand import NO_LOAD, TEMPERATURE, Hand
-from handctl.sim.barrett.tables import BAUDS, NO_BOARD, NO_MOTOR, STATUS, Memory
+from handctl.sim.barrett.mechanics import NO_LOAD, TEMPERATURE, Hand
+from handctl.sim.barrett.parameter_tables import BAUDS, NO_BOARD, NO_MOTOR, STATUS, Memory
 from handctl.sim.engine.simulated_device import NOTHING, Model, Options, Random
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
@@ -76,7 +76,7 @@ class Board(Model):
     """The hand without its line. `loop` is RealTime mode while the hand is in it."""
 
     KIND = "barrett"
-    CONTROL = "handctl.sim.barrett.control"
+    CONTROL = "handctl.sim.barrett.control_commands"
     monitor: Any
     loop: Any
 

@@ -11,7 +11,7 @@ comment says so. No print-out of lists, help, status codes and version is in the
 
 from __future__ import annotations
 
-from handctl.sim.barrett.tables import (
+from handctl.sim.barrett.parameter_tables import (
     BAD_VALUE,
     COMMANDS,
     ERRORS,

@@ -19,7 +19,7 @@ def create(options: dict[str, str]) -> Any:
 
     Raises ValueError with one line of text for a missing option, a file that cannot be read, and whatever it says wrongly.
     """
-    from handctl.sim.bus.file import read
+    from handctl.sim.bus.bus_file import read
 
     for name in options:
         if name not in ("file", "seed", "bus"):

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Any
 
-from handctl.sim.bus.file import Plan
+from handctl.sim.bus.bus_file import Plan
 from handctl.sim.bus.simulated_bus import IDLE, SimulatedBus
 from handctl.sim.bus.wire_pair import EDGE, Pair, Receiver
 from handctl.sim.engine.line import TICK, Line

@@ -294,9 +294,9 @@ class Cable(Switched):
         """Whether there is a state from an earlier run; then the device is in it."""
         if self.given["state"] is None:
             return False
-        from handctl.sim.engine import statefile
+        from handctl.sim.engine import state_file
 
-        known = statefile.load(self.given["state"], self.device)
+        known = state_file.load(self.given["state"], self.device)
         if known and self.given["elapse"] is not None:
             self.device.elapse(self.given["elapse"])
         return known
@@ -314,9 +314,9 @@ class Cable(Switched):
 
     def _persist(self) -> None:
         if self.given["state"] is not None and self.device.dirty and self._save != "never":
-            from handctl.sim.engine import statefile
+            from handctl.sim.engine import state_file
 
-            statefile.save(self.given["state"], self.device)
+            state_file.save(self.given["state"], self.device)
             self._changed = True
         self.device.dirty = False
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 
 from handctl.sim.engine.simulated_device import Options, Random
-from handctl.sim.exo.hand import Hand
+from handctl.sim.exo.mechanics import Hand
 from handctl.sim.inspire.actuator_faults import apply_faults, fault_help, start_hot
 from handctl.sim.inspire.frames import SERIAL_OPTIONS, Serial, frame
 from handctl.sim.inspire.memory import Element, Space, differ
@@ -69,7 +69,7 @@ class Device(Serial):
     """The hand without its wire."""
 
     KIND = "exo"
-    CONTROL = "handctl.sim.exo.control"
+    CONTROL = "handctl.sim.exo.control_commands"
     OPTIONS = _OPTIONS
     FAULTS = _FAULTS
     FLAGS = {17: ("", False), 18: ("", True)}  # noqa: RUF012

@@ -454,7 +454,7 @@ class Front(Asked):
     """The hand as one of its wires shows it. A wire beside another one is made with that one's hand."""
 
     KIND = "hand"
-    CONTROL = "handctl.sim.hand.control"
+    CONTROL = "handctl.sim.hand.control_commands"
     BUS = ""
     FLAGS = {0: ("", False), 1: ("", True)}  # noqa: RUF012
 

@@ -16,7 +16,7 @@ from handctl.sim.hand.registers import Hand
 from handctl.sim.inspire.actuator_faults import apply_faults, bounded, fault_help, start_hot
 from handctl.sim.inspire.frames import SERIAL_OPTIONS, Asked, Can, Serial
 from handctl.sim.inspire.memory import Element, Space
-from handctl.sim.wrist.body import PITCH, YAW, Body
+from handctl.sim.wrist.mechanics import PITCH, YAW, Body
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ class Module(Asked):
     """Wrist and hand. The id, the speed and what is kept live in the hand's space: the wrist's manual has none."""
 
     KIND = "wrist"
-    CONTROL = "handctl.sim.wrist.control"
+    CONTROL = "handctl.sim.wrist.control_commands"
     OPTIONS = OPTIONS
     FAULTS = FAULTS
     SPEEDS: tuple[int, ...] = ()  # bit/s by speed code

@@ -12,8 +12,8 @@ one comes: there is no watchdog (our guess, the manual has none).
 
 from __future__ import annotations
 
-from handctl.sim.barrett.hand import PRESS, Motor
-from handctl.sim.barrett.tables import BAD_HEADER, TOO_HOT
+from handctl.sim.barrett.mechanics import PRESS, Motor
+from handctl.sim.barrett.parameter_tables import BAD_HEADER, TOO_HOT
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from handctl.number_parsing import whole
-from handctl.sim.engine.statefile import checked, kept, spread
+from handctl.sim.engine.state_file import checked, kept, spread
 from handctl.sim.exo.device import SPEEDS, Device
-from handctl.sim.exo.hand import CURRENTS, FINGERS, Finger
+from handctl.sim.exo.mechanics import CURRENTS, FINGERS, Finger
 from handctl.sim.inspire.memory import MEMORY, poking
 
 HELP = "set ADDRESS HEX | get ADDRESS COUNT | temperature FINGER DEGREES | block FINGER | release FINGER"

@@ -11,8 +11,8 @@ from math import cos, pi
 from typing import Any
 
 from handctl.sim.aidin.device import MODES, Device
-from handctl.sim.aidin.hand import FINGERS, STROKES, Motor
-from handctl.sim.engine.statefile import Fields, checked, kept, real, spread
+from handctl.sim.aidin.mechanics import FINGERS, STROKES, Motor
+from handctl.sim.engine.state_file import Fields, checked, kept, real, spread
 
 HELP = " | ".join(
     (

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from handctl.sim.aidin.hand import Hand
+from handctl.sim.aidin.mechanics import Hand
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from handctl.sim.barrett.tables import ABORTED, MOVES, NOT_INITIALIZED, NOT_REACHED, TOO_HOT, Memory
+from handctl.sim.barrett.parameter_tables import ABORTED, MOVES, NOT_INITIALIZED, NOT_REACHED, TOO_HOT, Memory
 
 NAMES = ("F1", "F2", "F3", "S")
 TRAVEL = (17841.0, 17862.0, 17883.0, 3158.0)  # place of the closed stop; fingers differ by tens (§5.3.2)

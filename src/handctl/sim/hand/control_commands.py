@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from handctl.number_parsing import whole
-from handctl.sim.engine.statefile import checked, columns, kept, rows_of, spread
+from handctl.sim.engine.state_file import checked, columns, kept, rows_of, spread
 from handctl.sim.hand.fingers import COURSE, Body, Finger
 from handctl.sim.hand.register_maps import MEMORY
 from handctl.sim.hand.registers import ACTS, Front, Hand

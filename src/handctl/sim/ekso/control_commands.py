@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from typing import Any
 
 from handctl.number_parsing import whole
-from handctl.sim.ekso.body import POSTURES, WRAP
 from handctl.sim.ekso.device import DATA_COUNT, FEEDBACK, SETTING_COUNT, Device, place_of
+from handctl.sim.ekso.mechanics import POSTURES, WRAP
 from handctl.sim.engine.simulated_device import NOTHING
-from handctl.sim.engine.statefile import Fields, checked, columns, kept, real, spread
+from handctl.sim.engine.state_file import Fields, checked, columns, kept, real, spread
 
 HELP = " | ".join(
     (

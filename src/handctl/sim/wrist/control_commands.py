@@ -10,12 +10,12 @@ from collections.abc import Iterator
 from typing import Any
 
 from handctl.number_parsing import whole
-from handctl.sim.engine.statefile import Fields, checked, kept, spread
-from handctl.sim.hand.control import check_fingers, fingers_of, poke, use_fingers
+from handctl.sim.engine.state_file import Fields, checked, kept, spread
+from handctl.sim.hand.control_commands import check_fingers, fingers_of, poke, use_fingers
 from handctl.sim.hand.fingers import CALIBRATION
 from handctl.sim.inspire.memory import MEMORY, poking
-from handctl.sim.wrist.body import AXES, PITCH, YAW
 from handctl.sim.wrist.device import KEPT, Module
+from handctl.sim.wrist.mechanics import AXES, PITCH, YAW
 
 HELP = (
     "set ADDRESS HEX | get ADDRESS COUNT | hand-set ADDRESS HEX | hand-get ADDRESS COUNT"

@@ -12,11 +12,11 @@ from typing import Any
 
 from handctl.number_parsing import whole
 from handctl.sim.barrett.board import OBSTACLES, STATES
+from handctl.sim.barrett.boot_monitor import Image
 from handctl.sim.barrett.device import Device
-from handctl.sim.barrett.hand import NAMES, Motor
-from handctl.sim.barrett.monitor import Image
-from handctl.sim.barrett.tables import ALIAS, BAUDS, Bank, Memory
-from handctl.sim.engine.statefile import Fields, checked, columns, kept, rows_of, spread
+from handctl.sim.barrett.mechanics import NAMES, Motor
+from handctl.sim.barrett.parameter_tables import ALIAS, BAUDS, Bank, Memory
+from handctl.sim.engine.state_file import Fields, checked, columns, kept, rows_of, spread
 
 HELP = " | ".join(
     (
