@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from handctl.devices.aidin.check import FINDINGS, check
+from handctl.devices.aidin.motor_and_sensor_check import FINDINGS, check
 from handctl.errors import CheckFailed, Interrupted, NoAnswer, ProtocolError
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table

@@ -7,8 +7,8 @@ import pytest
 from handctl.families import FAMILIES
 from handctl.sim import model_class
 from handctl.sim.barrett import boot_monitor, realtime_loop
-from handctl.sim.engine.can import CAN_FAULTS
-from handctl.sim.engine.line import LINE_FAULTS
+from handctl.sim.engine.can_line import CAN_FAULTS
+from handctl.sim.engine.line_and_faults import LINE_FAULTS
 from handctl.sim.hand.registers import MODBUS_FAULTS, SERIAL_FAULTS, TCP_FAULTS
 from tests.contract.facts.outcomes import outcomes_of
 

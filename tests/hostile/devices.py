@@ -16,7 +16,7 @@ from typing import Any
 
 from handctl.families import FAMILIES
 from handctl.sim import create
-from handctl.sim.engine.can import CanLine
+from handctl.sim.engine.can_line import CanLine
 from tests.harm.states import State
 
 CONTROLS = (

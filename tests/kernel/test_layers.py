@@ -303,7 +303,7 @@ def test_the_walk_sees_the_house() -> None:
         "link.serial",
         "devices.inspire.eb90",
         "sim",
-        "sim.engine.line",
+        "sim.engine.line_and_faults",
     } <= MODULES.keys()
     assert Import("devices.inspire.eb90", "errors", False) in internal()
     assert Import("model.result", "errors", True) in internal()

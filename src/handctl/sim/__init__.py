@@ -16,7 +16,7 @@ TYPE_CHECKING = False  # the engine is loaded when a model is
 if TYPE_CHECKING:
     from typing import Any
 
-    from handctl.sim.engine.line import Line
+    from handctl.sim.engine.line_and_faults import Line
     from handctl.sim.engine.simulated_device import Model
 
 CLASSES = {"can": "CanDevice", "modbus-tcp": "TcpDevice"}
@@ -52,7 +52,7 @@ def model_class(kind: str, bus: str = "serial") -> type[Model]:
 
 def meaning_of(kind: str, fault: str) -> str:
     """What a device does under one of its faults, or one of its line."""
-    from handctl.sim.engine.line import LINE_FAULTS
+    from handctl.sim.engine.line_and_faults import LINE_FAULTS
 
     row = model_class(kind).FAULTS.get(fault) or LINE_FAULTS[fault]
     return row if isinstance(row, str) else str(row[1])
@@ -73,10 +73,10 @@ def create(kind: str, options: dict[str, str]) -> Line | Any:
     if "facts" in options or "values" in options:
         options = importlib.import_module(f"{__name__}.engine.facts_file").Twin(kind, options).raw
     if options.get("bus") == "can" and "can" in getattr(folder_of(kind), "WIRES", ()):
-        from handctl.sim.engine.can import CanLine
+        from handctl.sim.engine.can_line import CanLine
 
         return CanLine(model_class(kind, "can"), options)
-    from handctl.sim.engine.line import Line
+    from handctl.sim.engine.line_and_faults import Line
 
     return Line(model_class(kind, options.get("bus", "serial")), options)
 

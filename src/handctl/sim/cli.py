@@ -62,7 +62,7 @@ Sections = list[tuple[str, dict[str, Any]]]
 
 def _of_device(command: click.Command) -> Sections:
     """Its faults, and its options beyond those of the command line."""
-    from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS
+    from handctl.sim.engine.line_and_faults import LINE_FAULTS, LINE_OPTIONS
 
     kind, model = str(command.name), model_class(str(command.name))
     flags = {option for param in command.params for option in param.opts}
@@ -84,7 +84,7 @@ def _of_device(command: click.Command) -> Sections:
         there = model_class(kind, "modbus-tcp")
         sections.append(("Further faults with --modbus-tcp", new(there.FAULTS, model.FAULTS)))
     if "--slcan-pty" in flags:
-        from handctl.sim.engine.can import CAN_FAULTS, CAN_OPTIONS
+        from handctl.sim.engine.can_line import CAN_FAULTS, CAN_OPTIONS
         from handctl.sim.engine.slcan import ADAPTER_FAULTS
 
         on_can = {**new(CAN_OPTIONS, LINE_OPTIONS), **new(model_class(kind, "can").OPTIONS, model.OPTIONS)}

@@ -124,7 +124,7 @@ ROWS = (
     mistake(
         "sim-line-late-answer-in-time",
         "deadline ignored",
-        "handctl.sim.engine.line",
+        "handctl.sim.engine.line_and_faults",
         "Cable._due",
         'slow, late = SLOW if "slow" in reply.hits else 0.0, self.given["late"] if "late" in reply.hits else 0.0',
         'slow, late = SLOW if "slow" in reply.hits else 0.0, 0.0',
@@ -133,7 +133,7 @@ ROWS = (
     mistake(
         "sim-line-answers-before-the-last-bit",
         "deadline ignored",
-        "handctl.sim.engine.line",
+        "handctl.sim.engine.line_and_faults",
         "Line._hearing",
         "return count, first.end_of(first.sent + count)",
         "return count, first.start",

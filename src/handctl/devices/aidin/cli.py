@@ -123,7 +123,7 @@ def check(run: Run) -> PlannedAction:
     Reads the sensors for 2 s at rest, then moves each motor by 4 % of its stroke. The table is as in `doctor`.
     The exit code is 7 if a check warns or fails.
     """
-    from handctl.devices.aidin import check as checking
+    from handctl.devices.aidin import motor_and_sensor_check as checking
 
     return PlannedAction(
         lambda: checking.plan(run.device, exchange_settings_of(run.settings).end),

@@ -18,7 +18,7 @@ from handctl.sim.engine.simulated_device import Random
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from handctl.sim.barrett.board import Board
+    from handctl.sim.barrett.shared_state import Board
 
 SPEED = 9600
 RETENTION = 172800.0  # s that the super capacitor holds the RAM: two days (§3.7)

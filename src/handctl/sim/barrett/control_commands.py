@@ -11,11 +11,11 @@ from collections.abc import Iterator
 from typing import Any
 
 from handctl.number_parsing import whole
-from handctl.sim.barrett.board import OBSTACLES, STATES
 from handctl.sim.barrett.boot_monitor import Image
 from handctl.sim.barrett.device import Device
 from handctl.sim.barrett.mechanics import NAMES, Motor
 from handctl.sim.barrett.parameter_tables import ALIAS, BAUDS, Bank, Memory
+from handctl.sim.barrett.shared_state import OBSTACLES, STATES
 from handctl.sim.engine.state_file import Fields, checked, columns, kept, rows_of, spread
 
 HELP = " | ".join(

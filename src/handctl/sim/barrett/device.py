@@ -11,11 +11,11 @@ silent the behaviour is invented and the comment says so; nothing seen here is e
 
 from __future__ import annotations
 
-from handctl.sim.barrett import board, boot_monitor, realtime_loop
-from handctl.sim.barrett.board import Board
+from handctl.sim.barrett import boot_monitor, realtime_loop, shared_state
 from handctl.sim.barrett.gcl import Answer, execute
 from handctl.sim.barrett.mechanics import OFFSETS
 from handctl.sim.barrett.parameter_tables import TOO_HOT
+from handctl.sim.barrett.shared_state import Board
 from handctl.sim.engine.simulated_device import NOTHING, Options, Random, Reply, soonest
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from typing import Any
 
 ABORT, RETURN = 3, 13  # ^C, CR
-_OPTIONS = {**board.OPTIONS, **realtime_loop.OPTIONS, **boot_monitor.OPTIONS}
-_FAULTS = {**board.FAULTS, **realtime_loop.FAULTS, **boot_monitor.FAULTS}
+_OPTIONS = {**shared_state.OPTIONS, **realtime_loop.OPTIONS, **boot_monitor.OPTIONS}
+_FAULTS = {**shared_state.FAULTS, **realtime_loop.FAULTS, **boot_monitor.FAULTS}
 
 
 class Device(Board):

@@ -30,7 +30,7 @@ from handctl.sim.barrett.parameter_tables import (
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from handctl.sim.barrett.board import Board
+    from handctl.sim.barrett.shared_state import Board
 
 ALL = (0, 1, 2, 3)
 BETWEEN = {"values": " ", "names": " - ", "prose": ": "}

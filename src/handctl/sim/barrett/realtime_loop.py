@@ -17,7 +17,7 @@ from handctl.sim.barrett.parameter_tables import BAD_HEADER, TOO_HOT
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from handctl.sim.barrett.board import Board
+    from handctl.sim.barrett.shared_state import Board
 
 LEAVE = 3  # ^C
 ANALOG = (31, 47, 63, 79)  # LFAIN, invented

@@ -11,7 +11,7 @@ from typing import Any
 
 from handctl.number_parsing import number_in
 from handctl.sim import folder_of, kinds, model_class
-from handctl.sim.engine.line import Plug
+from handctl.sim.engine.line_and_faults import Plug
 from handctl.sim.engine.slcan import ADAPTER_FAULTS
 
 Value = str | int | float | bool

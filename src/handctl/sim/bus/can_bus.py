@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from handctl.sim.bus.bus_file import BUS_FAULTS, Plan
 from handctl.sim.bus.simulated_bus import IDLE, SOON, Master, SimulatedBus
-from handctl.sim.engine.can import BACKLOG, CanLine, Controller, Frame
+from handctl.sim.engine.can_line import BACKLOG, CanLine, Controller, Frame
 from handctl.sim.engine.simulated_device import soonest
 
 Sender = CanLine | Master | None  # None: the client

@@ -15,7 +15,7 @@ from typing import Any
 from handctl.sim.bus.bus_file import Plan
 from handctl.sim.bus.simulated_bus import IDLE, SimulatedBus
 from handctl.sim.bus.wire_pair import EDGE, Pair, Receiver
-from handctl.sim.engine.line import TICK, Line
+from handctl.sim.engine.line_and_faults import TICK, Line
 from handctl.sim.engine.simulated_device import soonest
 
 PAUSE = 0.005  # s; what comes without such a pause between shares one random delay

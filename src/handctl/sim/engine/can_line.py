@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import struct
 
-from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS, Cable
+from handctl.sim.engine.line_and_faults import LINE_FAULTS, LINE_OPTIONS, Cable
 from handctl.sim.engine.simulated_device import Model, Reply, soonest
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
