@@ -256,7 +256,7 @@ LISTED: dict[str, tuple[str, ...]] = {
 }
 """Heading -> the commands below it, as the root's help lists them."""
 
-SCANNED: tuple[str, ...] = tuple(sorted(FAMILIES, key=lambda name: FAMILIES[name].scan))
+SCAN_ORDER: tuple[str, ...] = tuple(sorted(FAMILIES, key=lambda name: FAMILIES[name].scan))
 """The families in the order of a scan."""
-TOLD: tuple[str, ...] = tuple(sorted(FAMILIES, key=lambda name: FAMILIES[name].tell))
+EXPLAIN_ORDER: tuple[str, ...] = tuple(sorted(FAMILIES, key=lambda name: FAMILIES[name].tell))
 """The families in the order in which recorded bytes are offered to them."""

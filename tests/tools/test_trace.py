@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from handctl.errors import UsageError
-from handctl.families import FAMILIES, TOLD
+from handctl.families import EXPLAIN_ORDER, FAMILIES
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
 from handctl.screen.render import dumps
 from handctl.tools import trace, trace_reader
@@ -497,7 +497,7 @@ CHUNK = st.one_of(
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("family", TOLD)
+@pytest.mark.parametrize("family", EXPLAIN_ORDER)
 @given(chunks=st.lists(st.tuples(st.booleans(), CHUNK), max_size=24))
 def test_garbage_is_told_and_nothing_is_lost(family: str, chunks: list[tuple[bool, bytes]]) -> None:
     lines = [f"{'>' if host else '<'} {data.hex(' ')}" for host, data in chunks]
@@ -513,7 +513,7 @@ def test_garbage_is_told_and_nothing_is_lost(family: str, chunks: list[tuple[boo
         row.as_row()
 
 
-@pytest.mark.parametrize("family", TOLD)
+@pytest.mark.parametrize("family", EXPLAIN_ORDER)
 @given(data=st.binary(min_size=1, max_size=80))
 def test_any_bytes_decode(family: str, data: bytes) -> None:
     assert b"".join(piece.raw for piece in explainer_of(family).decode(data)) == data
@@ -527,7 +527,7 @@ def test_any_can_frame_decodes(can_id: int, data: bytes, host: bool) -> None:
 
 
 def test_families_and_explainers_are_the_same() -> None:
-    assert set(TOLD) == set(FAMILIES)
+    assert set(EXPLAIN_ORDER) == set(FAMILIES)
     with pytest.raises(UsageError, match="not a device family"):
         explainer_of("glove")
 

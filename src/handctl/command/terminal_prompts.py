@@ -187,7 +187,7 @@ def print_stderr(text: str) -> None:
 
 def _unless_asked_to_end() -> None:
     """Print to stderr. After an interrupt a message never waits for its reader, because a device may have to be stopped."""
-    if interrupts.asked():
+    if interrupts.was_interrupted():
         interrupts.make_room(interrupts.waits(sys.stderr))
 
 

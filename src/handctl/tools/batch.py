@@ -18,7 +18,7 @@ from handctl.command.run import Asked, Run
 from handctl.command.terminal_prompts import print_message
 from handctl.errors import HandctlError, Hint, Interrupted, NotConfirmed, UsageError, joined
 from handctl.files import atomic_write, read_text, writing
-from handctl.interrupts import asked
+from handctl.interrupts import was_interrupted
 from handctl.model.result import Table
 from handctl.wording import plural
 
@@ -218,7 +218,7 @@ def _carried_out(one: ScriptLine, session: Session, run: Run) -> HandctlError | 
             told = with_line_number(exc, one)
             print_message("error", told.text, told.hint)
         return exc
-    return Interrupted("interrupted") if asked() else None
+    return Interrupted("interrupted") if was_interrupted() else None
 
 
 def _failure(failed: Sequence[tuple[ScriptLine, HandctlError]], done: int) -> HandctlError:

@@ -21,7 +21,7 @@ from handctl.command.family import Family
 from handctl.command.options import reads_option
 from handctl.command.run import Run
 from handctl.errors import Interrupted, LinkError, UsageError
-from handctl.families import FAMILIES, SCANNED, WIRES
+from handctl.families import FAMILIES, SCAN_ORDER, WIRES
 from handctl.link import ByteLink, Deadline, Link
 from handctl.model.check_rows import Check, table_of
 from handctl.model.result import Journal, Table
@@ -365,7 +365,7 @@ def present(run: Run, link: Link, bound: Deadline) -> tuple[str, int | None, Che
     Leaves the port at the speed at which it was found. Raises LinkError.
     """
     search, was = Search(link.name), getattr(link, "baud", None)
-    LinkScan(run, link, search, [run.settings.id or 1], False, bound).at(wire_of(link.name), SCANNED)
+    LinkScan(run, link, search, [run.settings.id or 1], False, bound).at(wire_of(link.name), SCAN_ORDER)
     if isinstance(link, ByteLink):
         listened(link, link.deadline(LATE))  # answers that came too late are nobody's
     if search.rows:
@@ -382,7 +382,7 @@ def present(run: Run, link: Link, bound: Deadline) -> tuple[str, int | None, Che
             text = f"something replies like {step.family}, but no reply is complete: {error.text}"
             return step.family, None, Check("device", "warning", text, error.hint)
     _set(link, was)
-    nobody = report([search], SCANNED, run.journal).failure
+    nobody = report([search], SCAN_ORDER, run.journal).failure
     assert nobody is not None
     return "", None, Check("device", "fail", nobody.text, nobody.hint)
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from handctl.command.run import Run
 from handctl.errors import NoAnswer, ProtocolError
-from handctl.families import SCANNED
+from handctl.families import SCAN_ORDER
 from handctl.link import ByteLink, Deadline, Link
 from handctl.model.other_family_bytes import has_frame_of
 from handctl.model.result import Journal, LineQuality, Row
@@ -252,7 +252,7 @@ def plan(wire: str, families: Sequence[str], speeds: bool, port: int | None = No
 
     `port` is that of a TCP link: whose own it is comes first.
     """
-    found = [family for family in SCANNED if family in families and wire in probe_of(family).WIRES]
+    found = [family for family in SCAN_ORDER if family in families and wire in probe_of(family).WIRES]
     if wire == "tcp":  # who is at home there comes before who is behind a serial server
         found.sort(key=lambda family: "serial" in probe_of(family).WIRES)
         found.sort(key=lambda family: port is None or family_of(family).tcp_port != port)

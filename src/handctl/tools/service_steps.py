@@ -30,7 +30,7 @@ from handctl.errors import (
     joined,
     reworded,
 )
-from handctl.families import SCANNED
+from handctl.families import SCAN_ORDER
 from handctl.files import PAGE_DATA, in_page, read_text
 from handctl.link.transcript import TraceWriter, observed
 from handctl.model.check_rows import FAIL, OK, SKIPPED, TONES, WARNING, Check, table_of
@@ -63,7 +63,7 @@ NOTHING = "Nothing was found. Keep the report, and run the service again while t
 NO_STEP = "No finding has a next step of its own. Attach the report to the ticket."
 
 
-class Wishes(NamedTuple):
+class ServiceOptions(NamedTuple):
     """What was asked for, by the names of the options."""
 
     steps: Mapping[str, str]
@@ -117,7 +117,7 @@ def _whole(data: dict[str, Any]) -> bool:
 class Service:
     """One service: the rows of its steps, and what became of each step."""
 
-    def __init__(self, run: Run, kind: str | None, wishes: Wishes) -> None:
+    def __init__(self, run: Run, kind: str | None, wishes: ServiceOptions) -> None:
         self.run, self.kind, self.wishes = run, kind, wishes
         self.rows: list[Row] = []
         self.steps: dict[str, Row] = {}
@@ -269,7 +269,7 @@ class Service:
         self.step(FIND, self._found)
         run, family = self.run, self.run.family
         bad = [row for row in self.rows if row["status"] == FAIL]
-        params = map_of(family.kind) if family is not None and family.kind in SCANNED else None
+        params = map_of(family.kind) if family is not None and family.kind in SCAN_ORDER else None
         if bad or family is None or params is None:
             self.hints.setdefault(FIND, next((_step_of(row) for row in bad if row["remedy"]), ""))
             return
@@ -303,7 +303,7 @@ class Service:
         run = self.run
         names = free_ports(self.machine, run.journal)
         if len(names) > 1:
-            scan = Scan(run, [self.kind] if self.kind else SCANNED, None, False, None, run.settings.deadline)
+            scan = Scan(run, [self.kind] if self.kind else SCAN_ORDER, None, False, None, run.settings.deadline)
             found = [row for name in names for row in scan.look(name).rows]
             if not found:
                 text = f"no device on {', '.join(names)}"

@@ -16,7 +16,7 @@ from handctl.command.family import load
 from handctl.command.options import NAMED, Source
 from handctl.command.run import Run
 from handctl.errors import HandctlError, Hint, UsageError
-from handctl.families import FAMILIES, SCANNED
+from handctl.families import FAMILIES, SCAN_ORDER
 from handctl.link import ByteLink, open_link
 from handctl.link.device_lock import canonical, hold, last_family
 from handctl.model.result import Journal, Row, Table
@@ -153,7 +153,7 @@ def _asked(link: Link, wire: str, number: int | None, journal: Journal) -> Row |
     done: set[str] = set()
     quiet = Journal()
     quiet.counters = journal.counters
-    for step in plan(wire, SCANNED, speeds, port_of(link.name) if wire == "tcp" else None):
+    for step in plan(wire, SCAN_ORDER, speeds, port_of(link.name) if wire == "tcp" else None):
         if step.family in done or bound.expired:
             continue
         done.add(step.family)

@@ -14,7 +14,7 @@ from handctl.command.config import read_config
 from handctl.command.get_set_watch import bounds_of
 from handctl.command.options import LIMIT, streaming
 from handctl.command.run import Run
-from handctl.command.several_devices import DEVICE, LEAVE_SECONDS, POLL_SECONDS, Each, EveryAccess
+from handctl.command.several_devices import DEVICE, LEAVE_SECONDS, POLL_SECONDS, EachDevice, EveryAccess
 from handctl.errors import CheckFailed, UsageError, joined
 from handctl.model.reading_limits import Bound, Watchdog
 from handctl.model.result import Column, Row, Sample, Table
@@ -65,8 +65,8 @@ class _Watched:
         self.bounds: tuple[Bound, ...] = ()
         self.came = 0
 
-    def _begun(self) -> Each:
-        return Each(self.name, parse_line(self._words, {}))
+    def _begun(self) -> EachDevice:
+        return EachDevice(self.name, parse_line(self._words, {}))
 
     def limits(self, text: str) -> tuple[Bound, ...]:
         """The limit for this device. Raises UsageError where it has no such quantity."""

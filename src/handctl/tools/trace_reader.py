@@ -22,7 +22,7 @@ from typing import IO, Any, NamedTuple
 from handctl import files
 from handctl.command.family import load
 from handctl.errors import UsageError
-from handctl.families import FAMILIES, TOLD
+from handctl.families import EXPLAIN_ORDER, FAMILIES
 from handctl.fast_classes import fast_dataclass
 from handctl.link.transcript import DIRECTIONS, Entry, parse_line
 from handctl.model.explainer import HOST, SIDES, ExplainedBytes, Explainer
@@ -99,7 +99,7 @@ def printable(text: str) -> str:
 def explainer_of(family: str) -> Explainer:
     """The explainer of a family. Raises UsageError for a name that is none."""
     if family not in FAMILIES:
-        raise UsageError(f"{family!r} is not a device family", hint=f"use one of {', '.join(TOLD)}")
+        raise UsageError(f"{family!r} is not a device family", hint=f"use one of {', '.join(EXPLAIN_ORDER)}")
     made: Explainer = load(family, "explain_bytes").explainer()
     return made
 
@@ -137,11 +137,11 @@ def chosen(lines: Iterator[TranscriptLine], family: str, source: str) -> tuple[s
     told = not family
     entry = next((line.entry for line in seen if line.entry is not None and line.entry.data), None)
     if not family and entry is not None:
-        family = next((name for name in TOLD if explainer_of(name).recognises(entry.data, entry.can_id)), "")
+        family = next((name for name in EXPLAIN_ORDER if explainer_of(name).recognises(entry.data, entry.can_id)), "")
     if not family:
         raise UsageError(
             f"{source}: cannot tell the device family from the first line or the bytes",
-            hint=f"--family {'|'.join(TOLD)}",
+            hint=f"--family {'|'.join(EXPLAIN_ORDER)}",
             code="which-family",
         )
     return family, told, chain(seen, lines)

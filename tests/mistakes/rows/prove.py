@@ -61,7 +61,7 @@ ROWS = (
         "no stop",
         "handctl.devices.barrett.realtime.motors_after_loop",
         "_LeftRunning._go_out",
-        "if interrupts.asked():",
+        "if interrupts.was_interrupted():",
         "if False:",
         "tests/tools/test_prove.py::test_ctrl_c_behind_the_loop_stops_at_once",
     ),

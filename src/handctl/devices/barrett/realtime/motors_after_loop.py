@@ -58,7 +58,7 @@ class _LeftRunning(Session):
             return super()._go_out(moved)
         self.inside = False
         for _ in range(READS):
-            if interrupts.asked():
+            if interrupts.was_interrupted():
                 break
             self.places += tuple(hand.numbers(BARRETT.elements("P", motors=[MOTOR])))
             hand.link.sleep(WATCHED / READS)
@@ -81,7 +81,7 @@ def motors_after_loop(hand: BarrettHand, prompts: Prompts) -> Observation:
         pass
     if loop.failure is not None:
         raise loop.failure
-    if interrupts.asked():
+    if interrupts.was_interrupted():
         raise Interrupted("interrupted: the motor's power is off")
     told = f"P behind ^C: {' '.join(map(str, session.places))}"
     if len(session.places) < READS:
