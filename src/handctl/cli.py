@@ -49,7 +49,7 @@ def _on_several(args: Sequence[str]) -> bool:
 
     found = several_devices.devices_in(args)
     if found is not None:
-        several_devices.run(args, found)
+        several_devices.run_on_each(args, found)
     return found is not None
 
 

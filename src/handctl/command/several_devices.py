@@ -201,7 +201,7 @@ class Several(Run):
         return bool(self.every) and all(each.run.simulated for each in self.every)
 
 
-def run(words: Sequence[str], found: tuple[int, str, tuple[str, ...]]) -> None:
+def run_on_each(words: Sequence[str], found: tuple[int, str, tuple[str, ...]]) -> None:
     """Run the command line `words` on each of the devices that it names. Raises HandctlError."""
     place, start, names = found
     if any(word in BY_THEMSELVES for word in words):

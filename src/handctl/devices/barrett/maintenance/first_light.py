@@ -389,7 +389,7 @@ class FirstLight:
                 return _none(step, why, "this firmware does not have BD and BP (4.34 and later do)")
         if step.proof.level != MOVE:
             return None
-        now = signs_of_harm.look(self.hand)
+        now = signs_of_harm.look_for_harm(self.hand)
         if self._values is None:
             self._values = _read(self.hand)
         if harmful := signs_of_harm.objections(

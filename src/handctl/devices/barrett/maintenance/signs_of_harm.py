@@ -47,7 +47,7 @@ def objections(at: At) -> list[str]:
     return [*missing, *dict.fromkeys(one.evidence for one in health_limits.settings(at) if one.status == FAIL)]
 
 
-def look(hand: BarrettHand) -> At:
+def look_for_harm(hand: BarrettHand) -> At:
     """Everything that shows harm, read now: S, P and the harmful settings of all motors.
 
     Raises SignOfHarm for heat and for what this hand refuses to say; whatever the line raises.
@@ -98,7 +98,7 @@ def _between_looks(
 
 
 def _unharmed(hand: BarrettHand) -> At:
-    at = look(hand)
+    at = look_for_harm(hand)
     if harmful := objections(at):
         text = f"{hand.link.name}: nothing may move: {'; '.join(harmful[:3])}"
         raise SignOfHarm(text, hint=Hint("{} lists checks and remedies", "barrett diagnose"), code="settings")

@@ -25,12 +25,12 @@ from handctl.devices.inspire.hand.generations import DG2
 from handctl.devices.inspire.hand.map import BYTE_MAP, HAND_BAUD_RATES
 from handctl.devices.inspire.hand.model_and_protocol import (
     asks_rtu,
-    check,
+    check_model_and_port,
     map_of,
     other_maps,
     over_tcp,
     protocol_of,
-    simulated,
+    simulator_options,
     typed_model,
 )
 from handctl.devices.inspire.map import ALONE, address_in
@@ -88,10 +88,10 @@ cli = Group(
         wires=("serial", "can", "modbus-tcp"),
         tcp_port=TCP_PORT,
         ids=True,
-        check=check,
+        check=check_model_and_port,
         map_of=map_of,
         other_maps=other_maps,
-        simulated=simulated,
+        simulated=simulator_options,
         speeds=tuple(HAND_BAUD_RATES.values()),
     ),
     first=("angle", "position", "speed", "force", "clear-errors", "calibrate", "scan"),

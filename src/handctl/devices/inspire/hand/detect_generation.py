@@ -52,7 +52,7 @@ class Found(NamedTuple):
         return MODELS[self.model] if self.model is not None else f"{self.kind.words}, generation unknown"
 
 
-def look(bus: RegisterBus, other: RegisterBus | None = None) -> Found:
+def detect(bus: RegisterBus, other: RegisterBus | None = None) -> Found:
     """Who answers to the id of `bus`. Raises NoAnswer, ProtocolError where nobody answers as a hand does, LinkError.
 
     other  a second wire of the same line: who is silent here and answers there is not asked on, which takes 7 s
@@ -123,9 +123,9 @@ class ModelGate(FamilyGate):
         self.found: Found | None = None
 
     def seen(self, bus: RegisterBus, other: RegisterBus | None = None) -> Found:
-        """Who answers, asked once a command. See `look`."""
+        """Who answers, asked once a command. See `detect`."""
         if self.found is None:
-            self.found = look(bus, other)
+            self.found = detect(bus, other)
         return self.found
 
     def read(self, bus: RegisterBus, blocks: Sequence[tuple[int, bytes]]) -> None:
@@ -136,13 +136,13 @@ class ModelGate(FamilyGate):
     def _refuse_read(self, bus: RegisterBus, kind: Kind, evidence: str) -> None:
         if kind.family != "hand":
             super()._refuse_read(bus, kind, evidence)
-        contradiction(bus, Found(kind, None, evidence), self.typed)
+        refuse_other_generation(bus, Found(kind, None, evidence), self.typed)
 
     def _judge(self, bus: RegisterBus) -> None:
         found, typed = self.seen(bus), self.typed
         if found.kind.family != "hand":
             raise stranger(bus, found.kind, BYTE_HAND, found.evidence)
-        contradiction(bus, found, typed)
+        refuse_other_generation(bus, found, typed)
         if found.in_part:
             raise DeviceRefused(
                 f"{bus.where}: {found.words}: {found.evidence}, but no reply to the read of all its states ({STATES[0]})",
@@ -157,7 +157,7 @@ class ModelGate(FamilyGate):
             )
 
 
-def contradiction(bus: RegisterBus, found: Found, typed: str | None) -> None:
+def refuse_other_generation(bus: RegisterBus, found: Found, typed: str | None) -> None:
     """Raise DeviceRefused where the generation that was typed is not the one that answers."""
     if typed is None or typed == found.model or (found.model is None and KINDS[typed] is found.kind):
         return

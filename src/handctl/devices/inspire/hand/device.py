@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
-from handctl.devices.inspire.hand.detect_generation import LABEL, Found, ModelGate, contradiction
+from handctl.devices.inspire.hand.detect_generation import LABEL, Found, ModelGate, refuse_other_generation
 from handctl.devices.inspire.hand.generations import DF, DG2, F1, FORCE_MOST, MODELS, THUMB_DEFAULT, TP
 from handctl.devices.inspire.hand.map import (
     BYTE_MAP,
@@ -138,7 +138,7 @@ class Hand(RegisterDevice):
         found = self.answered(lambda: self.gate.seen(self.bus, self._other))
         if found.kind.family != "hand":
             raise stranger(self.bus, found.kind, BYTE_HAND, found.evidence)
-        contradiction(self.bus, found, self.typed)
+        refuse_other_generation(self.bus, found, self.typed)
         return found
 
     def know(self) -> None:

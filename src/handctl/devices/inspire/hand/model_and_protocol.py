@@ -31,7 +31,7 @@ def typed_model(settings: Settings) -> str | None:
     return model
 
 
-def check(settings: Settings) -> None:
+def check_model_and_port(settings: Settings) -> None:
     """Raise UsageError for an unknown model, and for Modbus TCP on a port not known to be a hand's.
 
     Bytes to another port may reach a serial line. There function 03 is ^C, which ends a movement of a BarrettHand.
@@ -64,10 +64,10 @@ def over_tcp(settings: Settings) -> bool:
     """Whether the LINK is Modbus TCP: tcp://, the simulator's --modbus-tcp, or a transcript of it."""
     if settings.port is None:
         return settings.wire == "modbus-tcp"
-    return is_modbus_tcp(settings.port) or recorded(settings.port) == TCP
+    return is_modbus_tcp(settings.port) or recorded_modbus(settings.port) == TCP
 
 
-def simulated(settings: Settings) -> str:
+def simulator_options(settings: Settings) -> str:
     """The simulator of plain --fake is of the generation that was typed."""
     model = typed_model(settings)
     return f"model={model}" if model is not None else ""
@@ -76,18 +76,18 @@ def simulated(settings: Settings) -> str:
 def protocol_of(settings: Settings) -> str:
     """What is spoken on a serial line: auto, eb90 or modbus; a transcript shows it."""
     typed: str | None = settings.own.get("protocol")
-    found = spoken(settings.port or "", typed)
+    found = protocol_of_link(settings.port or "", typed)
     return typed or "auto" if found == "tcp" else found
 
 
-def spoken(link: str, typed: str | None) -> str:
+def protocol_of_link(link: str, typed: str | None) -> str:
     """What a scan speaks on a LINK: eb90, modbus, tcp, or auto; a transcript shows it."""
-    if is_modbus_tcp(link) or recorded(link) == TCP:
+    if is_modbus_tcp(link) or recorded_modbus(link) == TCP:
         return "tcp"
-    return "modbus" if typed in (None, "auto") and recorded(link) == RTU else typed or "auto"
+    return "modbus" if typed in (None, "auto") and recorded_modbus(link) == RTU else typed or "auto"
 
 
-def recorded(link: str) -> str:
+def recorded_modbus(link: str) -> str:
     """Which envelope of Modbus the first question of a transcript has; "" = none, or the LINK is no transcript."""
     if not link.startswith("replay:"):
         return ""

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from handctl.devices.inspire.hand.detect_generation import AT, LABEL, look
+from handctl.devices.inspire.hand.detect_generation import AT, LABEL, detect
 from handctl.devices.inspire.hand.map import (
     BYTE_MAP,
     FINGERS,
@@ -20,7 +20,7 @@ from handctl.devices.inspire.hand.map import (
     STATUS,
     TOO_HOT_TO_MOVE,
 )
-from handctl.devices.inspire.hand.model_and_protocol import asks_rtu, spoken
+from handctl.devices.inspire.hand.model_and_protocol import asks_rtu, protocol_of_link
 from handctl.devices.inspire.identity import BYTE_HAND, Kind, Row4, same_id
 from handctl.devices.inspire.map import DRAWN
 from handctl.devices.inspire.modbus_bus import ModbusBus
@@ -263,7 +263,7 @@ ANGLES = (1546, 4)
 
 def who(bus: RegisterBus) -> tuple[Kind, str | None, str]:
     """Who answers, which generation, and what shows it."""
-    found = look(bus)
+    found = detect(bus)
     return found.kind, found.model, f"{found.words}: {found.evidence}"
 
 
@@ -276,7 +276,7 @@ TARGET = Target(
     speeds=(115200, 921600, 57600, 19200),
     can=ANGLES,
     look=who,
-    spoken=spoken,
+    spoken=protocol_of_link,
 )
 
 OWN = Probing(TARGET, live=ANGLES, long=(1534, 90))
