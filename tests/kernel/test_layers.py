@@ -686,7 +686,7 @@ def test_no_test_is_imported() -> None:
 
 KERNEL = {"", "command", "link", "model", "record", "stop"}
 CIRCLES = {
-    "screen.live_view", "screen.render", "devices.barrett.gcl.session_start", "devices.inspire.identity", "devices.inspire.twins",
+    "screen.live_view", "screen.render", "devices.barrett.gcl.session_start", "devices.inspire.identity", "devices.inspire.duplicate_id",
     "devices.ekso.status", "devices.barrett.realtime.loop_rows",
     "devices.inspire.hand.device", "devices.inspire.id_baud_save_reset",
 }  # fmt: skip

@@ -459,7 +459,7 @@ ROWS = (
     mistake(
         "id-for-two-devices",
         "identity left out",
-        "handctl.devices.inspire.identity",
+        "handctl.devices.inspire.duplicate_id",
         "refuse_duplicate_id",
         'if seen.verdict == "two":',
         'if seen.verdict == "both":',
@@ -468,7 +468,7 @@ ROWS = (
     mistake(
         "two-kinds-asked-in-one-order",
         "evidence believed",
-        "handctl.devices.inspire.identity",
+        "handctl.devices.inspire.duplicate_id",
         "look_for_duplicate_id",
         "for order in (both, both[::-1]):  # a line that damages every n-th reply now damages both kinds",
         "for order in (both, both):",
@@ -486,7 +486,7 @@ ROWS = (
     mistake(
         "second-answer-not-heard",
         "identity left out",
-        "handctl.devices.inspire.identity",
+        "handctl.devices.inspire.duplicate_id",
         "_ask",
         "tally.twice += other != data",
         'tally.twice += other == b""',

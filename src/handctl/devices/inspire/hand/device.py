@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
+from handctl.devices.inspire.duplicate_id import naming_duplicate_id
 from handctl.devices.inspire.hand.detect_generation import LABEL, Found, ModelGate, refuse_other_generation
 from handctl.devices.inspire.hand.generations import DF, DG2, F1, FORCE_MOST, MODELS, THUMB_DEFAULT, TP
 from handctl.devices.inspire.hand.map import (
@@ -23,7 +24,7 @@ from handctl.devices.inspire.hand.map import (
     TOO_HOT_TO_MOVE,
     HandRegister,
 )
-from handctl.devices.inspire.identity import BYTE_HAND, NOT_SHOWN, UNHEARD, naming_duplicate_id, stranger
+from handctl.devices.inspire.identity import BYTE_HAND, NOT_SHOWN, UNHEARD, stranger
 from handctl.devices.inspire.modbus_frames import is_eb90
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.devices.inspire.register_device import BlockReader, RegisterDevice, T

@@ -14,11 +14,11 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 from handctl.devices.inspire import id_baud_save_reset
+from handctl.devices.inspire.duplicate_id import naming_duplicate_id, refuse_duplicate_id
 from handctl.devices.inspire.hand import baud_and_network
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.motion import nudge, plan_nudge
 from handctl.devices.inspire.hand.probe import TARGET, fingerprint
-from handctl.devices.inspire.identity import naming_duplicate_id, refuse_duplicate_id
 from handctl.devices.inspire.scan import sweep
 from handctl.errors import Aftermath, CheckFailed, HandctlError, Hint, LinkError, NoAnswer, NotConfirmed, UsageError
 from handctl.link import ByteLink

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from handctl.devices.inspire.duplicate_id import Row4, same_id
 from handctl.devices.inspire.hand.detect_generation import AT, LABEL, detect
 from handctl.devices.inspire.hand.map import (
     BYTE_MAP,
@@ -21,7 +22,7 @@ from handctl.devices.inspire.hand.map import (
     TOO_HOT_TO_MOVE,
 )
 from handctl.devices.inspire.hand.model_and_protocol import asks_rtu, protocol_of_link
-from handctl.devices.inspire.identity import BYTE_HAND, Kind, Row4, same_id
+from handctl.devices.inspire.identity import BYTE_HAND, Kind
 from handctl.devices.inspire.map import DRAWN
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.modbus_frames import TCP_PORT
