@@ -9,8 +9,8 @@ import pytest
 
 from handctl.devices.aidin import device, homing_and_bias, motion
 from handctl.devices.aidin.exchange import LISTEN_LONGEST
-from handctl.devices.aidin.map import CURRENTS, ENCODERS
 from handctl.devices.aidin.motion import currents, parse
+from handctl.devices.aidin.parameter_map import CURRENTS, ENCODERS
 from handctl.errors import CheckFailed, Interrupted, NoAnswer, ProtocolError, UsageError
 from handctl.link import Deadline
 from handctl.model.prompts import InterruptCount, Prompts

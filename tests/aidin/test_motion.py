@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from handctl.devices.aidin import homing_and_bias, motion
-from handctl.devices.aidin.map import ANGLES, ENCODERS, TIPS
 from handctl.devices.aidin.motion import parse
+from handctl.devices.aidin.parameter_map import ANGLES, ENCODERS, TIPS
 from handctl.errors import CheckFailed, Interrupted, LinkError, NoAnswer, ProtocolError
 from handctl.model import stop_on_interrupt
 from handctl.model.prompts import Prompts

@@ -12,7 +12,7 @@ from handctl.devices.barrett.maintenance import diagnose, health_limits, symptom
 from handctl.devices.barrett.maintenance.diagnose import CHECKS, ExaminedHand
 from handctl.devices.barrett.maintenance.health_limits import Finding
 from handctl.devices.barrett.maintenance.symptoms import PROCEDURES
-from handctl.devices.barrett.map import BARRETT, GclParam
+from handctl.devices.barrett.parameter_map import BARRETT, GclParam
 from handctl.errors import CheckFailed, Interrupted, LinkError, UsageError
 from handctl.model.check_rows import FAIL, OK, SKIPPED, WARNING
 from handctl.model.prompts import Prompts

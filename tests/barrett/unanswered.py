@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import product
 from pathlib import Path
 
-from handctl.devices.barrett.map import SPEEDS
+from handctl.devices.barrett.parameter_map import SPEEDS
 from handctl.devices.barrett.realtime.blocks import Layout, Selection
 from handctl.devices.barrett.realtime.enter_and_leave import Session
 from handctl.devices.barrett.realtime.loop_flags import FlagRequest

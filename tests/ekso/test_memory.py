@@ -15,7 +15,7 @@ import pytest
 
 from handctl.command.terminal_prompts import TerminalPrompts
 from handctl.devices.ekso.audit_log import AuditLog, Past, logs, recent
-from handctl.devices.ekso.map import EKSO
+from handctl.devices.ekso.parameter_map import EKSO
 from handctl.devices.ekso.setting_writer import Writer
 from handctl.devices.ekso.write_policy import STEP_SECONDS, write_limits_of
 from handctl.errors import CheckFailed, DeviceRefused, Interrupted, NoAnswer, OutputError, UsageError

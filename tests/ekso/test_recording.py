@@ -18,7 +18,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handctl.devices.ekso.map import DATA, SETTINGS
+from handctl.devices.ekso.parameter_map import DATA, SETTINGS
 from handctl.devices.ekso.recording_source import USUAL_MS, EksoSource, RowLayout, parse, text_of
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.model.prompts import Prompts

@@ -24,13 +24,13 @@ from hypothesis.stateful import (
 
 from handctl.devices.aidin import homing_and_bias as modes
 from handctl.devices.aidin import motion as aidin_motion
-from handctl.devices.aidin.map import AIDIN, ENCODERS
 from handctl.devices.aidin.motion import parse
+from handctl.devices.aidin.parameter_map import AIDIN, ENCODERS
 from handctl.devices.barrett import motion as barrett_motion
-from handctl.devices.barrett.map import BARRETT
+from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.devices.inspire import id_baud_save_reset
 from handctl.devices.inspire.exo import device as exo_motion
-from handctl.devices.inspire.map import EXO, WRIST
+from handctl.devices.inspire.register_map import EXO, WRIST
 from handctl.errors import UsageError
 from handctl.model.param import Element
 from handctl.model.prompts import Prompts

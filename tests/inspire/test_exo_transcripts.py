@@ -14,7 +14,7 @@ from handctl.command.get_set_watch import select
 from handctl.devices.inspire import id_baud_save_reset, raw
 from handctl.devices.inspire.exo import device as motion
 from handctl.devices.inspire.exo.device import ExoHand
-from handctl.devices.inspire.map import EXO
+from handctl.devices.inspire.register_map import EXO
 from handctl.errors import HandctlError, UsageError
 from handctl.link.transcript import Entry, parse
 from handctl.model.prompts import Prompts

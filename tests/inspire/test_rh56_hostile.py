@@ -14,7 +14,7 @@ from handctl.devices.inspire.can_bus import CanBus
 from handctl.devices.inspire.hand import motion
 from handctl.devices.inspire.hand.detect_generation import ModelGate
 from handctl.devices.inspire.hand.device import Hand
-from handctl.devices.inspire.hand.map import BYTE_MAP
+from handctl.devices.inspire.hand.register_map import BYTE_MAP
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.devices.inspire.serial_bus import SerialBus

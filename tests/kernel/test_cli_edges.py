@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from handctl.command import get_set_watch, snapshots
-from handctl.devices.barrett.map import BARRETT
+from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.link.device_lock import hold
 from handctl.link.fake import FakeLink
 from handctl.model.param import Element

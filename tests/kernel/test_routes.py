@@ -39,7 +39,7 @@ class Route(NamedTuple):
 
 def inspire(kind: str, flag: int, element: Element, value: float) -> Iterator[Route]:
     """`write` and `raw` of a register, put together by hand."""
-    from handctl.devices.inspire.map import register_of
+    from handctl.devices.inspire.register_map import register_of
 
     register = register_of(element)
     address, data = register.address_of(element.index), register.encode(value)

@@ -78,7 +78,7 @@ def motors(line: Any) -> tuple[int, ...]:
 
 def flow(hand: Any, far: Far) -> None:
     from handctl.devices.aidin.device import object_of
-    from handctl.devices.aidin.map import CURRENTS, Mode
+    from handctl.devices.aidin.parameter_map import CURRENTS, Mode
 
     hand.conversation.connect()
     for _ in range(20):

@@ -41,8 +41,8 @@ def test_every_quantity_that_tells_whose_it_is_is_known() -> None:
 
     found = set()
     for kind, place in {
-        "exo": "inspire.map:EXO", "wrist": "inspire.map:WRIST", "barrett": "barrett.map:BARRETT",
-        "ekso": "ekso.map:EKSO", "aidin": "aidin.map:AIDIN",
+        "exo": "inspire.register_map:EXO", "wrist": "inspire.register_map:WRIST", "barrett": "barrett.parameter_map:BARRETT",
+        "ekso": "ekso.parameter_map:EKSO", "aidin": "aidin.parameter_map:AIDIN",
     }.items():  # fmt: skip
         assert kind in FAMILIES
         module, name = place.split(":")

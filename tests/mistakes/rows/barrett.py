@@ -159,7 +159,7 @@ ROWS = (
     mistake(
         "barrett-a-position-below-0-is-60000",
         "false value",
-        "handctl.devices.barrett.map",
+        "handctl.devices.barrett.parameter_map",
         "with_sign",
         "return below if position <= 65535 and -TRAVEL[index == 3] <= below else position",
         "return position",
@@ -330,7 +330,7 @@ ROWS = (
     mistake(
         "realtime-window-guard-off",
         "range off by one",
-        "handctl.devices.barrett.map",
+        "handctl.devices.barrett.parameter_map",
         "implausible",
         "return not -BEYOND <= position <= TRAVEL[index == 3] + BEYOND",
         "return not -BEYOND <= position <= TRAVEL[index == 2] + BEYOND",

@@ -540,7 +540,7 @@ ROWS = (
     mistake(
         "a-target-is-not-marked-as-moving",
         "question skipped",
-        "handctl.devices.inspire.map",
+        "handctl.devices.inspire.register_map",
         "",
         '_GO: dict[str, Any] = {"access": "rw", "kind": COMMAND, "persistent": "unknown", "acts": MOVES}',
         '_GO: dict[str, Any] = {"access": "rw", "kind": COMMAND, "persistent": "unknown"}',

@@ -16,7 +16,7 @@ from handctl.command.run import PlannedAction, Run
 from handctl.devices.aidin.device import AidinHand, object_of, step_of
 from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.exchange_settings import exchange_settings_of
-from handctl.devices.aidin.map import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, Mode, Target
+from handctl.devices.aidin.parameter_map import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, Mode, Target
 from handctl.errors import Hint, UsageError
 from handctl.link import ByteLink
 from handctl.model.command_settings import Settings

@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager, contextmanager
 from handctl.devices.aidin.exchange import MISSING, Conversation, Wire, number_of
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.json_codec import TERMINATORS, Out, encode
-from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, AidinParam, Mode, some
+from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, AidinParam, Mode, some
 from handctl.errors import Aftermath, HandctlError, LinkError, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Reading, Step

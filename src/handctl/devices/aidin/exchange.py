@@ -14,7 +14,7 @@ from typing import Any
 from handctl.devices.aidin import exchange_settings as table
 from handctl.devices.aidin.exchange_settings import FIND_OUT, ExchangeMode, ExchangeSettings
 from handctl.devices.aidin.json_codec import Decoder, MalformedObject, WrongNumbers, numbers
-from handctl.devices.aidin.map import FEEDBACK, AidinParam
+from handctl.devices.aidin.parameter_map import FEEDBACK, AidinParam
 from handctl.devices.aidin.stopper import PERIOD
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline

@@ -10,7 +10,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from handctl.devices.aidin.json_codec import LARGEST_OUT, LONGEST_END, NEUTRAL, TERMINATORS
-from handctl.devices.aidin.map import AIDIN
+from handctl.devices.aidin.parameter_map import AIDIN
 from handctl.errors import UsageError
 from handctl.wording import plural
 

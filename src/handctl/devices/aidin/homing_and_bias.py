@@ -23,7 +23,7 @@ from handctl.devices.aidin.device import (
 )
 from handctl.devices.aidin.exchange import Feedback, Wire
 from handctl.devices.aidin.exchange_settings import ExchangeMode
-from handctl.devices.aidin.map import AIDIN, AidinParam, Mode, some
+from handctl.devices.aidin.parameter_map import AIDIN, AidinParam, Mode, some
 from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
 from handctl.errors import CheckFailed, Hint, NoAnswer, UsageError
 from handctl.model.param import Number, elements_of

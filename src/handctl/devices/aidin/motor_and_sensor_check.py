@@ -20,8 +20,8 @@ from handctl.devices.aidin.device import LARGEST_RADIAN, AidinHand, step_of, sto
 from handctl.devices.aidin.exchange import Wire, values_of
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.homing_and_bias import AT_STOP, STILL, check_homed, moving, named, stroke
-from handctl.devices.aidin.map import AIDIN, ENCODERS, FINGERS, some
 from handctl.devices.aidin.motion import Goal, ramp
+from handctl.devices.aidin.parameter_map import AIDIN, ENCODERS, FINGERS, some
 from handctl.devices.aidin.stopper import PERIOD
 from handctl.errors import CheckFailed, Hint, reworded
 from handctl.model.check_rows import FAIL, OK, SKIPPED, WARNING, Check, table_of

@@ -15,7 +15,7 @@ from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.exchange import ALL, LISTEN
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.json_codec import TERMINATORS, Decoder
-from handctl.devices.aidin.map import AIDIN, ANGLES, ENCODERS, Target
+from handctl.devices.aidin.parameter_map import AIDIN, ANGLES, ENCODERS, Target
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
 from handctl.model.frame_decoder import frames_in
 from handctl.model.movement import ANY

@@ -21,7 +21,7 @@ from handctl.devices.barrett.gcl.codec import COMMANDS, KINDS, SPEED, kind_of, m
 from handctl.devices.barrett.gcl.line import GclLine
 from handctl.devices.barrett.gcl.status_codes import STATUS_CODES, explain_status, hint_for, split_status
 from handctl.devices.barrett.maintenance.cli import add_care_commands
-from handctl.devices.barrett.map import BARRETT, BAUD_CODES, SPEEDS, check_careful
+from handctl.devices.barrett.parameter_map import BARRETT, BAUD_CODES, SPEEDS, check_careful
 from handctl.devices.barrett.realtime.cli import add_realtime
 from handctl.devices.barrett.status_and_parameter_views import GCL, row_of
 from handctl.errors import Hint, UsageError

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from handctl.devices.barrett.gcl.codec import CR, KINDS, Answer, batches, encode, kind_of, values
 from handctl.devices.barrett.gcl.line import GclLine
 from handctl.devices.barrett.gcl.status_codes import explain_status, hint_for, shows_heat
-from handctl.devices.barrett.map import BARRETT, POSITIONS, TRAVEL, GclParam, gcl_name, with_sign
+from handctl.devices.barrett.parameter_map import BARRETT, POSITIONS, TRAVEL, GclParam, gcl_name, with_sign
 from handctl.devices.barrett.status_and_parameter_views import (
     GCL,
     LABEL,

@@ -11,7 +11,7 @@ from typing import Any
 from handctl.devices.barrett import state_files
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import motors_of
-from handctl.devices.barrett.map import BARRETT, standard
+from handctl.devices.barrett.parameter_map import BARRETT, standard
 from handctl.errors import Aftermath, DeviceRefused, HandctlError, Hint, Interrupted, NotIdentified, UsageError
 from handctl.files import state_path
 from handctl.model.result import Column, Row, Table

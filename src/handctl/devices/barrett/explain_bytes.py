@@ -42,7 +42,7 @@ from handctl.devices.barrett.gcl.codec import (
 )
 from handctl.devices.barrett.gcl.connect_table import FILL, LOOPED, QUESTION, SAFE_ABORT
 from handctl.devices.barrett.gcl.status_codes import explain_status
-from handctl.devices.barrett.map import BARRETT, GclParam
+from handctl.devices.barrett.parameter_map import BARRETT, GclParam
 from handctl.devices.barrett.realtime.blocks import (
     ACKNOWLEDGE,
     CONTROL,

@@ -10,7 +10,7 @@ from functools import partial
 
 from handctl.devices.barrett.device import UNKNOWN_NAME, BarrettHand
 from handctl.devices.barrett.gcl.codec import MAX_ARGUMENTS, MAX_LINE, PROMPT, Answer, encode, values
-from handctl.devices.barrett.map import BARRETT, NO_GAUGE, standard
+from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, standard
 from handctl.errors import Hint, NotPresent
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts

@@ -12,7 +12,7 @@ from typing import Any
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.gcl.status_codes import STATUS_CODES, explain_status, split_status
 from handctl.devices.barrett.maintenance.health_limits import LIMIT_TENTHS
-from handctl.devices.barrett.map import BARRETT, POSITIONS, TENTHS, TRAVEL, GclParam, careful, implausible
+from handctl.devices.barrett.parameter_map import BARRETT, POSITIONS, TENTHS, TRAVEL, GclParam, careful, implausible
 from handctl.errors import HandctlError, Hint, NoAnswer, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Number

@@ -5,7 +5,7 @@ Knows files and nothing of the device.
 
 `ekso policy`: every limit of this tool for writing a setting, as a table. Never a limit of the device.
 
-It decides nothing: the limits are in `map` (the largest steps), `setting_change` and `setting_writer`.
+It decides nothing: the limits are in `parameter_map` (the largest steps), `setting_change` and `setting_writer`.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.device import Ekso, one_setting, written_table
 from handctl.devices.ekso.frames import LENGTH_MODES
 from handctl.devices.ekso.gait_cli import add_gait
-from handctl.devices.ekso.map import EKSO
+from handctl.devices.ekso.parameter_map import EKSO
 from handctl.devices.ekso.write_policy import largest_step, write_limits_of
 from handctl.errors import Hint, OutputError, UsageError
 from handctl.link import ByteLink

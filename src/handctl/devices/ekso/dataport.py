@@ -23,7 +23,7 @@ from handctl.devices.ekso.frames import (
     key_of,
     name_of,
 )
-from handctl.devices.ekso.map import SETTINGS
+from handctl.devices.ekso.parameter_map import SETTINGS
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.device import Gate, Line, harmless_to_others

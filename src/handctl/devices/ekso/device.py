@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.frames import READS, Command, cancel_body, status_text
-from handctl.devices.ekso.map import (
+from handctl.devices.ekso.parameter_map import (
     CLOCKS,
     DATA,
     EKSO,

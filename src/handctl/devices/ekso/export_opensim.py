@@ -19,7 +19,7 @@ from operator import lt, neg
 from typing import Any, NamedTuple
 
 from handctl.devices.ekso.log_reader import LogFile
-from handctl.devices.ekso.map import DATA
+from handctl.devices.ekso.parameter_map import DATA
 from handctl.devices.ekso.recording_source import NAMED, column_of, to_si
 from handctl.errors import UsageError
 from handctl.files import Spool

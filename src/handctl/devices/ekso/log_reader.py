@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from handctl.devices.ekso.map import DATA, Word, boot_ms, state_text
+from handctl.devices.ekso.parameter_map import DATA, Word, boot_ms, state_text
 from handctl.devices.ekso.recording_source import LEAD, NAMED, RowLayout, parse
 from handctl.files import opened
 from handctl.record import log_reader

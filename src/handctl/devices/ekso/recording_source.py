@@ -14,7 +14,7 @@ from typing import Any
 
 from handctl.devices.ekso.device import Ekso
 from handctl.devices.ekso.frames import Command
-from handctl.devices.ekso.map import DATA, FEEDBACK, SETTINGS, Word, boot_ms, state_text
+from handctl.devices.ekso.parameter_map import DATA, FEEDBACK, SETTINGS, Word, boot_ms, state_text
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.record.log_reader import parse_fixed
 from handctl.record.row_source import MARK, Layout, Sample, Source, Stamp, lead, quoted

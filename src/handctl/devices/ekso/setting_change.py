@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.frames import set_value_body
-from handctl.devices.ekso.map import (
+from handctl.devices.ekso.parameter_map import (
     NOTHING_SENT,
     PERCENT_CODES,
     Word,

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from handctl.devices.ekso import write_checks
-from handctl.devices.ekso.map import DATA, DRIVEN, SITTING, STANDING, Word, boot_ms, state_text
+from handctl.devices.ekso.parameter_map import DATA, DRIVEN, SITTING, STANDING, Word, boot_ms, state_text
 from handctl.devices.ekso.write_policy import MOST_SPEED
 from handctl.model.sampling import Span
 

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from handctl.devices.ekso.map import ASSIST, SETTINGS, Word
+from handctl.devices.ekso.parameter_map import ASSIST, SETTINGS, Word
 from handctl.fast_classes import NamedTuple
 from handctl.model.result import Column, Row, Table
 from handctl.model.sampling import WITHIN_MS

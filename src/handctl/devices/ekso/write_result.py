@@ -6,7 +6,7 @@ import shlex
 
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.frames import Frame, status_text
-from handctl.devices.ekso.map import SETTINGS
+from handctl.devices.ekso.parameter_map import SETTINGS
 from handctl.devices.ekso.setting_change import Change
 from handctl.errors import HandctlError, Interrupted
 

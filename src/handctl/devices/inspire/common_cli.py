@@ -15,7 +15,7 @@ import click
 from handctl.command import get_set_watch
 from handctl.command.options import OutFile
 from handctl.command.run import PlannedAction, Run
-from handctl.devices.inspire.map import address_in
+from handctl.devices.inspire.register_map import address_in
 from handctl.errors import HandctlError, Hint, UsageError
 from handctl.model.param import Element, ParamMap, Step
 from handctl.model.result import Table

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.duplicate_id import identify_alone, naming_duplicate_id
-from handctl.devices.inspire.map import BAUD_RATES, OVER_TEMPERATURE, Register
 from handctl.devices.inspire.register_bus import FLOOD, RegisterBus
+from handctl.devices.inspire.register_map import BAUD_RATES, OVER_TEMPERATURE, Register
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink

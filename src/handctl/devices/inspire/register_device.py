@@ -16,8 +16,8 @@ from typing import TypeVar
 from handctl.devices.inspire.duplicate_id import refuse_duplicate_id
 from handctl.devices.inspire.eb90 import MAX_COUNT
 from handctl.devices.inspire.identity import AT_WORK, within
-from handctl.devices.inspire.map import BAUD_RATES, Register, register_of
 from handctl.devices.inspire.register_bus import FLOOD, RegisterBus, Span, may_still_move
+from handctl.devices.inspire.register_map import BAUD_RATES, Register, register_of
 from handctl.errors import (
     Aftermath,
     CheckFailed,

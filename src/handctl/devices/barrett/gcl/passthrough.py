@@ -10,7 +10,7 @@ from handctl.devices.barrett import eeprom_saves
 from handctl.devices.barrett.device import BarrettHand, refuse
 from handctl.devices.barrett.gcl.codec import COMMANDS, Answer, encode, kind_of, motor_prefix, motors_of, split, whole
 from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, explain_status
-from handctl.devices.barrett.map import BARRETT, careful
+from handctl.devices.barrett.parameter_map import BARRETT, careful
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.files import state_path
 from handctl.interrupts import reset_interrupts

@@ -11,7 +11,7 @@ from handctl.command.command_tree import Group
 from handctl.command.options import BOUNDS, OutFile, WholeRange, watch_options
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.barrett.gcl.codec import motor_prefix
-from handctl.devices.barrett.map import BARRETT
+from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.errors import Hint, NotConfirmed, OutputError, UsageError
 from handctl.files import why_unwritable
 from handctl.model.param import Step

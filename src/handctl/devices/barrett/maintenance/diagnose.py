@@ -23,7 +23,7 @@ from handctl.devices.barrett.gcl.session_start import look_for_motion
 from handctl.devices.barrett.maintenance import health_limits, lubrication, strain_gauges
 from handctl.devices.barrett.maintenance.health_limits import Finding, verdict
 from handctl.devices.barrett.maintenance.symptoms import SYMPTOMS, Symptom, like
-from handctl.devices.barrett.map import BARRETT, FINGERS, NO_GAUGE, OFF, standard, travel_seconds
+from handctl.devices.barrett.parameter_map import BARRETT, FINGERS, NO_GAUGE, OFF, standard, travel_seconds
 from handctl.devices.barrett.status_and_parameter_views import CHECKED
 from handctl.errors import (
     CheckFailed,

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.map import BARRETT, FINGERS, implausible
+from handctl.devices.barrett.parameter_map import BARRETT, FINGERS, implausible
 from handctl.devices.barrett.status_and_parameter_views import (
     DOUBT,
     MOTOR,

@@ -17,7 +17,7 @@ from handctl.devices.barrett.gcl.codec import BANNER, MOTORS, has_prompt
 from handctl.devices.barrett.gcl.status_codes import explain_status, shows_heat
 from handctl.devices.barrett.maintenance import health_limits, lubrication, signs_of_harm, strain_gauges
 from handctl.devices.barrett.maintenance.diagnose import ExaminedHand, Values, slowest
-from handctl.devices.barrett.map import BARRETT, FINGERS, travel_seconds
+from handctl.devices.barrett.parameter_map import BARRETT, FINGERS, travel_seconds
 from handctl.errors import (
     CheckFailed,
     DeviceRefused,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.gcl.status_codes import explain_status, hint_for
-from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, GclParam
+from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, GclParam
 from handctl.errors import Hint, joined
 from handctl.model.check_rows import FAIL, OK, SKIPPED, WARNING
 from handctl.model.result import Row, command_key

@@ -13,7 +13,7 @@ from handctl.devices.barrett import state_files
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.maintenance import health_limits
-from handctl.devices.barrett.map import BARRETT, FINGERS
+from handctl.devices.barrett.parameter_map import BARRETT, FINGERS
 from handctl.devices.barrett.status_and_parameter_views import (
     LABEL,
     MOTOR,

@@ -11,7 +11,7 @@ from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, shows_heat
 from handctl.devices.barrett.maintenance import health_limits
-from handctl.devices.barrett.map import implausible
+from handctl.devices.barrett.parameter_map import implausible
 from handctl.errors import Aftermath, DeviceRefused, HandctlError, Hint, NoAnswer
 from handctl.model.check_rows import FAIL
 from handctl.model.movement import ANY, REACHED

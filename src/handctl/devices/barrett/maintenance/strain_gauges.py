@@ -11,7 +11,7 @@ from typing import Any
 from handctl.devices.barrett import motion
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.maintenance import health_limits, symptoms
-from handctl.devices.barrett.map import FINGERS, NO_GAUGE
+from handctl.devices.barrett.parameter_map import FINGERS, NO_GAUGE
 from handctl.devices.barrett.status_and_parameter_views import NAME, STATUS, live, row_of
 from handctl.errors import CheckFailed, Hint
 from handctl.model.check_rows import SKIPPED, TONES, WARNING

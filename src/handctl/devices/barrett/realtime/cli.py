@@ -12,7 +12,7 @@ from handctl.command.command_tree import Group
 from handctl.command.options import InFile, OutFile, WholeRange, mark_options, streaming, suspendable
 from handctl.command.run import PlannedAction, Run
 from handctl.devices.barrett.gcl.codec import encode
-from handctl.devices.barrett.map import BARRETT, TRAVEL
+from handctl.devices.barrett.parameter_map import BARRETT, TRAVEL
 from handctl.devices.barrett.status_and_parameter_views import DOUBT, MOTOR, NAME, UNIT, VALUE
 from handctl.errors import UsageError
 from handctl.model.param import Step

@@ -13,7 +13,7 @@ from typing import Any
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import CR, DISTURBED, Answer, encode, has_prompt, status_in
 from handctl.devices.barrett.gcl.connect_table import abort_at, ends_alone
-from handctl.devices.barrett.map import BARRETT
+from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.devices.barrett.realtime.blocks import ACKNOWLEDGE, Decoder, Layout, LoopError, Selection, Values, still
 from handctl.devices.barrett.realtime.control_values import Controls
 from handctl.devices.barrett.realtime.loop_flags import FlagRequest, asked_flags

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.maintenance.fingertips import AFTER, BEFORE, joints
-from handctl.devices.barrett.map import BARRETT, gcl_name
+from handctl.devices.barrett.parameter_map import BARRETT, gcl_name
 from handctl.devices.barrett.realtime.blocks import Values
 from handctl.devices.barrett.status_and_parameter_views import row_of
 from handctl.errors import NotPresent

@@ -16,7 +16,7 @@ from typing import Any
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import DISTURBED, Answer
 from handctl.devices.barrett.gcl.line import COLON_ALONE, restarted_in
-from handctl.devices.barrett.map import BARRETT
+from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.devices.barrett.realtime.blocks import (
     FEEDBACK_ONLY,
     NEITHER,

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.maintenance.health_limits import LIMIT_TENTHS
-from handctl.devices.barrett.map import BARRETT, OFF, TRAVEL, gcl_name, sample_seconds
+from handctl.devices.barrett.parameter_map import BARRETT, OFF, TRAVEL, gcl_name, sample_seconds
 from handctl.devices.barrett.realtime.blocks import CONTROL, FEEDBACK, Layout, Selection
 from handctl.devices.barrett.realtime.control_values import Controls
 from handctl.devices.barrett.realtime.guards import GUARDS, Limits, check_opening

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.map import BARRETT, NO_GAUGE, implausible
+from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, implausible
 from handctl.devices.barrett.realtime.blocks import (
     FEEDBACK,
     UNITS,

@@ -9,7 +9,7 @@ import math
 
 from handctl import interrupts
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.map import BARRETT, TRAVEL
+from handctl.devices.barrett.parameter_map import BARRETT, TRAVEL
 from handctl.devices.barrett.realtime.blocks import LoopError
 from handctl.devices.barrett.realtime.control_values import Controls
 from handctl.devices.barrett.realtime.enter_and_leave import Session

@@ -14,9 +14,9 @@ from typing import Any
 
 from handctl.devices.inspire import eb90, identity
 from handctl.devices.inspire.duplicate_id import identify_alone
-from handctl.devices.inspire.map import ALONE, BAUD_RATES, EXO, FINGERS, OVER_TEMPERATURE, pushes
 from handctl.devices.inspire.register_bus import may_still_move
 from handctl.devices.inspire.register_device import Movement, RegisterDevice
+from handctl.devices.inspire.register_map import ALONE, BAUD_RATES, EXO, FINGERS, OVER_TEMPERATURE, pushes
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink

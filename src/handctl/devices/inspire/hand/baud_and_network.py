@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import id_baud_save_reset
 from handctl.devices.inspire.hand.generations import DF, MODELS, TP
-from handctl.devices.inspire.hand.map import IP_ADDRESS
+from handctl.devices.inspire.hand.register_map import IP_ADDRESS
 from handctl.devices.inspire.modbus_frames import TCP_PORT
 from handctl.errors import CheckFailed, DeviceRefused, Hint, UsageError
 from handctl.model.param import Element, Number, elements_of

@@ -13,7 +13,7 @@ from typing import Any
 from handctl.devices.inspire.duplicate_id import naming_duplicate_id
 from handctl.devices.inspire.hand.detect_generation import LABEL, Found, ModelGate, refuse_other_generation
 from handctl.devices.inspire.hand.generations import DF, DG2, F1, FORCE_MOST, MODELS, THUMB_DEFAULT, TP
-from handctl.devices.inspire.hand.map import (
+from handctl.devices.inspire.hand.register_map import (
     BYTE_MAP,
     HAND_BAUD_RATES,
     HAND_CAN_BITRATES,

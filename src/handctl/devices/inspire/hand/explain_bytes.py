@@ -2,7 +2,7 @@
 
 from handctl.devices.inspire.explain_bytes import Generation, InspireExplainer, InspireWriteRules
 from handctl.devices.inspire.hand.generations import DF, DG2, F1, TP
-from handctl.devices.inspire.hand.map import BYTE_MAP, DG2_MAP, F1_MAP
+from handctl.devices.inspire.hand.register_map import BYTE_MAP, DG2_MAP, F1_MAP
 from handctl.devices.inspire.identity import is_dg2, is_f1, is_six_wide
 
 GENERATIONS = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from handctl.devices.inspire.hand.generations import MODELS, model_of
-from handctl.devices.inspire.hand.map import BYTE_MAP, MAPS
+from handctl.devices.inspire.hand.register_map import BYTE_MAP, MAPS
 from handctl.devices.inspire.modbus_frames import RTU, RTU_SPEED, TCP, TCP_PORT, mode_of
 from handctl.errors import UsageError
 from handctl.link import ByteLink

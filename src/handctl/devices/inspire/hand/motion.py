@@ -14,10 +14,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from handctl.devices.inspire.hand.device import SETPOINT_PAIRS, Hand
-from handctl.devices.inspire.hand.map import BYTE_MAP, NO_MOVE_STATUS, NO_TEMPERATURE, TOO_HOT_TO_MOVE
+from handctl.devices.inspire.hand.register_map import BYTE_MAP, NO_MOVE_STATUS, NO_TEMPERATURE, TOO_HOT_TO_MOVE
 from handctl.devices.inspire.id_baud_save_reset import outcome, wait_for_calibration
-from handctl.devices.inspire.map import ALONE, pushes
 from handctl.devices.inspire.register_device import Movement
+from handctl.devices.inspire.register_map import ALONE, pushes
 from handctl.errors import Aftermath, CheckFailed, DeviceRefused, HandctlError, Hint, joined
 from handctl.model import device
 from handctl.model.movement import REACHED, AxisReading, Goal, Stillness, Watch

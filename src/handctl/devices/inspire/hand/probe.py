@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 from handctl.devices.inspire.duplicate_id import Row4, same_id
 from handctl.devices.inspire.hand.detect_generation import AT, LABEL, detect
-from handctl.devices.inspire.hand.map import (
+from handctl.devices.inspire.hand.model_and_protocol import asks_rtu, protocol_of_link
+from handctl.devices.inspire.hand.register_map import (
     BYTE_MAP,
     FINGERS,
     IP_ADDRESS,
@@ -21,12 +22,11 @@ from handctl.devices.inspire.hand.map import (
     STATUS,
     TOO_HOT_TO_MOVE,
 )
-from handctl.devices.inspire.hand.model_and_protocol import asks_rtu, protocol_of_link
 from handctl.devices.inspire.identity import BYTE_HAND, Kind
-from handctl.devices.inspire.map import DRAWN
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.modbus_frames import TCP_PORT
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
+from handctl.devices.inspire.register_map import DRAWN
 from handctl.devices.inspire.scan import Probing, Target, ignores_speed, parse_ids, sweep
 from handctl.devices.inspire.serial_bus import SILENCE_HINTS, SerialBus
 from handctl.errors import HandctlError, Hint, NoAnswer, ProtocolError

@@ -1,6 +1,6 @@
 """What an RH56's error bits, status codes and readings mean, and what to do (rh56 §3.1, §9)."""
 
-from handctl.devices.inspire.hand.map import FINGERS, STATUS, TOO_HOT_TO_MOVE
+from handctl.devices.inspire.hand.register_map import FINGERS, STATUS, TOO_HOT_TO_MOVE
 from handctl.errors import Hint
 from handctl.model.device_picture import UNKNOWN, Measure, Outline, Remedy, hand
 

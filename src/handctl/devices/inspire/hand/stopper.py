@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Generator
 
 from handctl.devices.inspire import can_frames, modbus_frames
-from handctl.devices.inspire.hand.map import HandRegister
 from handctl.devices.inspire.hand.model_and_protocol import map_of, over_tcp
+from handctl.devices.inspire.hand.register_map import HandRegister
 from handctl.devices.inspire.identity import STATES, is_five_wide, is_six_wide, within
 from handctl.devices.inspire.stop_requests import CAN, EB90, QUICK, RTU, TAKEN, TCP, Read, Wire, lead, seen_since
 from handctl.errors import DeviceRefused, LinkError, NoAnswer, ProtocolError

@@ -7,7 +7,7 @@ goes before that no other device acts upon. Whatever else may answer, only a wri
 from __future__ import annotations
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.map import WRIST
+from handctl.devices.inspire.register_map import WRIST
 from handctl.devices.inspire.stop_requests import (
     CAN,
     EB90,

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from handctl.devices.inspire.hand.generations import DF, DG2, F1, TP
-from handctl.devices.inspire.map import Register
+from handctl.devices.inspire.register_map import Register
 from handctl.fast_classes import fast_dataclass
 from handctl.model.param import COMMAND, MOVES, SETTING, TRIGGER, ParamMap
 
